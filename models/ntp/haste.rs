@@ -1,19 +1,20 @@
 //! Haste: faster tokens made likelier, so that likely tokens alone are not slower than recorded traffic.
 
+use reactsim::scene::DT;
 use serde::{Deserialize, Serialize};
 
 use super::tokens::TOKEN_FRAMES;
-use reactsim::scene::DT;
 
 /// How much likelier tokens become that lead a vehicle farther than its present speed.
 ///
-/// The likeliest tokens are slower than the average: of two equally good moments to set off or to regain speed,
-/// the likeliest is always the later one. Bounds keep parked cars parked: beyond `most` a token gains nothing
-/// more, and vehicles at `free_speed` or above gain nothing at all.
+/// The likeliest tokens are slower than the average: of two equally good moments to set off or to regain
+/// speed, the likeliest is always the later one. Bounds keep parked cars parked: beyond `most` a token gains
+/// nothing more, and vehicles at `free_speed` or above gain nothing at all.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Haste {
-    /// Added to the logit of a token per metre that it leads farther than the present speed, 1/m, at standstill.
+    /// Added to the logit of a token per metre that it leads farther than the present speed, 1/m; at
+    /// standstill.
     pub weight: f64,
     /// Distance gained over the present speed beyond which nothing is added, metres.
     pub most: f64,

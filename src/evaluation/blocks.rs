@@ -1,10 +1,10 @@
 //! Estimates from many values without keeping them: intervals by resampling blocks of scenarios.
 //!
-//! The percentile bootstrap of [`Estimate::of`] draws 2000 samples of all values, which takes too long and too
-//! much memory for millions of them. Here blocks of consecutive scenarios are resampled: in each of the 2000
-//! samples, a block counts as often as a draw from the Poisson distribution with mean 1 says (the Poisson
-//! bootstrap). Values pass by once. Scenarios of a block often come from one drive, so that the intervals are
-//! rather wider than those of scenarios resampled one by one.
+//! The percentile bootstrap of [`Estimate::of`] draws 2000 samples of all values, which takes too long and
+//! too much memory for millions of them. Here blocks of consecutive scenarios are resampled: in each of the
+//! 2000 samples, a block counts as often as a draw from the Poisson distribution with mean 1 says (the
+//! Poisson bootstrap). Values pass by once. Scenarios of a block often come from one drive, so that the
+//! intervals are rather wider than those of scenarios resampled one by one.
 
 use rand_chacha::rand_core::Rng;
 

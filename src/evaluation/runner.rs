@@ -90,7 +90,7 @@ pub fn run(
     Ok(Outcome::Finished(Box::new(summary)))
 }
 
-/// What a run leaves besides rows and events.
+/// Values, failures and counts of a run or a range of it.
 pub(super) struct RunResults {
     pub(super) tally: Tally,
     /// Failures in any order.

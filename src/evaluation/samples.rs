@@ -30,9 +30,7 @@ pub(super) enum Part {
 pub(super) struct Samples {
     seed: u64,
     metrics: Vec<&'static str>,
-    simulators: usize,
-    /// Index of the simulator to which differences are computed.
-    reference: Option<usize>,
+    layout: Layout,
     /// Parts by index; the first two are [`Part::All`] and [`Part::Paired`].
     parts: Vec<Part>,
     scenarios: usize,
@@ -62,10 +60,10 @@ impl Samples {
         simulators: usize,
         reference: Option<usize>,
     ) -> Self {
-        let columns = vec![Vec::new(); simulators * metrics.len()];
-        let values = Values::Kept(Kept { parts: Vec::new(), columns });
+        let layout = Layout { columns: simulators * metrics.len(), metrics: metrics.len(), reference };
+        let values = Values::Kept(Kept { parts: Vec::new(), columns: vec![Vec::new(); layout.columns] });
         let parts = vec![Part::All, Part::Paired];
-        Self { seed, metrics, simulators, reference, parts, scenarios: 0, values }
+        Self { seed, metrics, layout, parts, scenarios: 0, values }
     }
 
     /// Returns whether there are so many scenarios that intervals are computed by blocks.
@@ -84,17 +82,14 @@ impl Samples {
             let cell = entry.cells[column / self.metrics.len()].as_ref();
             cell.and_then(|c| c.values[column % self.metrics.len()]).unwrap_or(f64::NAN)
         };
-        let row: Vec<f64> = (0..self.simulators * self.metrics.len()).map(of).collect();
+        let row: Vec<f64> = (0..self.layout.columns).map(of).collect();
         let parts = [category, difficulty];
         match &mut self.values {
             Values::Kept(kept) => {
                 kept.parts.push(parts);
                 kept.columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
             }
-            Values::Passing(blocks) => {
-                let layout = Layout { columns: row.len(), metrics: self.metrics.len() };
-                layout.add(blocks, self.scenarios, &row, parts, self.reference);
-            }
+            Values::Passing(blocks) => self.layout.add(blocks, self.scenarios, &row, parts),
         }
         self.scenarios += 1;
     }
@@ -110,21 +105,20 @@ impl Samples {
     fn let_pass(&mut self) {
         let Values::Kept(kept) = &self.values else { return };
         let mut blocks = BlockEstimates::new(self.seed);
-        let layout = Layout { columns: kept.columns.len(), metrics: self.metrics.len() };
         for (scenario, parts) in kept.parts.iter().enumerate() {
             let row: Vec<f64> = kept.columns.iter().map(|column| column[scenario]).collect();
-            layout.add(&mut blocks, scenario, &row, *parts, self.reference);
+            self.layout.add(&mut blocks, scenario, &row, *parts);
         }
         self.values = Values::Passing(blocks);
     }
 
     /// Returns the estimates by simulator, part and metric.
     pub(super) fn finish(self) -> Estimates {
-        let layout = Layout { columns: self.simulators * self.metrics.len(), metrics: self.metrics.len() };
+        let layout = self.layout;
         let by_index = match self.values {
             Values::Passing(blocks) => blocks.finish(),
             Values::Kept(kept) => {
-                let of_column = |column| kept.values(column, self.parts.len(), layout, self.reference);
+                let of_column = |column| kept.values(column, self.parts.len(), layout);
                 let seed = self.seed;
                 let columns: Vec<Vec<Estimate>> = (0..layout.columns)
                     .into_par_iter()
@@ -143,20 +137,25 @@ impl Samples {
 
 impl Kept {
     /// Returns the values of a column in every part, in the order of the scenarios.
-    fn values(&self, column: usize, parts: usize, layout: Layout, reference: Option<usize>) -> Vec<Vec<f64>> {
+    fn values(&self, column: usize, parts: usize, layout: Layout) -> Vec<Vec<f64>> {
         let mut values = vec![Vec::new(); parts];
-        let paired = reference.map(|r| &self.columns[layout.paired(column, r)]);
-        for (scenario, &value) in self.columns[column].iter().enumerate().filter(|(_, v)| !v.is_nan()) {
-            values[0].push(value);
-            if let Some(other) = paired.map(|p| p[scenario]).filter(|v| !v.is_nan()) {
-                values[1].push(value - other);
-            }
-            for part in self.parts[scenario].into_iter().flatten() {
+        let paired = layout.paired(column).map(|other| &self.columns[other]);
+        for (scenario, &value) in self.columns[column].iter().enumerate() {
+            let other = paired.map(|other| other[scenario]);
+            for (part, value) in in_parts(value, other, self.parts[scenario]) {
                 values[part].push(value);
             }
         }
         values
     }
+}
+
+/// Returns the values that a value of a scenario adds to, each with the index of its part; none if it is NaN.
+/// `other` is that of the simulator to which differences are computed.
+fn in_parts(value: f64, other: Option<f64>, parts: [Option<usize>; 2]) -> impl Iterator<Item = (usize, f64)> {
+    let paired = other.filter(|other| !other.is_nan()).map(|other| (1, value - other));
+    let named = parts.into_iter().flatten().map(move |part| (part, value));
+    std::iter::once((0, value)).chain(paired).chain(named).filter(move |_| !value.is_nan())
 }
 
 /// Indices of estimates: by part, simulator and metric.
@@ -165,28 +164,21 @@ struct Layout {
     /// Number of simulators times number of metrics.
     columns: usize,
     metrics: usize,
+    /// Index of the simulator to which differences are computed.
+    reference: Option<usize>,
 }
 
 impl Layout {
-    /// Returns the column of the same metric and another simulator.
-    fn paired(self, column: usize, simulator: usize) -> usize {
-        simulator * self.metrics + column % self.metrics
+    /// Returns the column of the same metric of the simulator to which differences are computed.
+    fn paired(self, column: usize) -> Option<usize> {
+        self.reference.map(|simulator| simulator * self.metrics + column % self.metrics)
     }
 
-    fn add(
-        self,
-        blocks: &mut BlockEstimates,
-        scenario: usize,
-        row: &[f64],
-        parts: [Option<usize>; 2],
-        reference: Option<usize>,
-    ) {
-        for (column, &value) in row.iter().enumerate().filter(|(_, v)| !v.is_nan()) {
-            blocks.add(scenario, column, value);
-            if let Some(other) = reference.map(|r| row[self.paired(column, r)]).filter(|v| !v.is_nan()) {
-                blocks.add(scenario, self.columns + column, value - other);
-            }
-            for part in parts.into_iter().flatten() {
+    /// Adds the values of a scenario, one per column.
+    fn add(self, blocks: &mut BlockEstimates, scenario: usize, row: &[f64], parts: [Option<usize>; 2]) {
+        for (column, &value) in row.iter().enumerate() {
+            let other = self.paired(column).map(|other| row[other]);
+            for (part, value) in in_parts(value, other, parts) {
                 blocks.add(scenario, part * self.columns + column, value);
             }
         }

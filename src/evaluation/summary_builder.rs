@@ -23,7 +23,7 @@ pub(super) struct SummaryBuilder<'a> {
     direction_tracking: BTreeMap<String, usize>,
 }
 
-/// What is counted of a simulator.
+/// Counts of one simulator.
 #[derive(Clone, Default)]
 struct SimulatorTotals {
     scenarios: usize,

@@ -55,8 +55,8 @@ pub trait ScenarioFormat: Sync {
         let scenarios = self.open(path)?;
         Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
     }
-    /// Opens one file as [`ScenarioFormat::open_undecoded`] does, from the record with this index on. What comes
-    /// before need not be read, nor be readable.
+    /// Opens one file as [`ScenarioFormat::open_undecoded`] does, from the record with this index on. Earlier
+    /// records need not be read, nor be readable.
     ///
     /// # Errors
     /// Same as [`ScenarioFormat::open`].

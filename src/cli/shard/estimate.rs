@@ -23,8 +23,6 @@ pub(super) struct Estimate {
     measured: usize,
     /// Number of all records.
     records: usize,
-    /// Number of units.
-    units: usize,
     /// Time of one record on one core, seconds.
     seconds_per_record: f64,
     /// Size of the results of one record, bytes.
@@ -54,7 +52,6 @@ impl Estimate {
         let estimate = Self {
             measured,
             records: shards.records(),
-            units: shards.units.len(),
             seconds_per_record: seconds / measured as f64,
             bytes_per_record: sample.bytes as f64 / measured as f64,
             memory: memory_stats::memory_stats().map_or(0, |memory| memory.physical_mem as u64),
@@ -99,8 +96,8 @@ impl Display for Estimate {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "estimate from {} records: {} ({:.3} s per record), {:.1} GB of results and as much again after the \
-             merge, {:.1} GB of memory per process and some more per thread",
+            "estimate from {} records: {} ({:.3} s per record), {:.1} GB of results and as much again after \
+             the merge, {:.1} GB of memory per process and some more per thread",
             self.measured,
             time(self.seconds()),
             self.seconds_per_record,

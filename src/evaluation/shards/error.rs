@@ -59,8 +59,8 @@ pub enum ShardError {
     },
     /// The arguments of the plan lead to another run now.
     #[error(
-        "it would not be of the planned run: `{setting}` is {planned} in the plan and {now} here; use the same \
-         program, files and kind of processor, or plan again"
+        "it would not be of the planned run: `{setting}` is {planned} in the plan and {now} here; use the \
+         same program, files and kind of processor, or plan again"
     )]
     OtherRun {
         /// The setting.
@@ -103,7 +103,7 @@ pub enum ShardError {
         path: PathBuf,
         /// Number of the unit.
         unit: usize,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
     /// A folder has results of another plan.
@@ -113,7 +113,10 @@ pub enum ShardError {
         path: PathBuf,
     },
     /// A unit is there twice.
-    #[error("unit {unit} is there twice: {} and {}; move one of them away", first.display(), second.display())]
+    #[error(
+        "unit {unit} is there twice: {} and {}; move one of them away",
+        first.display(), second.display()
+    )]
     Twice {
         /// Number of the unit.
         unit: usize,

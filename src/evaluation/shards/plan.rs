@@ -45,8 +45,8 @@ pub struct Unit {
 }
 
 impl ShardPlan {
-    /// Divides a run into units of this many records, or fewer at the end of a file, which are read through once
-    /// to count their records. `arguments` are those of the program for the run.
+    /// Divides a run into units of this many records, or fewer at the end of a file. All files are read
+    /// through once to count their records. `arguments` are those of the program for the run.
     ///
     /// # Errors
     /// [`ShardError::DividedBatch`] if units would divide batches of an external simulator.

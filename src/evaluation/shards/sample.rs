@@ -14,7 +14,7 @@ use crate::evaluation::{EvaluationError, RUN_FILES, RecordRange, RunFolder, roll
 /// Number of records of a unit in a sample.
 const RECORDS: usize = 8;
 
-/// What a sample of records left.
+/// Size of a sample of records, and of its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleResults {
     /// Number of records that were run.
@@ -34,7 +34,7 @@ impl UnitWorker<'_> {
         for range in ranges(self.shards, most) {
             let path = self.folder.join(partial_name("sample", self.folder)?);
             let done = self.sample_range(&path, range);
-            // What stays only takes space.
+            // A folder that cannot be removed takes space and does no other harm.
             fs::remove_dir_all(&path).ok();
             let Some((records, bytes)) = done? else { return Ok(None) };
             results.records += records;

@@ -63,8 +63,8 @@ impl ScenarioFormat for Native {
     }
 }
 
-/// Reads the content of a native file in memory, such as one embedded in the program, from the record with the
-/// index `first` on; errors refer to it as `name`.
+/// Reads the content of a native file in memory, such as one embedded in the program, from the record
+/// with the index `first` on; errors refer to it as `name`.
 ///
 /// # Errors
 /// [`FormatError`] if the content is not a native file.
