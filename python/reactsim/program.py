@@ -17,7 +17,7 @@ class ReactsimError(RuntimeError):
 
 
 def find_program() -> str:
-    """Returns the path of the program.
+    """Returns the absolute path of the program, which holds in any working folder.
 
     In this order: the environment variable REACTSIM_BINARY, the program installed with this
     package, and the folders in PATH.
@@ -27,20 +27,20 @@ def find_program() -> str:
         found = shutil.which(given)
         if found is None:
             raise ReactsimError(f"REACTSIM_BINARY is `{given}`, which is not an executable file")
-        return found
+        return os.path.abspath(found)
     name = "reactsim.exe" if sys.platform == "win32" else "reactsim"
     user = sysconfig.get_path("scripts", f"{os.name}_user")
     for folder in (sysconfig.get_path("scripts"), os.path.dirname(sys.executable), user):
         found = shutil.which(os.path.join(folder, name))
         if found is not None:
-            return found
+            return os.path.abspath(found)
     found = shutil.which(name)
     if found is None:
         raise ReactsimError(
             "the program `reactsim` was not found: install it with `pip install reactsim` or"
             " `cargo install reactsim`, or set REACTSIM_BINARY to its path"
         )
-    return found
+    return os.path.abspath(found)
 
 
 def call(arguments: Sequence[str], folder: str | None = None) -> str:

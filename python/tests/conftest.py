@@ -33,7 +33,7 @@ def program() -> str:
     ).stdout
     if "--external" not in text:
         pytest.skip(f"{found} does not support external simulators")
-    return found
+    return os.path.abspath(found)
 
 
 @pytest.fixture
