@@ -13,6 +13,8 @@ extern crate self as reactsim;
 pub mod files;
 pub mod geometry;
 pub mod scene;
+#[cfg(feature = "shards")]
+pub mod shards;
 pub mod work;
 
 pub mod dynamics;

@@ -1,12 +1,13 @@
-"""Carries out a run in units on a Ray cluster, or on all cores of this machine.
+"""Carries out a command in units on a Ray cluster, or on all cores of this machine.
 
     python -m reactsim.ray FOLDER --unit 512 -- run SCENARIOS --models idm --out RUN
 
-`reactsim shard plan` divides a run into units, `reactsim shard run` carries out a unit, and
-`reactsim shard merge` joins the results. This module submits one Ray task per unit, or per few
-units; a task starts the program as a child process. Only the path of the folder and the numbers of
-units pass through Ray. Plan and results are files in the folder, which all nodes must reach by the
-same path; so an interrupted run continues with the same command.
+`reactsim shard plan` divides `run`, `study`, `curate`, `generate` or `score --wosac` into units,
+`reactsim shard run` carries out a unit, and `reactsim shard merge` joins the results. This module
+submits one Ray task per unit, or per few units; a task starts the program as a child process. Only
+the path of the folder and the numbers of units pass through Ray. Plan and results are files in the
+folder, which all nodes must reach by the same path; so an interrupted run continues with the same
+command.
 """
 
 from __future__ import annotations
@@ -93,7 +94,8 @@ class _Plan(NamedTuple):
 
     folder: Path
     arguments: list[str]
-    provenance: Any
+    subject: Any
+    """Everything that determines the results."""
     units: list[_Unit]
     sizes: set[int]
     """Numbers of records of the units that are not the last of their file."""
@@ -128,15 +130,15 @@ def plan_units(
     estimate: int | None = None,
     progress: bool = True,
 ) -> None:
-    """Divides a run into units, unless the folder has the plan of this run already.
+    """Divides a command into units, unless the folder has its plan already.
 
     Args:
         folder: Folder of the plan and the units.
-        arguments: Arguments of the program for the run: "run", its arguments, and "--out" with the
-            folder for its results.
+        arguments: Arguments of the program: "run" or another command, its arguments, and "--out"
+            with the place for its results.
         unit: Records per unit; the program's default otherwise.
-        estimate: Number of records that are run to estimate time and space; the program's default
-            otherwise.
+        estimate: Number of records that are worked on to estimate time and space; the program's
+            default otherwise.
         progress: Show the messages of the program.
 
     Raises:
@@ -238,10 +240,11 @@ def run_units(
     return Report(len(plan.units), records, failed, time.monotonic() - begin)
 
 
-def merge_units(folder: PathLike, *, show: bool = False) -> Results:
-    """Joins the results of all units into the run folder of the plan, and returns them.
+def merge_units(folder: PathLike, *, show: bool = False) -> Path:
+    """Joins the results of all units, and returns where they are: the path after `--out`.
 
-    A run folder that has been merged already stays as it is.
+    `reactsim.Results` opens the folder of a run. Results that have been merged already stay as they
+    are.
 
     Args:
         folder: Folder of the plan and the units.
@@ -251,16 +254,22 @@ def merge_units(folder: PathLike, *, show: bool = False) -> Results:
         ReactsimError: Units are missing or damaged, or the program failed.
 
     """
-    plan = _read_plan(Path(folder))
-    out = _run_folder(plan)
-    if _is_merged(out, plan):
-        results = Results(out)
-        if show:
-            print(f"{out} is merged already", file=sys.stderr)
-            print(results.table(details=True), end="", flush=True)
-        return results
-    _call(["shard", "merge", os.fspath(folder)], show)
-    return Results(out)
+    return _merge(_read_plan(Path(folder)), show)[0]
+
+
+def _merge(plan: _Plan, show: bool) -> tuple[Path, int]:
+    """Returns the results, and 1 if they lack scenarios that failed."""
+    out = _results(plan)
+    if not _is_merged(out, plan):
+        return out, _call(["shard", "merge", os.fspath(plan.folder)], show)
+    if show:
+        print(f"{out} is merged already", file=sys.stderr)
+    if not _is_run(plan):
+        return out, 0
+    results = Results(out)
+    if show:
+        print(results.table(details=True), end="", flush=True)
+    return out, 1 if len(results.failures) > 0 else 0
 
 
 def _read_plan(folder: Path) -> _Plan:
@@ -273,8 +282,8 @@ def _read_plan(folder: Path) -> _Plan:
             for number, unit in enumerate(plan["units"])
         ]
         pairs = zip(plan["units"], plan["units"][1:])
-        sizes = {unit["count"] for unit, following in pairs if unit["input"] == following["input"]}
-        return _Plan(folder, list(plan["arguments"]), plan["provenance"], units, sizes)
+        sizes = {unit["count"] for unit, following in pairs if _input(unit) == _input(following)}
+        return _Plan(folder, list(plan["arguments"]), plan["subject"], units, sizes)
     except FileNotFoundError:
         raise ReactsimError(
             f"{folder} has no {PLAN}: give the arguments of the run, or write the plan with"
@@ -292,29 +301,45 @@ def _status(folder: Path) -> dict[str, Any]:
     return status
 
 
-def _run_folder(plan: _Plan) -> Path:
-    """Returns the folder after `--out` in the arguments of the plan."""
+def _input(unit: dict[str, Any]) -> tuple[int, int]:
+    """Returns part and input of a unit in the file of the plan."""
+    return unit.get("part", 0), unit["input"]
+
+
+def _is_run(plan: _Plan) -> bool:
+    return plan.arguments[:1] == ["run"]
+
+
+def _results(plan: _Plan) -> Path:
+    """Returns the path after `--out` in the arguments of the plan."""
     for argument, value in zip(plan.arguments, [*plan.arguments[1:], ""]):
         if argument == "--out":
             return Path(value)
         if argument.startswith("--out="):
             return Path(argument[len("--out=") :])
-    raise ReactsimError(f"{plan.folder / PLAN} has no --out among the arguments of the run")
+    raise ReactsimError(f"{plan.folder / PLAN} has no --out among its arguments")
 
 
 def _is_merged(out: Path, plan: _Plan) -> bool:
-    """Returns whether a folder has the finished results of the plan."""
-    if not (out / "summary.json").is_file():
+    """Returns whether the finished results of the plan are there.
+
+    Files of `curate` and `generate` do not tell; they are merged again.
+    """
+    last = {"run": "summary.json", "study": "study.md", "score": "wosac.json"}
+    name = last.get(plan.arguments[0])
+    if name is None or not (out / name).is_file():
         return False
+    if not _is_run(plan):
+        return True
     try:
         provenance = json.loads((out / "provenance.json").read_text("utf-8"))
-    except (OSError, ValueError):
+        return bool(provenance == plan.subject["runs"][0]["provenance"])
+    except (OSError, ValueError, LookupError, TypeError):
         return False
-    return bool(provenance == plan.provenance)
 
 
-def _call(arguments: list[str], show: bool) -> None:
-    """Runs the program, and with `show` passes its output and its messages on.
+def _call(arguments: list[str], show: bool) -> int:
+    """Runs the program and returns its exit code; with `show` passes its output and messages on.
 
     Messages are part of errors in any case. Exit code 1 is no error: scenarios failed, and the
     results list them.
@@ -337,6 +362,7 @@ def _call(arguments: list[str], show: bool) -> None:
         raise ReactsimError(
             f"`reactsim {' '.join(arguments[:3])}` {_ending(process.returncode)}:\n{text}"
         )
+    return process.returncode
 
 
 def _ending(code: int) -> str:
@@ -664,15 +690,16 @@ def _parse(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     """Returns the options, and the arguments of the run after `--`."""
     parser = argparse.ArgumentParser(
         prog="python -m reactsim.ray",
-        usage="%(prog)s FOLDER [options] [-- run ARGUMENTS --out RUN]",
-        description="Carries out a run in units on a Ray cluster, or on all cores of this machine,"
-        " and merges the results. The same command continues an interrupted run.",
+        usage="%(prog)s FOLDER [options] [-- COMMAND ARGUMENTS --out RESULTS]",
+        description="Carries out run, study, curate, generate or score --wosac in units on a Ray"
+        " cluster, or on all cores of this machine, and merges the results. The same command"
+        " continues after an interruption.",
         allow_abbrev=False,
     )
     add = parser.add_argument
     add("folder", metavar="FOLDER", help="folder of the plan and the units, on all nodes")
     add("--unit", type=_count, metavar="N", help="records per unit, if there is no plan yet")
-    add("--estimate", type=int, metavar="N", help="records to run for the estimate of the plan")
+    add("--estimate", type=int, metavar="N", help="records to work on for the estimate of the plan")
     add("--address", help="address of the cluster (default: RAY_ADDRESS, or this machine)")
     add("--cpus-per-unit", type=_count, default=1, metavar="N", help="CPUs and threads of a task")
     add("--gpus-per-unit", type=float, default=0.0, metavar="N", help="GPUs of a task")
@@ -693,7 +720,7 @@ def _parse(argv: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     split = argv.index("--") if "--" in argv else len(argv)
     options, unknown = parser.parse_known_args(argv[:split])
     if unknown:
-        parser.error(f"unknown: {' '.join(unknown)}; arguments of the run come after `--`")
+        parser.error(f"unknown: {' '.join(unknown)}; the command comes after `--`")
     if options.upload is not None and not options.merge:
         parser.error("--upload needs the merged results: leave --no-merge out")
     return options, argv[split + 1 :]
@@ -724,6 +751,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 estimate=options.estimate,
                 progress=not options.quiet,
             )
+        plan = _read_plan(Path(options.folder))
+        if options.upload is not None and not _is_run(plan):
+            raise ReactsimError("--upload copies the folder of a run: copy other results yourself")
         report = run_units(
             options.folder,
             address=options.address,
@@ -736,10 +766,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         failed = report.failed
         if options.merge:
-            results = merge_units(options.folder, show=True)
-            failed = len(results.failures)
+            results, failed = _merge(plan, show=True)
         if options.upload is not None:
-            upload_run(results.folder, options.upload)
+            upload_run(results, options.upload)
             if not options.quiet:
                 print(f"uploaded to {options.upload}", file=sys.stderr)
     except ReactsimError as error:

@@ -5,6 +5,7 @@ mod make;
 mod review;
 mod source;
 mod stats;
+mod units;
 
 use anyhow::bail;
 use clap::{Args, Subcommand};

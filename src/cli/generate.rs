@@ -5,6 +5,9 @@ mod compare;
 mod files;
 mod make;
 mod manifest;
+mod scenario_file;
+mod tried;
+mod units;
 
 use anyhow::bail;
 use clap::{Args, Subcommand};

@@ -27,6 +27,7 @@ mod scenario_args;
 mod scenes;
 mod score;
 mod shard;
+mod sharded;
 mod shell;
 mod study;
 mod subject;

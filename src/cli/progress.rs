@@ -25,6 +25,8 @@ const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{msg}";
 /// terminal, or on request. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
+    /// Number of scenarios that were finished before the present part of the work.
+    before: AtomicUsize,
     failures: AtomicUsize,
     table: Option<Mutex<Preliminary>>,
 }
@@ -44,7 +46,7 @@ impl Progress {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self { bar, failures: AtomicUsize::new(0), table: None }
+        Self { bar, before: AtomicUsize::new(0), failures: AtomicUsize::new(0), table: None }
     }
 
     /// Shows progress with a table of what is finished.
@@ -61,14 +63,33 @@ impl Progress {
         }
     }
 
+    /// Shows nothing but failures.
+    pub(super) fn hidden() -> Self {
+        let progress = Self::new();
+        progress.bar.set_draw_target(ProgressDrawTarget::hidden());
+        progress
+    }
+
+    /// Prints a message above the bar.
+    pub(super) fn say(&self, message: std::fmt::Arguments<'_>) {
+        self.suspend(|| say(message));
+    }
+
     /// Prints something above the bar.
     pub(super) fn suspend(&self, print: impl FnOnce()) {
         self.bar.suspend(print);
     }
 
-    /// Shows how many scenarios are finished.
+    /// Shows how many scenarios are finished, of the present part of the work.
     pub(super) fn set_done(&self, done: usize) {
-        self.bar.set_position(done as u64);
+        self.bar.set_position((self.before.load(Ordering::Relaxed) + done) as u64);
+    }
+
+    /// Begins another part of the work, in which counts begin at 0 again. `before` is the number of scenarios
+    /// of all earlier parts.
+    pub(super) fn begin_part(&self, before: usize) {
+        self.before.store(before, Ordering::Relaxed);
+        self.set_done(0);
     }
 
     /// Prints that a scenario failed; `text` begins with a colon.

@@ -1,5 +1,7 @@
 //! `reactsim run`: runs simulators on scenarios.
 
+pub(super) mod units;
+
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;

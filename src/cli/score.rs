@@ -1,5 +1,6 @@
 //! `reactsim score`: scores rollouts that any program produced.
 
+mod units;
 mod wosac;
 
 use std::path::{Path, PathBuf};

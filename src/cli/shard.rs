@@ -1,4 +1,4 @@
-//! `reactsim shard`: a run in units, for clusters.
+//! `reactsim shard`: commands in units, for clusters.
 
 mod estimate;
 mod merge;
@@ -21,13 +21,13 @@ pub(super) struct ShardArgs {
 
 #[derive(Debug, Subcommand)]
 enum ShardCommand {
-    /// Divide a run into units
+    /// Divide a command into units
     Plan(planned::PlanArgs),
     /// Carry out units; may be called by any number of processes on any machines that share the folder
     Run(run::UnitArgs),
     /// Show which units are finished
     Status(FolderArgs),
-    /// Join the results of all units into the run folder that one machine would have written
+    /// Join the results of all units into those that one machine would have written
     Merge(FolderArgs),
 }
 

@@ -4,6 +4,7 @@ mod carry_out;
 mod guards;
 mod realism;
 mod replan;
+mod units;
 mod vocabulary;
 
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 use super::subject::{EvaluationArgs, ExecutionArgs};
 use super::table_output::ColumnArgs;
-use crate::evaluation::StudyPlan;
+use crate::evaluation::{Source, StudyPlan};
 use crate::external::ExternalSimulator;
 
 const AFTER: &str = "\
@@ -76,13 +77,30 @@ struct SharedArgs {
     table: ColumnArgs,
 }
 
+impl StudyArgs {
+    fn shared(&self) -> &SharedArgs {
+        match &self.command {
+            StudyCommand::Replan(args) => &args.shared,
+            StudyCommand::Realism(args) => &args.shared,
+            StudyCommand::Guards(args) => &args.shared,
+            StudyCommand::Vocabulary(args) => &args.shared,
+        }
+    }
+
+    /// Plans the study on these scenarios.
+    fn plan(&self, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
+        match &self.command {
+            StudyCommand::Replan(args) => replan::plan(args, sources),
+            StudyCommand::Realism(args) => realism::plan(args, sources),
+            StudyCommand::Guards(args) => guards::plan(args, sources),
+            StudyCommand::Vocabulary(args) => vocabulary::plan(args, sources),
+        }
+    }
+}
+
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
-    let (plan, shared) = match &args.command {
-        StudyCommand::Replan(args) => (replan::plan(args)?, &args.shared),
-        StudyCommand::Realism(args) => (realism::plan(args)?, &args.shared),
-        StudyCommand::Guards(args) => (guards::plan(args)?, &args.shared),
-        StudyCommand::Vocabulary(args) => (vocabulary::plan(args)?, &args.shared),
-    };
+    let shared = args.shared();
+    let plan = args.plan(shared.subject.sources()?)?;
     shared.table.check(&shared.format, &FORMATS)?;
     carry_out::carry_out(plan, shared)
 }

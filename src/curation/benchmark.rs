@@ -11,6 +11,7 @@ use super::{
 use crate::formats::FormatError;
 use crate::generation::{Ending, GenerationError, in_order};
 use crate::scene::{DeviatedTrack, Scenario};
+use crate::shards::ShardError;
 
 /// Default of [`Recipe::patience`], a number of scenarios: about one in so many has the rarest
 /// combination of group and category.
@@ -37,6 +38,19 @@ pub enum BenchmarkError {
     /// The result could not be written.
     #[error(transparent)]
     Write(#[from] FormatError),
+    /// Scenarios that were tried before cannot be read.
+    #[error(transparent)]
+    Tried(#[from] ShardError),
+}
+
+/// A scenario that was tried.
+pub struct TriedScenario {
+    /// Its group.
+    pub source: String,
+    /// The scenario; may be absent if none of its candidates can be chosen.
+    pub scenario: Option<Scenario>,
+    /// Its candidates; absent if it was not curated because its group was full.
+    pub outcome: Option<CurationOutcome>,
 }
 
 /// A scenario of a benchmark.
@@ -94,6 +108,23 @@ impl Recipe<'_> {
         &self,
         scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
         base: CurationProvenance,
+        take: impl FnMut(Entry) -> Result<(), FormatError>,
+        observer: &dyn CurationObserver,
+        stop: &AtomicBool,
+    ) -> Result<CurationProvenance, BenchmarkError> {
+        self.run_with((0, std::iter::empty()), scenario, base, take, observer, stop)
+    }
+
+    /// Like [`Self::run`], with scenarios that were tried before: their number, and the outcomes of scenarios
+    /// 0, 1, …, each one the scenario or the reason why it could not be generated.
+    ///
+    /// # Errors
+    /// As for [`Self::run`], and the first error of `tried`.
+    pub fn run_with(
+        &self,
+        (known, mut tried): (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, ShardError>>),
+        scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
+        base: CurationProvenance,
         mut take: impl FnMut(Entry) -> Result<(), FormatError>,
         observer: &dyn CurationObserver,
         stop: &AtomicBool,
@@ -102,11 +133,22 @@ impl Recipe<'_> {
         let mut state = State { quota, provenance: base, tried: 0, fruitless: 0, chosen: 0 };
         let curate = |scenario: &Scenario| curate_scenario(scenario, self.source, self.settings);
         let make = |state: &State, number| {
-            let scenario = scenario(number)?;
-            let curated = (!state.quota.refuses(&scenario.source)).then(|| curate(&scenario));
-            Ok((scenario, curated))
+            // The outcome is taken from those that are known.
+            let is_new = number >= known;
+            is_new.then(|| {
+                let scenario = scenario(number).map_err(|error| error.to_string())?;
+                let outcome = (!state.quota.refuses(&scenario.source)).then(|| curate(&scenario));
+                Ok(TriedScenario { source: scenario.source.clone(), scenario: Some(scenario), outcome })
+            })
         };
-        let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, _, generated| {
+        let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, number, new| {
+            let generated = match new {
+                Some(new) => new,
+                None => tried.next().unwrap_or_else(|| {
+                    let (found, planned) = (number as usize, known as usize);
+                    Err(ShardError::FewRecords { found, planned })
+                })?,
+            };
             if let Some(entry) = state.judge(generated, curate, observer) {
                 take(entry)?;
                 state.fruitless = 0;
@@ -134,29 +176,30 @@ impl State {
     /// Returns the entry that is taken from a scenario, if any.
     fn judge(
         &mut self,
-        generated: Result<(Scenario, Option<CurationOutcome>), GenerationError>,
+        generated: Result<TriedScenario, String>,
         curate: impl Fn(&Scenario) -> CurationOutcome,
         observer: &dyn CurationObserver,
     ) -> Option<Entry> {
         self.tried += 1;
         self.fruitless += 1;
-        let (mut scenario, curated) = match generated {
+        let TriedScenario { source, scenario, outcome } = match generated {
             Ok(generated) => generated,
             Err(error) => {
-                observer.failed(&error.to_string());
-                self.provenance.failures.push(error.to_string());
+                observer.failed(&error);
+                self.provenance.failures.push(error);
                 return None;
             }
         };
         // Checked again: the quota may have changed while the scenario was curated in parallel, and the
         // result must not depend on the threads.
-        if self.quota.refuses(&scenario.source) {
+        if self.quota.refuses(&source) {
             return None;
         }
         let funnel = &mut self.provenance.funnel;
         funnel.scenarios += 1;
         // If the quota was relaxed meanwhile, it may not be curated yet.
-        let (mut record, unproposed) = match curated.unwrap_or_else(|| curate(&scenario)) {
+        let outcome = outcome.or_else(|| scenario.as_ref().map(curate))?;
+        let (mut record, unproposed) = match outcome {
             CurationOutcome::Rejected { rule } => {
                 *funnel.preselection.entry(rule).or_default() += 1;
                 return None;
@@ -166,13 +209,14 @@ impl State {
         for (reason, n) in unproposed {
             *funnel.unproposed.entry(reason).or_default() += n;
         }
-        let taken = self.quota.take(&scenario.source, &mut record);
+        let taken = self.quota.take(&source, &mut record);
         count(funnel, &record);
         if !taken {
             return None;
         }
         record.candidates.retain(|c| c.chosen);
         let chosen = record.chosen()?;
+        let mut scenario = scenario?;
         scenario.deviation = Some(DeviatedTrack {
             category: Some(chosen.taxonomy.category),
             track: chosen.candidate.track.iter().skip(1).copied().collect(),

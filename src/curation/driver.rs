@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
+use super::outcomes::RecordOutcome;
 use super::stats::{Collector, Statistics};
 use super::store::Writer;
 use super::{
@@ -13,18 +14,22 @@ use super::{
     ScenarioRecord, curate_scenario,
 };
 use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
+use crate::shards::RecordRange;
 use crate::web::sketch;
 use crate::work::{MAX_THREADS, Pool};
 
 /// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
 const SCENARIOS_PER_JOB: usize = 8;
 
+/// Opens a file for reading from the record with this index on.
+pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + Send + Sync>;
+
 /// An input file of scenarios.
 pub struct Input {
     /// Its name and digest.
     pub file: InputFile,
-    /// Opens the file for reading from its beginning.
-    pub open: Box<dyn Fn() -> Result<PendingScenarios, FormatError> + Send + Sync>,
+    /// Opens the file for reading from the record with this index on.
+    pub open: Opener,
 }
 
 /// Receives the progress of a curation.
@@ -75,24 +80,53 @@ impl Curation<'_> {
         observer: &dyn CurationObserver,
         stop: &AtomicBool,
     ) -> Result<Curated, FormatError> {
+        let mut collector = ResultCollector::new(base, observer);
+        let records = (0..self.inputs.len()).flat_map(|input| self.pending(input, 0));
+        let finished = self.each(records, stop, |CuratedRecord { input, number, outcome }| {
+            collector.take(&self.inputs[input].file, number, outcome, writer)?;
+            observer.scenario_done(collector.done);
+            Ok(())
+        })?;
+        collector.provenance.interrupted = !finished;
+        Ok(collector.finish())
+    }
+
+    /// Curates records on several threads and passes the outcomes to `take` in the order of the records.
+    /// Returns whether all are finished: `stop` ends the work before the first unfinished one.
+    pub(super) fn each(
+        &self,
+        mut records: impl Iterator<Item = PendingRecord>,
+        stop: &AtomicBool,
+        mut take: impl FnMut(CuratedRecord) -> Result<(), FormatError>,
+    ) -> Result<bool, FormatError> {
         let jobs = self.jobs.clamp(1, MAX_THREADS);
         let pool = Pool::new(jobs);
-        let mut collector = ResultCollector::new(base, observer);
-        let mut records = self.inputs.iter().enumerate().flat_map(|(i, input)| pending(i, input));
         loop {
             let chunk: Vec<PendingRecord> = records.by_ref().take(jobs * SCENARIOS_PER_JOB).collect();
             if chunk.is_empty() {
-                return Ok(collector.finish());
+                return Ok(true);
             }
             let curate = || chunk.into_par_iter().map(|record| self.curate(record, stop)).collect::<Vec<_>>();
             for result in pool.install(curate) {
-                let Some(result) = result else {
-                    collector.provenance.interrupted = true;
-                    return Ok(collector.finish());
-                };
-                collector.take(&self.inputs[result.input].file, result, writer)?;
+                let Some(result) = result else { return Ok(false) };
+                take(result)?;
             }
-            observer.scenario_done(collector.done);
+        }
+    }
+
+    /// Returns the records of a range.
+    pub(super) fn range(&self, range: RecordRange) -> impl Iterator<Item = PendingRecord> {
+        self.pending(range.input, range.first).take(range.count)
+    }
+
+    /// Returns the records of a file from the one with this index on, or the error if the file cannot be
+    /// opened.
+    fn pending(&self, input: usize, first: usize) -> Box<dyn Iterator<Item = PendingRecord>> {
+        let place = move |(number, content)| PendingRecord { input, number: first + number, content };
+        match self.inputs.get(input).map(|input| (input.open)(first)) {
+            Some(Ok(records)) => Box::new(records.enumerate().map(place)),
+            Some(Err(error)) => Box::new(std::iter::once(place((0, Err(error))))),
+            None => Box::new(std::iter::empty()),
         }
     }
 
@@ -104,7 +138,6 @@ impl Curation<'_> {
         let PendingRecord { input, number, content } = record;
         let scenario = content.and_then(|decode| decode());
         let curated = scenario.and_then(|scenario| {
-            // The collector names the file.
             self.source.check(&scenario).map_err(|cause| {
                 FormatError::record(Path::new(""), number as u64, Some(scenario.id.clone()), cause)
             })?;
@@ -112,37 +145,34 @@ impl Curation<'_> {
             if let CurationOutcome::Retained(record, _) = &mut curated {
                 record.scene = self.settings.scenes.then(|| sketch(&scenario));
             }
-            Ok((scenario.id, curated))
+            let (scenario, source) = (scenario.id, scenario.source);
+            Ok(RecordOutcome::Curated { scenario, source, outcome: curated })
         });
-        Some(CuratedRecord { input, number, curated })
+        let outcome = curated.unwrap_or_else(|mut error| {
+            // The provenance must not reveal the folder of the file.
+            error.path = PathBuf::from(&self.inputs[input].file.name);
+            RecordOutcome::Failed { error: error.to_string(), scenario: error.scenario }
+        });
+        Some(CuratedRecord { input, number, outcome })
     }
 }
 
 /// A record that has not been decoded yet.
-struct PendingRecord {
+pub(super) struct PendingRecord {
     input: usize,
     number: usize,
     content: Result<UndecodedScenario, FormatError>,
 }
 
-/// Returns the records of a file, or the error if the file cannot be opened.
-fn pending(index: usize, input: &Input) -> Box<dyn Iterator<Item = PendingRecord>> {
-    let place = move |(number, content)| PendingRecord { input: index, number, content };
-    match (input.open)() {
-        Ok(records) => Box::new(records.enumerate().map(place)),
-        Err(error) => Box::new(std::iter::once(place((0, Err(error))))),
-    }
-}
-
 /// A curated record.
-struct CuratedRecord {
+pub(super) struct CuratedRecord {
     input: usize,
     number: usize,
-    curated: Result<(String, CurationOutcome), FormatError>,
+    pub(super) outcome: RecordOutcome,
 }
 
 /// Collects results in the order of the inputs.
-struct ResultCollector<'a> {
+pub(super) struct ResultCollector<'a> {
     provenance: CurationProvenance,
     observer: &'a dyn CurationObserver,
     done: usize,
@@ -154,7 +184,7 @@ struct ResultCollector<'a> {
 }
 
 impl<'a> ResultCollector<'a> {
-    fn new(provenance: CurationProvenance, observer: &'a dyn CurationObserver) -> Self {
+    pub(super) fn new(provenance: CurationProvenance, observer: &'a dyn CurationObserver) -> Self {
         let (chooser, collector) = (Chooser::new(), Collector::default());
         Self {
             provenance,
@@ -167,37 +197,44 @@ impl<'a> ResultCollector<'a> {
         }
     }
 
-    fn finish(mut self) -> Curated {
+    /// Returns the number of records so far.
+    pub(super) fn done(&self) -> usize {
+        self.done
+    }
+
+    pub(super) fn finish(mut self) -> Curated {
         let statistics = self.collector.finish(&self.provenance);
         self.ids.append(&mut self.failed);
         Curated { provenance: self.provenance, statistics, scenarios: self.ids }
     }
 
-    fn take(
+    /// Adds the outcome of the next record.
+    pub(super) fn take(
         &mut self,
         file: &InputFile,
-        done: CuratedRecord,
+        number: usize,
+        outcome: RecordOutcome,
         writer: &mut Writer,
     ) -> Result<(), FormatError> {
         self.done += 1;
-        let (id, curated) = match done.curated {
-            Ok(curated) => curated,
-            Err(mut error) => {
-                // The provenance must not reveal the folder of the file.
-                error.path = PathBuf::from(&file.name);
-                self.failed.extend(error.scenario.clone());
-                self.fail(error.to_string());
+        let (id, curated) = match outcome {
+            RecordOutcome::Curated { scenario, outcome, .. } => (scenario, Some(outcome)),
+            RecordOutcome::Repeated { scenario } => (scenario, None),
+            RecordOutcome::Failed { error, scenario } => {
+                self.failed.extend(scenario);
+                self.fail(error);
                 return Ok(());
             }
         };
-        if !self.ids.insert(id.clone()) {
-            let (name, number) = (&file.name, done.number);
+        let is_new = self.ids.insert(id.clone());
+        let Some(curated) = curated.filter(|_| is_new) else {
+            let name = &file.name;
             self.fail(format!(
                 "{name}: record {number}: scenario `{id}`: an earlier one has this id; \
                  give each scenario once"
             ));
             return Ok(());
-        }
+        };
         let funnel = &mut self.provenance.funnel;
         funnel.scenarios += 1;
         match curated {

@@ -61,6 +61,19 @@ pub enum EvaluationError {
         /// Number of files that were found.
         found: usize,
     },
+    /// Units would divide the batches of an external simulator.
+    #[error(
+        "units of {records} records divide the batches of `{simulator}`, which have {batch} episodes: give \
+         --unit a multiple of {batch}"
+    )]
+    DividedBatch {
+        /// Id of the simulator.
+        simulator: String,
+        /// Number of episodes per batch.
+        batch: usize,
+        /// Number of records per unit.
+        records: usize,
+    },
     /// A file cannot be read.
     #[error("could not read {path}")]
     Read {

@@ -1,13 +1,12 @@
 //! Records of files: name, size and digest.
 
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::EvaluationError;
-use crate::files::open_regular;
+use crate::files::{FileDigest, digest};
 use crate::formats::Input;
 
 /// A file of a run.
@@ -110,21 +109,13 @@ impl FileRecord {
 
 impl CompanionRecord {
     /// Creates the record of a file, which is read to its end.
-    pub(super) fn of(path: &Path) -> Result<Self, EvaluationError> {
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file.
+    pub fn of(path: &Path) -> Result<Self, EvaluationError> {
         let read = |source| EvaluationError::Read { path: path.to_owned(), source };
-        let mut file = open_regular(path).map_err(read)?;
-        let mut hasher = blake3::Hasher::new();
-        let mut buffer = vec![0; 1 << 18];
-        let mut bytes = 0;
-        loop {
-            let n = file.read(&mut buffer).map_err(read)?;
-            if n == 0 {
-                break;
-            }
-            bytes += n as u64;
-            hasher.update(&buffer[..n]);
-        }
-        Ok(Self { name: name_of(path), bytes, blake3: hasher.finalize().to_hex().to_string() })
+        let FileDigest { bytes, blake3 } = digest(path).map_err(read)?;
+        Ok(Self { name: name_of(path), bytes, blake3 })
     }
 }
 

@@ -41,7 +41,6 @@ mod plan;
 mod provenance;
 pub mod realism;
 mod recorded;
-mod record_range;
 pub mod reference;
 mod rollouts;
 mod row;
@@ -82,7 +81,6 @@ pub use provenance::{
     ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
     program_version,
 };
-pub use record_range::RecordRange;
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, Value};

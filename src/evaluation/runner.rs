@@ -11,7 +11,6 @@ use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::left_out::LeftOut;
 use super::plan::{NoAv, Plan};
-use super::record_range::RecordRange;
 use super::row::{Failure, RecordPosition, Row};
 use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
@@ -20,6 +19,7 @@ use super::tally::Tally;
 use super::{EvaluationError, rollouts};
 use crate::rollout::{AvPolicy, Request, Rollout, roll_out};
 use crate::scene::Scenario;
+use crate::shards::RecordRange;
 use crate::work::{MAX_THREADS, Pool};
 
 /// Execution settings of a run, which do not affect its numbers.

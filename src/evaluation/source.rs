@@ -6,10 +6,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
 use super::EvaluationError;
 use super::file_record::{FileRecord, Registrar};
-use super::record_range::RecordRange;
 use super::row::RecordPosition;
 use crate::formats::{FormatError, Input, PendingScenarios, Scenarios, UndecodedScenario, decoded};
 use crate::scene::Scenario;
+use crate::shards::RecordRange;
 
 /// Opens a source for reading from the record with the given index on.
 pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + Send + Sync>;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Layers (floors) from the bottom up. A top-level module (room) may use those of lower layers, and itself.
 const FLOORS: &[&[&str]] = &[
     &["files", "geometry", "work"],
-    &["scene"],
+    &["scene", "shards"],
     &["dynamics"],
     &["rollout", "training", "formats", "web"],
     &["models", "metrics", "generation", "external"],

@@ -45,6 +45,7 @@ mod regression;
 mod rollout_checks;
 mod scenes;
 mod scripted_av;
+mod shard_commands;
 mod shards;
 mod shipped;
 mod study;

@@ -272,16 +272,17 @@ fn lost_foreign_damaged_and_repeated_units_are_named() {
     // There twice.
     let copy = shards.folder.join(format!("{name}-copy"));
     fs::create_dir(&copy).unwrap();
-    content(&unit).iter().for_each(|(file, bytes)| fs::write(copy.join(file), bytes).unwrap());
+    fs::copy(unit.join("unit.json"), copy.join("unit.json")).unwrap();
     shards.refuses("merge", &[], "unit 1 is there twice");
     fs::remove_dir_all(&copy).unwrap();
 
     // Damaged: changed, cut, without its record.
-    let rows = fs::read(unit.join("rows.jsonl")).unwrap();
-    fs::write(unit.join("rows.jsonl"), &rows[..rows.len() / 2]).unwrap();
+    let results = unit.join("results");
+    let rows = fs::read(results.join("rows.jsonl")).unwrap();
+    fs::write(results.join("rows.jsonl"), &rows[..rows.len() / 2]).unwrap();
     shards.refuses("merge", &[], "rows.jsonl was changed since it was written; remove the folder");
-    fs::write(unit.join("rows.jsonl"), &rows).unwrap();
-    fs::remove_file(unit.join("events.jsonl")).unwrap();
+    fs::write(results.join("rows.jsonl"), &rows).unwrap();
+    fs::remove_file(results.join("events.jsonl")).unwrap();
     shards.refuses("merge", &[], "events.jsonl is missing");
     fs::remove_file(unit.join("unit.json")).unwrap();
     shards.refuses("merge", &[], "unit.json is missing");
@@ -300,10 +301,10 @@ fn inputs_and_plans_that_change_are_named() {
     let shards = run.plan("units", 4, &[]);
     shards.run(&["0"]);
     write(Path::new(&run.arguments[1]), (1..9).map(scenario));
-    shards.refuses("run", &["1"], "unit 1: it would not be of the planned run: `inputs[0].blake3` is");
+    shards.refuses("run", &["1"], "unit 1: it would not be of the planned work: `inputs[0].blake3` is");
     // Units of the other file are not concerned, neither alone nor in the same process.
     shards.run(&["2"]);
-    shards.refuses("run", &["--missing"], "unit 1: it would not be of the planned run");
+    shards.refuses("run", &["--missing"], "unit 1: it would not be of the planned work");
     assert_eq!(shards.status()["missing"], serde_json::json!([1]));
     fs::write(shards.folder.join("plan.json"), "{}").unwrap();
     shards.refuses("status", &[], "is not a plan of this program");
@@ -323,8 +324,7 @@ fn plans_that_make_no_sense_are_refused() {
     };
     let input = run.arguments[1].as_str();
     refuses(&["run", input], "give --out FOLDER for the results");
-    refuses(&["run", input, "--out", "x", "--resume"], "--resume has no effect on a run in units");
-    refuses(&["list", "models"], "only `run` can be divided into units");
+    refuses(&["run", input, "--out", "x", "--resume"], "--resume has no effect on work in units");
     refuses(&["--unit", "0", "run", input, "--out", "x"], "0");
     let shards = run.plan("units", 2, &[]);
     shards.run(&["0"]);

@@ -14,7 +14,7 @@ use crate::reference::{said, text};
 use crate::shared;
 
 /// The metadata that the server requires.
-const METADATA: &str = "
+pub(crate) const METADATA: &str = "
 account_name = \"somebody@example.org\"
 unique_method_name = \"Constant velocity\"
 num_model_parameters = \"0\"

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::source::{SourceChoice, TEMPERATURE, planner_weights};
+use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
 use crate::cli::is_same;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
@@ -18,7 +18,7 @@ use crate::curation::{
     CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
 use crate::evaluation::{FileRecord, Registrar, program_commit, program_version};
-use crate::formats::{FormatError, PendingScenarios};
+use crate::formats::{self, FormatError, PendingScenarios};
 use crate::report::curation_tables;
 use crate::work::available_threads;
 
@@ -34,10 +34,10 @@ pub(super) struct MakeArgs {
     /// Source of the candidates: `rules`; `diffusion`, samples of a network, with the weights that ship, or
     /// diffusion:FILE with others; or file:PATH with trajectories of any planner (Parquet or JSON)
     #[arg(long, default_value = "rules", value_name = "SOURCE")]
-    source: SourceChoice,
+    pub(super) source: SourceChoice,
     /// Standard deviation of the noise from which a network samples candidates [default: 1.5]
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
-    temperature: Option<f64>,
+    pub(super) temperature: Option<f64>,
     /// Maximum number of candidates per scenario [default: 16; of a file, all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
     candidates: Option<u32>,
@@ -90,7 +90,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 impl MakeArgs {
-    fn settings(&self) -> CurationSettings {
+    pub(super) fn settings(&self) -> CurationSettings {
         CurationSettings {
             seed: self.seed,
             candidates: self.candidates.unwrap_or_else(|| self.source.candidates()),
@@ -112,50 +112,105 @@ impl MakeArgs {
 
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
-    let out = args.out.as_deref().context("give the file to write with --out")?;
+    let out = args.out()?;
     let source = args.source.open(args.temperature)?;
-    let found = find_inputs(&args.scenarios)?;
-    if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
-        bail!("{} is both input and output; choose another --out", same.path.display());
-    }
+    let found = args.find_inputs(out)?;
     // From here on there is a file to complete.
     let stop = stop_on_interrupt("writing what is finished")?;
     let mut writer = Writer::create(out)?;
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
     let total = found.iter().map(|input| Some(input.count()?.min(most))).sum();
-    let (mut inputs, mut registrar) = (Vec::new(), Registrar::default());
-    for input in found {
-        let record = registrar.record(&input)?;
-        let (digest, name) = (record.digest(), record.name);
-        let open = Box::new(move || -> Result<PendingScenarios, FormatError> {
-            Ok(Box::new(input.open_undecoded()?.take(most)))
-        });
-        inputs.push(Input { file: InputFile { name, digest }, open });
-    }
+    let inputs = args.inputs(found, |_, _| None)?;
     let settings = args.settings();
-    let base = CurationProvenance {
-        version: program_version().to_owned(),
-        commit: program_commit().to_owned(),
-        settings: named(args, &settings)?,
-        inputs: inputs.iter().map(|i| i.file.clone()).collect(),
-        ..CurationProvenance::default()
-    };
-    let jobs = args.jobs.map_or_else(available_threads, usize::from);
+    let base = args.provenance(&settings, &inputs)?;
+    let jobs = args.jobs();
     let progress = Progress::new();
     progress.set_total(total);
     let curation = Curation { inputs: &inputs, source: source.source(), settings: &settings, jobs };
     let done = curation.run(base, &mut writer, &progress, &stop);
     progress.end();
-    let Curated { provenance, statistics, scenarios } = done?;
+    finish(args, &source, writer, &done?)
+}
+
+/// Completes the file of a curation and reports about it.
+pub(super) fn finish(
+    args: &MakeArgs,
+    source: &OpenSource,
+    writer: Writer,
+    curated: &Curated,
+) -> anyhow::Result<ExitStatus> {
+    let Curated { provenance, statistics, scenarios } = curated;
     if statistics.funnel.scenarios == 0 && !provenance.interrupted {
         bail!("no scenario could be read: see the warnings above");
     }
     if args.limit.is_none() && !provenance.interrupted {
-        source.compare(&scenarios)?;
+        source.compare(scenarios)?;
     }
-    writer.finish(&provenance)?;
-    write_result(None, |out| curation_tables::write_overview(out, &statistics))?;
-    Ok(report(&provenance, &statistics))
+    writer.finish(provenance)?;
+    write_result(None, |out| curation_tables::write_overview(out, statistics))?;
+    Ok(report(provenance, statistics))
+}
+
+impl MakeArgs {
+    /// Returns the file to write.
+    pub(super) fn out(&self) -> anyhow::Result<&Path> {
+        self.out.as_deref().context("give the file to write with --out")
+    }
+
+    /// Returns the number of threads.
+    pub(super) fn jobs(&self) -> usize {
+        self.jobs.map_or_else(available_threads, usize::from)
+    }
+
+    /// Finds the files of scenarios, none of which may be the file to write.
+    pub(super) fn find_inputs(&self, out: &Path) -> anyhow::Result<Vec<formats::Input>> {
+        let found = find_inputs(&self.scenarios)?;
+        if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
+            bail!("{} is both input and output; choose another --out", same.path.display());
+        }
+        Ok(found)
+    }
+
+    /// Returns the inputs with their digests. `known` may give the record of a file, by its index; other files
+    /// are read for their digests.
+    pub(super) fn inputs(
+        &self,
+        found: Vec<formats::Input>,
+        known: impl Fn(usize, &formats::Input) -> Option<InputFile>,
+    ) -> anyhow::Result<Vec<Input>> {
+        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
+        let (mut inputs, mut registrar) = (Vec::new(), Registrar::default());
+        for (index, input) in found.into_iter().enumerate() {
+            let file = match known(index, &input) {
+                Some(file) => file,
+                None => {
+                    let record = registrar.record(&input)?;
+                    let (digest, name) = (record.digest(), record.name);
+                    InputFile { name, digest }
+                }
+            };
+            let open = Box::new(move |first: usize| -> Result<PendingScenarios, FormatError> {
+                Ok(Box::new(input.open_from(first)?.take(most.saturating_sub(first))))
+            });
+            inputs.push(Input { file, open });
+        }
+        Ok(inputs)
+    }
+
+    /// Returns what is known about the curation before it begins.
+    pub(super) fn provenance(
+        &self,
+        settings: &CurationSettings,
+        inputs: &[Input],
+    ) -> anyhow::Result<CurationProvenance> {
+        Ok(CurationProvenance {
+            version: program_version().to_owned(),
+            commit: program_commit().to_owned(),
+            settings: named(self, settings)?,
+            inputs: inputs.iter().map(|i| i.file.clone()).collect(),
+            ..CurationProvenance::default()
+        })
+    }
 }
 
 /// Returns all settings by name, those of the command line included.

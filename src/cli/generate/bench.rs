@@ -8,15 +8,21 @@ use std::sync::atomic::AtomicBool;
 use super::files::GeneratedFiles;
 use crate::cli::progress::Progress;
 use crate::cli::say;
-use crate::curation::benchmark::{ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe};
-use crate::curation::{CurationProvenance, CurationSettings, InputFile, SOURCES, store};
+use crate::curation::benchmark::{
+    ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe, TriedScenario,
+};
+use crate::curation::{CandidateSource, CurationProvenance, CurationSettings, InputFile, SOURCES, store};
 use crate::evaluation::{FileRecord, program_version};
 use crate::formats::native::Writer;
 use crate::generation::{GenerationSettings, Generator, VERSION};
+use crate::shards::ShardError;
 
 /// Largest number of scenarios that are tried in vain, per requested scenario: a few scenarios are not worth
 /// a long search.
 const PATIENCE_PER_SCENARIO: u64 = 20;
+
+/// Source of the candidates.
+pub(super) const SOURCE: &dyn CandidateSource = SOURCES[0];
 
 /// Returns the path of the file of candidates for a file of scenarios.
 fn deviations_path(out: &Path) -> PathBuf {
@@ -32,30 +38,38 @@ pub(super) fn bench(
     progress: &Progress,
     stop: &AtomicBool,
 ) -> anyhow::Result<GeneratedFiles> {
+    bench_with((0, std::iter::empty()), settings, wanted, jobs, out, progress, stop)
+}
+
+/// Like [`bench`], with scenarios that were tried before: their number, and their outcomes.
+pub(super) fn bench_with(
+    tried: (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, ShardError>>),
+    settings: &GenerationSettings,
+    wanted: u32,
+    jobs: usize,
+    out: &Path,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> anyhow::Result<GeneratedFiles> {
     let generator = Generator::new(settings.clone())?;
     let deviations_path = deviations_path(out);
     let (mut scenarios, mut deviations) = (Writer::create(out)?, store::Writer::create(&deviations_path)?);
     let groups: Vec<String> = settings.map_types().iter().map(|m| m.source()).collect();
-    let curation = CurationSettings { seed: settings.seed, scenes: false, ..CurationSettings::default() };
-    let source = SOURCES[0];
-    let base = CurationProvenance {
-        version: program_version().to_owned(),
-        settings: named(settings, wanted, &curation, source.id()),
-        ..CurationProvenance::default()
-    };
+    let curation = curation_settings(settings);
     let recipe = Recipe {
         wanted: u64::from(wanted),
         groups: &groups,
-        source,
+        source: SOURCE,
         settings: &curation,
         patience: PATIENCE.min(PATIENCE_PER_SCENARIO * u64::from(wanted)),
         jobs,
     };
     progress.set_total(Some(wanted as usize));
     let mut written = 0;
-    let provenance = recipe.run(
+    let provenance = recipe.run_with(
+        tried,
         |number| generator.scenario(number),
-        base,
+        provenance(settings, wanted),
         |entry| {
             scenarios.write(&entry.scenario)?;
             deviations.write(&entry.record)?;
@@ -77,6 +91,20 @@ pub(super) fn bench(
     let files = vec![out.to_owned(), deviations_path];
     let unfilled = provenance.settings.contains_key(MISSING);
     Ok(GeneratedFiles { files, written, failed, unfilled, interrupted })
+}
+
+/// Returns the settings that determine the deviated AVs.
+pub(super) fn curation_settings(settings: &GenerationSettings) -> CurationSettings {
+    CurationSettings { seed: settings.seed, scenes: false, ..CurationSettings::default() }
+}
+
+/// Returns what is known about a benchmark before it is generated.
+pub(super) fn provenance(settings: &GenerationSettings, wanted: u32) -> CurationProvenance {
+    CurationProvenance {
+        version: program_version().to_owned(),
+        settings: named(settings, wanted, &curation_settings(settings), SOURCE.id()),
+        ..CurationProvenance::default()
+    }
 }
 
 /// Prints what a small or rare benchmark lacks.

@@ -50,17 +50,29 @@ fn presets() -> PossibleValuesParser {
 }
 
 impl MakeArgs {
-    fn settings(&self) -> anyhow::Result<GenerationSettings> {
+    pub(super) fn settings(&self) -> anyhow::Result<GenerationSettings> {
         let preset = self.preset.as_deref().and_then(Preset::from_name).context("give a --preset")?;
         Ok(GenerationSettings { preset, seed: self.seed, maps: self.maps.clone(), density: self.density })
+    }
+
+    /// Returns the file to write.
+    pub(super) fn out(&self) -> anyhow::Result<&Path> {
+        self.out.as_deref().context("give the file to write with --out")
+    }
+
+    /// Returns the number of scenarios to write.
+    pub(super) fn wanted(&self) -> anyhow::Result<u32> {
+        self.count.context("give the number of scenarios with --count")
+    }
+
+    /// Returns the number of threads.
+    pub(super) fn jobs(&self) -> usize {
+        self.jobs.map_or_else(available_threads, usize::from)
     }
 }
 
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
-    let out = args.out.as_deref().context("give the file to write with --out")?;
-    let wanted = args.count.context("give the number of scenarios with --count")?;
-    let settings = args.settings()?;
-    let jobs = args.jobs.map_or_else(available_threads, usize::from);
+    let (out, wanted, settings, jobs) = (args.out()?, args.wanted()?, args.settings()?, args.jobs());
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     let generated = match settings.preset {
@@ -68,21 +80,26 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
         Preset::Bench => bench(&settings, wanted, jobs, out, &progress, &stop),
     };
     progress.end();
-    let GeneratedFiles { files, written, failed, unfilled, interrupted } = generated?;
-    if written == 0 {
+    finish(args, &generated?)
+}
+
+/// Prints the manifest entry of what was generated.
+pub(super) fn finish(args: &MakeArgs, generated: &GeneratedFiles) -> anyhow::Result<ExitStatus> {
+    let GeneratedFiles { files, written, failed, unfilled, interrupted } = generated;
+    if *written == 0 {
         bail!("no scenario was generated, and no file was written");
     }
-    if interrupted {
-        say(format_args!("interrupted: the file holds the first {}", count(written, "scenario")));
+    if *interrupted {
+        say(format_args!("interrupted: the file holds the first {}", count(*written, "scenario")));
         return Ok(ExitStatus::Interrupted);
     }
     let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    let entry = Manifest::new(&settings, wanted, &files)?.text()?;
+    let entry = Manifest::new(&args.settings()?, args.wanted()?, &files)?.text()?;
     write_result(None, |out| out.write_all(entry.as_bytes()))?;
-    if failed > 0 {
+    if *failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));
     }
-    Ok(if failed > 0 || unfilled { ExitStatus::SomeFailed } else { ExitStatus::Done })
+    Ok(if *failed > 0 || *unfilled { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
 /// Writes scenarios 0 to below `wanted` as generated. Scenarios that cannot be generated are

@@ -33,20 +33,25 @@ pub(super) struct WosacArgs {
     /// 2024_challenge_code
     #[arg(long = "wosac-config", value_name = "YEAR", value_delimiter = ',', value_parser = config,
           default_value = "2025")]
-    configs: Vec<Config>,
+    pub(super) configs: Vec<Config>,
     /// Accept a submission with scenarios of the recordings missing, or with another number of rollouts than
     /// 32
     #[arg(long)]
-    partial: bool,
+    pub(super) partial: bool,
     /// Simulator of a run folder, if it has several
     #[arg(long, value_name = "ID")]
-    simulator: Option<String>,
+    pub(super) simulator: Option<String>,
     /// Threads of --wosac [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }
 
 impl WosacArgs {
+    /// Returns the number of threads.
+    pub(super) fn jobs(&self) -> usize {
+        self.jobs.map_or_else(available_threads, usize::from)
+    }
+
     /// Refuses options without effect.
     pub(super) fn check_absent(&self) -> anyhow::Result<()> {
         let only_2025 = matches!(self.configs.as_slice(), [config] if config.id == Config::CHALLENGE_2025.id);
@@ -70,13 +75,33 @@ fn config(id: &str) -> Result<Config, String> {
 }
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
+    let path = check(args)?;
+    let (progress, jobs) = (Progress::new(), args.wosac.jobs());
+    let mut observe = observer(&progress);
+    let scores = if is_run(path) {
+        let mut pairs = run_pairs(args, path)?;
+        let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
+        describe_run(args, &mut scores, &pairs);
+        scores
+    } else {
+        let mut pairs = submitted_pairs(args, path)?;
+        let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
+        describe_submission(args, &mut scores, &mut pairs, &mut observe);
+        scores
+    };
+    progress.end();
+    finish(args, &scores)
+}
+
+/// Checks the options; returns the path of the rollouts.
+pub(super) fn check(args: &ScoreArgs) -> anyhow::Result<&Path> {
     let [path] = args.rollouts.as_slice() else {
         bail!("give one submission or run folder with --wosac");
     };
     if !args.metric_options.is_empty() || !args.allow.is_empty() || !args.table.is_usual() {
         bail!("--metric-option, --allow and options of tables have no effect with --wosac: leave them out");
     }
-    let format = Format::of(args.format.as_deref())?;
+    Format::of(args.format.as_deref())?;
     if args
         .out
         .as_deref()
@@ -84,36 +109,41 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     {
         bail!("--out names a folder to write, which must be new or empty");
     }
-    let (progress, jobs) = (Progress::new(), args.wosac.jobs.map_or_else(available_threads, usize::from));
-    let mut observe = |done: usize, failure: Option<&RealismFailure>| match failure {
-        Some(failure) => progress.failure(format_args!(": {}", failure.error)),
-        None => progress.set_done(done),
-    };
-    let scores = if path.join(PROVENANCE).exists() {
-        let mut pairs =
-            RunPairs::open(path, args.wosac.simulator.as_deref(), log_sources::recorded(&args.scenarios)?)?;
-        let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
-        scores.method = pairs.simulator().to_owned();
-        if !args.wosac.partial {
-            scores.missing = pairs.missing().to_vec();
-        }
-        scores
-    } else {
-        if args.wosac.simulator.is_some() {
-            bail!("--simulator goes with a run folder: a submission has one method");
-        }
-        score_submission(args, path, jobs, &mut observe)?
-    };
-    progress.end();
-    finish(args, &scores, format)
+    if args.wosac.simulator.is_some() && !is_run(path) {
+        bail!("--simulator goes with a run folder: a submission has one method");
+    }
+    Ok(path)
 }
 
-fn score_submission(
-    args: &ScoreArgs,
-    path: &Path,
-    jobs: usize,
-    observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
-) -> anyhow::Result<RealismScores> {
+/// Returns whether the rollouts are those of a run folder, not of a submission.
+pub(super) fn is_run(rollouts: &Path) -> bool {
+    rollouts.join(PROVENANCE).exists()
+}
+
+/// Shows what is scored.
+pub(super) fn observer(progress: &Progress) -> impl FnMut(usize, Option<&RealismFailure>) {
+    |done: usize, failure: Option<&RealismFailure>| match failure {
+        Some(failure) => progress.failure(format_args!(": {}", failure.error)),
+        None => progress.set_done(done),
+    }
+}
+
+/// Opens the rollouts of a run folder with their logs.
+pub(super) fn run_pairs(args: &ScoreArgs, folder: &Path) -> anyhow::Result<RunPairs> {
+    let sources = log_sources::recorded(&args.scenarios)?;
+    Ok(RunPairs::open(folder, args.wosac.simulator.as_deref(), sources)?)
+}
+
+/// Adds what is known about the rollouts of a run.
+pub(super) fn describe_run(args: &ScoreArgs, scores: &mut RealismScores, pairs: &RunPairs) {
+    pairs.simulator().clone_into(&mut scores.method);
+    if !args.wosac.partial {
+        scores.missing.extend_from_slice(pairs.missing());
+    }
+}
+
+/// Opens a submission with its logs.
+pub(super) fn submitted_pairs(args: &ScoreArgs, path: &Path) -> anyhow::Result<SubmittedPairs> {
     let mut recordings = Vec::new();
     for source in log_sources::recorded(&args.scenarios)? {
         match source {
@@ -124,10 +154,17 @@ fn score_submission(
             ),
         }
     }
-    let mut pairs =
-        SubmittedPairs::new(SubmissionReader::open(path)?, LogFiles::new(recordings), args.wosac.partial);
-    let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, observe);
-    scores.method = pairs.method().unwrap_or_default().to_owned();
+    Ok(SubmittedPairs::new(SubmissionReader::open(path)?, LogFiles::new(recordings), args.wosac.partial))
+}
+
+/// Adds what is known about a submission that was read to its end.
+pub(super) fn describe_submission(
+    args: &ScoreArgs,
+    scores: &mut RealismScores,
+    pairs: &mut SubmittedPairs,
+    observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
+) {
+    pairs.method().unwrap_or_default().clone_into(&mut scores.method);
     let (missing, unreadable) = if args.wosac.partial { Default::default() } else { pairs.missing() };
     scores.missing = missing;
     for error in unreadable {
@@ -138,7 +175,6 @@ fn score_submission(
     if let Some(fault) = pairs.metadata_fault().filter(|_| !args.wosac.partial) {
         say(format_args!("warning: the server would refuse the metadata: {fault}"));
     }
-    Ok(scores)
 }
 
 /// Format of the result on stdout.
@@ -164,7 +200,8 @@ impl Format {
 type TableWriter = fn(&RealismScores, &mut dyn Write) -> io::Result<()>;
 
 /// Prints the result and writes the folder.
-fn finish(args: &ScoreArgs, scores: &RealismScores, format: Format) -> anyhow::Result<ExitStatus> {
+pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result<ExitStatus> {
+    let format = Format::of(args.format.as_deref())?;
     if scores.rows.is_empty() {
         bail!("no scenario could be scored: see the warnings above");
     }

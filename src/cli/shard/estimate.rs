@@ -1,16 +1,16 @@
-//! How much time and space a run in units takes.
+//! How much time and space work in units takes.
 
 use std::fmt::{Display, Formatter};
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
-use crate::cli::write_file;
-use crate::evaluation::shards::{ShardPlan, UnitWorker};
-use crate::evaluation::{Execution, Plan};
+use crate::cli::progress::Progress;
+use crate::cli::sharded::{Sharded, WorkSettings};
+use crate::cli::{stop_on_interrupt, write_file};
+use crate::shards::{ShardPlan, UnitWorker};
 
 /// Name of the file with the estimate.
 const ESTIMATE: &str = "estimate.json";
@@ -19,7 +19,7 @@ const ESTIMATE: &str = "estimate.json";
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Estimate {
-    /// Number of records that were run.
+    /// Number of records that were worked on.
     measured: usize,
     /// Number of all records.
     records: usize,
@@ -32,18 +32,20 @@ pub(super) struct Estimate {
 }
 
 impl Estimate {
-    /// Runs some records, spread over all units, on one core, and writes the estimate to the folder of units.
-    /// `None` if interrupted.
+    /// Works on some records, spread over all units, on one core, and writes the estimate to the folder of
+    /// units. `None` if interrupted.
     pub(super) fn measure(
         folder: &Path,
-        shards: &ShardPlan,
-        plan: &Plan,
-        execution: Execution,
+        plan: &ShardPlan,
+        command: &dyn Sharded,
         most: usize,
     ) -> anyhow::Result<Option<Self>> {
-        let stop = AtomicBool::new(false);
-        let execution = Execution { jobs: 1, ..execution };
-        let worker = UnitWorker { folder, shards, plan, execution, observer: &(), stop: &stop };
+        let stop = stop_on_interrupt("leaving out the estimate")?;
+        let progress = Progress::hidden();
+        let units: Vec<usize> = plan.sampled(most).map(|(number, _)| number).collect();
+        let settings = WorkSettings { folder, jobs: 1, progress: &progress, stop: &stop };
+        let work = command.prepare(plan, &units, settings)?;
+        let worker = UnitWorker { folder, plan, work: work.as_ref(), jobs: 1 };
         // The first record pays for what happens once per process.
         worker.sample(1)?;
         let begin = Instant::now();
@@ -51,7 +53,7 @@ impl Estimate {
         let (seconds, measured) = (begin.elapsed().as_secs_f64(), sample.records.max(1));
         let estimate = Self {
             measured,
-            records: shards.records(),
+            records: plan.records(),
             seconds_per_record: seconds / measured as f64,
             bytes_per_record: sample.bytes as f64 / measured as f64,
             memory: memory_stats::memory_stats().map_or(0, |memory| memory.physical_mem as u64),

@@ -6,12 +6,12 @@ use std::time::Instant;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::planned::{PlannedRun, prepare};
-use crate::cli::external::keep_stderr;
+use super::planned::command;
 use crate::cli::progress::Progress;
+use crate::cli::sharded::WorkSettings;
 use crate::cli::subject::JobsArg;
 use crate::cli::{ExitStatus, count, is_quiet, say, stop_on_interrupt};
-use crate::evaluation::shards::{ShardPlan, UnitOutcome, UnitWorker};
+use crate::shards::{ShardPlan, UnitOutcome, UnitWorker};
 
 /// Arguments of `shard run`.
 #[derive(Debug, Args)]
@@ -40,21 +40,20 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::Done);
     }
     let stop = stop_on_interrupt("stopping; units that are finished stay")?;
-    let PlannedRun { args: run, plan, external } = prepare(&shards, &units)?;
-    keep_stderr(&external, Some(&args.folder))?;
-    let mut execution = run.work.execution();
-    execution.jobs = args.jobs.or(execution.jobs);
-    let (mut failed, mut refused) = (0, 0);
+    let command = command(&shards)?;
+    let (folder, jobs, progress) = (args.folder.as_path(), args.jobs.or(command.jobs()), Progress::new());
+    let total: Result<Vec<usize>, _> =
+        units.iter().map(|number| shards.unit(*number).map(|unit| unit.range.count)).collect();
+    progress.set_total(Some(total?.iter().sum()));
+    let settings = WorkSettings { folder, jobs, progress: &progress, stop: &stop };
+    let work = command.prepare(&shards, &units, settings)?;
+    let worker = UnitWorker { folder, plan: &shards, work: work.as_ref(), jobs };
+    let (mut failed, mut refused, mut done) = (0, 0, 0);
     for &number in &units {
-        let progress = Progress::new();
-        progress.set_total(Some(shards.unit(number)?.range.count));
         let begin = Instant::now();
-        let seconds = || begin.elapsed().as_secs_f64();
-        let folder = args.folder.as_path();
-        let worker =
-            UnitWorker { folder, shards: &shards, plan: &plan, execution, observer: &progress, stop: &stop };
-        let outcome = worker.run(number, &seconds);
-        progress.end();
+        let outcome = worker.run(number, &|| begin.elapsed().as_secs_f64());
+        done += shards.unit(number)?.range.count;
+        progress.begin_part(done);
         match outcome {
             Ok(UnitOutcome::Finished(record)) => {
                 failed += record.failed;
@@ -62,26 +61,32 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
                     continue;
                 }
                 let rate = record.records as f64 / record.seconds.max(1e-3);
-                say(format_args!(
+                progress.say(format_args!(
                     "unit {number}: {}, {:.1} s, {rate:.1}/s{}",
                     count(record.records, "record"),
                     record.seconds,
                     if record.failed == 0 { String::new() } else { format!(", {} failed", record.failed) }
                 ));
             }
-            Ok(UnitOutcome::WasFinished) => say(format_args!("unit {number}: already finished")),
-            Ok(UnitOutcome::Interrupted) => return Ok(ExitStatus::Interrupted),
+            Ok(UnitOutcome::WasFinished) => {
+                progress.say(format_args!("unit {number}: already finished"));
+            }
+            Ok(UnitOutcome::Interrupted) => {
+                progress.end();
+                return Ok(ExitStatus::Interrupted);
+            }
             Err(error) => {
                 let error = anyhow!("unit {number}: {:#}", anyhow::Error::from(error));
                 if units.len() == 1 {
                     return Err(error);
                 }
                 // Other units may well be possible.
-                say(format_args!("warning: {error}"));
+                progress.say(format_args!("warning: {error}"));
                 refused += 1;
             }
         }
     }
+    progress.end();
     if refused > 0 {
         bail!("{refused} of {} are not carried out: see the warnings above", count(units.len(), "unit"));
     }

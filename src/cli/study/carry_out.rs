@@ -8,7 +8,9 @@ use crate::cli::external::keep_stderr;
 use crate::cli::finished::{put_table, report_left_out};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
-use crate::evaluation::{self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults};
+use crate::evaluation::{
+    self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults, Summary,
+};
 use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
@@ -44,24 +46,42 @@ pub(super) fn carry_out(
             ));
             return Ok(ExitStatus::Interrupted);
         };
-        let style = TableStyle { also: shared.table.style().also, ..TableStyle::default() };
-        put_table(&run, &summary, style)?;
-        if i == 0 || summary.provenance.scenarios == 0 {
-            report_left_out(&summary);
-        }
-        if summary.provenance.scenarios == 0 {
-            bail!("no scenario could be run: see the warnings above");
-        }
+        finish_member(&run, &summary, shared, i == 0)?;
         failed += summary.provenance.failures.len();
     }
-    if plan.study().kind == StudyKind::Realism && shared.keep_rollouts {
-        score_realism(folder.path(), &shared.subject.log_sources()?)?;
-    }
-    finish(&folder, shared, failed)
+    finish(&folder, shared, plan.study().kind, failed)
 }
 
-/// Writes and prints the table.
-fn finish(folder: &StudyFolder, shared: &SharedArgs, failed: usize) -> anyhow::Result<ExitStatus> {
+/// Writes the table of a member and reports what it left out.
+pub(super) fn finish_member(
+    run: &RunFolder,
+    summary: &Summary,
+    shared: &SharedArgs,
+    is_first: bool,
+) -> anyhow::Result<()> {
+    let style = TableStyle { also: shared.table.style().also, ..TableStyle::default() };
+    put_table(run, summary, style)?;
+    // All members leave out the same.
+    if is_first || summary.provenance.scenarios == 0 {
+        report_left_out(summary);
+    }
+    if summary.provenance.scenarios == 0 {
+        bail!("no scenario could be run: see the warnings above");
+    }
+    Ok(())
+}
+
+/// Computes the realism metrics of a study of realism, and writes and prints the table. `failed` is the number
+/// of failures of all members.
+pub(super) fn finish(
+    folder: &StudyFolder,
+    shared: &SharedArgs,
+    kind: StudyKind,
+    failed: usize,
+) -> anyhow::Result<ExitStatus> {
+    if kind == StudyKind::Realism && shared.keep_rollouts {
+        score_realism(folder.path(), &shared.subject.log_sources()?)?;
+    }
     let results = StudyResults::read(folder.path())?;
     let (mut text, style) = (Vec::new(), shared.table.style());
     study_tables::write_markdown(&results, style, &mut text).context("could not make the table")?;

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
-use crate::evaluation::StudyPlan;
+use crate::evaluation::{Source, StudyPlan};
 use crate::external::RunOutline;
 use crate::rollout::{Replan, Settings};
 
@@ -27,12 +27,11 @@ pub(super) struct GuardsArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &GuardsArgs) -> anyhow::Result<PlannedStudy> {
+pub(super) fn plan(args: &GuardsArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
     let subject = &args.shared.subject;
     let adjustments = subject.adjustments(None)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
     let (simulators, external) = subject.simulators(None, &RunOutline::of(&settings))?;
-    let plan =
-        subject.plan(subject.sources()?, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
+    let plan = subject.plan(sources, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::guards(plan, &adjustments)?, external))
 }

@@ -10,7 +10,7 @@ use super::{PlannedStudy, SharedArgs};
 use crate::cli::progress::Progress;
 use crate::cli::{say, write_file};
 use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPairs, score_all};
-use crate::evaluation::{StudyPlan, read_summary};
+use crate::evaluation::{Source, StudyPlan, read_summary};
 use crate::external::RunOutline;
 use crate::metrics::wosac::Config;
 use crate::report::wosac_tables;
@@ -35,19 +35,14 @@ pub(super) struct RealismArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &RealismArgs) -> anyhow::Result<PlannedStudy> {
+pub(super) fn plan(args: &RealismArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
     let subject = &args.shared.subject;
     let protocols = vec!["reactive", "realism"];
     let outline = RunOutline { intervals: vec![args.replan.steps()], protocols };
     let (simulators, external) = subject.simulators(None, &outline)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(
-        subject.sources()?,
-        simulators,
-        settings,
-        args.reactive_rollouts,
-        args.shared.keep_rollouts,
-    )?;
+    let plan =
+        subject.plan(sources, simulators, settings, args.reactive_rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::realism(plan, args.rollouts), external))
 }
 

@@ -5,7 +5,7 @@ use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::subject::ProtocolName;
-use crate::evaluation::StudyPlan;
+use crate::evaluation::{Source, StudyPlan};
 use crate::external::RunOutline;
 use crate::rollout::{Protocol, Replan, Settings};
 
@@ -31,7 +31,7 @@ pub(super) struct ReplanArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<PlannedStudy> {
+pub(super) fn plan(args: &ReplanArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
     let mut intervals = args.intervals.clone();
     intervals.sort_by_key(|i| i.steps());
     if let Some(repeated) = intervals.windows(2).find(|w| w[0] == w[1]) {
@@ -46,7 +46,6 @@ pub(super) fn plan(args: &ReplanArgs) -> anyhow::Result<PlannedStudy> {
         simulators.retain(|s| !s.controller.is_oracle());
     }
     let settings = Settings { protocol, seed: subject.seed, ..Settings::default() };
-    let plan =
-        subject.plan(subject.sources()?, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
+    let plan = subject.plan(sources, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
     Ok((StudyPlan::replan(plan, &intervals), external))
 }

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
-use crate::evaluation::{NamedVocabulary, StudyPlan, weights_file};
+use crate::evaluation::{NamedVocabulary, Source, StudyPlan, weights_file};
 use crate::models::weights;
 use crate::rollout::Settings;
 
@@ -58,7 +58,7 @@ impl FromStr for VocabularyFile {
     }
 }
 
-pub(super) fn plan(args: &VocabularyArgs) -> anyhow::Result<PlannedStudy> {
+pub(super) fn plan(args: &VocabularyArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
     let subject = &args.shared.subject;
     subject.refuse_simulators("this study replays the log: give vocabularies with --vocabulary")?;
     let vocabularies = match args.vocabularies.is_empty() {
@@ -71,7 +71,7 @@ pub(super) fn plan(args: &VocabularyArgs) -> anyhow::Result<PlannedStudy> {
         }
     }
     let settings = Settings { seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(subject.sources()?, Vec::new(), settings, 1, args.shared.keep_rollouts)?;
+    let plan = subject.plan(sources, Vec::new(), settings, 1, args.shared.keep_rollouts)?;
     Ok((StudyPlan::vocabulary(plan, vocabularies)?, Vec::new()))
 }
 

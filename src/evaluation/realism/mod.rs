@@ -11,6 +11,7 @@ mod run_rollouts;
 mod scores;
 mod submission;
 mod summary;
+mod unit;
 
 pub use logs::LogFiles;
 pub use run_pairs::{LogSource, RunPairs};
@@ -18,3 +19,4 @@ pub use run_rollouts::{RunRolloutsError, run_rollouts};
 pub use scores::{RealismFailure, RealismRow, RealismScores, ScoredPair, score_all};
 pub use submission::SubmittedPairs;
 pub use summary::{REALISM_ROWS, REALISM_SUMMARY, RealismSummary};
+pub use unit::UNIT_SCORES;

@@ -6,12 +6,16 @@ use std::path::{Path, PathBuf};
 use super::run_rollouts::run_rollouts;
 use super::scores::{RealismFailure, ScoredPair};
 use crate::evaluation::folder::{ROLLOUTS, read_summary};
-use crate::evaluation::{EvaluationError, Source};
+use crate::evaluation::{EvaluationError, FileRecord, Registrar, Source};
 use crate::formats::rollouts::{ByName, RolloutRecord};
 use crate::formats::wosac::WosacLogs;
-use crate::formats::{FormatError, Input, Scenarios};
+use crate::formats::{FormatError, Input, PendingScenarios, Scenarios};
 use crate::scene::Scenario;
 use crate::scene::wosac::{ObjectIds, WosacLog};
+use crate::shards::RecordRange;
+
+/// Format of recordings in the records of files.
+const RECORDING: &str = "womd";
 
 /// Files of logs.
 #[derive(Clone)]
@@ -30,6 +34,42 @@ impl LogSource {
     pub fn of(input: Input) -> Self {
         if input.is_recording() { Self::Recording(input.path) } else { Self::Scenarios(input) }
     }
+
+    /// Returns the number of logs, damaged ones included. A source that cannot be opened has one, so that its
+    /// error is reported.
+    pub fn count(&self) -> usize {
+        let counted = match self {
+            Self::Recording(path) => {
+                WosacLogs::open(path).map(|mut logs| std::iter::from_fn(|| logs.next_if(|_| false)).count())
+            }
+            Self::Scenarios(input) => input.open_undecoded().map(Iterator::count),
+            Self::Shipped => (Source::shipped(usize::MAX).open)(0).map(Iterator::count),
+        };
+        counted.unwrap_or(1)
+    }
+
+    /// Returns the record of the file, which is read for its digest.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`].
+    pub fn record(&self) -> Result<FileRecord, EvaluationError> {
+        match self {
+            Self::Recording(path) => FileRecord::of(path, RECORDING),
+            Self::Scenarios(input) => Registrar::default().record(input),
+            Self::Shipped => Ok(Source::shipped(usize::MAX).file),
+        }
+    }
+
+    /// Returns whether the file has the name of a record.
+    pub fn is_named(&self, record: &FileRecord) -> bool {
+        match self {
+            Self::Recording(path) => {
+                path.file_name().is_some_and(|name| name.to_string_lossy() == record.name)
+            }
+            Self::Scenarios(input) => record.is_named(input),
+            Self::Shipped => false,
+        }
+    }
 }
 
 /// Iterator over the scenarios of a run for one simulator: each log with the rollouts of the run, in the
@@ -42,12 +82,33 @@ pub struct RunPairs {
     records: ByName,
     sources: VecDeque<LogSource>,
     open: Option<Logs>,
+    /// Number of logs that are passed over in the first source, and of those that are read.
+    range: Option<(usize, usize)>,
+    read: usize,
     missing: Vec<String>,
 }
 
 enum Logs {
     Recorded(WosacLogs),
     Scenarios(Scenarios),
+}
+
+impl Logs {
+    /// Opens a source and passes over its first logs.
+    fn open(source: LogSource, first: usize) -> Result<Self, FormatError> {
+        let scenarios = |records: PendingScenarios| -> Scenarios {
+            Box::new(records.map(|record| record.and_then(|decode| decode())))
+        };
+        Ok(match source {
+            LogSource::Recording(path) => {
+                let mut logs = WosacLogs::open(&path)?;
+                logs.pass_over(first as u64);
+                Self::Recorded(logs)
+            }
+            LogSource::Scenarios(input) => Self::Scenarios(scenarios(input.open_from(first)?)),
+            LogSource::Shipped => Self::Scenarios(scenarios((Source::shipped(usize::MAX).open)(first)?)),
+        })
+    }
 }
 
 /// A log, and how agents of the run are found in it.
@@ -85,7 +146,31 @@ impl RunPairs {
         let rollouts = summary.provenance.run.settings.rollouts;
         let scenarios = summary.provenance.scenarios;
         let (folder, sources) = (folder.to_owned(), sources.into());
-        Ok(Self { folder, simulator, rollouts, scenarios, records, sources, open: None, missing: Vec::new() })
+        Ok(Self {
+            folder,
+            simulator,
+            rollouts,
+            scenarios,
+            records,
+            sources,
+            open: None,
+            range: None,
+            read: 0,
+            missing: Vec::new(),
+        })
+    }
+
+    /// Restricts the pairs to those of a range of logs.
+    #[must_use]
+    pub fn within(mut self, range: RecordRange) -> Self {
+        self.sources = self.sources.into_iter().skip(range.input).take(1).collect();
+        self.range = Some((range.first, range.count));
+        self
+    }
+
+    /// Returns the number of logs that were read, damaged ones included.
+    pub fn logs(&self) -> usize {
+        self.read
     }
 
     /// Returns the id of the simulator.
@@ -105,6 +190,10 @@ impl RunPairs {
 
     /// Returns the next log.
     fn next_log(&mut self) -> Option<Result<Logged, FormatError>> {
+        let (first, count) = self.range.unwrap_or((0, usize::MAX));
+        if self.read >= count {
+            return None;
+        }
         loop {
             let next = match &mut self.open {
                 Some(Logs::Recorded(logs)) => logs.next().map(|log| log.map(Logged::recorded)),
@@ -114,17 +203,14 @@ impl RunPairs {
                 None => None,
             };
             if next.is_some() {
+                self.read += 1;
                 return next;
             }
-            let opened = match self.sources.pop_front()? {
-                LogSource::Recording(path) => WosacLogs::open(&path).map(Logs::Recorded),
-                LogSource::Scenarios(input) => input.open().map(Logs::Scenarios),
-                LogSource::Shipped => Source::shipped(usize::MAX).scenarios().map(Logs::Scenarios),
-            };
-            match opened {
+            match Logs::open(self.sources.pop_front()?, first) {
                 Ok(logs) => self.open = Some(logs),
                 Err(error) => {
                     self.open = None;
+                    self.read += 1;
                     return Some(Err(error));
                 }
             }

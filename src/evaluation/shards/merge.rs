@@ -1,13 +1,11 @@
 //! The results of all units as one run folder.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::fs::{self, File};
+use std::collections::{BTreeSet, HashMap};
+use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::error::ShardError;
-use super::plan::{ShardPlan, Unit};
-use super::unit::{PARTIAL, UnitRecord, check_files, finished_number, is_abandoned, read_record};
+use super::{LEFT_OUT, ShardedRun};
 use crate::evaluation::folder::{
     EVENTS, FAILURES, ROLLOUTS, ROWS, SUMMARY, cannot_read, cannot_write, for_parsed_lines, line, replace,
 };
@@ -17,109 +15,56 @@ use crate::evaluation::summary_builder::SummaryBuilder;
 use crate::evaluation::{EvaluationError, RunFolder, Summary, Tally, long_tables};
 use crate::files::NewFile;
 use crate::formats::rollouts::{Writer, read};
+use crate::shards::{FinishedUnit, ShardError, Unit};
 
-/// A run folder made of units.
-pub struct Merged {
-    /// The run folder.
-    pub folder: RunFolder,
-    /// Its summary, which is written.
-    pub summary: Summary,
-    /// Records of the units, in order.
-    pub units: Vec<UnitRecord>,
-    /// Number of partial folders that were left by processes that are no longer there; they are removed.
-    pub abandoned: usize,
-}
-
-/// Merges the results of all units into a run folder, as a run on one machine would write it. `done` is
-/// called after every unit with the number of records so far. Memory does not grow with events and rollouts,
-/// and by some tens of bytes per scenario beyond the first 100,000.
+/// Merges the results of all units of a run into its run folder, as a run on one machine would write it;
+/// returns the folder with its summary, which is written. `done` is called after every unit with the number
+/// of records so far. Memory does not grow with events and rollouts, and by some tens of bytes per scenario
+/// beyond the first 100,000.
 ///
 /// # Errors
-/// [`ShardError`] if units are missing, there twice, of another plan, or damaged; if `out` has anything but
-/// an unfinished merge of this plan; or if a file cannot be read or written. The units stay as they are.
+/// [`ShardError`] if results of a unit are damaged; if `out` has anything but an unfinished merge of this
+/// run; or if a file cannot be read or written. The units stay as they are.
 pub fn merge(
-    folder: &Path,
-    plan: &ShardPlan,
+    units: &[FinishedUnit],
+    planned: &ShardedRun,
     out: &Path,
     done: &dyn Fn(usize),
-) -> Result<Merged, ShardError> {
-    let Found { partial, mut records } = Found::in_folder(folder, plan)?;
-    let missing = plan.missing(folder);
-    if !missing.is_empty() {
-        return Err(ShardError::Missing { missing, count: plan.units.len() });
-    }
-    let mut units = Vec::with_capacity(plan.units.len());
-    for (number, unit) in plan.units.iter().enumerate() {
-        let path = ShardPlan::unit_folder(folder, number, unit);
-        let record = records.remove(&number).map(|(_, record)| record);
-        let Some(record) = record.filter(|record| record.records == unit.range.count) else {
-            return Err(ShardError::Foreign { path });
-        };
-        check_files(&path, number, &record)?;
-        units.push(record);
-    }
-    let run = match RunFolder::begin_again(out, &plan.provenance) {
-        Err(EvaluationError::Exists { path }) if RunFolder::is_of(&path, &plan.provenance).is_ok() => {
+) -> Result<(RunFolder, Summary), ShardError> {
+    let provenance = &planned.provenance;
+    let run = match RunFolder::begin_again(out, provenance) {
+        Err(EvaluationError::Exists { path }) if RunFolder::is_of(&path, provenance).is_ok() => {
             return Err(ShardError::Merged { path });
         }
         run => run?,
     };
-    let mut merger = Merger::new(folder, plan, &run);
+    let mut merger = Merger::new(units, planned, &run);
     merger.rows(done)?;
     merger.failures()?;
     merger.events()?;
     long_tables::write(out)?;
-    if plan.provenance.keep_rollouts == Some(true) {
+    if provenance.keep_rollouts == Some(true) {
         merger.rollouts()?;
     }
     let mut left_out = LeftOut::default();
-    units.iter().for_each(|unit| left_out.add(unit.left_out.clone()));
-    let mut summary = merger.builder.finish(&merger.failed);
-    left_out.describe(plan.deviations, &mut summary.provenance);
-    run.put(SUMMARY, &summary.to_json())?;
-    let mut abandoned = 0;
-    for path in partial.iter().filter(|path| is_abandoned(path)) {
-        fs::remove_dir_all(path).map_err(cannot_write(path))?;
-        abandoned += 1;
+    for unit in units {
+        for_parsed_lines(&unit.results().join(LEFT_OUT), |of_unit| left_out.add(of_unit))?;
     }
-    Ok(Merged { folder: run, summary, units, abandoned })
+    let mut summary = merger.builder.finish(&merger.failed);
+    left_out.describe(planned.deviations, &mut summary.provenance);
+    run.put(SUMMARY, &summary.to_json())?;
+    Ok((run, summary))
 }
 
-/// What is in a folder of units.
-struct Found {
-    /// Folders that are being written, or were left by killed processes.
-    partial: Vec<PathBuf>,
-    /// Folders and records of finished units by number.
-    records: BTreeMap<usize, (PathBuf, UnitRecord)>,
-}
-
-impl Found {
-    /// Reads the records of all finished units; they must be of this plan and there once.
-    fn in_folder(folder: &Path, plan: &ShardPlan) -> Result<Self, ShardError> {
-        let mut found = Self { partial: Vec::new(), records: BTreeMap::new() };
-        for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
-            let path = entry.map_err(cannot_read(folder))?.path();
-            let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-            if name.starts_with(PARTIAL) {
-                found.partial.push(path);
-            } else if let Some(number) = finished_number(name) {
-                let Some(unit) = plan.units.get(number) else { return Err(ShardError::Foreign { path }) };
-                let record = read_record(&path, number)?;
-                if record.key != unit.key {
-                    return Err(ShardError::Foreign { path });
-                }
-                if let Some((first, _)) = found.records.insert(number, (path.clone(), record)) {
-                    return Err(ShardError::Twice { unit: number, first, second: path });
-                }
-            }
-        }
-        Ok(found)
+impl From<EvaluationError> for ShardError {
+    fn from(error: EvaluationError) -> Self {
+        Self::work(error)
     }
 }
 
 struct Merger<'a> {
-    shards: &'a Path,
-    plan: &'a ShardPlan,
+    units: &'a [FinishedUnit],
+    planned: &'a ShardedRun,
     run: &'a RunFolder,
     simulators: Vec<String>,
     builder: SummaryBuilder<'a>,
@@ -142,14 +87,14 @@ struct PendingScenario {
 }
 
 impl<'a> Merger<'a> {
-    fn new(shards: &'a Path, plan: &'a ShardPlan, run: &'a RunFolder) -> Self {
-        let simulators: Vec<String> = plan.provenance.simulators.iter().map(|s| s.id.clone()).collect();
+    fn new(units: &'a [FinishedUnit], planned: &'a ShardedRun, run: &'a RunFolder) -> Self {
+        let simulators: Vec<String> = planned.provenance.simulators.iter().map(|s| s.id.clone()).collect();
         let metrics = Tally::new(Vec::new(), 1).metrics;
         Self {
-            shards,
-            plan,
+            units,
+            planned,
             run,
-            builder: SummaryBuilder::new(&simulators, &metrics, &plan.provenance),
+            builder: SummaryBuilder::new(&simulators, &metrics, &planned.provenance),
             simulators,
             seen: HashMap::new(),
             refused: BTreeSet::new(),
@@ -157,20 +102,14 @@ impl<'a> Merger<'a> {
         }
     }
 
-    /// Returns the folders of all units.
-    fn units(&self) -> impl Iterator<Item = (usize, &'a Unit, PathBuf)> + use<'a> {
-        let shards = self.shards;
-        let all = self.plan.units.iter().enumerate();
-        all.map(move |(number, unit)| (number, unit, ShardPlan::unit_folder(shards, number, unit)))
-    }
-
     /// Joins the rows, adds their values to the summary, and refuses scenarios whose id is taken.
     fn rows(&mut self, done: &dyn Fn(usize)) -> Result<(), ShardError> {
         let path = self.run.path().join(ROWS);
         let mut out = BufWriter::new(NewFile::create(&path).map_err(cannot_write(&path))?);
         let mut records = 0;
-        for (number, unit, folder) in self.units() {
-            let damaged = |reason: String| ShardError::Damaged { path: folder.clone(), unit: number, reason };
+        for finished in self.units {
+            let (folder, range) = (finished.results(), finished.unit.range);
+            let damaged = |reason: String| finished.damaged(reason);
             let mut pending: Option<PendingScenario> = None;
             for (i, text) in lines(&folder.join(ROWS))?.enumerate() {
                 let text = text.map_err(cannot_read(&folder.join(ROWS)))?;
@@ -178,7 +117,7 @@ impl<'a> Merger<'a> {
                     .map_err(|error| damaged(format!("{ROWS}, line {}: {error}", i + 1)))?;
                 let place = row.place();
                 let is_next = pending.as_ref().is_none_or(|p| p.place < place);
-                if !unit.range.contains(place)
+                if !range.contains(place.input, place.record)
                     || !(is_next || pending.as_ref().is_some_and(|p| p.place == place))
                 {
                     return Err(damaged(format!("{ROWS}, line {}: the row is out of place", i + 1)));
@@ -187,7 +126,7 @@ impl<'a> Merger<'a> {
                     if let Some(finished) = pending.take() {
                         self.scenario(finished, &mut out).map_err(|e| e.of(&path, &damaged))?;
                     }
-                    pending = Some(PendingScenario::new(place, &self.simulators, &self.plan.provenance));
+                    pending = Some(PendingScenario::new(place, &self.simulators, &self.planned.provenance));
                 }
                 if let Some(pending) = &mut pending {
                     pending.add(row, &text).map_err(|reason| damaged(format!("{ROWS}: {reason}")))?;
@@ -196,7 +135,7 @@ impl<'a> Merger<'a> {
             if let Some(finished) = pending {
                 self.scenario(finished, &mut out).map_err(|e| e.of(&path, &damaged))?;
             }
-            records += unit.range.count;
+            records += range.count;
             done(records);
         }
         let file = out.into_inner().map_err(|e| cannot_write(&path)(e.into_error()))?;
@@ -211,7 +150,7 @@ impl<'a> Merger<'a> {
         let mut id = [0; 16];
         id.copy_from_slice(&blake3::hash(entry.scenario.as_bytes()).as_bytes()[..16]);
         if let Some(earlier) = self.seen.get(&id) {
-            let inputs = &self.plan.provenance.inputs;
+            let inputs = &self.planned.provenance.inputs;
             self.failed.push(Failure::repeated(
                 place,
                 *earlier,
@@ -229,8 +168,8 @@ impl<'a> Merger<'a> {
 
     /// Joins the failures and adds scenarios whose id is taken.
     fn failures(&mut self) -> Result<(), ShardError> {
-        for (_, _, folder) in self.units() {
-            for_parsed_lines(&folder.join(FAILURES), |failure| self.failed.push(failure))?;
+        for unit in self.units {
+            for_parsed_lines(&unit.results().join(FAILURES), |failure| self.failed.push(failure))?;
         }
         self.failed.sort();
         let failed = &self.failed;
@@ -243,19 +182,17 @@ impl<'a> Merger<'a> {
     fn events(&self) -> Result<(), ShardError> {
         let path = self.run.path().join(EVENTS);
         let mut out = BufWriter::new(NewFile::create(&path).map_err(cannot_write(&path))?);
-        for (number, unit, folder) in self.units() {
-            let from = folder.join(EVENTS);
-            if self.is_whole(unit) {
+        for finished in self.units {
+            let from = finished.results().join(EVENTS);
+            if self.is_whole(&finished.unit) {
                 let mut file = File::open(&from).map_err(cannot_read(&from))?;
                 io::copy(&mut file, &mut out).map_err(cannot_write(&path))?;
                 continue;
             }
             for text in lines(&from)? {
                 let text = text.map_err(cannot_read(&from))?;
-                let place: RecordPosition = serde_json::from_str(&text).map_err(|error| {
-                    let reason = format!("{EVENTS}: {error}");
-                    ShardError::Damaged { path: folder.clone(), unit: number, reason }
-                })?;
+                let place: RecordPosition = serde_json::from_str(&text)
+                    .map_err(|error| finished.damaged(format!("{EVENTS}: {error}")))?;
                 if !self.refused.contains(&place) {
                     writeln!(out, "{text}").map_err(cannot_write(&path))?;
                 }
@@ -267,14 +204,15 @@ impl<'a> Merger<'a> {
 
     /// Returns whether no scenario of a unit is refused, so that its files are joined as they are.
     fn is_whole(&self, unit: &Unit) -> bool {
-        self.refused.iter().all(|place| !unit.range.contains(*place))
+        self.refused.iter().all(|place| !unit.range.contains(place.input, place.record))
     }
 
     /// Joins the rollouts.
     fn rollouts(&self) -> Result<(), ShardError> {
         let mut writer = Writer::create(self.run.path().join(ROLLOUTS)).map_err(EvaluationError::from)?;
-        for (_, unit, folder) in self.units() {
-            let mut places = match self.is_whole(unit) {
+        for finished in self.units {
+            let folder = finished.results();
+            let mut places = match self.is_whole(&finished.unit) {
                 true => None,
                 false => Some(places_of_rollouts(&folder)?.into_iter()),
             };

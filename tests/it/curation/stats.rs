@@ -245,7 +245,7 @@ fn what_is_counted_is_what_the_file_holds() {
     };
     let inputs = [Input {
         file: InputFile { name: "made".into(), digest: String::new() },
-        open: Box::new(move || Ok(Box::new((0..6).map(move |i| Ok(decoded(made(i))))))),
+        open: Box::new(move |first| Ok(Box::new((first..6).map(move |i| Ok(decoded(made(i))))))),
     }];
     let preselection = Preselection { min_vehicles: 1, radius: 50.0, max_ttc: 100.0 };
     let settings = CurationSettings { candidates: 2, preselection, ..CurationSettings::default() };

@@ -1,35 +1,35 @@
-//! Errors of runs that are divided into units.
+//! Errors of work that is divided into units.
 
+use std::error::Error;
 use std::io;
-use std::path::PathBuf;
-
-use crate::evaluation::EvaluationError;
+use std::path::{Path, PathBuf};
 
 /// The reason why units cannot be planned, carried out or merged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShardError {
-    /// A file of the run cannot be read or written.
+    /// The work itself is impossible.
     #[error(transparent)]
-    Evaluation(#[from] EvaluationError),
-    /// Batches of an external simulator would be divided.
-    #[error(
-        "units of {records} records divide the batches of `{simulator}`, which have {batch} episodes: give \
-         --unit a multiple of {batch}"
-    )]
-    DividedBatch {
-        /// Id of the simulator.
-        simulator: String,
-        /// Number of episodes per batch.
-        batch: usize,
-        /// Number of records per unit.
-        records: usize,
+    Work(Box<dyn Error + Send + Sync>),
+    /// A file cannot be read.
+    #[error("could not read {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: io::Error,
     },
-    /// A file has fewer records than planned.
-    #[error("{name} gave {found} of {planned} records; it was changed or cannot be read to the end here")]
+    /// A file cannot be written.
+    #[error("could not write {}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: io::Error,
+    },
+    /// An input has fewer records than planned.
+    #[error("its file gave {found} of {planned} records; it was changed or cannot be read to the end here")]
     FewRecords {
-        /// Name of the file.
-        name: String,
         /// Number of records.
         found: usize,
         /// Number of records in the plan.
@@ -57,18 +57,24 @@ pub enum ShardError {
         /// The reason.
         reason: String,
     },
-    /// The arguments of the plan lead to another run now.
+    /// The arguments of the plan lead to other work now.
     #[error(
-        "it would not be of the planned run: `{setting}` is {planned} in the plan and {now} here; use the \
+        "it would not be of the planned work: `{setting}` is {planned} in the plan and {now} here; use the \
          same program, files and kind of processor, or plan again"
     )]
-    OtherRun {
+    OtherWork {
         /// The setting.
         setting: String,
         /// Its value in the plan.
         planned: String,
         /// Its value in this process.
         now: String,
+    },
+    /// The plan is of another command than its arguments.
+    #[error("the plan is damaged: its subject is not that of its arguments; plan again")]
+    OtherSubject {
+        /// The reason.
+        source: serde_json::Error,
     },
     /// There is no such unit.
     #[error("there is no unit {unit}: the plan has {count}, numbered from 0")]
@@ -81,7 +87,7 @@ pub enum ShardError {
     /// The results are merged already.
     #[error("{} has the results of this plan already", path.display())]
     Merged {
-        /// The run folder.
+        /// The results.
         path: PathBuf,
     },
     /// Units of the plan are not finished.
@@ -125,6 +131,25 @@ pub enum ShardError {
         /// The other folder.
         second: PathBuf,
     },
+}
+
+impl ShardError {
+    /// Wraps an error of the work itself.
+    pub fn work(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Work(Box::new(error))
+    }
+}
+
+/// Returns the error for a file that cannot be read.
+pub(super) fn cannot_read(path: &Path) -> impl FnOnce(io::Error) -> ShardError + use<> {
+    let path = path.to_owned();
+    |source| ShardError::Read { path, source }
+}
+
+/// Returns the error for a file that cannot be written.
+pub(super) fn cannot_write(path: &Path) -> impl FnOnce(io::Error) -> ShardError + use<> {
+    let path = path.to_owned();
+    |source| ShardError::Write { path, source }
 }
 
 /// Returns the first few numbers as text.

@@ -1,26 +1,24 @@
-//! One unit of a run, carried out.
+//! One unit, carried out.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 use rand::TryRng;
 use serde::{Deserialize, Serialize};
 
-use super::error::ShardError;
+use super::error::{ShardError, cannot_read, cannot_write};
 use super::plan::{ShardPlan, Unit};
-use crate::evaluation::file_record::CompanionRecord;
-use crate::evaluation::folder::{
-    EVENTS, FAILURES, PROVENANCE, ROLLOUTS, ROWS, cannot_read, cannot_write, line,
-};
-use crate::evaluation::left_out::LeftOut;
-use crate::evaluation::runner::carry_out;
-use crate::evaluation::{Execution, Plan, RunFolder, RunObserver, rollouts};
+use super::work::{UnitResults, Work};
+use crate::files::{digest, lock, replace};
 
 /// Name of the file that describes a finished unit.
-pub(super) const UNIT: &str = "unit.json";
+const UNIT: &str = "unit.json";
+/// Name of the folder with its results.
+pub(super) const RESULTS: &str = "results";
+/// Name of the file that a process locks while it writes a unit.
+const LOCK: &str = "lock";
 /// Beginning of the names of folders of finished units.
 const FINISHED: &str = "unit-";
 /// Beginning of the names of folders that are being written.
@@ -34,15 +32,13 @@ pub struct UnitRecord {
     pub key: String,
     /// Number of records that were read.
     pub records: usize,
-    /// Number of scenarios and of pairs of scenario and simulator that failed.
+    /// Number of failures.
     pub failed: usize,
     /// Duration of the unit, seconds. It has no influence on results.
     pub seconds: f64,
     /// Number of threads.
     pub jobs: usize,
-    /// Scenarios that were left out.
-    pub(super) left_out: LeftOut,
-    /// BLAKE3 digest of every file, by name.
+    /// BLAKE3 digest of every file of the results, by name.
     pub(super) files: BTreeMap<String, String>,
 }
 
@@ -60,13 +56,13 @@ pub enum UnitOutcome {
     Finished(UnitRecord),
     /// Its results were there already, or another process was faster.
     WasFinished,
-    /// `stop` was set; nothing is kept.
+    /// The work was interrupted; nothing is kept.
     Interrupted,
 }
 
 impl ShardPlan {
     /// Returns the folder of a finished unit in a folder of units.
-    pub(super) fn unit_folder(folder: &Path, number: usize, unit: &Unit) -> PathBuf {
+    fn unit_folder(folder: &Path, number: usize, unit: &Unit) -> PathBuf {
         folder.join(format!("{FINISHED}{number:06}-{:.16}", unit.key))
     }
 
@@ -99,15 +95,11 @@ pub struct UnitWorker<'a> {
     /// Folder of the plan and the units.
     pub folder: &'a Path,
     /// The plan.
-    pub shards: &'a ShardPlan,
-    /// The planned run, prepared in this process.
-    pub plan: &'a Plan,
-    /// Threads and batches.
-    pub execution: Execution,
-    /// Receives the progress.
-    pub observer: &'a dyn RunObserver,
-    /// Ends the work when it is set.
-    pub stop: &'a AtomicBool,
+    pub plan: &'a ShardPlan,
+    /// The planned work, prepared in this process.
+    pub work: &'a dyn Work,
+    /// Number of threads of the work.
+    pub jobs: usize,
 }
 
 impl UnitWorker<'_> {
@@ -115,79 +107,102 @@ impl UnitWorker<'_> {
     /// unit began.
     ///
     /// # Errors
-    /// [`ShardError`] if the run is not the planned one, if records are missing, or if results cannot be
+    /// [`ShardError`] if the work is not the planned one, if records are missing, or if results cannot be
     /// written; nothing of the unit is kept then.
     pub fn run(&self, number: usize, seconds: &dyn Fn() -> f64) -> Result<UnitOutcome, ShardError> {
-        let unit = self.shards.unit(number)?;
+        let unit = self.plan.unit(number)?;
         let target = ShardPlan::unit_folder(self.folder, number, unit);
         if target.exists() {
             return Ok(UnitOutcome::WasFinished);
         }
-        self.shards.check(unit.range.input, self.plan)?;
-        let partial = self.folder.join(partial_name(&format!("{number:06}-{:.16}", unit.key), self.folder)?);
-        let done = self.write(&partial, unit, seconds).and_then(|record| {
-            let Some(record) = record else { return Ok(UnitOutcome::Interrupted) };
-            match fs::rename(&partial, &target) {
-                Ok(()) => Ok(UnitOutcome::Finished(record)),
-                Err(_) if target.exists() => Ok(UnitOutcome::WasFinished),
-                Err(error) => Err(cannot_write(&target)(error).into()),
-            }
-        });
-        if partial.exists() {
-            // The reason for which nothing is kept matters more than a folder that stays.
-            fs::remove_dir_all(&partial).ok();
-        }
-        done
+        self.work.check(self.plan, unit)?;
+        let partial = PartialFolder::create(self.folder, &format!("{number:06}-{:.16}", unit.key))?;
+        let Some(results) = self.work.carry_out(unit, &partial.results())? else {
+            return Ok(UnitOutcome::Interrupted);
+        };
+        let record = self.record(unit, &results, &partial.results(), seconds)?;
+        let text = serde_json::to_string(&record).map_err(ShardError::work)?;
+        let path = partial.path.join(UNIT);
+        replace(&path, |out| writeln!(out, "{text}")).map_err(cannot_write(&path))?;
+        Ok(if partial.finish(&target)? { UnitOutcome::Finished(record) } else { UnitOutcome::WasFinished })
     }
 
-    /// Carries out a unit in a folder of its own. `None` if it was interrupted.
-    fn write(
+    /// Describes a unit that was carried out.
+    fn record(
         &self,
-        folder: &Path,
         unit: &Unit,
+        results: &UnitResults,
+        folder: &Path,
         seconds: &dyn Fn() -> f64,
-    ) -> Result<Option<UnitRecord>, ShardError> {
-        let (plan, execution) = (self.plan, self.execution);
-        let run = RunFolder::create(folder, &plan.provenance())?;
-        let range = Some(unit.range);
-        let results = carry_out(plan, range, execution, Some(&run), plan.tally(), self.observer, self.stop)?;
-        let Some(mut results) = results else { return Ok(None) };
-        if results.records != unit.range.count {
-            let (found, planned) = (results.records, unit.range.count);
-            let name = plan.sources[unit.range.input].file.name.clone();
-            return Err(ShardError::FewRecords { name, found, planned });
+    ) -> Result<UnitRecord, ShardError> {
+        let UnitResults { records, failed, ref files } = *results;
+        if records != unit.range.count {
+            return Err(ShardError::FewRecords { found: records, planned: unit.range.count });
         }
-        results.failures.sort();
-        run.finish(&results.tally, &results.failures)?;
-        let mut names = vec![ROWS, EVENTS, FAILURES];
-        if plan.keep_rollouts {
-            rollouts::join_parts(&run, &results.tally)?;
-            run.remove_parts()?;
-            names.push(ROLLOUTS);
+        let mut digests = BTreeMap::new();
+        for name in files {
+            let path = folder.join(name);
+            digests.insert((*name).to_owned(), digest(&path).map_err(cannot_read(&path))?.blake3);
         }
-        let mut files = BTreeMap::new();
-        for name in names {
-            files.insert(name.to_owned(), CompanionRecord::of(&folder.join(name))?.blake3);
-        }
-        let record = UnitRecord {
+        Ok(UnitRecord {
             key: unit.key.clone(),
-            records: results.records,
-            failed: results.failures.len(),
+            records,
+            failed,
             seconds: seconds(),
-            jobs: execution.jobs,
-            left_out: results.left_out,
-            files,
-        };
-        run.put(UNIT, &line(&record))?;
-        Ok(Some(record))
+            jobs: self.jobs,
+            files: digests,
+        })
     }
 }
 
-/// Returns a name for a folder that is being written, which no other process chooses.
-pub(super) fn partial_name(of: &str, folder: &Path) -> Result<String, ShardError> {
-    let mut random = [0; 8];
-    rand::rngs::SysRng.try_fill_bytes(&mut random).map_err(|e| cannot_write(folder)(io::Error::other(e)))?;
-    Ok(format!("{PARTIAL}{of}-{:016x}", u64::from_le_bytes(random)))
+/// A folder that is being written. It is removed if it does not become a finished unit.
+pub(super) struct PartialFolder {
+    path: PathBuf,
+    /// Shows that the folder is not abandoned.
+    _lock: Option<File>,
+}
+
+impl PartialFolder {
+    /// Creates a folder in a folder of units, with a name that no other process chooses.
+    pub(super) fn create(folder: &Path, of: &str) -> Result<Self, ShardError> {
+        let mut random = [0; 8];
+        let drawn = rand::rngs::SysRng.try_fill_bytes(&mut random);
+        drawn.map_err(|e| cannot_write(folder)(io::Error::other(e)))?;
+        let path = folder.join(format!("{PARTIAL}{of}-{:016x}", u64::from_le_bytes(random)));
+        fs::create_dir(&path).map_err(cannot_write(&path))?;
+        let mut created = Self { path, _lock: None };
+        let held = created.path.join(LOCK);
+        File::create(&held).map_err(cannot_write(&held))?;
+        created._lock = lock(&held).map_err(cannot_read(&held))?;
+        let results = created.results();
+        fs::create_dir(&results).map_err(cannot_write(&results))?;
+        Ok(created)
+    }
+
+    /// Returns the folder for results.
+    pub(super) fn results(&self) -> PathBuf {
+        self.path.join(RESULTS)
+    }
+
+    /// Gives the folder the name of a finished unit. `false` if there is one already.
+    fn finish(self, target: &Path) -> Result<bool, ShardError> {
+        // A finished unit is not locked. Merges remove partial folders without this file, but only when the
+        // unit is there from another process.
+        fs::remove_file(self.path.join(LOCK)).ok();
+        match fs::rename(&self.path, target) {
+            Ok(()) => Ok(true),
+            Err(_) if target.exists() => Ok(false),
+            Err(error) => Err(cannot_write(target)(error)),
+        }
+    }
+}
+
+impl Drop for PartialFolder {
+    fn drop(&mut self) {
+        // It is not there any more if it became a unit. A folder that stays takes space and does no other
+        // harm; a merge removes it.
+        fs::remove_dir_all(&self.path).ok();
+    }
 }
 
 /// Reads the record of a finished unit.
@@ -196,7 +211,7 @@ pub(super) fn read_record(folder: &Path, unit: usize) -> Result<UnitRecord, Shar
     let damaged = |reason: String| ShardError::Damaged { path: folder.to_owned(), unit, reason };
     let text = fs::read_to_string(&path).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => damaged(format!("{UNIT} is missing")),
-        _ => cannot_read(&path)(error).into(),
+        _ => cannot_read(&path)(error),
     })?;
     serde_json::from_str(&text).map_err(|error| damaged(format!("{UNIT}: {error}")))
 }
@@ -204,12 +219,12 @@ pub(super) fn read_record(folder: &Path, unit: usize) -> Result<UnitRecord, Shar
 /// Checks that the files of a finished unit are those that it wrote.
 pub(super) fn check_files(folder: &Path, unit: usize, record: &UnitRecord) -> Result<(), ShardError> {
     let damaged = |reason: String| ShardError::Damaged { path: folder.to_owned(), unit, reason };
-    for (name, digest) in &record.files {
-        let path = folder.join(name);
+    for (name, planned) in &record.files {
+        let path = folder.join(RESULTS).join(name);
         if !path.exists() {
             return Err(damaged(format!("{name} is missing")));
         }
-        if CompanionRecord::of(&path)?.blake3 != *digest {
+        if digest(&path).map_err(cannot_read(&path))?.blake3 != *planned {
             return Err(damaged(format!("{name} was changed since it was written")));
         }
     }
@@ -223,7 +238,7 @@ pub(super) fn finished_number(name: &str) -> Option<usize> {
 
 /// Returns whether a partial folder was left by a process that is no longer there.
 pub(super) fn is_abandoned(folder: &Path) -> bool {
-    match crate::files::lock(&folder.join(PROVENANCE)) {
+    match lock(&folder.join(LOCK)) {
         Ok(lock) => lock.is_some(),
         // Killed before it wrote anything.
         Err(error) => error.kind() == io::ErrorKind::NotFound,

@@ -1,0 +1,134 @@
+//! Curation in units.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use rayon::prelude::*;
+
+use super::make::{MakeArgs, finish};
+use super::source::OpenSource;
+use super::{CurateArgs, CurateCommand};
+use crate::cli::ExitStatus;
+use crate::cli::progress::Progress;
+use crate::cli::sharded::{Sharded, WorkSettings};
+use crate::curation::driver::{Curation, Input};
+use crate::curation::shards::merge;
+use crate::curation::store::Writer;
+use crate::curation::{CurationProvenance, CurationSettings};
+use crate::formats;
+use crate::shards::{FinishedUnits, RecordRange, ShardError, ShardPlan, Unit, UnitResults, Work};
+
+impl CurateArgs {
+    /// Returns the arguments of curation itself.
+    fn made(&self) -> anyhow::Result<&MakeArgs> {
+        match (&self.command, &self.make) {
+            (None, Some(args)) => Ok(args),
+            (Some(CurateCommand::Stats(_)), _) => bail!("`curate stats` cannot be divided into units"),
+            (Some(CurateCommand::Review(_)), _) => bail!("`curate review` cannot be divided into units"),
+            (Some(CurateCommand::Apply(_)), _) => bail!("`curate apply` cannot be divided into units"),
+            (None, None) => bail!("name files or folders of scenarios"),
+        }
+    }
+}
+
+impl Sharded for CurateArgs {
+    fn check(&self) -> anyhow::Result<()> {
+        self.made()?.out()?;
+        Ok(())
+    }
+
+    fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
+        let args = self.made()?;
+        let inputs = args.inputs(args.find_inputs(args.out()?)?, |_, _| None)?;
+        let subject = args.provenance(&args.settings(), &inputs)?;
+        // A file that cannot be opened has one record, so that its unit reports the reason.
+        let count = |input: &Input| (input.open)(0).map_or(1, Iterator::count);
+        let counts: Vec<usize> = inputs.par_iter().map(count).collect();
+        let ranges = RecordRange::divide(&counts, records).map(|range| (0, range));
+        Ok(ShardPlan::new(arguments, &subject, ranges)?)
+    }
+
+    fn jobs(&self) -> usize {
+        self.made().map_or(1, MakeArgs::jobs)
+    }
+
+    fn prepare<'a>(
+        &'a self,
+        plan: &ShardPlan,
+        units: &[usize],
+        settings: WorkSettings<'a>,
+    ) -> anyhow::Result<Box<dyn Work + 'a>> {
+        let args = self.made()?;
+        let planned: CurationProvenance = plan.subject()?;
+        let used: Result<BTreeSet<usize>, ShardError> =
+            units.iter().map(|number| plan.unit(*number).map(|unit| unit.range.input)).collect();
+        let (used, found) = (used?, args.find_inputs(args.out()?)?);
+        if found.len() != planned.inputs.len() {
+            let (now, then) = (found.len(), planned.inputs.len());
+            bail!("the plan has {then} input files, and {now} are here: use the planned ones, or plan again");
+        }
+        let name = |input: &formats::Input| input.path.file_name().map(|n| n.to_string_lossy().into_owned());
+        let known = |index: usize, input: &formats::Input| {
+            let file = planned.inputs.get(index).filter(|_| !used.contains(&index))?;
+            (name(input).as_ref() == Some(&file.name)).then(|| file.clone())
+        };
+        let inputs = args.inputs(found, known);
+        let inputs = inputs.context("paths in the plan are relative to the folder in which it was made")?;
+        let curation_settings = args.settings();
+        let subject = args.provenance(&curation_settings, &inputs)?;
+        let source = args.source.open(args.temperature)?;
+        Ok(Box::new(CurationWork {
+            inputs,
+            source,
+            settings: curation_settings,
+            planned,
+            subject,
+            how: settings,
+        }))
+    }
+
+    fn merge(
+        &self,
+        plan: &ShardPlan,
+        units: &FinishedUnits,
+        progress: &Progress,
+    ) -> anyhow::Result<ExitStatus> {
+        let args = self.made()?;
+        let (mut writer, source) = (Writer::create(args.out()?)?, args.source.open(args.temperature)?);
+        let merged = merge(plan.subject()?, &units.units, &mut writer, progress);
+        progress.end();
+        finish(args, &source, writer, &merged?)
+    }
+}
+
+/// A curation, prepared in this process.
+struct CurationWork<'a> {
+    inputs: Vec<Input>,
+    source: OpenSource,
+    settings: CurationSettings,
+    /// What the plan and this process know about the curation before it begins.
+    planned: CurationProvenance,
+    subject: CurationProvenance,
+    how: WorkSettings<'a>,
+}
+
+impl Work for CurationWork<'_> {
+    fn check(&self, plan: &ShardPlan, unit: &Unit) -> Result<(), ShardError> {
+        let mut now = self.subject.clone();
+        // Other units report changes of other inputs.
+        let others = self.planned.inputs.iter().enumerate().filter(|(i, _)| *i != unit.range.input);
+        for (index, planned) in others {
+            if let Some(other) = now.inputs.get_mut(index) {
+                other.clone_from(planned);
+            }
+        }
+        plan.check(&now)
+    }
+
+    fn carry_out(&self, unit: &Unit, folder: &Path) -> Result<Option<UnitResults>, ShardError> {
+        let Self { inputs, source, settings, how, .. } = self;
+        let curation = Curation { inputs, source: source.source(), settings, jobs: how.jobs };
+        Ok(curation.run_range(unit.range, folder, how.progress, how.stop)?)
+    }
+}

@@ -1,0 +1,88 @@
+//! A run in units.
+
+use std::collections::BTreeSet;
+
+use anyhow::{Context, bail};
+
+use super::{RunArgs, finish, plan};
+use crate::cli::ExitStatus;
+use crate::cli::external::keep_stderr;
+use crate::cli::progress::Progress;
+use crate::cli::sharded::{Sharded, WorkSettings, refuse};
+use crate::cli::subject::EvaluationArgs;
+use crate::evaluation::shards::{RunWork, ShardedRuns, merge};
+use crate::evaluation::{Execution, Source};
+use crate::shards::{FinishedUnits, ShardError, ShardPlan, Work};
+
+impl Sharded for RunArgs {
+    fn check(&self) -> anyhow::Result<()> {
+        if self.out.is_none() {
+            bail!("give --out FOLDER for the results of the run: `shard merge` writes it");
+        }
+        refuse(&[("--resume", self.resume), ("--check-batch", self.check_batch.is_some())])?;
+        refuse_stdout(&self.subject)?;
+        self.table.check(self.format.as_deref())
+    }
+
+    fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
+        let (mut plan, _external) = plan(self, self.subject.sources()?)?;
+        let (subject, ranges) = ShardedRuns::divide(&mut plan, records)?;
+        Ok(ShardPlan::new(arguments, &subject, ranges)?)
+    }
+
+    fn jobs(&self) -> usize {
+        self.work.execution().jobs
+    }
+
+    fn prepare<'a>(
+        &'a self,
+        shards: &ShardPlan,
+        units: &[usize],
+        settings: WorkSettings<'a>,
+    ) -> anyhow::Result<Box<dyn Work + 'a>> {
+        let planned: ShardedRuns = shards.subject()?;
+        let sources = known_sources(&self.subject, shards, &planned, units)?;
+        let (plan, external) = plan(self, sources)?;
+        keep_stderr(&external, Some(settings.folder))?;
+        let execution = Execution { jobs: settings.jobs, ..self.work.execution() };
+        Ok(Box::new(RunWork::new(Box::new(plan), planned, execution, settings.progress, settings.stop)))
+    }
+
+    fn merge(
+        &self,
+        plan: &ShardPlan,
+        units: &FinishedUnits,
+        progress: &Progress,
+    ) -> anyhow::Result<ExitStatus> {
+        let planned: ShardedRuns = plan.subject()?;
+        let (Some(out), [run]) = (&self.out, planned.runs.as_slice()) else {
+            bail!("the plan is damaged: it has no --out or several runs; plan again");
+        };
+        let merged = merge(units.of_part(0), run, out, &|records| progress.set_done(records));
+        progress.end();
+        let (folder, summary) = merged?;
+        finish(self, Some(&folder), &summary)
+    }
+}
+
+/// Refuses an external simulator that talks with the parent process.
+pub(in crate::cli) fn refuse_stdout(subject: &EvaluationArgs) -> anyhow::Result<()> {
+    if subject.external.takes_stdout() {
+        bail!("--external …=@stdio: units cannot share a parent process: give a command");
+    }
+    Ok(())
+}
+
+/// Returns the sources of planned runs for some units. Only their files are read for their digests.
+pub(in crate::cli) fn known_sources(
+    subject: &EvaluationArgs,
+    shards: &ShardPlan,
+    planned: &ShardedRuns,
+    units: &[usize],
+) -> anyhow::Result<Vec<Source>> {
+    let inputs: Result<BTreeSet<usize>, ShardError> =
+        units.iter().map(|number| shards.unit(*number).map(|unit| unit.range.input)).collect();
+    let Some(run) = planned.runs.first() else { bail!("the plan is damaged: it has no run; plan again") };
+    let sources = subject.known_sources(&run.provenance.inputs, &inputs?);
+    sources.context("paths in the plan are relative to the folder in which it was made")
+}
