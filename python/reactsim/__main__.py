@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from .program import ReactsimError, find_program
+from .program import ReactsimError, environment, find_program
 
 
 def main() -> None:
@@ -16,9 +16,9 @@ def main() -> None:
     except ReactsimError as error:
         raise SystemExit(f"reactsim: {error}") from None
     if sys.platform == "win32":
-        raise SystemExit(subprocess.call(command))
+        raise SystemExit(subprocess.call(command, env=environment()))
     sys.stdout.flush()
-    os.execv(command[0], command)
+    os.execve(command[0], command, environment())
 
 
 if __name__ == "__main__":

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
 from collections.abc import Sequence
 
-__all__ = ["ReactsimError", "call", "find_program"]
+__all__ = ["ReactsimError", "call", "environment", "find_program"]
 
 
 class ReactsimError(RuntimeError):
@@ -43,6 +44,14 @@ def find_program() -> str:
     return os.path.abspath(found)
 
 
+def environment() -> dict[str, str]:
+    """Returns the environment for the program, which reads URLs with this Python."""
+    store = os.path.join(os.path.dirname(os.path.abspath(__file__)), "store.py")
+    # Ray workers can have this function without the package.
+    arguments = [store] if os.path.isfile(store) else ["-m", "reactsim.store"]
+    return {"REACTSIM_STORE": shlex.join([sys.executable, *arguments]), **os.environ}
+
+
 def call(arguments: Sequence[str], folder: str | None = None) -> str:
     """Runs the program with these arguments and returns its standard output.
 
@@ -53,6 +62,7 @@ def call(arguments: Sequence[str], folder: str | None = None) -> str:
         stdin=subprocess.DEVNULL,
         capture_output=True,
         cwd=folder,
+        env=environment(),
         check=False,
     )
     if done.returncode != 0:

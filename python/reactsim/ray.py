@@ -30,7 +30,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Union
 
-from .program import ReactsimError, call, find_program
+from .program import ReactsimError, call, environment, find_program
 from .results import Results
 from .upload import check_url, upload_run
 
@@ -350,6 +350,7 @@ def _call(arguments: list[str], show: bool) -> int:
         stdin=subprocess.DEVNULL,
         stdout=None if show else subprocess.DEVNULL,
         stderr=subprocess.PIPE,
+        env=environment(),
     ) as process:
         assert process.stderr is not None
         for line in process.stderr:
@@ -438,6 +439,7 @@ def _run_child(command: list[str], folder: str) -> tuple[int, str]:
             stdout=subprocess.DEVNULL,
             stderr=errors,
             cwd=folder,
+            env=environment(),
             # An interrupt in a terminal reaches the driver alone, which ends its workers.
             start_new_session=True,
         )

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Any, Union, cast
 
 from .client import ProtocolError, Session
-from .program import ReactsimError, find_program
+from .program import ReactsimError, environment, find_program
 from .results import Results
 from .scenarios import selection
 
@@ -150,6 +150,7 @@ def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[in
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        env=environment(),
         # An interrupt reaches this process alone, which passes it on.
         start_new_session=True,
     )

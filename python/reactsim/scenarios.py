@@ -12,7 +12,7 @@ from typing import IO, Union, cast
 import numpy as np
 
 from .client import Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
-from .program import ReactsimError, find_program
+from .program import ReactsimError, environment, find_program
 from .results import Svg, draw_svg
 
 __all__ = ["Scenario", "scenarios"]
@@ -141,7 +141,11 @@ def _read(command: list[str], path: str | None) -> Iterator[Scenario]:
         log = Path(folder, "stderr")
         with log.open("wb") as errors:
             program = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                env=environment(),
             )
         stream = cast("IO[bytes]", program.stdout)
         is_complete = False

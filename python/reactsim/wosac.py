@@ -13,7 +13,7 @@ from typing import Any, Union
 
 import numpy as np
 
-from .program import ReactsimError, find_program
+from .program import ReactsimError, environment, find_program
 
 __all__ = ["WosacRollouts", "WosacScores", "wosac"]
 
@@ -106,7 +106,13 @@ def wosac(
         ]
         if jobs is not None:
             command += ["--jobs", str(jobs)]
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            env=environment(),
+            check=False,
+        )
         if done.returncode not in (0, 1) or not done.stdout:
             raise ReactsimError(done.stderr.decode("utf-8", "replace").strip())
         scores = json.loads(done.stdout)

@@ -34,6 +34,7 @@ mod subject;
 mod suggestion;
 mod table_output;
 mod train;
+mod urls;
 mod verify;
 mod view;
 
@@ -212,6 +213,7 @@ fn parse() -> Cli {
         ErrorKind::InvalidUtf8 => refuse_encoding(),
         _ => error.exit(),
     });
+    urls::check(&command_line(), &matches).unwrap_or_else(|error| error.exit());
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 

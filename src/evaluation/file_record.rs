@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::EvaluationError;
-use crate::files::{FileDigest, digest};
+use crate::files::{FileDigest, digest, name_of};
 use crate::formats::Input;
 
 /// A file of a run.
@@ -78,7 +78,7 @@ impl FileRecord {
 
     /// Returns whether an input has the name, format and options of this record.
     pub(super) fn is_named(&self, input: &Input) -> bool {
-        name_of(&input.path) == self.name
+        name_of(&input.path) == self.name.as_str()
             && input.format.id() == self.format
             && (input.current_frame, input.all_agents) == (self.current_frame, self.all_agents)
     }
@@ -115,13 +115,8 @@ impl CompanionRecord {
     pub fn of(path: &Path) -> Result<Self, EvaluationError> {
         let read = |source| EvaluationError::Read { path: path.to_owned(), source };
         let FileDigest { bytes, blake3 } = digest(path).map_err(read)?;
-        Ok(Self { name: name_of(path), bytes, blake3 })
+        Ok(Self { name: name_of(path).into_owned(), bytes, blake3 })
     }
-}
-
-/// Returns the name of a file without its folder.
-fn name_of(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy()).into_owned()
 }
 
 /// Creates the records of inputs. Files that several of them share, such as maps, are read once.

@@ -7,7 +7,7 @@ use super::EvaluationError;
 use super::provenance::{ExternalRecord, WeightsRecord};
 use super::simulator_id::SimulatorId;
 use crate::external::ExternalSimulator;
-use crate::files::read_regular;
+use crate::files::{name_of, read_regular};
 use crate::models::nn::Backend;
 use crate::models::qp::{self, Smoothing};
 use crate::models::{self, Baseline, Card, MODELS, ModelError, WeightsFile};
@@ -226,7 +226,7 @@ impl PlannedSimulator {
 /// # Errors
 /// [`EvaluationError::Read`] names the file.
 pub fn weights_file(path: &Path) -> Result<WeightsFile, EvaluationError> {
-    let name = path.file_name().map_or_else(|| path.to_string_lossy(), |n| n.to_string_lossy());
+    let name = name_of(path);
     let bytes =
         read_regular(path).map_err(|source| EvaluationError::Read { path: path.to_owned(), source })?;
     Ok(WeightsFile::new(name, bytes))

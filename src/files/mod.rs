@@ -1,12 +1,16 @@
-//! Files: written so that they are complete or absent, whatever happens; read only if they are regular files;
-//! locked.
+//! Files: written so that they are complete or absent, whatever happens; read if they are regular files or behind
+//! URLs; locked.
 
 mod digest;
 mod lock;
 mod new_file;
 mod regular;
+mod store;
+mod url;
 
 pub use digest::{FileDigest, digest};
 pub use lock::lock;
 pub use new_file::{NewFile, replace, target_of};
-pub use regular::{open_regular, read_regular};
+pub use regular::{InputFile, list_url, open_local, open_regular, read_regular};
+pub use store::RemoteFile;
+pub use url::{as_url, name_of};

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process;
 use std::time::Duration;
 
-use super::regular::open_regular;
+use super::regular::open_local;
 
 /// Suffix of the name of a file that is being written.
 const SUFFIX: &str = ".partial";
@@ -93,7 +93,7 @@ fn remove_abandoned(path: &Path) {
         let is_old = |file: &File| -> io::Result<bool> {
             Ok(file.metadata()?.modified()?.elapsed().is_ok_and(|age| age >= MIN_AGE))
         };
-        if let Ok(file) = open_regular(&entry.path())
+        if let Ok(file) = open_local(&entry.path())
             && is_old(&file).unwrap_or(false)
             && file.try_lock().is_ok()
         {

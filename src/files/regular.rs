@@ -1,14 +1,78 @@
-//! Opening of regular files. Pipes and devices would block, or never end.
+//! Opening of regular files, and of files behind URLs. Pipes and devices would block, or never end.
 
 use std::fs::File;
-use std::io::{self, Read};
-use std::path::Path;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
 
-/// Opens a regular file for reading.
+use super::store::{RemoteFile, Store, join};
+use super::url::as_url;
+
+/// A file that is open for reading.
+pub enum InputFile {
+    /// A file of a file system.
+    Local(File),
+    /// A file behind a URL.
+    Remote(Box<RemoteFile>),
+}
+
+impl InputFile {
+    /// Returns the size in bytes.
+    ///
+    /// # Errors
+    /// Those of the system.
+    pub fn size(&self) -> io::Result<u64> {
+        match self {
+            Self::Local(file) => Ok(file.metadata()?.len()),
+            Self::Remote(file) => Ok(file.size()),
+        }
+    }
+}
+
+impl Read for InputFile {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Local(file) => file.read(buffer),
+            Self::Remote(file) => file.read(buffer),
+        }
+    }
+
+    fn read_to_end(&mut self, buffer: &mut Vec<u8>) -> io::Result<usize> {
+        match self {
+            Self::Local(file) => file.read_to_end(buffer),
+            Self::Remote(file) => file.read_to_end(buffer),
+        }
+    }
+}
+
+impl Seek for InputFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match self {
+            Self::Local(file) => file.seek(to),
+            Self::Remote(file) => file.seek(to),
+        }
+    }
+}
+
+/// Opens a regular file, or a file behind a URL, for reading.
 ///
 /// # Errors
-/// Those of the system, and [`io::ErrorKind::InvalidInput`] for a pipe, a device or a folder.
-pub fn open_regular(path: &Path) -> io::Result<File> {
+/// Those of the system or of the store, and [`io::ErrorKind::InvalidInput`] for a pipe, a device or a folder.
+pub fn open_regular(path: &Path) -> io::Result<InputFile> {
+    if let Some(url) = as_url(path) {
+        return Ok(InputFile::Remote(Box::new(RemoteFile::open(Store::shared(), url)?)));
+    }
+    open_local(path).map(InputFile::Local)
+}
+
+/// Opens a regular file of a file system.
+///
+/// # Errors
+/// As [`open_regular`], and for a URL.
+pub fn open_local(path: &Path) -> io::Result<File> {
+    if as_url(path).is_some() {
+        let text = "it is a URL; copy the file to a file system first";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+    }
     let metadata = path.metadata()?;
     if !metadata.is_file() {
         let what = if metadata.is_dir() { "a folder" } else { "a pipe or a device" };
@@ -18,7 +82,7 @@ pub fn open_regular(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// Reads a regular file.
+/// Reads a regular file, or a file behind a URL.
 ///
 /// # Errors
 /// Same as [`open_regular`].
@@ -26,6 +90,16 @@ pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
     let mut content = Vec::new();
     open_regular(path)?.read_to_end(&mut content)?;
     Ok(content)
+}
+
+/// Lists the file at a URL, or all files below it, in the order in which a folder is read.
+///
+/// # Errors
+/// Those of the store, and if nothing is there.
+pub fn list_url(url: &str) -> io::Result<Vec<PathBuf>> {
+    let mut names = Store::shared().list(url)?;
+    names.sort();
+    Ok(names.iter().map(|name| PathBuf::from(join(url, &name.to_string_lossy()))).collect())
 }
 
 #[cfg(test)]

@@ -40,6 +40,14 @@ pub enum Cause {
         /// The known formats.
         known: String,
     },
+    /// The format cannot be read from URLs.
+    #[error(
+        "is of the format {format}, which is read from several files of a file system: copy the data set to one"
+    )]
+    LocalOnly {
+        /// Id of the format.
+        format: &'static str,
+    },
     /// A folder holds no scenario file.
     #[error("holds no scenario file; known formats: {known}")]
     NoInput {

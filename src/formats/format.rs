@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::error::{Cause, FormatError};
-use crate::files::open_regular;
+use crate::files::{name_of, open_regular};
 use crate::scene::Scenario;
 
 /// Iterator over scenarios in file order. An error with [`FormatError::ends_file`] ends the file; other
@@ -40,6 +40,10 @@ pub trait ScenarioFormat: Sync {
     /// are skipped without a warning.
     fn accompanies(&self, _path: &Path) -> bool {
         false
+    }
+    /// Returns whether files behind URLs can be read: each scenario comes from one file, by [`open_regular`].
+    fn reads_urls(&self) -> bool {
+        true
     }
     /// Opens one file.
     ///
@@ -120,5 +124,5 @@ pub(super) fn head(path: &Path, bytes: u64) -> std::io::Result<Vec<u8>> {
 
 /// Returns whether a file name has this ending, ignoring case.
 pub(super) fn named(path: &Path, ending: &str) -> bool {
-    path.file_name().is_some_and(|n| n.to_string_lossy().to_ascii_lowercase().ends_with(ending))
+    name_of(path).to_ascii_lowercase().ends_with(ending)
 }

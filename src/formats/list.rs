@@ -3,6 +3,9 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
 use super::argoverse2::Argoverse2;
 use super::error::{Cause, FormatError};
@@ -15,6 +18,7 @@ use super::native::Native;
 use super::nuplan::NuPlan;
 use super::scenarionet::ScenarioNet;
 use super::womd::Womd;
+use crate::files::{as_url, list_url, name_of};
 use crate::scene::Scenario;
 
 /// All formats.
@@ -108,17 +112,25 @@ pub struct Survey {
     pub passed_over: PassedOver,
 }
 
-/// Finds the scenario files at a path: the file itself, or those in the folder and its subfolders. Other
-/// files in a folder are skipped.
+/// Finds the scenario files at a path or URL: the file itself, or those in the folder and its subfolders.
+/// Other files in a folder are skipped.
 ///
 /// # Errors
 /// [`FormatError`] if the path cannot be read, a file has no known format, or a folder holds no scenario
-/// file.
+/// file; also if all files behind a URL are of formats that are read from file systems only.
 pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     let mut inputs = Vec::new();
     let (files, mut passed_over) = files_at(path)?;
-    for path in files {
-        if let Some(format) = FORMATS.iter().copied().find(|f| f.recognises(&path)) {
+    let is_folder = files.first().is_none_or(|first| first != path);
+    let mut refused = None;
+    for (path, format) in with_formats(files, as_url(path).is_some()) {
+        if let Some(format) = format {
+            if as_url(&path).is_some() && !format.reads_urls() {
+                let error = FormatError::file(&path, Cause::LocalOnly { format: format.id() });
+                passed_over.push((path, format!("it {}", error.cause)));
+                refused.get_or_insert(error);
+                continue;
+            }
             inputs.push(Input { path, format, current_frame: None, all_agents: false });
         } else if SCENARIO_ENDINGS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
@@ -130,17 +142,51 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
     if !inputs.is_empty() {
         return Ok(Survey { inputs, passed_over });
     }
+    if let Some(error) = refused {
+        return Err(error);
+    }
     let known: Vec<String> = FORMATS.iter().map(|f| format!("{} ({})", f.id(), f.title())).collect();
     let known = known.join(", ");
     Err(FormatError::file(
         path,
-        if path.is_dir() {
+        if is_folder {
             Cause::NoInput { known }
         } else {
             let found = describe_content(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
             Cause::Unrecognised { found, known }
         },
     ))
+}
+
+/// Number of files behind a URL whose formats are recognised at the same time: an answer takes long to come.
+const RECOGNISED_AT_ONCE: usize = 16;
+
+type FileWithFormat = (PathBuf, Option<&'static dyn ScenarioFormat>);
+
+/// Returns the files with their formats, as far as these are known.
+fn with_formats(files: Vec<PathBuf>, is_remote: bool) -> Box<dyn Iterator<Item = FileWithFormat>> {
+    let recognise = |path: &Path| FORMATS.iter().copied().find(|f| f.recognises(path));
+    if !is_remote || files.len() < 2 {
+        return Box::new(files.into_iter().map(move |path| {
+            let format = recognise(&path);
+            (path, format)
+        }));
+    }
+    let formats: Vec<OnceLock<_>> = files.iter().map(|_| OnceLock::new()).collect();
+    let next = AtomicUsize::new(0);
+    thread::scope(|scope| {
+        for _ in 0..RECOGNISED_AT_ONCE.min(files.len()) {
+            scope.spawn(|| {
+                while let Some(index) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).filter(|i| *i < files.len())
+                {
+                    formats[index].set(recognise(&files[index])).ok();
+                }
+            });
+        }
+    });
+    let formats = formats.into_iter().map(|format| format.into_inner().flatten());
+    Box::new(files.into_iter().zip(formats.collect::<Vec<_>>()))
 }
 
 /// Returns whether a file name has this ending followed by that of a compressed file.
@@ -156,11 +202,16 @@ pub fn find_inputs(path: &Path) -> Result<Vec<Input>, FormatError> {
     survey(path).map(|found| found.inputs)
 }
 
-/// Lists the file at a path, or the files below a folder.
+/// Lists the file at a path, or the files below a folder. Hidden files are left out.
 ///
 /// The second list has the folders below it that cannot be read, with the reason.
 fn files_at(path: &Path) -> Result<(Vec<PathBuf>, PassedOver), FormatError> {
     let refuse = |e| FormatError::file(path, Cause::read(e));
+    if let Some(url) = as_url(path) {
+        let mut files = list_url(url).map_err(refuse)?;
+        files.retain(|file| file == path || !name_of(file).starts_with('.'));
+        return Ok((files, Vec::new()));
+    }
     if !fs::metadata(path).map_err(refuse)?.is_dir() {
         return Ok((vec![path.to_owned()], Vec::new()));
     }

@@ -48,6 +48,7 @@ mod scripted_av;
 mod shard_commands;
 mod shards;
 mod shipped;
+mod store;
 mod study;
 mod study_reference;
 mod terminal;

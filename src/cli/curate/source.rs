@@ -10,7 +10,7 @@ use crate::cli::{count, say};
 use crate::curation::{
     CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, PlannerSource, SOURCES,
 };
-use crate::files::read_regular;
+use crate::files::{name_of, read_regular};
 use crate::models::diffusion_planner::PlannerPolicy;
 use crate::models::nn::device;
 use crate::models::weights::{PLANNER, WeightsFile, shipped};
@@ -96,9 +96,7 @@ impl SourceChoice {
 pub(super) fn planner_weights(path: Option<&Path>) -> anyhow::Result<WeightsFile> {
     if let Some(path) = path {
         let bytes = read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
-        let name =
-            path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into());
-        return Ok(WeightsFile::new(name, bytes));
+        return Ok(WeightsFile::new(name_of(path), bytes));
     }
     shipped(PLANNER)?.context("no weights of the planner ship with this program: write diffusion:FILE")
 }

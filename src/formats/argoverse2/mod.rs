@@ -16,6 +16,7 @@ use super::format::{
     read_whole,
 };
 use super::table::TableReader;
+use crate::files::name_of;
 use crate::scene::{CURRENT, Scenario};
 
 /// Index of the default current frame among the 110 frames: the last of the 50 frames that forecasters
@@ -46,8 +47,11 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn accompanies(&self, path: &Path) -> bool {
-        named(path, MAP_SUFFIX)
-            && path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(MAP_PREFIX))
+        named(path, MAP_SUFFIX) && name_of(path).starts_with(MAP_PREFIX)
+    }
+
+    fn reads_urls(&self) -> bool {
+        false
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {

@@ -28,6 +28,7 @@ use self::sqlite::Database;
 use self::token::Token;
 use super::error::{Cause, FormatError};
 use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
+use crate::files::as_url;
 use crate::scene::Scenario;
 
 /// The nuPlan format.
@@ -43,13 +44,23 @@ impl ScenarioFormat for NuPlan {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        let log = || Database::open(path).is_ok_and(|database| database.has("lidar_pc").unwrap_or(false));
+        let log = || {
+            // A log behind a URL is refused, not opened.
+            if as_url(path).is_some() {
+                return !self.accompanies(path);
+            }
+            Database::open(path).is_ok_and(|database| database.has("lidar_pc").unwrap_or(false))
+        };
         // By name if the file is too damaged to be recognised by its content.
         named(path, ".db") || selection::is_selection(path) || (sqlite::is_sqlite(path) && log())
     }
 
     fn accompanies(&self, path: &Path) -> bool {
         named(path, library::MAP_LIST) || named(path, ".gpkg")
+    }
+
+    fn reads_urls(&self) -> bool {
+        false
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {

@@ -9,7 +9,7 @@ use rusqlite::types::ValueRef;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Row};
 
 use super::token::Token;
-use crate::files::open_regular;
+use crate::files::open_local;
 use crate::formats::error::{Cause, FormatError};
 
 /// First bytes of every SQLite file.
@@ -151,7 +151,7 @@ impl Database {
 
 /// Checks the header of a file against its length, and returns the length.
 fn check_header(path: &Path) -> Result<u64, Cause> {
-    let mut file = open_regular(path).map_err(Cause::read)?;
+    let mut file = open_local(path).map_err(Cause::read)?;
     let length = file.metadata().map_err(Cause::read)?.len();
     let mut header = Vec::with_capacity(HEADER_LENGTH);
     file.by_ref().take(HEADER_LENGTH as u64).read_to_end(&mut header).map_err(Cause::read)?;

@@ -15,6 +15,7 @@ use super::error::{Cause, FormatError};
 use super::format::{
     PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
 };
+use crate::files::name_of;
 use crate::scene::Scenario;
 
 /// The format of the Waymo Open Motion Dataset.
@@ -53,8 +54,7 @@ fn has_tfrecord_name(path: &Path) -> bool {
         let number = name.split_once(".tfrecord-").map(|(_, number)| number);
         number.is_some_and(|n| n.chars().all(|c| c.is_ascii_digit() || "-of".contains(c)))
     };
-    [".tfrecord", ".tfrecord.gz", ".tfrecord.zst"].iter().any(|end| named(path, end))
-        || path.file_name().is_some_and(|n| shard(&n.to_string_lossy()))
+    [".tfrecord", ".tfrecord.gz", ".tfrecord.zst"].iter().any(|end| named(path, end)) || shard(&name_of(path))
 }
 
 struct Reader {

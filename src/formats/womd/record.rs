@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
-use crate::files::open_regular;
+use crate::files::{as_url, open_regular};
 use crate::formats::error::{Cause, FormatError};
 use crate::formats::format::{GZIP, ZSTD, head};
 
@@ -127,10 +127,13 @@ impl Records {
 }
 
 /// Returns the number of records of a file that is not compressed, by its headers alone; `None` for a
-/// compressed or damaged file.
+/// compressed or damaged file, and for a URL, of which every header would be a request.
 pub(super) fn count(path: &Path) -> Option<usize> {
+    if as_url(path).is_some() {
+        return None;
+    }
     let mut file = open_regular(path).ok()?;
-    let bytes = file.metadata().ok()?.len();
+    let bytes = file.size().ok()?;
     let (mut at, mut records) = (0, 0);
     while at < bytes {
         let mut header = [0; HEADER_SIZE];

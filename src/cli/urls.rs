@@ -1,0 +1,101 @@
+//! Arguments that are URLs: scenarios and deviated AVs are read from URLs, everything else is a path.
+
+use std::path::Path;
+
+use clap::ArgMatches;
+use clap::error::ErrorKind;
+
+use crate::files::as_url;
+
+/// Ids of the arguments that may be URLs: scenarios and deviated AVs.
+const READ: &[&str] =
+    &["scenarios", "scenario", "inputs", "deviations", "certificates", "generated", "reference"];
+/// Id of the argument that holds the arguments of another command: `shard plan`.
+const COMMAND: &str = "command";
+
+/// Refuses URLs where a path of a file system is needed, also in the arguments of a planned run. There they
+/// would be relative paths with a folder `s3:`.
+pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> Result<(), clap::Error> {
+    let (mut command, mut matches) = (all, matches);
+    while let Some((name, inner)) = matches.subcommand() {
+        let Some(found) = command.find_subcommand(name) else { break };
+        (command, matches) = (found, inner);
+    }
+    for argument in command.get_arguments() {
+        let id = argument.get_id().as_str();
+        let values = matches.try_get_raw(id).ok().flatten().into_iter().flatten();
+        if id == COMMAND {
+            let arguments = std::iter::once("reactsim".as_ref()).chain(values);
+            // Other errors of these arguments are found where they are used.
+            if let Ok(planned) = all.clone().try_get_matches_from(arguments) {
+                check(all, &planned)?;
+            }
+            continue;
+        }
+        let Some(url) = values.filter_map(|value| as_url(Path::new(value))).next() else { continue };
+        if !READ.contains(&id) {
+            return Err(refuse(all, argument, url));
+        }
+    }
+    Ok(())
+}
+
+fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
+    let name = match (argument.get_long(), argument.get_value_names()) {
+        (Some(long), _) => format!("--{long}"),
+        (None, Some([name, ..])) => name.to_string(),
+        (None, _) => argument.get_id().to_string(),
+    };
+    let text = format!(
+        "{name} is the URL `{url}`, where a path is needed; only scenarios, deviated AVs and weights are read \
+         from URLs. Results are written to file systems, and `python -m reactsim.ray --upload URL` copies \
+         finished runs to URLs\n"
+    );
+    all.clone().error(ErrorKind::ValueValidation, text)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::command_line;
+
+    fn refused(line: &str) -> Option<String> {
+        let matches = command_line().try_get_matches_from(line.split(' ')).unwrap();
+        super::check(&command_line(), &matches).err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn urls_are_refused_where_paths_are_needed() {
+        for (line, name) in [
+            ("reactsim run a --out s3://b/c", "--out"),
+            ("reactsim run gs://a --out=s3://b/c", "--out"),
+            ("reactsim convert gs://a --out gs://b/c.parquet", "--out"),
+            ("reactsim report s3://b/run", "RUN"),
+            ("reactsim shard status s3://b/units", "FOLDER"),
+            ("reactsim shard plan units run s3://a --out s3://b", "--out"),
+            ("reactsim shard plan s3://units run s3://a --out b", "FOLDER"),
+            ("reactsim inspect a --svg memory://x.svg", "--svg"),
+            ("reactsim score s3://b/rollouts.parquet --scenarios s3://a", "ROLLOUTS"),
+            ("reactsim curate review s3://b/candidates.parquet", "FILE"),
+        ] {
+            let text = refused(line).expect(line);
+            assert!(text.contains(&format!("{name} is the URL `")), "{line}: {text}");
+        }
+    }
+
+    #[test]
+    fn scenarios_and_deviations_are_read_from_urls() {
+        for line in [
+            "reactsim run s3://a gs://b --deviations https://c/d --out e",
+            "reactsim convert s3://a --out b --certificates s3://c",
+            "reactsim curate s3://a --out b",
+            "reactsim inspect s3://a",
+            "reactsim scenes s3://a",
+            "reactsim shard plan units run s3://a --out b",
+            "reactsim score rollouts.parquet --scenarios s3://a",
+            "reactsim verify folder --scenarios s3://a",
+            "reactsim train split s3://a --out b",
+        ] {
+            assert_eq!(refused(line), None, "{line}");
+        }
+    }
+}
