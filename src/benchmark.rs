@@ -129,7 +129,7 @@ impl Benchmark {
         Self::of(Scenarios::Shipped)
     }
 
-    /// Scenarios from files and folders in any of [`formats::FORMATS`].
+    /// Scenarios from files, folders and URLs in any of [`formats::FORMATS`].
     pub fn files<P: Into<PathBuf>>(paths: impl IntoIterator<Item = P>) -> Self {
         Self::of(Scenarios::Files(paths.into_iter().map(Into::into).collect()))
     }

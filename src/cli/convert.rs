@@ -19,7 +19,7 @@ use crate::scene::Scenario;
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
 pub(super) struct ConvertArgs {
-    /// Files or folders of scenarios
+    /// Files, folders or URLs of scenarios
     #[arg(required = true, value_name = "IN")]
     inputs: Vec<PathBuf>,
     /// The native Parquet file to write

@@ -20,7 +20,7 @@ use crate::scene::{Deviation, Scenario};
 #[derive(Debug, Args)]
 #[command(after_help = AFTER, group = clap::ArgGroup::new("picture").multiple(true))]
 pub(super) struct InspectArgs {
-    /// File or folder of scenarios [default: the shipped benchmark]
+    /// File, folder or URL of scenarios [default: the shipped benchmark]
     #[arg(value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
     /// Id of the scenario [default: the first one]

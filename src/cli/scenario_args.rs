@@ -14,10 +14,10 @@ use crate::scene::{Deviation, Scenario};
 /// Scenarios of a command, by default those of the shipped benchmark.
 #[derive(Debug, Args)]
 pub(super) struct ScenarioArgs {
-    /// Files or folders of scenarios [default: the shipped benchmark]
+    /// Files, folders or URLs of scenarios [default: the shipped benchmark]
     #[arg(value_name = "SCENARIOS")]
     pub(super) scenarios: Vec<PathBuf>,
-    /// Deviated AVs by scenario id, Parquet or JSON; other scenarios are skipped
+    /// Deviated AVs by scenario id, Parquet or JSON, also a URL; other scenarios are skipped
     #[arg(long, value_name = "FILE")]
     pub(super) deviations: Option<PathBuf>,
     /// Only the first N scenarios of every file [default: all]

@@ -1,6 +1,8 @@
 //! Arguments that are URLs: scenarios and deviated AVs are read from URLs, everything else is a path.
 
-use std::path::Path;
+use std::any::TypeId;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
 use clap::ArgMatches;
 use clap::error::ErrorKind;
@@ -32,12 +34,31 @@ pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> Result<(), cla
             }
             continue;
         }
-        let Some(url) = values.filter_map(|value| as_url(Path::new(value))).next() else { continue };
+        let values: Vec<_> = values.collect();
+        // Other texts may have a prefix, such as `file:/path`.
+        let is_path = argument.get_value_parser().type_id() == TypeId::of::<PathBuf>();
+        let lost = values.iter().find_map(|value| with_lost_slash(value)).filter(|_| is_path);
+        if let Some((scheme, rest)) = lost {
+            let text = format!("`{scheme}:/{rest}` is no URL: write `{scheme}://{rest}`\n");
+            return Err(all.clone().error(ErrorKind::ValueValidation, text));
+        }
+        let Some(url) = values.into_iter().filter_map(|value| as_url(Path::new(value))).next() else {
+            continue;
+        };
         if !READ.contains(&id) {
             return Err(refuse(all, argument, url));
         }
     }
     Ok(())
+}
+
+/// Returns scheme and rest of a URL that was treated as a path, which loses one of two slashes; Python's
+/// `Path` does this. `None` for other texts, and if there is such a folder.
+fn with_lost_slash(value: &OsStr) -> Option<(&str, &str)> {
+    let (scheme, rest) = value.to_str()?.split_once(":/")?;
+    let is_url = as_url(Path::new(&format!("{scheme}://{rest}"))).is_some();
+    let is_lost = is_url && !rest.starts_with('/') && !Path::new(&format!("{scheme}:")).exists();
+    is_lost.then_some((scheme, rest))
 }
 
 fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
@@ -80,6 +101,8 @@ mod tests {
             let text = refused(line).expect(line);
             assert!(text.contains(&format!("{name} is the URL `")), "{line}: {text}");
         }
+        let text = refused("reactsim run s3:/a/b --out c").unwrap();
+        assert!(text.contains("write `s3://a/b`"), "{text}");
     }
 
     #[test]
@@ -94,6 +117,7 @@ mod tests {
             "reactsim score rollouts.parquet --scenarios s3://a",
             "reactsim verify folder --scenarios s3://a",
             "reactsim train split s3://a --out b",
+            "reactsim run a --av file:/b/c.parquet",
         ] {
             assert_eq!(refused(line), None, "{line}");
         }

@@ -62,7 +62,7 @@ impl RunFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        fs::create_dir_all(path).map_err(cannot_write(path))?;
+        files::create_folder(path).map_err(cannot_write(path))?;
         if !is_unbegun(path) {
             return Err(EvaluationError::Exists { path: path.to_owned() });
         }

@@ -13,4 +13,4 @@ pub use lock::lock;
 pub use new_file::{NewFile, replace, target_of};
 pub use regular::{InputFile, list_url, open_local, open_regular, read_regular};
 pub use store::RemoteFile;
-pub use url::{as_url, name_of};
+pub use url::{as_url, create_folder, name_of};

@@ -8,6 +8,7 @@ use std::process;
 use std::time::Duration;
 
 use super::regular::open_local;
+use super::url::refuse_url;
 
 /// Suffix of the name of a file that is being written.
 const SUFFIX: &str = ".partial";
@@ -25,9 +26,10 @@ impl NewFile {
     /// Begins a file.
     ///
     /// # Errors
-    /// The error of the system; also if the path has no file name, or is a folder or another thing that is
-    /// not a regular file.
+    /// The error of the system; also if the path is a URL, has no file name, or is a folder or another thing
+    /// that is not a regular file.
     pub fn create(path: &Path) -> io::Result<Self> {
+        refuse_url(path)?;
         let name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
         if path.is_dir() {
             return Err(io::ErrorKind::IsADirectory.into());

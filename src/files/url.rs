@@ -1,6 +1,8 @@
 //! Paths that are URLs, and names of files without their folder.
 
 use std::borrow::Cow;
+use std::fs;
+use std::io;
 use std::path::Path;
 
 /// Returns the URL that a path is: a scheme of at least two characters followed by `://`, such as
@@ -20,6 +22,26 @@ pub fn name_of(path: &Path) -> Cow<'_, str> {
         return Cow::Borrowed(location(url).trim_end_matches('/').rsplit('/').next().unwrap_or_default());
     }
     path.file_name().map_or_else(|| path.to_string_lossy(), |name| name.to_string_lossy())
+}
+
+/// Creates a folder and those above it.
+///
+/// # Errors
+/// Those of the system, and for a URL, which would be a relative path with a folder `s3:`.
+pub fn create_folder(path: &Path) -> io::Result<()> {
+    refuse_url(path)?;
+    fs::create_dir_all(path)
+}
+
+/// Refuses to write to a URL.
+pub(super) fn refuse_url(path: &Path) -> io::Result<()> {
+    match as_url(path) {
+        None => Ok(()),
+        Some(_) => {
+            let text = "it is a URL; results are written to file systems: give a path, and copy them then";
+            Err(io::Error::new(io::ErrorKind::InvalidInput, text))
+        }
+    }
 }
 
 /// Returns a URL without query and fragment, which only web addresses have: names of objects may contain
@@ -43,6 +65,13 @@ mod tests {
         for path in ["a/b", "/a://b", "C://a", "s3:/a/b", "a b://c", "://a", "", "1a://b"] {
             assert_eq!(as_url(Path::new(path)), None, "{path}");
         }
+    }
+
+    #[test]
+    fn nothing_is_written_to_urls() {
+        let path = Path::new("s3://bucket/folder");
+        assert!(create_folder(path).unwrap_err().to_string().contains("it is a URL"));
+        assert!(!Path::new("s3:").exists());
     }
 
     #[test]

@@ -41,7 +41,8 @@ impl Folder {
         identity: Value,
         about: &Map<String, Value>,
     ) -> Result<Self, TrainingError> {
-        fs::create_dir_all(path).map_err(|source| TrainingError::Write { path: path.to_owned(), source })?;
+        files::create_folder(path)
+            .map_err(|source| TrainingError::Write { path: path.to_owned(), source })?;
         let begun = [ABOUT, LOG, WEIGHTS].iter().any(|name| path.join(name).exists());
         if begun || !checkpoints(path)?.is_empty() {
             return Err(TrainingError::Exists { path: path.to_owned() });

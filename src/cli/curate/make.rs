@@ -25,7 +25,7 @@ use crate::work::available_threads;
 /// Arguments of `curate` itself.
 #[derive(Debug, Args)]
 pub(super) struct MakeArgs {
-    /// Files or folders of scenarios
+    /// Files, folders or URLs of scenarios
     #[arg(required = true, value_name = "SCENARIOS")]
     scenarios: Vec<PathBuf>,
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
