@@ -1,5 +1,5 @@
-//! Files: written so that they are complete or absent, whatever happens; read if they are regular files or behind
-//! URLs; locked.
+//! Files: written so that they are complete or absent, whatever happens; read if they are regular files or
+//! behind URLs; locked.
 
 mod digest;
 mod lock;

@@ -239,8 +239,8 @@ impl Store {
             }
         }
         Err(io::Error::other(format!(
-            "{} cannot be used: {}; URLs are read by Python: `pip install 'reactsim[store]'` in the Python of \
-             this command, or set REACTSIM_STORE to a command such as `/path/to/python -m reactsim.store`",
+            "{} cannot be used: {}; URLs are read by Python: `pip install 'reactsim[store]'` in the Python \
+             of this command, or set REACTSIM_STORE to a command such as `/path/to/python -m reactsim.store`",
             self.subject(),
             helper.last_reason
         )))

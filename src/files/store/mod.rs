@@ -1,7 +1,8 @@
 //! Files behind URLs, which a helper process reads.
 //!
-//! The helper, `python -m reactsim.store`, knows object stores and their credentials (by fsspec). It is started
-//! with the first URL, one per program, and answers requests in any order over its standard input and output.
+//! The helper, `python -m reactsim.store`, knows object stores and their credentials (by fsspec). It is
+//! started with the first URL, one per program, and answers requests in any order over its standard input and
+//! output.
 //! The protocol is described in `python/reactsim/store.py`.
 
 mod answer;

@@ -3,7 +3,7 @@
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-use super::blocks::BLOCK;
+use super::blocks::{BLOCK, MAX_KEPT};
 use super::client::{FileInfo, Part, Store, lock};
 use super::connection::Pending;
 
@@ -42,7 +42,7 @@ impl RemoteFile {
             position: 0,
             start: 0,
             block: Arc::default(),
-            next_length: BLOCK * GROWTH,
+            next_length: MAX_KEPT,
             ahead: None,
             is_checked: false,
         })
@@ -59,17 +59,28 @@ impl RemoteFile {
 
     /// Makes the block with the current position, which is within the file, the current one.
     fn load(&mut self) -> io::Result<()> {
+        let is_sequential = self.position == self.end() && !self.block.is_empty();
         let ahead = self.ahead.take().filter(|(part, _)| part.contains(self.position));
         if let Some((part, pending)) = ahead {
             let content = self.store.finish(&self.url, &self.info, part, pending)?;
             self.set(part.start, Arc::new(content));
-        } else if self.position == self.end() && self.position > 0 && !self.block.is_empty() {
-            let part = self.next_part(self.position);
-            let content = self.store.read(&self.url, &self.info, part)?;
-            self.set(part.start, Arc::new(content));
         } else {
-            self.next_length = BLOCK * GROWTH;
-            return self.load_single();
+            if !is_sequential {
+                self.next_length = MAX_KEPT;
+            }
+            let known = lock(&self.store.blocks).find(&self.url, self.position);
+            if let Some((start, block)) = known {
+                self.set(start, block);
+                return Ok(());
+            }
+            let part = if is_sequential { self.next_part(self.position) } else { self.single_part() };
+            let block = Arc::new(self.store.read(&self.url, &self.info, part)?);
+            // Others who open this file, or this reader again, need the same header and footer.
+            lock(&self.store.blocks).add(Arc::clone(&self.url), part.start, Arc::clone(&block));
+            self.set(part.start, block);
+            if !is_sequential {
+                return Ok(());
+            }
         }
         // Sequential reading: the next block arrives while this one is used.
         if self.end() < self.info.size {
@@ -79,23 +90,11 @@ impl RemoteFile {
         Ok(())
     }
 
-    /// Loads a small block, as for a header or a footer, which is kept for others who open this file.
-    fn load_single(&mut self) -> io::Result<()> {
+    /// Returns the small part with the current position, as for a header or a footer.
+    fn single_part(&self) -> Part {
         let start = self.position / BLOCK * BLOCK;
-        let known = lock(&self.store.blocks).find(&self.url, start);
-        let block = match known {
-            Some(block) => block,
-            None => {
-                let length = BLOCK.min(self.info.size - start);
-                let is_checked = start + length == self.info.size;
-                let part = Part { start, length, is_checked };
-                let block = Arc::new(self.store.read(&self.url, &self.info, part)?);
-                lock(&self.store.blocks).add(Arc::clone(&self.url), start, Arc::clone(&block));
-                block
-            }
-        };
-        self.set(start, block);
-        Ok(())
+        let length = BLOCK.min(self.info.size - start);
+        Part { start, length, is_checked: start + length == self.info.size }
     }
 
     fn set(&mut self, start: u64, block: Arc<Vec<u8>>) {
