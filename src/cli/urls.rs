@@ -69,8 +69,8 @@ fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
     };
     let text = format!(
         "{name} is the URL `{url}`, where a path is needed; only scenarios, deviated AVs and weights are \
-         read from URLs. Results are written to file systems, and `python -m reactsim.ray --upload URL` copies \
-         finished runs to URLs\n"
+         read from URLs. Results are written to file systems, and `python -m reactsim.ray --upload URL` \
+         copies finished runs to URLs\n"
     );
     all.clone().error(ErrorKind::ValueValidation, text)
 }

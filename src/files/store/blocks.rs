@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// Length of a block in bytes.
 pub(super) const BLOCK: u64 = 1 << 16;
-/// Maximum length of a block that is kept, in bytes: of the first one of sequential reading, such as a footer.
+/// Maximum length in bytes of a block that is kept: that of the first block of sequential reading.
 pub(super) const MAX_KEPT: u64 = 4 * BLOCK;
 /// Number of blocks that are kept, 16 MiB at most.
 const MAX_BLOCKS: usize = 64;
