@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Union
 
-__all__ = ["ReactsimError", "call", "environment", "find_program"]
+__all__ = ["ReactsimError", "call", "environment", "find_program", "local_folder"]
+
+PathLike = Union[str, "os.PathLike[str]"]
 
 
 class ReactsimError(RuntimeError):
@@ -50,6 +55,17 @@ def environment() -> dict[str, str]:
     # Ray workers can have this function without the package.
     arguments = [store] if os.path.isfile(store) else ["-m", "reactsim.store"]
     return {"REACTSIM_STORE": shlex.join([sys.executable, *arguments]), **os.environ}
+
+
+def local_folder(path: PathLike) -> Path:
+    """Returns the path of a folder of a file system.
+
+    Raises ReactsimError for a URL, which a path would turn into the name of a relative folder.
+    """
+    text = os.fspath(path)
+    if re.match(r"[A-Za-z][A-Za-z0-9+.:-]+://", text):
+        raise ReactsimError(f"{text} is a URL, where a folder of a file system is needed")
+    return Path(text)
 
 
 def call(arguments: Sequence[str], folder: str | None = None) -> str:

@@ -30,7 +30,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Union
 
-from .program import ReactsimError, call, environment, find_program
+from .program import ReactsimError, call, environment, find_program, local_folder
 from .results import Results
 from .upload import check_url, upload_run
 
@@ -145,7 +145,7 @@ def plan_units(
         ReactsimError: The folder has the plan of another run, or the program failed.
 
     """
-    folder, arguments = Path(folder), list(arguments)
+    folder, arguments = local_folder(folder), list(arguments)
     if not (folder / PLAN).exists():
         command = ["shard", "plan", os.fspath(folder)]
         for option, value in (("--unit", unit), ("--estimate", estimate)):
@@ -208,7 +208,7 @@ def run_units(
 
     """
     begin = time.monotonic()
-    folder = Path(os.path.abspath(folder))
+    folder = Path(os.path.abspath(local_folder(folder)))
     plan = _read_plan(folder)
     status = _status(folder)
     missing = [plan.units[number] for number in status["missing"]]
@@ -254,7 +254,7 @@ def merge_units(folder: PathLike, *, show: bool = False) -> Path:
         ReactsimError: Units are missing or damaged, or the program failed.
 
     """
-    return _merge(_read_plan(Path(folder)), show)[0]
+    return _merge(_read_plan(local_folder(folder)), show)[0]
 
 
 def _merge(plan: _Plan, show: bool) -> tuple[Path, int]:

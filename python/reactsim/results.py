@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .client import HISTORY, Array
-from .program import ReactsimError, call
+from .program import ReactsimError, call, local_folder
 
 __all__ = ["Markdown", "Results", "Rollout"]
 
@@ -53,7 +53,7 @@ class Results:
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
-        self.folder = Path(folder)
+        self.folder = local_folder(folder)
         """The run folder."""
         if not (self.folder / "provenance.json").is_file():
             raise FileNotFoundError(f"`{self.folder}` is no run folder: it has no provenance.json")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Any, Union, cast
 
 from .client import ProtocolError, Session
-from .program import ReactsimError, environment, find_program
+from .program import ReactsimError, environment, find_program, local_folder
 from .results import Results
 from .scenarios import selection
 
@@ -61,7 +61,7 @@ def run(
     Args:
         simulator: A `Simulator`, a class without arguments to make one, or any object with the same
             methods.
-        scenarios: Files or folders of scenarios; the shipped benchmark by default.
+        scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default.
         name: Name in tables; the simulator's name by default.
         av: Driver of the AV: "deviated", "log", "constant-velocity", "brake:4", "retime:0.8",
             "shift:2" or "file:PATH".
@@ -92,7 +92,7 @@ def run(
     session = Session(simulator, batch=batch, on_end=_Counter() if progress else None)
     program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
-    folder = Path(temporary, "run") if temporary is not None else Path(cast(PathLike, out))
+    folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
     title = name or getattr(session.simulator, "name", "") or session.title
     command = [program, "run", *_paths(scenarios)]
     if baselines:

@@ -12,7 +12,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import reactsim
 from fakes import ROOT
 from reactsim import store
 from reactsim.program import call, environment
-from reactsim.ray import merge_units, plan_units
+from reactsim.ray import merge_units, plan_units, run_units
 from test_units import MINI, arguments, assert_equal, program_needed
 
 fsspec = pytest.importorskip("fsspec")
@@ -345,6 +345,22 @@ class TestRuns:
         path.write_text(json.dumps(scenario) + " ")
         with pytest.raises(reactsim.ReactsimError, match=r"in the plan and .* here"):
             call(["shard", "run", str(units), "--missing"])
+
+    def test_folders(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        url = "s3://bucket/units"
+        simulator = reactsim.Simulator()
+        calls: list[Callable[[], object]] = [
+            lambda: plan_units(url, arguments(tmp_path / "run"), progress=False),
+            lambda: run_units(url),
+            lambda: merge_units(url),
+            lambda: reactsim.Results(url),
+            lambda: reactsim.run(simulator, out=url),
+        ]
+        for one in calls:
+            with pytest.raises(reactsim.ReactsimError, match="s3://bucket/units is a URL"):
+                one()
+        assert list(tmp_path.iterdir()) == []
 
     def test_outputs(self, tmp_path: Path) -> None:
         for out in ("s3://bucket/run", tmp_path.as_uri()):
