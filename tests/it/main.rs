@@ -7,6 +7,7 @@
 
 mod animation;
 mod attack;
+mod batched_planning;
 mod benchmark;
 mod chromium;
 mod circles;

@@ -17,7 +17,7 @@ use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
 use reactsim::training::{Task, View};
 
 /// Returns a network with random weights: its output has the right form, but no meaning.
-fn policy(device: &Device) -> Policy {
+pub(crate) fn policy(device: &Device) -> Policy {
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), device);
     let bytes = task.file(&task.init(7), &serde_json::json!({"seed": 7})).unwrap();
     Policy::read(&bytes, device).unwrap()

@@ -31,6 +31,13 @@ impl Links {
         }
     }
 
+    /// Replaces the index of every source by its entry in `rows`.
+    pub(crate) fn renumber(&mut self, rows: &[u32]) {
+        for (index, _) in self.index.iter_mut().zip(&self.open).filter(|(_, open)| **open) {
+            *index = rows[*index as usize];
+        }
+    }
+
     /// Returns the sources in open slots.
     pub(crate) fn sources(&self) -> impl Iterator<Item = usize> {
         self.index.iter().zip(&self.open).filter(|(_, open)| **open).map(|(&i, _)| i as usize)

@@ -1,8 +1,8 @@
 //! The reactive network as a simulator.
 
 use burn::tensor::{Device, Tensor};
-use reactsim::rollout::{Episode, Memory, NOT_FINITE, PlanError, Simulator, Stream};
-use reactsim::scene::{Frame, Start};
+use reactsim::rollout::{Beginning, Episode, Memory, NOT_FINITE, PlanError, Simulator};
+use reactsim::scene::Frame;
 
 use super::super::clearance::Traffic;
 use super::super::execute::Executor;
@@ -16,9 +16,12 @@ use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
 use super::step::{EarlierNode, Step};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
+use crate::models::nn::{RowCollector, SharedRows};
 use crate::models::perception::Class;
 
-/// Simulator that moves agents by tokens drawn from the reactive network.
+/// Simulator that moves agents by tokens drawn from the reactive network. The episodes of a batch go through
+/// the network together; their features stay in tensors that they share, so that the number of operations per
+/// plan does not grow with the batch.
 #[derive(Debug)]
 pub struct ReactiveSimulator {
     policy: Policy,
@@ -44,7 +47,7 @@ impl ReactiveSimulator {
 struct EpisodeMemory {
     linked: LinkedPlaces,
     /// Encoded places, `[p, hidden]`.
-    map: Tensor<2>,
+    map: SharedRows,
     /// Latest steps, oldest first.
     remembered: Vec<StepMemory>,
     /// Frame at which the next plan can continue from the remembered steps.
@@ -65,10 +68,17 @@ struct PendingPlan<'e, 'a> {
 }
 
 impl Simulator for ReactiveSimulator {
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
-        let linked = LinkedPlaces::known(start, &self.policy.config);
-        let map = self.policy.network.encode_map(&map_tensors(&[&linked], &self.policy.config, &self.device));
-        Memory::new(Some(EpisodeMemory { linked, map, remembered: Vec::new(), next_frame: usize::MAX }))
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        let config = &self.policy.config;
+        let linked: Vec<_> = batch.iter().map(|e| LinkedPlaces::known(e.start, config)).collect();
+        let places: Vec<&LinkedPlaces> = linked.iter().collect();
+        let maps = self.policy.network.encode_map(&map_tensors(&places, config, &self.device));
+        let maps = SharedRows::divide(vec![maps], linked.iter().map(|l| l.places.all.len()));
+        for ((episode, linked), map) in batch.iter_mut().zip(linked).zip(maps) {
+            let memory = EpisodeMemory { linked, map, remembered: Vec::new(), next_frame: usize::MAX };
+            episode.memory = Memory::new(Some(memory));
+        }
+        Ok(())
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
@@ -130,12 +140,14 @@ impl ReactiveSimulator {
             }
             let (nodes, encoded) = self.encode(group, cached);
             let tokens = self.policy.network.all_logits(&nodes, &encoded);
+            let steps = || group.iter().flat_map(|p| p.steps.iter().map(|s| s.slots.len()));
+            let mut entering = SharedRows::divide(encoded.entering, steps()).into_iter();
             let mut row = 0;
             for p in group.iter_mut() {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
                 p.move_agents(self, &tokens[row + rows - newest..row + rows], token, executor);
-                p.remember(&encoded.entering, row, token, &self.policy.config);
+                p.remember(&mut entering, token, &self.policy.config);
                 row += rows;
             }
         }
@@ -148,31 +160,25 @@ impl ReactiveSimulator {
     }
 
     /// Encodes the steps of some episodes.
-    fn encode(&self, group: &[&mut &mut PendingPlan<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
-        let (mut scenes, mut maps) = (Vec::new(), Vec::new());
-        let mut at = SceneRows::default();
-        let mut past: Vec<Vec<Tensor<2>>> = vec![Vec::new(); self.policy.config.agent_layers];
+    fn encode(&self, group: &mut [&mut &mut PendingPlan<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
+        let (mut maps, mut past) = (RowCollector::default(), RowCollector::default());
+        let (mut scenes, mut rows) = (Vec::new(), 0);
         for p in group {
-            scenes.push((p.steps.as_slice(), at));
-            maps.push(p.memory.map.clone());
-            at.places += p.memory.linked.places.all.len();
+            let places = maps.add(&p.memory.map);
             if cached {
-                at.earlier += p.earlier.len();
-                for remembered in &p.memory.remembered {
-                    for (all, own) in past.iter_mut().zip(&remembered.entering) {
-                        all.push(own.clone());
-                    }
-                }
-            } else {
-                at.earlier += p.steps.iter().map(|s| s.slots.len()).sum::<usize>();
+                p.renumber_past(&mut past);
             }
+            let earlier = if cached { 0 } else { rows };
+            rows += p.steps.iter().map(|s| s.slots.len()).sum::<usize>();
+            scenes.push((p.steps.as_slice(), SceneRows { places, earlier }));
         }
-        let nodes = node_tensors(&scenes, &self.policy.config, &self.device);
-        let empty = || Tensor::zeros([0, self.policy.config.hidden], &self.device);
-        let join = |parts: Vec<Tensor<2>>| if parts.is_empty() { empty() } else { Tensor::cat(parts, 0) };
-        let past: Vec<Tensor<2>> = past.into_iter().map(join).collect();
+        let config = &self.policy.config;
+        let nodes = node_tensors(&scenes, config, &self.device);
+        let empty = || Tensor::zeros([0, config.hidden], &self.device);
+        let maps = maps.joined().and_then(|maps| maps.into_iter().next()).unwrap_or_else(empty);
+        let past = past.joined().unwrap_or_else(|| vec![empty(); config.agent_layers]);
         let past = if cached { PastNodes::Cached(&past) } else { PastNodes::Here };
-        let encoded = self.policy.network.encode(&nodes, join(maps), &past);
+        let encoded = self.policy.network.encode(&nodes, maps, &past);
         (nodes, encoded)
     }
 }
@@ -203,6 +209,16 @@ impl PendingPlan<'_, '_> {
             self.steps =
                 observed_steps(&self.episode.seen, &self.tracks, &all, &self.memory.linked.places, config);
         }
+    }
+
+    /// Adds the remembered steps to those of other episodes, and links the newest step to their rows there.
+    fn renumber_past(&mut self, past: &mut RowCollector) {
+        let mut rows = Vec::with_capacity(self.earlier.len());
+        for remembered in &self.memory.remembered {
+            let first = past.add(&remembered.entering) as u32;
+            rows.extend(first..first + remembered.nodes.len() as u32);
+        }
+        self.steps.iter_mut().for_each(|step| step.past.renumber(&rows));
     }
 
     /// Draws a token for every agent of the newest step and executes it.
@@ -243,16 +259,11 @@ impl PendingPlan<'_, '_> {
         }
     }
 
-    /// Remembers the features that later steps attend to; `row` is the first row of this episode's
-    /// nodes.
-    fn remember(&mut self, entering: &[Tensor<2>], row: usize, token: usize, config: &Config) {
-        let mut row = row;
-        for step in &self.steps {
-            let rows = step.slots.len();
-            let own = entering.iter().map(|x| x.clone().narrow(0, row, rows)).collect();
-            let frame = step.frame;
-            self.memory.remembered.push(StepMemory { frame, nodes: step.here.clone(), entering: own });
-            row += rows;
+    /// Remembers the features that later steps attend to: the next of `entering`, one per step.
+    fn remember(&mut self, entering: &mut impl Iterator<Item = SharedRows>, token: usize, config: &Config) {
+        for (step, entering) in self.steps.iter().zip(entering) {
+            let (frame, nodes) = (step.frame, step.here.clone());
+            self.memory.remembered.push(StepMemory { frame, nodes, entering });
         }
         let surplus = self.memory.remembered.len().saturating_sub(config.past);
         self.memory.remembered.drain(..surplus);

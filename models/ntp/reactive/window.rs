@@ -1,12 +1,12 @@
 //! Memory of computed steps between plans.
 
-use burn::tensor::Tensor;
 use reactsim::rollout::Observation;
 use reactsim::scene::Frame;
 
 use super::super::tokens::TOKEN_FRAMES;
 use super::config::Config;
 use super::step::{EarlierNode, Step};
+use crate::models::nn::SharedRows;
 use crate::models::perception::{Places, SceneView};
 
 /// A computed step: its nodes and their input features for each block.
@@ -16,8 +16,8 @@ pub(crate) struct StepMemory {
     pub frame: usize,
     /// Nodes of the step.
     pub nodes: Vec<EarlierNode>,
-    /// Input features for each block, `[n, hidden]`.
-    pub entering: Vec<Tensor<2>>,
+    /// Input features for each block, `[n, hidden]`, in tensors that the episodes of a batch share.
+    pub entering: SharedRows,
 }
 
 /// Returns the frames of the earlier steps that a step at `now` attends to, oldest first: every half

@@ -81,8 +81,7 @@ impl Batch {
                 });
             }
         }
-        self.agents.class.extend_from_slice(&scene.agents.class);
-        self.agents.shape.extend_from_slice(&scene.agents.shape);
+        self.agents.append(&scene.agents);
         let mut is_visible = |valid: &bool| *valid && !noise.happens(config.hist_drop_prob);
         let visible: Visibility =
             scene.steps.iter().map(|s| s.valid.iter().map(&mut is_visible).collect()).collect();

@@ -197,6 +197,12 @@ impl Agents {
         self.shape.push([agent.length as f32, agent.width as f32, height as f32]);
     }
 
+    /// Appends the agents of another scene.
+    pub(super) fn append(&mut self, other: &Self) {
+        self.class.extend_from_slice(&other.class);
+        self.shape.extend_from_slice(&other.shape);
+    }
+
     /// Returns the number of agents.
     pub fn len(&self) -> usize {
         self.class.len()

@@ -1,15 +1,16 @@
 //! The network as a simulator.
 
-use burn::tensor::Tensor;
-use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
-use reactsim::scene::{Frame, Start};
+use burn::tensor::Device;
+use reactsim::models::nn::is_host;
+use reactsim::rollout::{self, Beginning, Memory, PlanError, Simulator};
+use reactsim::scene::Start;
 use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
 use super::super::sampling::Sampling;
-use super::super::tokens::TOKEN_FRAMES;
-use super::observed::{Participant, identities, map_tokens, step_at};
-use super::{EncodedMap, Episode, InputError, SmartPolicy};
+use super::observed::{Participant, identities, map_tokens};
+use super::pending::{BegunMemory, EpisodeMemory, PendingPlan};
+use super::{Agents, Episode, InputError, MapTokens, SmartPolicy, Step};
 
 /// Parameters on the cards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,156 +27,161 @@ pub struct SmartParameters {
     pub sampling: Sampling,
 }
 
+/// Rows per forward pass on a graphics processor, agents or pieces of maps. A row of the published network of
+/// 7 million parameters attends to up to 300 map tokens of 128 numbers, so that the largest tensor has 0.6 GB.
+const MOST_ROWS: usize = 4096;
+
 /// Simulator that moves agents by tokens drawn from the published network.
 ///
 /// Every 0.5 s, the realized motion of agents and the AV is matched to tokens again, and the network
 /// computes one more step on top of the cached earlier ones. If plans are not 0.5 s apart, there is one
 /// chain of steps, 0.5 s apart, for each of the five frames at which it can begin: every plan sees steps
 /// that end at the current frame, and no step is computed twice.
+///
+/// On a graphics processor the episodes of a batch go through the network together, up to 4096 agents at a
+/// time. On processors, where this would save nothing, they go one after the other.
 #[derive(Debug)]
 pub struct SmartSimulator {
     id: &'static str,
     policy: SmartPolicy,
     parameters: SmartParameters,
+    /// Rows per forward pass; a single episode may have more.
+    most_rows: usize,
 }
 
-/// Memory of an episode between plans.
-#[derive(Debug)]
-pub struct EpisodeMemory {
+/// An episode that begins: its participants, and what the network reads of them and of the map.
+struct Begun {
     participants: Vec<Participant>,
-    /// The episode before its first step.
-    fresh: Episode,
-    /// Chains of steps, by the frame of their last step modulo 5.
-    chains: [Option<StepChain>; TOKEN_FRAMES],
-}
-
-/// A chain of steps 0.5 s apart.
-#[derive(Clone, Debug)]
-struct StepChain {
-    /// Frame of the last step.
-    frame: usize,
-    episode: Episode,
+    agents: Agents,
+    map: MapTokens,
 }
 
 impl SmartSimulator {
     /// Builds a simulator of this policy, under the id of its baseline.
     pub fn new(id: &'static str, policy: SmartPolicy, parameters: SmartParameters) -> Self {
-        Self { id, policy, parameters }
+        let device: Device = policy.tables.device();
+        let most_rows = if is_host(&device) { 0 } else { MOST_ROWS };
+        Self { id, policy, parameters, most_rows }
     }
 
-    fn begin(&self, start: &Start) -> Result<EpisodeMemory, InputError> {
-        let SmartPolicy { network, tables, vocabulary, map_vocabulary } = &self.policy;
+    /// Returns the input of the network that does not change during an episode.
+    fn begun(&self, start: &Start) -> Result<Begun, InputError> {
+        let SmartPolicy { network, vocabulary, map_vocabulary, .. } = &self.policy;
         let participants = Participant::all(start, vocabulary);
         let map = map_tokens(start, map_vocabulary, self.parameters.map_radius);
-        let map: EncodedMap = network.encode_map(tables, &map)?;
+        map.check(network.config())?;
         let agents = identities(start, &participants, self.parameters.height);
-        let fresh = network.begin(tables, map, agents)?;
-        Ok(EpisodeMemory { participants, fresh, chains: [const { None }; TOKEN_FRAMES] })
+        agents.check()?;
+        Ok(Begun { participants, agents, map })
     }
 
-    /// Adds the step at a frame and returns its scores.
-    fn step(
-        &self,
-        participants: &[Participant],
-        tracks: &[Vec<Frame>],
-        frame: usize,
-        episode: &mut Episode,
-    ) -> Result<Tensor<2>, InputError> {
-        let step = step_at(participants, tracks, frame, &self.policy.vocabulary);
-        self.policy.network.step(&self.policy.tables, episode, step)
-    }
-
-    /// Brings the chain of steps that ends at `now` up to date. Returns the scores of the newest step,
-    /// and the episode.
-    fn advance_chain(
-        &self,
-        memory: &mut EpisodeMemory,
-        tracks: &[Vec<Frame>],
-        now: usize,
-    ) -> Result<(Tensor<2>, Episode), InputError> {
-        let slot = &mut memory.chains[now % TOKEN_FRAMES];
-        let (first, mut episode) = match slot.take() {
-            Some(chain) if chain.frame < now => (chain.frame + TOKEN_FRAMES, chain.episode),
-            _ => (TOKEN_FRAMES + now % TOKEN_FRAMES, memory.fresh.clone()),
-        };
-        for frame in (first..now).step_by(TOKEN_FRAMES) {
-            let step = step_at(&memory.participants, tracks, frame, &self.policy.vocabulary);
-            self.policy.network.advance(&self.policy.tables, &mut episode, step)?;
+    /// Encodes the maps of episodes and starts their scenes, one memory per episode.
+    fn start_scenes(&self, begun: Vec<Begun>) -> Vec<EpisodeMemory> {
+        let SmartPolicy { network, tables, .. } = &self.policy;
+        let mut memories = Vec::with_capacity(begun.len());
+        for pass in passes(begun, self.most_rows, |b| b.map.len()) {
+            let maps: Vec<&MapTokens> = pass.iter().map(|b| &b.map).collect();
+            let maps = network.encode_maps(tables, &maps);
+            let (participants, agents): (Vec<_>, Vec<_>) =
+                pass.into_iter().map(|b| (b.participants, b.agents)).unzip();
+            let scenes = network.begin_all(tables, maps.into_iter().zip(agents).collect());
+            memories.extend(participants.into_iter().zip(scenes).map(|(p, s)| EpisodeMemory::new(p, s)));
         }
-        let scores = self.step(&memory.participants, tracks, now, &mut episode)?;
-        *slot = Some(StepChain { frame: now, episode: episode.clone() });
-        Ok((scores, episode))
+        memories
     }
 
-    /// Draws a token for every participant and executes it.
-    fn move_participants(
+    /// Returns the next steps of episodes, divided into forward passes. Episodes that the network cannot read
+    /// fail and are left out.
+    fn next_steps<'p, 'e>(
         &self,
-        participants: &[Participant],
-        tracks: &mut [Vec<Frame>],
-        scores: Tensor<2>,
+        group: impl Iterator<Item = &'p mut PendingPlan<'e>>,
+    ) -> Vec<Vec<(&'p mut PendingPlan<'e>, Step)>> {
+        let stepped = group.filter_map(|p| p.next_step(&self.policy).map(|step| (p, step)));
+        passes(stepped.collect(), self.most_rows, |(p, _)| p.agents())
+    }
+
+    /// Shows the network the next steps of episodes.
+    fn advance<'p, 'e: 'p>(&self, group: impl Iterator<Item = &'p mut PendingPlan<'e>>) {
+        for mut pass in self.next_steps(group) {
+            self.policy.network.advance_all(&self.policy.tables, scenes(&mut pass));
+        }
+    }
+
+    /// Plans the `token`-th half second of episodes.
+    fn next_tokens<'p, 'e: 'p>(
+        &self,
+        group: impl Iterator<Item = &'p mut PendingPlan<'e>>,
+        token: usize,
         executor: &mut Executor,
-        episode: &mut Planning<'_, '_>,
-    ) -> Result<(), PlanError> {
-        let width = scores.dims()[1];
-        let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
-        let agents = &episode.seen.start().agents;
-        for (i, (participant, track)) in participants.iter().zip(tracks).enumerate() {
-            let (agent, vocabulary) = (&agents[participant.slot], &self.policy.vocabulary);
-            // Classes may have fewer tokens than there are columns.
-            let own = &scores[i * width..][..vocabulary.tokens(participant.class)];
-            let Some(token) = self.parameters.sampling.draw(own, episode.stream) else {
-                let (id, frame) = (&agent.id, episode.seen.frame());
-                return Err(PlanError::Failed(format!(
-                    "the network's scores for agent `{id}` after frame {frame} are not numbers"
-                )));
-            };
-            let end = track.len() + TOKEN_FRAMES;
-            executor.execute(agent, participant.class, vocabulary.poses(participant.class, token), track);
-            // Absent agents stay absent.
-            track.resize(end, None);
+    ) {
+        for mut pass in self.next_steps(group) {
+            let scores = self.policy.network.step_all(&self.policy.tables, scenes(&mut pass));
+            let width = scores.dims()[1];
+            let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
+            let mut row = 0;
+            for (p, _) in pass {
+                if token == 0 {
+                    p.remember();
+                }
+                let own = &scores[row * width..];
+                p.move_participants(own, width, &self.policy, &self.parameters, executor);
+                row += p.agents();
+            }
         }
-        Ok(())
     }
 }
 
-impl SingleEpisode for SmartSimulator {
-    type Memory = Result<EpisodeMemory, InputError>;
+/// Returns the scenes of a forward pass with their steps.
+fn scenes<'s>(pass: &'s mut [(&mut PendingPlan<'_>, Step)]) -> Vec<(&'s mut Episode, Step)> {
+    pass.iter_mut().map(|(p, step)| (&mut p.scene, std::mem::take(step))).collect()
+}
 
-    fn id(&self) -> &'static str {
-        self.id
+/// Divides items, in order, into groups of at most `most` rows together. An item with more rows is a group of
+/// its own.
+fn passes<T>(items: Vec<T>, most: usize, rows: impl Fn(&T) -> usize) -> Vec<Vec<T>> {
+    let (mut groups, mut filled): (Vec<Vec<T>>, usize) = (Vec::new(), 0);
+    for item in items {
+        let own = rows(&item).max(1);
+        match groups.last_mut().filter(|_| filled + own <= most) {
+            Some(group) => group.push(item),
+            None => {
+                groups.push(vec![item]);
+                filled = 0;
+            }
+        }
+        filled += own;
+    }
+    groups
+}
+
+impl Simulator for SmartSimulator {
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        let begun: Vec<_> = batch.iter().map(|episode| self.begun(episode.start)).collect();
+        let refused: Vec<Option<InputError>> = begun.iter().map(|b| b.as_ref().err().cloned()).collect();
+        let mut memories = self.start_scenes(begun.into_iter().flatten().collect()).into_iter();
+        for (episode, refused) in batch.iter_mut().zip(refused) {
+            let memory = match refused {
+                Some(cause) => Some(Err(cause)),
+                None => memories.next().map(Ok),
+            };
+            episode.memory = memory.map_or(Memory::NONE, Memory::new::<BegunMemory>);
+        }
+        Ok(())
     }
 
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> Self::Memory {
-        self.begin(start)
-    }
-
-    fn plan_one(&self, memory: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
-        let failed = |e: InputError| PlanError::Failed(format!("the network cannot read the scene: {e}"));
-        let memory = memory.as_mut().map_err(|e| failed(e.clone()))?;
-        let (now, steps) = (episode.seen.frame(), episode.plan.steps());
-        let mut tracks: Vec<Vec<Frame>> =
-            memory.participants.iter().map(|p| p.track(&episode.seen)).collect();
-        let (mut scores, mut planned) = self.advance_chain(memory, &tracks, now).map_err(failed)?;
+    fn plan(&self, batch: &mut [rollout::Episode<'_>]) -> Result<(), PlanError> {
+        let mut pending: Vec<PendingPlan<'_>> =
+            batch.iter_mut().filter_map(|episode| PendingPlan::of(self.id, episode)).collect();
+        while pending.iter().any(PendingPlan::is_behind) {
+            self.advance(pending.iter_mut().filter(|p| p.is_behind()));
+        }
         let mut executor = Executor::new(self.parameters.projection);
-        for token in 0..steps.div_ceil(TOKEN_FRAMES) {
-            if token > 0 {
-                // Planned steps are not kept. In planned steps the AV moves by its own tokens.
-                let frame = now + token * TOKEN_FRAMES;
-                scores = self.step(&memory.participants, &tracks, frame, &mut planned).map_err(failed)?;
-            }
-            self.move_participants(
-                &memory.participants,
-                &mut tracks,
-                scores.clone(),
-                &mut executor,
-                episode,
-            )?;
+        let mut token = 0;
+        while pending.iter().any(|p| p.has(token)) {
+            self.next_tokens(pending.iter_mut().filter(|p| p.has(token)), token, &mut executor);
+            token += 1;
         }
-        for (participant, track) in memory.participants.iter().zip(&tracks) {
-            for k in 0..steps {
-                episode.plan.set(participant.slot, k, track.get(now + 1 + k).copied().flatten());
-            }
-        }
+        pending.into_iter().for_each(PendingPlan::finish);
         Ok(())
     }
 }
