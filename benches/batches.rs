@@ -85,7 +85,8 @@ fn published(backend: Backend) -> Result<SmartSimulator> {
     });
     let curve = |token: usize| -> [Vec2; CURVE_POINTS] {
         let bend = 0.1 * (token as f64 / config.n_token_map as f64 - 0.5);
-        std::array::from_fn(|k| Vec2::new(0.5 * k as f64, bend * (0.5 * k as f64).powi(2)))
+        let point = |x: f64| Vec2::new(x, bend * x * x);
+        std::array::from_fn(|k| point(0.5 * k as f64))
     };
     let curves: Vec<_> = (0..config.n_token_map).map(curve).collect();
     let policy = SmartPolicy::new(

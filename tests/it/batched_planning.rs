@@ -43,7 +43,7 @@ fn devices() -> Vec<Device> {
     #[cfg(feature = "wgpu")]
     match Backend::Wgpu.check() {
         Ok(()) => devices.push(Backend::Wgpu.device()),
-        Err(error) => println!("graphics processors are not tested: {error}"),
+        Err(error) => crate::skipped(&format!("no graphics processor: {error}")),
     }
     devices
 }
@@ -76,7 +76,6 @@ fn a_batch_is_planned_as_its_scenarios_are_alone() {
             for (scenario, together) in scenarios.iter().zip(together) {
                 let alone = run(&controller, std::slice::from_ref(scenario)).remove(0).unwrap();
                 let share = agreement(&together.unwrap(), &alone);
-                println!("{name} {}: {share}", scenario.id);
                 assert!(share > 0.99, "{name} {}: {share}", scenario.id);
             }
         }
@@ -95,7 +94,6 @@ fn operations_of_a_backend_plan_as_the_code_for_processors_does() {
             let found = run(&Controller::Fair(simulator), &scenarios);
             for ((scenario, found), wanted) in scenarios.iter().zip(found).zip(wanted) {
                 let share = agreement(&found.unwrap(), wanted.as_ref().unwrap());
-                println!("{name} {}: {share}", scenario.id);
                 assert!(share > 0.99, "{name} {}: {share}", scenario.id);
             }
         }

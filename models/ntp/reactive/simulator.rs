@@ -16,7 +16,7 @@ use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
 use super::step::{EarlierNode, Step};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
-use crate::models::nn::{RowCollector, SharedRows};
+use crate::models::nn::{RowCollector, SharedRows, is_host};
 use crate::models::perception::Class;
 
 /// Simulator that moves agents by tokens drawn from the reactive network. The episodes of a batch go through
@@ -72,8 +72,13 @@ impl Simulator for ReactiveSimulator {
         let config = &self.policy.config;
         let linked: Vec<_> = batch.iter().map(|e| LinkedPlaces::known(e.start, config)).collect();
         let places: Vec<&LinkedPlaces> = linked.iter().collect();
-        let maps = self.policy.network.encode_map(&map_tensors(&places, config, &self.device));
-        let maps = SharedRows::divide(vec![maps], linked.iter().map(|l| l.places.all.len()));
+        // Last bits of small products on processors depend on the number of rows.
+        let together = if is_host(&self.device) { 1 } else { places.len().max(1) };
+        let maps = places.chunks(together).flat_map(|places| {
+            let maps = self.policy.network.encode_map(&map_tensors(places, config, &self.device));
+            SharedRows::divide(vec![maps], places.iter().map(|l| l.places.all.len()))
+        });
+        let maps: Vec<SharedRows> = maps.collect();
         for ((episode, linked), map) in batch.iter_mut().zip(linked).zip(maps) {
             let memory = EpisodeMemory { linked, map, remembered: Vec::new(), next_frame: usize::MAX };
             episode.memory = Memory::new(Some(memory));

@@ -39,7 +39,8 @@ const MOST_ROWS: usize = 4096;
 /// that end at the current frame, and no step is computed twice.
 ///
 /// On a graphics processor the episodes of a batch go through the network together, up to 4096 agents at a
-/// time. On processors, where this would save nothing, they go one after the other.
+/// time. On processors they go one after the other: there it would save nothing, and last bits would depend on
+/// the batch.
 #[derive(Debug)]
 pub struct SmartSimulator {
     id: &'static str,
