@@ -753,7 +753,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 estimate=options.estimate,
                 progress=not options.quiet,
             )
-        plan = _read_plan(Path(options.folder))
+        plan = _read_plan(local_folder(options.folder))
         if options.upload is not None and not _is_run(plan):
             raise ReactsimError("--upload copies the folder of a run: copy other results yourself")
         report = run_units(

@@ -16,6 +16,7 @@ use crate::curation::driver::{Curation, Input};
 use crate::curation::shards::merge;
 use crate::curation::store::Writer;
 use crate::curation::{CurationProvenance, CurationSettings};
+use crate::files::name_of;
 use crate::formats;
 use crate::shards::{FinishedUnits, RecordRange, ShardError, ShardPlan, Unit, UnitResults, Work};
 
@@ -68,10 +69,9 @@ impl Sharded for CurateArgs {
             let (now, then) = (found.len(), planned.inputs.len());
             bail!("the plan has {then} input files, and {now} are here: use the planned ones, or plan again");
         }
-        let name = |input: &formats::Input| input.path.file_name().map(|n| n.to_string_lossy().into_owned());
         let known = |index: usize, input: &formats::Input| {
             let file = planned.inputs.get(index).filter(|_| !used.contains(&index))?;
-            (name(input).as_ref() == Some(&file.name)).then(|| file.clone())
+            (name_of(&input.path) == file.name).then(|| file.clone())
         };
         let inputs = args.inputs(found, known);
         let inputs = inputs.context("paths in the plan are relative to the folder in which it was made")?;

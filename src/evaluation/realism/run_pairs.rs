@@ -7,6 +7,7 @@ use super::run_rollouts::run_rollouts;
 use super::scores::{RealismFailure, ScoredPair};
 use crate::evaluation::folder::{ROLLOUTS, read_summary};
 use crate::evaluation::{EvaluationError, FileRecord, Registrar, Source};
+use crate::files::name_of;
 use crate::formats::rollouts::{ByName, RolloutRecord};
 use crate::formats::wosac::WosacLogs;
 use crate::formats::{FormatError, Input, PendingScenarios, Scenarios};
@@ -63,9 +64,7 @@ impl LogSource {
     /// Returns whether the file has the name of a record.
     pub fn is_named(&self, record: &FileRecord) -> bool {
         match self {
-            Self::Recording(path) => {
-                path.file_name().is_some_and(|name| name.to_string_lossy() == record.name)
-            }
+            Self::Recording(path) => name_of(path) == record.name,
             Self::Scenarios(input) => record.is_named(input),
             Self::Shipped => false,
         }
