@@ -4,9 +4,10 @@ use reactsim::rollout::{self, JointPlan, Observation, PlanError, Stream};
 use reactsim::scene::Frame;
 
 use super::super::execute::Executor;
+use super::super::sampling::Sampling;
 use super::super::tokens::TOKEN_FRAMES;
 use super::observed::{Participant, step_at};
-use super::{Episode, InputError, SmartParameters, SmartPolicy, Step};
+use super::{Episode, InputError, SmartPolicy, Step};
 
 /// Memory of an episode between plans.
 #[derive(Debug)]
@@ -122,7 +123,7 @@ impl<'e> PendingPlan<'e> {
         scores: &[f32],
         width: usize,
         policy: &SmartPolicy,
-        parameters: &SmartParameters,
+        sampling: &Sampling,
         executor: &mut Executor,
     ) {
         let agents = &self.seen.start().agents;
@@ -130,7 +131,7 @@ impl<'e> PendingPlan<'e> {
             let (agent, vocabulary) = (&agents[participant.slot], &policy.vocabulary);
             // Classes may have fewer tokens than there are columns.
             let own = &scores[i * width..][..vocabulary.tokens(participant.class)];
-            let Some(token) = parameters.sampling.draw(own, self.stream) else {
+            let Some(token) = sampling.draw(own, self.stream) else {
                 let (id, frame) = (&agent.id, self.seen.frame());
                 *self.error = Some(PlanError::Failed(format!(
                     "the network's scores for agent `{id}` after frame {frame} are not numbers"

@@ -125,7 +125,7 @@ impl SmartSimulator {
                     p.remember();
                 }
                 let own = &scores[row * width..];
-                p.move_participants(own, width, &self.policy, &self.parameters, executor);
+                p.move_participants(own, width, &self.policy, &self.parameters.sampling, executor);
                 row += p.agents();
             }
         }
