@@ -8,9 +8,6 @@ use super::plan::{ShardPlan, Unit};
 use super::range::RecordRange;
 use super::unit::{PartialFolder, UnitWorker};
 
-/// Number of records of a unit in a sample.
-const RECORDS: usize = 8;
-
 /// Size of a sample of records, and of its results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleResults {
@@ -21,14 +18,16 @@ pub struct SampleResults {
 }
 
 impl UnitWorker<'_> {
-    /// Carries out the first records of units that are spread evenly over the plan, about `most` records in
-    /// all, and removes the results. `None` if the work was interrupted.
+    /// Carries out the first `records` records of each of `units` units, which are spread evenly over the plan,
+    /// and removes the results. `None` if the work was interrupted.
     ///
     /// # Errors
     /// [`ShardError`] if results cannot be written to the folder of units.
-    pub fn sample(&self, most: usize) -> Result<Option<SampleResults>, ShardError> {
+    pub fn sample(&self, units: usize, records: usize) -> Result<Option<SampleResults>, ShardError> {
         let mut sample = SampleResults { records: 0, bytes: 0 };
-        for (_, unit) in self.plan.sampled(most) {
+        for (_, unit) in self.plan.spread(units) {
+            let range = RecordRange { count: unit.range.count.min(records), ..unit.range };
+            let unit = Unit { range, ..unit.clone() };
             let partial = PartialFolder::create(self.folder, "sample")?;
             let Some(results) = self.work.carry_out(&unit, &partial.results())? else { return Ok(None) };
             sample.records += results.records;
@@ -45,15 +44,9 @@ fn size(path: &Path) -> Result<u64, ShardError> {
 }
 
 impl ShardPlan {
-    /// Returns evenly spread units with their numbers, shortened to about `most` records in all.
-    pub fn sampled(&self, most: usize) -> impl Iterator<Item = (usize, Unit)> {
-        // Several records of a unit, as opening a file costs time too.
-        let units = self.units.len().min(most.div_ceil(RECORDS));
-        (0..units).map(move |i| {
-            let number = i * self.units.len() / units;
-            let unit = &self.units[number];
-            let range = RecordRange { count: unit.range.count.min(most.div_ceil(units)), ..unit.range };
-            (number, Unit { range, ..unit.clone() })
-        })
+    /// Returns this many units with their numbers, spread evenly over the plan; all if there are fewer.
+    pub fn spread(&self, units: usize) -> impl Iterator<Item = (usize, &Unit)> {
+        let units = units.min(self.units.len());
+        (0..units).map(move |i| i * self.units.len() / units).map(|number| (number, &self.units[number]))
     }
 }

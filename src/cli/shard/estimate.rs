@@ -14,6 +14,10 @@ use crate::shards::{ShardPlan, UnitWorker};
 
 /// Name of the file with the estimate.
 const ESTIMATE: &str = "estimate.json";
+/// Number of records of a unit in the first sample: opening a file costs time too.
+const RECORDS: usize = 8;
+/// Least duration of a sample, seconds: records differ, and clocks of busy machines are coarse.
+const LEAST_SECONDS: f64 = 2.0;
 
 /// Measured cost of some records, and what follows for all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,8 +27,12 @@ pub(super) struct Estimate {
     measured: usize,
     /// Number of all records.
     records: usize,
+    /// Number of all units.
+    units: usize,
     /// Time of one record on one core, seconds.
     seconds_per_record: f64,
+    /// Time of one unit on one core apart from its records, seconds.
+    seconds_per_unit: f64,
     /// Size of the results of one record, bytes.
     bytes_per_record: f64,
     /// Memory of a process with one thread, bytes.
@@ -32,29 +40,52 @@ pub(super) struct Estimate {
 }
 
 impl Estimate {
-    /// Works on some records, spread over all units, on one core, and writes the estimate to the folder of
-    /// units. `None` if interrupted.
+    /// Works on about `least` records of units that are spread over the plan, on one core, and on more if these
+    /// take too short a time; writes the estimate to the folder of units. `None` if interrupted.
     pub(super) fn measure(
         folder: &Path,
         plan: &ShardPlan,
         command: &dyn Sharded,
-        most: usize,
+        least: usize,
     ) -> anyhow::Result<Option<Self>> {
         let stop = stop_on_interrupt("leaving out the estimate")?;
         let progress = Progress::hidden();
-        let units: Vec<usize> = plan.sampled(most).map(|(number, _)| number).collect();
+        let count = plan.units.len().min(least.div_ceil(RECORDS));
+        let units: Vec<usize> = plan.spread(count).map(|(number, _)| number).collect();
         let settings = WorkSettings { folder, jobs: 1, progress: &progress, stop: &stop };
         let work = command.prepare(plan, &units, settings)?;
         let worker = UnitWorker { folder, plan, work: work.as_ref(), jobs: 1 };
+        let timed = |units, records| {
+            let begin = Instant::now();
+            let sample = worker.sample(units, records)?;
+            Ok::<_, anyhow::Error>(sample.map(|sample| (sample, begin.elapsed().as_secs_f64())))
+        };
         // The first record pays for what happens once per process.
-        worker.sample(1)?;
-        let begin = Instant::now();
-        let Some(sample) = worker.sample(most)? else { return Ok(None) };
-        let (seconds, measured) = (begin.elapsed().as_secs_f64(), sample.records.max(1));
+        worker.sample(1, 1)?;
+        let Some((single, shortest)) = timed(count, 1)? else { return Ok(None) };
+        let largest = plan.spread(count).map(|(_, unit)| unit.range.count).max().unwrap_or(1);
+        let mut each = least.div_ceil(count.max(1));
+        let (sample, seconds) = loop {
+            let Some((sample, seconds)) = timed(count, each)? else { return Ok(None) };
+            if seconds >= LEAST_SECONDS || each >= largest {
+                break (sample, seconds);
+            }
+            each *= 2;
+        };
+        let measured = sample.records.max(1);
+        // What does not grow with the records of a unit is paid once per unit.
+        let more = sample.records.saturating_sub(single.records);
+        let seconds_per_record = match more {
+            0 => seconds / measured as f64,
+            more => (seconds - shortest).max(0.0) / more as f64,
+        };
+        let of_units = seconds - seconds_per_record * sample.records as f64;
         let estimate = Self {
             measured,
             records: plan.records(),
-            seconds_per_record: seconds / measured as f64,
+            units: plan.units.len(),
+            seconds_per_record,
+            seconds_per_unit: of_units.max(0.0) / count.max(1) as f64,
             bytes_per_record: sample.bytes as f64 / measured as f64,
             memory: memory_stats::memory_stats().map_or(0, |memory| memory.physical_mem as u64),
         };
@@ -79,7 +110,7 @@ impl Estimate {
 
     /// Returns the estimated time of all records on one core, seconds.
     fn seconds(&self) -> f64 {
-        self.seconds_per_record * self.records as f64
+        self.seconds_per_record * self.records as f64 + self.seconds_per_unit * self.units as f64
     }
 
     /// Compares the estimated time with what all units took, core-seconds.

@@ -20,7 +20,8 @@ pub(super) struct PlanArgs {
     /// Records per unit: some minutes of work
     #[arg(long, default_value = "512", value_name = "N")]
     unit: NonZeroUsize,
-    /// Number of records that are worked on to estimate time and space of the whole; 0 for no estimate
+    /// Number of records that are worked on to estimate time and space of the whole, more if they take less
+    /// than two seconds; 0 for no estimate
     #[arg(long, default_value_t = 48, value_name = "N")]
     estimate: usize,
     /// The command as on one machine: `run` or `study`, its arguments, and --out for its results
