@@ -116,7 +116,7 @@ mod tests {
             "reactsim shard plan units run s3://a --out b",
             "reactsim score rollouts.parquet --scenarios s3://a",
             "reactsim verify folder --scenarios s3://a",
-            "reactsim train split s3://a --out b",
+            "reactsim train split s3://a --part train=0.9 --out b",
             "reactsim run a --av file:/b/c.parquet",
         ] {
             assert_eq!(refused(line), None, "{line}");
