@@ -150,8 +150,13 @@ def plan_units(
         command = ["shard", "plan", os.fspath(folder)]
         for option, value in (("--unit", unit), ("--estimate", estimate)):
             command += [option, str(value)] if value is not None else []
-        _call([*command, *arguments], progress)
-        return
+        try:
+            _call([*command, *arguments], progress)
+            return
+        except ReactsimError:
+            # A driver that was killed may have left a process that wrote the plan meanwhile.
+            if not (folder / PLAN).exists():
+                raise
     plan = _read_plan(folder)
     if plan.arguments != arguments:
         raise ReactsimError(
