@@ -24,7 +24,7 @@ def main() -> None:
     """Makes the plan with many records, merges it, and prints the measurements."""
     program, units, wanted, folder = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
     plan = json.loads((units / "plan.json").read_text())
-    provenance = json.dumps(plan["provenance"], separators=(",", ":"), ensure_ascii=False)
+    subject = json.dumps(plan["subject"], separators=(",", ":"), ensure_ascii=False)
     per_unit = plan["units"][0]["count"]
     whole = [n for n, unit in enumerate(plan["units"]) if unit["count"] == per_unit]
     repeated = []
@@ -33,7 +33,7 @@ def main() -> None:
     for number in range(-(-wanted // per_unit)):
         source = plan["units"][whole[number % len(whole)]]
         unit = {"input": 0, "first": number * per_unit, "count": per_unit}
-        text = f"{provenance}\n0 {unit['first']} {per_unit}\n"
+        text = f"{subject}\n0 0 {unit['first']} {per_unit}\n"
         key = blake3(text.encode()).hexdigest()
         repeated.append({"key": key, **unit})
         write(units, whole[number % len(whole)], source, shards, number, repeated[-1])
@@ -54,18 +54,21 @@ def write(units: Path, old: int, source: dict, shards: Path, number: int, unit: 
     """Writes the results of a unit under other records and ids."""
     from_folder = units / f"unit-{old:06}-{source['key'][:16]}"
     to_folder = shards / f"unit-{number:06}-{unit['key'][:16]}"
-    to_folder.mkdir()
+    (to_folder / "results").mkdir(parents=True)
     record = json.loads((from_folder / "unit.json").read_text())
     shift = unit["first"] - source["first"]
     head = re.compile(r'^\{"input":0,"record":(\d+),"scenario":"')
     for name in record["files"]:
         lines = []
-        for line in (from_folder / name).read_text().splitlines(keepends=True):
+        for line in (from_folder / "results" / name).read_text().splitlines(keepends=True):
             found = head.match(line)
+            if found is None:  # no record, such as the scenarios that were left out
+                lines.append(line)
+                continue
             new = f'{{"input":0,"record":{int(found[1]) + shift},"scenario":"{number}-'
             lines.append(new + line[found.end() :])
         content = "".join(lines).encode()
-        (to_folder / name).write_bytes(content)
+        (to_folder / "results" / name).write_bytes(content)
         record["files"][name] = blake3(content).hexdigest()
     record["key"] = unit["key"]
     (to_folder / "unit.json").write_text(json.dumps(record) + "\n")
