@@ -23,7 +23,7 @@ pub const OUTCOMES: &str = "outcomes.jsonl";
 /// Name of the file with the candidates.
 pub const CANDIDATES: &str = "candidates.parquet";
 
-/// What became of a record.
+/// The outcome of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RecordOutcome {
     /// It has no result.

@@ -47,6 +47,17 @@ pub struct Unit {
     pub range: RecordRange,
 }
 
+impl Unit {
+    /// Takes the planned records of all inputs but that of this unit for the present ones: other units report
+    /// changes of their inputs.
+    pub fn trust_other_inputs<T: Clone>(&self, planned: &[T], now: &mut [T]) {
+        let inputs = now.iter_mut().zip(planned).enumerate();
+        for (_, (now, planned)) in inputs.filter(|(index, _)| *index != self.range.input) {
+            now.clone_from(planned);
+        }
+    }
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde requires this signature")]
 fn is_first(part: &usize) -> bool {
     *part == 0
@@ -68,6 +79,20 @@ impl ShardPlan {
         let unit = |(part, range)| Unit { key: key(&identity, part, range), part, range };
         let units = ranges.into_iter().map(unit).collect();
         Ok(Self { format: FORMAT.to_owned(), version: VERSION, arguments, subject, units })
+    }
+
+    /// Plans work of one part, whose inputs have these numbers of records, in units of `records` records, or
+    /// fewer at the end of an input.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn divide(
+        arguments: Vec<String>,
+        subject: &impl Serialize,
+        counts: &[usize],
+        records: usize,
+    ) -> Result<Self, ShardError> {
+        Self::new(arguments, subject, RecordRange::divide(counts, records).map(|range| (0, range)))
     }
 
     /// Writes the plan to a folder, which is created if it does not exist.
@@ -143,6 +168,14 @@ impl ShardPlan {
     /// [`ShardError::NoUnit`].
     pub fn unit(&self, number: usize) -> Result<&Unit, ShardError> {
         self.units.get(number).ok_or(ShardError::NoUnit { unit: number, count: self.units.len() })
+    }
+
+    /// Returns the inputs of some units, by index.
+    ///
+    /// # Errors
+    /// [`ShardError::NoUnit`].
+    pub fn inputs_of(&self, units: &[usize]) -> Result<BTreeSet<usize>, ShardError> {
+        units.iter().map(|number| self.unit(*number).map(|unit| unit.range.input)).collect()
     }
 
     /// Returns the number of records of all units.

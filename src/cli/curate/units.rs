@@ -1,6 +1,5 @@
 //! Curation in units.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, bail};
@@ -18,7 +17,7 @@ use crate::curation::store::Writer;
 use crate::curation::{CurationProvenance, CurationSettings};
 use crate::files::name_of;
 use crate::formats;
-use crate::shards::{FinishedUnits, RecordRange, ShardError, ShardPlan, Unit, UnitResults, Work};
+use crate::shards::{FinishedUnits, ShardError, ShardPlan, Unit, UnitResults, Work};
 
 impl CurateArgs {
     /// Returns the arguments of curation itself.
@@ -46,8 +45,7 @@ impl Sharded for CurateArgs {
         // A file that cannot be opened has one record, so that its unit reports the reason.
         let count = |input: &Input| (input.open)(0).map_or(1, Iterator::count);
         let counts: Vec<usize> = inputs.par_iter().map(count).collect();
-        let ranges = RecordRange::divide(&counts, records).map(|range| (0, range));
-        Ok(ShardPlan::new(arguments, &subject, ranges)?)
+        Ok(ShardPlan::divide(arguments, &subject, &counts, records)?)
     }
 
     fn jobs(&self) -> usize {
@@ -62,9 +60,7 @@ impl Sharded for CurateArgs {
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
         let args = self.made()?;
         let planned: CurationProvenance = plan.subject()?;
-        let used: Result<BTreeSet<usize>, ShardError> =
-            units.iter().map(|number| plan.unit(*number).map(|unit| unit.range.input)).collect();
-        let (used, found) = (used?, args.find_inputs(args.out()?)?);
+        let (used, found) = (plan.inputs_of(units)?, args.find_inputs(args.out()?)?);
         if found.len() != planned.inputs.len() {
             let (now, then) = (found.len(), planned.inputs.len());
             bail!("the plan has {then} input files, and {now} are here: use the planned ones, or plan again");
@@ -107,7 +103,7 @@ struct CurationWork<'a> {
     inputs: Vec<Input>,
     source: OpenSource,
     settings: CurationSettings,
-    /// What the plan and this process know about the curation before it begins.
+    /// The curation before it begins, as the plan knows it, and as this process does.
     planned: CurationProvenance,
     subject: CurationProvenance,
     how: WorkSettings<'a>,
@@ -116,13 +112,7 @@ struct CurationWork<'a> {
 impl Work for CurationWork<'_> {
     fn check(&self, plan: &ShardPlan, unit: &Unit) -> Result<(), ShardError> {
         let mut now = self.subject.clone();
-        // Other units report changes of other inputs.
-        let others = self.planned.inputs.iter().enumerate().filter(|(i, _)| *i != unit.range.input);
-        for (index, planned) in others {
-            if let Some(other) = now.inputs.get_mut(index) {
-                other.clone_from(planned);
-            }
-        }
+        unit.trust_other_inputs(&self.planned.inputs, &mut now.inputs);
         plan.check(&now)
     }
 

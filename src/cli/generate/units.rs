@@ -32,7 +32,7 @@ const FAILURES: &str = "failures.jsonl";
 /// not enough.
 const TRIED_PER_SCENARIO: usize = 4;
 
-/// What determines generated scenarios.
+/// Settings that determine generated scenarios.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GenerationSubject {
@@ -92,9 +92,7 @@ impl Sharded for GenerateArgs {
             Preset::Train => wanted as usize,
             Preset::Bench => TRIED_PER_SCENARIO * wanted as usize,
         };
-        let counts = [numbers];
-        let ranges = RecordRange::divide(&counts, records).map(|range| (0, range));
-        Ok(ShardPlan::new(arguments, &GenerationSubject::of(&settings, wanted), ranges)?)
+        Ok(ShardPlan::divide(arguments, &GenerationSubject::of(&settings, wanted), &[numbers], records)?)
     }
 
     fn jobs(&self) -> usize {

@@ -1,7 +1,5 @@
 //! A run in units.
 
-use std::collections::BTreeSet;
-
 use anyhow::{Context, bail};
 
 use super::{RunArgs, finish, plan};
@@ -10,9 +8,10 @@ use crate::cli::external::keep_stderr;
 use crate::cli::progress::Progress;
 use crate::cli::sharded::{Sharded, WorkSettings, refuse};
 use crate::cli::subject::EvaluationArgs;
-use crate::evaluation::shards::{RunWork, ShardedRuns, merge};
+use crate::evaluation::shards::{RunWork, Runs, ShardedRuns, merge};
 use crate::evaluation::{Execution, Source};
-use crate::shards::{FinishedUnits, ShardError, ShardPlan, Work};
+use crate::external::ExternalSimulator;
+use crate::shards::{FinishedUnits, ShardPlan, Work};
 
 impl Sharded for RunArgs {
     fn check(&self) -> anyhow::Result<()> {
@@ -26,8 +25,7 @@ impl Sharded for RunArgs {
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
         let (mut plan, _external) = plan(self, self.subject.sources()?)?;
-        let (subject, ranges) = ShardedRuns::divide(&mut plan, records)?;
-        Ok(ShardPlan::new(arguments, &subject, ranges)?)
+        divide(&mut plan, arguments, records)
     }
 
     fn jobs(&self) -> usize {
@@ -43,9 +41,7 @@ impl Sharded for RunArgs {
         let planned: ShardedRuns = shards.subject()?;
         let sources = known_sources(&self.subject, shards, &planned, units)?;
         let (plan, external) = plan(self, sources)?;
-        keep_stderr(&external, Some(settings.folder))?;
-        let execution = Execution { jobs: settings.jobs, ..self.work.execution() };
-        Ok(Box::new(RunWork::new(Box::new(plan), planned, execution, settings.progress, settings.stop)))
+        work(Box::new(plan), &external, planned, self.work.execution(), settings)
     }
 
     fn merge(
@@ -65,6 +61,29 @@ impl Sharded for RunArgs {
     }
 }
 
+/// Divides runs into units of this many records.
+pub(in crate::cli) fn divide(
+    runs: &mut dyn Runs,
+    arguments: Vec<String>,
+    records: usize,
+) -> anyhow::Result<ShardPlan> {
+    let (subject, ranges) = ShardedRuns::divide(runs, records)?;
+    Ok(ShardPlan::new(arguments, &subject, ranges)?)
+}
+
+/// Prepares units of runs with these external simulators.
+pub(in crate::cli) fn work<'a>(
+    runs: Box<dyn Runs>,
+    external: &[ExternalSimulator],
+    planned: ShardedRuns,
+    execution: Execution,
+    settings: WorkSettings<'a>,
+) -> anyhow::Result<Box<dyn Work + 'a>> {
+    keep_stderr(external, Some(settings.folder))?;
+    let execution = Execution { jobs: settings.jobs, ..execution };
+    Ok(Box::new(RunWork::new(runs, planned, execution, settings.progress, settings.stop)))
+}
+
 /// Refuses an external simulator that talks with the parent process.
 pub(in crate::cli) fn refuse_stdout(subject: &EvaluationArgs) -> anyhow::Result<()> {
     if subject.external.takes_stdout() {
@@ -80,9 +99,7 @@ pub(in crate::cli) fn known_sources(
     planned: &ShardedRuns,
     units: &[usize],
 ) -> anyhow::Result<Vec<Source>> {
-    let inputs: Result<BTreeSet<usize>, ShardError> =
-        units.iter().map(|number| shards.unit(*number).map(|unit| unit.range.input)).collect();
     let Some(run) = planned.runs.first() else { bail!("the plan is damaged: it has no run; plan again") };
-    let sources = subject.known_sources(&run.provenance.inputs, &inputs?);
+    let sources = subject.known_sources(&run.provenance.inputs, &shards.inputs_of(units)?);
     sources.context("paths in the plan are relative to the folder in which it was made")
 }

@@ -1,7 +1,6 @@
 //! Realism metrics in units: ranges of the logs of a run, or of the scenarios of a submission.
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -24,7 +23,7 @@ use crate::evaluation::{
 use crate::formats::wosac::SubmissionReader;
 use crate::shards::{FinishedUnits, RecordRange, ShardError, ShardPlan, Unit, UnitResults, Work};
 
-/// What determines the scores.
+/// Settings and files that determine the scores.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RealismSubject {
@@ -101,8 +100,7 @@ impl Sharded for ScoreArgs {
             vec![SubmissionReader::open(path)?.count()]
         };
         let subject = RealismSubject::of(self, path, |_, _| None)?;
-        let ranges = RecordRange::divide(&counts, records).map(|range| (0, range));
-        Ok(ShardPlan::new(arguments, &subject, ranges)?)
+        Ok(ShardPlan::divide(arguments, &subject, &counts, records)?)
     }
 
     fn jobs(&self) -> usize {
@@ -117,9 +115,7 @@ impl Sharded for ScoreArgs {
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
         let path = check(self)?;
         let planned: RealismSubject = plan.subject()?;
-        let used: Result<BTreeSet<usize>, ShardError> =
-            units.iter().map(|number| plan.unit(*number).map(|unit| unit.range.input)).collect();
-        let used = used?;
+        let used = plan.inputs_of(units)?;
         // A unit of a submission may need any log.
         let is_used = |index: usize| !is_run(path) || used.contains(&index);
         let known = |index: usize, source: &LogSource| {
@@ -168,7 +164,7 @@ impl Sharded for ScoreArgs {
 struct RealismWork<'a> {
     args: &'a ScoreArgs,
     path: &'a Path,
-    /// What the plan and this process know about the rollouts and logs.
+    /// The settings and files as the plan knows them, and as this process does.
     planned: RealismSubject,
     subject: RealismSubject,
     how: WorkSettings<'a>,
@@ -209,13 +205,7 @@ impl Work for RealismWork<'_> {
     fn check(&self, plan: &ShardPlan, unit: &Unit) -> Result<(), ShardError> {
         let mut now = self.subject.clone();
         if is_run(self.path) {
-            // Other units report changes of other logs.
-            let others = self.planned.logs.iter().enumerate().filter(|(i, _)| *i != unit.range.input);
-            for (index, planned) in others {
-                if let Some(other) = now.logs.get_mut(index) {
-                    other.clone_from(planned);
-                }
-            }
+            unit.trust_other_inputs(&self.planned.logs, &mut now.logs);
         }
         plan.check(&now)
     }

@@ -73,7 +73,7 @@ impl Estimate {
             each *= 2;
         };
         let measured = sample.records.max(1);
-        // What does not grow with the records of a unit is paid once per unit.
+        // Costs that do not grow with the records of a unit are paid once per unit.
         let more = sample.records.saturating_sub(single.records);
         let seconds_per_record = match more {
             0 => seconds / measured as f64,

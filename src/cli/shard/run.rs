@@ -78,6 +78,7 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
             Err(error) => {
                 let error = anyhow!("unit {number}: {:#}", anyhow::Error::from(error));
                 if units.len() == 1 {
+                    progress.end();
                     return Err(error);
                 }
                 // Other units may well be possible.

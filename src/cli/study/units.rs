@@ -5,12 +5,11 @@ use anyhow::bail;
 use super::StudyArgs;
 use super::carry_out::{finish, finish_member};
 use crate::cli::ExitStatus;
-use crate::cli::external::keep_stderr;
 use crate::cli::progress::Progress;
-use crate::cli::run::units::{known_sources, refuse_stdout};
+use crate::cli::run::units::{divide, known_sources, refuse_stdout, work};
 use crate::cli::sharded::{Sharded, WorkSettings, refuse};
-use crate::evaluation::shards::{RunWork, ShardedRuns, merge};
-use crate::evaluation::{Execution, STUDY_TABLE, StudyFolder, read_summary};
+use crate::evaluation::shards::{ShardedRuns, merge};
+use crate::evaluation::{STUDY_TABLE, StudyFolder, read_summary};
 use crate::shards::{FinishedUnits, ShardError, ShardPlan, Work};
 
 impl Sharded for StudyArgs {
@@ -23,8 +22,7 @@ impl Sharded for StudyArgs {
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
         let (mut plan, _external) = self.plan(self.shared().subject.sources()?)?;
-        let (subject, ranges) = ShardedRuns::divide(&mut plan, records)?;
-        Ok(ShardPlan::new(arguments, &subject, ranges)?)
+        divide(&mut plan, arguments, records)
     }
 
     fn jobs(&self) -> usize {
@@ -40,9 +38,7 @@ impl Sharded for StudyArgs {
         let planned: ShardedRuns = shards.subject()?;
         let shared = self.shared();
         let (plan, external) = self.plan(known_sources(&shared.subject, shards, &planned, units)?)?;
-        keep_stderr(&external, Some(settings.folder))?;
-        let execution = Execution { jobs: settings.jobs, ..shared.work.execution() };
-        Ok(Box::new(RunWork::new(Box::new(plan), planned, execution, settings.progress, settings.stop)))
+        work(Box::new(plan), &external, planned, shared.work.execution(), settings)
     }
 
     fn merge(

@@ -1,4 +1,4 @@
-//! What determines the results of runs in units.
+//! Settings and inputs that determine the results of runs in units.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -86,12 +86,7 @@ impl ShardedRuns {
             return Err(ShardError::OtherWork { setting, planned, now: self.runs.len().to_string() });
         };
         let mut now = plan.provenance();
-        let others = run.provenance.inputs.iter().enumerate().filter(|(i, _)| *i != unit.range.input);
-        for (index, planned) in others {
-            if let Some(other) = now.inputs.get_mut(index) {
-                other.clone_from(planned);
-            }
-        }
+        unit.trust_other_inputs(&run.provenance.inputs, &mut now.inputs);
         match run.provenance.difference(&now) {
             None => Ok(()),
             Some((setting, planned, now)) => Err(ShardError::OtherWork { setting, planned, now }),
