@@ -1,9 +1,9 @@
 //! Speed of planning by networks for batches of episodes, on a backend of choice.
 //!
 //! `cargo bench --bench batches [-- BACKEND [SIZES]]`, for instance
-//! `cargo bench --features cuda --bench batches -- cuda 1,4,16,64,256`. Without arguments: the default backend
-//! and batches of 1, 4, 16, 64 and 256. Episodes are rollouts of the shipped scenarios, replanned at 2 Hz, on
-//! one thread. Times are by the wall clock, the best of several rounds.
+//! `cargo bench --features cuda --bench batches -- cuda 1,4,16,64,256`. Without arguments: the default
+//! backend and batches of 1, 4, 16, 64 and 256. Episodes are rollouts of the shipped scenarios, replanned at
+//! 2 Hz, on one thread. Times are by the wall clock, the best of several rounds.
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 
 use std::path::Path;

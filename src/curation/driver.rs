@@ -13,16 +13,13 @@ use super::{
     CandidateSource, Chooser, CurationOutcome, CurationProvenance, CurationSettings, Funnel, InputFile,
     ScenarioRecord, curate_scenario,
 };
-use crate::formats::{FormatError, PendingScenarios, UndecodedScenario};
+use crate::formats::{FormatError, Opener, UndecodedScenario};
 use crate::shards::RecordRange;
 use crate::web::sketch;
 use crate::work::{MAX_THREADS, Pool};
 
 /// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
 const SCENARIOS_PER_JOB: usize = 8;
-
-/// Opens a file for reading from the record with this index on.
-pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + Send + Sync>;
 
 /// An input file of scenarios.
 pub struct Input {

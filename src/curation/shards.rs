@@ -46,8 +46,8 @@ impl Curation<'_> {
     }
 }
 
-/// Chooses among the candidates of all units and writes the scenarios that passed step 1, as a curation on one
-/// machine would. The provenance is `base` plus the results; the caller finishes the file with it.
+/// Chooses among the candidates of all units and writes the scenarios that passed step 1, as a curation on
+/// one machine would. The provenance is `base` plus the results; the caller finishes the file with it.
 ///
 /// # Errors
 /// [`ShardError`] if a unit is damaged or the file cannot be written.

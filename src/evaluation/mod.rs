@@ -90,7 +90,7 @@ pub use scoring::Scoring;
 pub use selection::Selection;
 pub use shipped::shipped_ids;
 pub use simulators::{Adjustments, PlannedSimulator, weights_file};
-pub use source::{Opener, Source};
+pub use source::Source;
 pub use statistics::Estimate;
 pub use study::{
     Difference, Member, NamedVocabulary, STUDY, STUDY_TABLE, Study, StudyFolder, StudyKind, StudyPlan,

@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 
 use super::EvaluationError;
 use super::file_record::FileRecord;
-use super::source::{Opener, Source};
+use super::source::Source;
 use crate::formats::native::ByNumber;
-use crate::formats::{Input, PendingScenarios};
+use crate::formats::{Input, Opener, PendingScenarios};
 use crate::scene::Scenario;
 
 /// Scenario files by the digest of their content: runs identify their inputs by digest, not by path.

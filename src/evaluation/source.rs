@@ -7,12 +7,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use super::EvaluationError;
 use super::file_record::{FileRecord, Registrar};
 use super::row::RecordPosition;
-use crate::formats::{FormatError, Input, PendingScenarios, Scenarios, UndecodedScenario, decoded};
+use crate::formats::{FormatError, Input, Opener, PendingScenarios, Scenarios, UndecodedScenario, decoded};
 use crate::scene::Scenario;
 use crate::shards::RecordRange;
-
-/// Opens a source for reading from the record with the given index on.
-pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + Send + Sync>;
 
 /// A file of scenarios, or scenarios that ship with the program.
 pub struct Source {
@@ -27,10 +24,7 @@ pub struct Source {
 impl Source {
     fn of_input(input: Input, most: usize, file: FileRecord) -> Self {
         let count = input.count().map(|count| count.min(most));
-        let open = move |first: usize| -> Result<PendingScenarios, FormatError> {
-            Ok(Box::new(input.open_from(first)?.take(most.saturating_sub(first))))
-        };
-        Self { file, open: Box::new(open), count }
+        Self { file, open: input.opener(most), count }
     }
 
     /// Scenario files, of each of which at most `most` scenarios are read.

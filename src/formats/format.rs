@@ -19,6 +19,15 @@ pub type UndecodedScenario = Box<dyn FnOnce() -> Result<Scenario, FormatError> +
 /// appear when it is decoded.
 pub type PendingScenarios = Box<dyn Iterator<Item = Result<UndecodedScenario, FormatError>> + Send>;
 
+/// Opens a source for reading from the record with the given index on.
+pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + Send + Sync>;
+
+/// Reads a source through and returns the number of its records, damaged ones included. A source that cannot
+/// be opened has one, so that whoever reads it reports the reason.
+pub fn count_records(open: &Opener) -> usize {
+    open(0).map_or(1, Iterator::count)
+}
+
 /// Name of the repair that counts the frames after the last one of a recording; they are absent.
 pub(super) const UNRECORDED_FRAMES: &str = "frames at the end that are not recorded";
 

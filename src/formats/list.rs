@@ -10,7 +10,7 @@ use std::thread;
 use super::argoverse2::Argoverse2;
 use super::error::{Cause, FormatError};
 use super::format::{
-    GZIP, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, ZSTD, head, named,
+    GZIP, Opener, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, ZSTD, head, named,
 };
 use super::gpudrive::GpuDrive;
 use super::json::Json;
@@ -90,6 +90,11 @@ impl Input {
             Box::new(move || decode().map(Scenario::with_all_agents))
         };
         Ok(Box::new(scenarios.map(move |decode| decode.map(with_all))))
+    }
+
+    /// Returns what opens the file, of which at most `most` records are read.
+    pub fn opener(self, most: usize) -> Opener {
+        Box::new(move |first| Ok(Box::new(self.open_from(first)?.take(most.saturating_sub(first)))))
     }
 
     /// Returns the number of records if it can be found without reading them.

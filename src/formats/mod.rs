@@ -24,7 +24,10 @@ pub mod rollouts;
 pub mod wosac;
 
 pub use error::{Cause, FormatError};
-pub use format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, decoded, is_parquet};
+pub use format::{
+    Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records, decoded,
+    is_parquet,
+};
 pub use json::parse as parse_json;
 pub use list::{FORMATS, Input, PassedOver, Survey, find_inputs, open, open_all, survey};
 pub(crate) use womd::record::tf_record;

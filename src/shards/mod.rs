@@ -16,6 +16,7 @@
 
 mod error;
 mod finished;
+mod leaves;
 mod plan;
 mod range;
 mod sample;
@@ -24,6 +25,7 @@ mod work;
 
 pub use error::ShardError;
 pub use finished::{FinishedUnit, FinishedUnits};
+pub use leaves::{differences, leaves};
 pub use plan::{SHARD_PLAN, ShardPlan, Unit};
 pub use range::RecordRange;
 pub use sample::SampleResults;

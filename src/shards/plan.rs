@@ -7,9 +7,10 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::error::{ShardError, cannot_write};
+use super::leaves::differences;
 use super::range::RecordRange;
 use crate::files::replace;
 
@@ -156,7 +157,7 @@ impl ShardPlan {
     /// [`ShardError::OtherWork`] names the first setting that differs.
     pub fn check(&self, now: &impl Serialize) -> Result<(), ShardError> {
         let now = serde_json::to_value(now).map_err(ShardError::work)?;
-        match difference("", &self.subject, &now) {
+        match differences(&self.subject, &now).into_iter().next() {
             None => Ok(()),
             Some((setting, planned, now)) => Err(ShardError::OtherWork { setting, planned, now }),
         }
@@ -191,23 +192,4 @@ fn key(subject: &str, part: usize, range: RecordRange) -> String {
     let RecordRange { input, first, count } = range;
     hasher.update(format!("\n{part} {input} {first} {count}\n").as_bytes());
     hasher.finalize().to_hex().to_string()
-}
-
-/// Returns the first place where two values differ: its path, and both values as text.
-fn difference(path: &str, planned: &Value, now: &Value) -> Option<(String, String, String)> {
-    let absent = &Value::from("absent");
-    match (planned, now) {
-        (Value::Object(old), Value::Object(new)) => {
-            let join = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-            let keys: BTreeSet<&String> = old.keys().chain(new.keys()).collect();
-            let of = |values: &'_ Map<String, Value>, key: &String| values.get(key).unwrap_or(absent).clone();
-            keys.into_iter().find_map(|key| difference(&join(key), &of(old, key), &of(new, key)))
-        }
-        (Value::Array(old), Value::Array(new)) => {
-            let of = |values: &[Value], i: usize| values.get(i).unwrap_or(absent).clone();
-            let indices = 0..old.len().max(new.len());
-            indices.into_iter().find_map(|i| difference(&format!("{path}[{i}]"), &of(old, i), &of(new, i)))
-        }
-        _ => (planned != now).then(|| (path.to_owned(), planned.to_string(), now.to_string())),
-    }
 }

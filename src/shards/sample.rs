@@ -18,8 +18,8 @@ pub struct SampleResults {
 }
 
 impl UnitWorker<'_> {
-    /// Carries out the first `records` records of each of `units` units, which are spread evenly over the plan,
-    /// and removes the results. `None` if the work was interrupted.
+    /// Carries out the first `records` records of each of `units` units, which are spread evenly over the
+    /// plan, and removes the results. `None` if the work was interrupted.
     ///
     /// # Errors
     /// [`ShardError`] if results cannot be written to the folder of units.

@@ -1,4 +1,5 @@
-//! Networks plan the episodes of a batch in common forward passes: each as if it were alone, but for rounding.
+//! Networks plan the episodes of a batch in common forward passes: each as if it were alone, but for
+//! rounding.
 
 use burn::tensor::Device;
 #[cfg(feature = "wgpu")]
@@ -30,8 +31,8 @@ fn simulators(device: &Device) -> [(&'static str, Box<dyn Simulator>); 2] {
     [("reactive", Box::new(reactive)), ("smart", Box::new(smart))]
 }
 
-/// Returns devices on which networks are operations of a backend, not the code of this crate for processors: a
-/// graphics processor if there is one, and others with gradients.
+/// Returns devices on which networks are operations of a backend, not the code of this crate for processors:
+/// a graphics processor if there is one, and others with gradients.
 #[cfg_attr(feature = "ndarray", expect(deprecated, reason = "burn-ndarray is kept for comparison"))]
 fn devices() -> Vec<Device> {
     #[cfg_attr(not(feature = "wgpu"), expect(unused_mut, reason = "there are no others"))]

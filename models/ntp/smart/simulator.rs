@@ -28,7 +28,8 @@ pub struct SmartParameters {
 }
 
 /// Rows per forward pass on a graphics processor, agents or pieces of maps. A row of the published network of
-/// 7 million parameters attends to up to 300 map tokens of 128 numbers, so that the largest tensor has 0.6 GB.
+/// 7 million parameters attends to up to 300 map tokens of 128 numbers, so that the largest tensor has 0.6
+/// GB.
 const MOST_ROWS: usize = 4096;
 
 /// Simulator that moves agents by tokens drawn from the published network.
@@ -39,8 +40,8 @@ const MOST_ROWS: usize = 4096;
 /// that end at the current frame, and no step is computed twice.
 ///
 /// On a graphics processor the episodes of a batch go through the network together, up to 4096 agents at a
-/// time. On processors they go one after the other: there it would save nothing, and last bits would depend on
-/// the batch.
+/// time. On processors they go one after the other: there it would save nothing, and last bits would depend
+/// on the batch.
 #[derive(Debug)]
 pub struct SmartSimulator {
     id: &'static str,

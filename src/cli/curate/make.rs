@@ -18,7 +18,7 @@ use crate::curation::{
     CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
 use crate::evaluation::{FileRecord, Registrar, program_commit, program_version};
-use crate::formats::{self, FormatError, PendingScenarios};
+use crate::formats;
 use crate::report::curation_tables;
 use crate::work::available_threads;
 
@@ -171,8 +171,8 @@ impl MakeArgs {
         Ok(found)
     }
 
-    /// Returns the inputs with their digests. `known` may give the record of a file, by its index; other files
-    /// are read for their digests.
+    /// Returns the inputs with their digests. `known` may give the record of a file, by its index; other
+    /// files are read for their digests.
     pub(super) fn inputs(
         &self,
         found: Vec<formats::Input>,
@@ -189,10 +189,7 @@ impl MakeArgs {
                     InputFile { name, digest }
                 }
             };
-            let open = Box::new(move |first: usize| -> Result<PendingScenarios, FormatError> {
-                Ok(Box::new(input.open_from(first)?.take(most.saturating_sub(first))))
-            });
-            inputs.push(Input { file, open });
+            inputs.push(Input { file, open: input.opener(most) });
         }
         Ok(inputs)
     }

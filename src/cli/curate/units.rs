@@ -16,7 +16,7 @@ use crate::curation::shards::merge;
 use crate::curation::store::Writer;
 use crate::curation::{CurationProvenance, CurationSettings};
 use crate::files::name_of;
-use crate::formats;
+use crate::formats::{self, count_records};
 use crate::shards::{FinishedUnits, ShardError, ShardPlan, Unit, UnitResults, Work};
 
 impl CurateArgs {
@@ -42,9 +42,7 @@ impl Sharded for CurateArgs {
         let args = self.made()?;
         let inputs = args.inputs(args.find_inputs(args.out()?)?, |_, _| None)?;
         let subject = args.provenance(&args.settings(), &inputs)?;
-        // A file that cannot be opened has one record, so that its unit reports the reason.
-        let count = |input: &Input| (input.open)(0).map_or(1, Iterator::count);
-        let counts: Vec<usize> = inputs.par_iter().map(count).collect();
+        let counts: Vec<usize> = inputs.par_iter().map(|input| count_records(&input.open)).collect();
         Ok(ShardPlan::divide(arguments, &subject, &counts, records)?)
     }
 

@@ -28,8 +28,8 @@ use crate::shards::{FinishedUnits, RecordRange, ShardError, ShardPlan, Unit, Uni
 /// Name of the file with the reasons why scenarios could not be generated, one per line.
 const FAILURES: &str = "failures.jsonl";
 
-/// Number of scenarios of a benchmark that units try, per requested scenario; the merge tries more if they are
-/// not enough.
+/// Number of scenarios of a benchmark that units try, per requested scenario; the merge tries more if they
+/// are not enough.
 const TRIED_PER_SCENARIO: usize = 4;
 
 /// Settings that determine generated scenarios.

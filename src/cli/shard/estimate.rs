@@ -40,8 +40,8 @@ pub(super) struct Estimate {
 }
 
 impl Estimate {
-    /// Works on about `least` records of units that are spread over the plan, on one core, and on more if these
-    /// take too short a time; writes the estimate to the folder of units. `None` if interrupted.
+    /// Works on about `least` records of units that are spread over the plan, on one core, and on more if
+    /// these take too short a time; writes the estimate to the folder of units. `None` if interrupted.
     pub(super) fn measure(
         folder: &Path,
         plan: &ShardPlan,

@@ -24,7 +24,8 @@ pub(super) struct PlanArgs {
     /// than two seconds; 0 for no estimate
     #[arg(long, default_value_t = 48, value_name = "N")]
     estimate: usize,
-    /// The command as on one machine: run, study, curate, generate or score --wosac, with --out for its results
+    /// The command as on one machine: run, study, curate, generate or score --wosac, with --out for its
+    /// results
     #[arg(required = true, trailing_var_arg = true, allow_hyphen_values = true, value_name = "COMMAND")]
     command: Vec<String>,
 }

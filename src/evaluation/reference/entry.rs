@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::{REFERENCE_RECORD, Reference, ReferenceError, check_values, rescore};
-use crate::evaluation::provenance::differences;
 use crate::evaluation::{
     BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary,
 };
+use crate::shards::differences;
 
 /// A run in a leaderboard.
 #[derive(Clone, Debug)]

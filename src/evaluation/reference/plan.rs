@@ -1,7 +1,6 @@
 //! The plan that repeats the run of a reference.
 
 use super::{Reference, ReferenceError};
-use crate::evaluation::provenance::differences;
 use crate::evaluation::{
     Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
     Provenance, RunSettings, Source, program_version,
@@ -9,6 +8,7 @@ use crate::evaluation::{
 use crate::metrics::Options;
 use crate::models::{WeightsFile, weights};
 use crate::rollout::{Protocol, Replan, Settings};
+use crate::shards::differences;
 
 /// The inputs for repeating the run of a reference.
 pub struct RerunInputs {

@@ -6,8 +6,8 @@ use super::files::Files;
 use super::record::FORMAT;
 use super::{REFERENCE_RECORD, ReferenceError, ReferenceRecord, SimulatorClass, rows};
 use crate::evaluation::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, tally_of};
-use crate::evaluation::provenance::differences;
 use crate::evaluation::{Provenance, Row, Summary};
+use crate::shards::differences;
 
 /// A reference with consistent files.
 #[derive(Clone, Debug)]

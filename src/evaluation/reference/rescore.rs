@@ -5,11 +5,11 @@ use std::path::Path;
 
 use super::ReferenceError;
 use crate::evaluation::folder::ROLLOUTS;
-use crate::evaluation::provenance::differences;
 use crate::evaluation::recorded::{rollouts_of, score_rollouts};
 use crate::evaluation::{RecordPosition, Row, Source, read_provenance, read_rows};
 use crate::formats::rollouts::ByName;
 use crate::metrics::Options;
+use crate::shards::differences;
 
 /// Scores the kept rollouts of a finished run again, with the scenarios of `sources` in the order of its
 /// inputs, and compares the scores with its rows. Returns the number of rows, or `None` if the run kept no

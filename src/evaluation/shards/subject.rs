@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::evaluation::{EvaluationError, Plan, Provenance, Source, StudyPlan};
+use crate::evaluation::{EvaluationError, Plan, Provenance, StudyPlan};
+use crate::formats::count_records;
 use crate::shards::{RecordRange, ShardError, Unit};
 
 /// Runs on the same sources, of which one is selected at a time.
@@ -62,7 +63,8 @@ impl ShardedRuns {
         runs: &mut dyn Runs,
         records: usize,
     ) -> Result<(Self, Vec<(usize, RecordRange)>), EvaluationError> {
-        let counts: Vec<usize> = runs.select(0).sources.par_iter().map(count).collect();
+        let sources = &runs.select(0).sources;
+        let counts: Vec<usize> = sources.par_iter().map(|source| count_records(&source.open)).collect();
         let (mut sharded, mut ranges) = (Vec::new(), Vec::new());
         for part in 0..runs.count() {
             let plan = runs.select(part);
@@ -92,10 +94,4 @@ impl ShardedRuns {
             Some((setting, planned, now)) => Err(ShardError::OtherWork { setting, planned, now }),
         }
     }
-}
-
-/// Returns the number of records of a source, as a run counts them: a damaged record is one too. A file that
-/// cannot be opened has one, so that its unit reports the reason.
-fn count(source: &Source) -> usize {
-    (source.open)(0).map_or(1, Iterator::count)
 }

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use super::{Difference, LargestDifference, SimulatorCheck, Subject, Verification, is_exact};
 use crate::evaluation::folder::tally_of;
-use crate::evaluation::provenance::{differences, leaves};
 use crate::evaluation::reference::{Reference, SimulatorClass};
 use crate::evaluation::{RecordPosition, Row, Summary, Tally};
 use crate::metrics::Score;
+use crate::shards::{differences, leaves};
 
 /// The key of a row within a simulator's rows.
 type Key = (RecordPosition, Option<u32>);
