@@ -7,7 +7,8 @@ use std::{env, io};
 
 /// Files and folders that decide the numbers of the program: a change in one of them after the commit is
 /// marked with `+`.
-const DECIDING: [&str; 7] = ["build.rs", "Cargo.toml", "Cargo.lock", "src", "models", "scenarios", "weights"];
+const DECIDING: [&str; 8] =
+    ["build.rs", "Cargo.toml", "Cargo.lock", "crates", "models", "scenarios", "src", "weights"];
 
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;

@@ -15,7 +15,7 @@ use reactsim::formats;
 use reactsim::geometry::Vec2;
 use reactsim::models::find;
 use reactsim::models::learning::Provenance;
-use reactsim::models::nn::{Backend, Initializer};
+use reactsim::models::nn::{Backend, Initializer, check_backend, device_of};
 use reactsim::models::ntp::Sampling;
 use reactsim::models::ntp::smart::{Smart, SmartConfig, SmartParameters, SmartPolicy, SmartSimulator};
 use reactsim::models::ntp::tokens::{CURVE_POINTS, Kinematic, MapVocabulary, TokenPoses, Vocabulary};
@@ -38,7 +38,7 @@ const SMART_7M: &str = r#"{"hidden_dim": 128, "num_freq_bands": 64, "num_heads":
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1).filter(|a| !a.starts_with("--"));
     let backend: Backend = arguments.next().map_or(Ok(Backend::default()), |name| name.parse())?;
-    backend.check()?;
+    check_backend(backend)?;
     let sizes = arguments.next().unwrap_or_else(|| SIZES.to_owned());
     let size = |s: &str| s.parse().with_context(|| format!("batch size `{s}`: expected a number"));
     let sizes: Vec<usize> = sizes.split(',').map(size).collect::<Result<_>>()?;
@@ -75,7 +75,7 @@ fn shipped(id: &'static str, backend: Backend) -> Result<Box<dyn Simulator>> {
 
 /// Returns the published network with random weights, with as many tokens as it has.
 fn published(backend: Backend) -> Result<SmartSimulator> {
-    let device = backend.device();
+    let device = device_of(backend);
     let config = SmartConfig::from_json(SMART_7M)?;
     let counts = config.n_token_agent.of_classes();
     let motions = Kinematic::default().build()?;

@@ -42,6 +42,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use crate::COMMIT;
 use crate::evaluation::{
     self, AvChoice, Deviations, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunFolder,
     RunObserver, RunSettings, Selection, Source, Summary,
@@ -302,6 +303,7 @@ impl Benchmark {
     /// # Errors
     /// [`BenchmarkError`] if a setting is wrong, an input cannot be read, or no scenario could be run.
     pub fn run(self) -> Result<Results, BenchmarkError> {
+        evaluation::set_program_commit(COMMIT);
         let threads = self.threads.map_or_else(available_threads, NonZeroUsize::get);
         let (observer, stop) = (self.observer, self.stop);
         let plan = plan(

@@ -8,48 +8,63 @@
 // Tests may call the platform's math functions: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
-extern crate self as reactsim;
-
-pub mod files;
-pub mod geometry;
-pub mod scene;
-#[cfg(feature = "shards")]
-pub mod shards;
-pub mod work;
-
-pub mod dynamics;
-
-#[cfg(feature = "formats")]
-pub mod formats;
-pub mod rollout;
-#[cfg(feature = "training")]
-pub mod training;
-#[cfg(feature = "web")]
-pub mod web;
-
-#[cfg(feature = "external")]
-pub mod external;
-#[cfg(feature = "generation")]
-pub mod generation;
-pub mod metrics;
-
 #[cfg(feature = "curation")]
-pub mod curation;
+#[doc(inline)]
+pub use reactsim_curation as curation;
+#[doc(inline)]
+pub use reactsim_dynamics as dynamics;
 #[cfg(feature = "evaluation")]
-pub mod evaluation;
-
+#[doc(inline)]
+pub use reactsim_evaluation as evaluation;
+#[cfg(feature = "external")]
+#[doc(inline)]
+pub use reactsim_external as external;
+#[doc(inline)]
+pub use reactsim_files as files;
+#[cfg(feature = "formats")]
+#[doc(inline)]
+pub use reactsim_formats as formats;
+#[cfg(feature = "generation")]
+#[doc(inline)]
+pub use reactsim_generation as generation;
+#[doc(inline)]
+pub use reactsim_geometry as geometry;
+#[doc(inline)]
+pub use reactsim_metrics as metrics;
+#[cfg(feature = "models")]
+#[doc(inline)]
+pub use reactsim_models as models;
 #[cfg(feature = "report")]
-pub mod report;
+#[doc(inline)]
+pub use reactsim_report as report;
+#[doc(inline)]
+pub use reactsim_rollout as rollout;
+#[doc(inline)]
+pub use reactsim_scene as scene;
+#[cfg(feature = "shards")]
+#[doc(inline)]
+pub use reactsim_shards as shards;
+#[cfg(feature = "training")]
+#[doc(inline)]
+pub use reactsim_training as training;
+#[cfg(feature = "web")]
+#[doc(inline)]
+pub use reactsim_web as web;
+#[cfg(feature = "work")]
+#[doc(inline)]
+pub use reactsim_work as work;
 
 #[cfg(feature = "report")]
 pub mod benchmark;
-
 #[cfg(feature = "cli")]
 pub mod cli;
 
+/// Commit from which the program is built, with `+` if files were changed since; `unknown` outside a checkout.
+#[cfg(feature = "report")]
+const COMMIT: &str = match option_env!("REACTSIM_COMMIT") {
+    Some(commit) => commit,
+    None => "unknown",
+};
+
 #[cfg(feature = "report")]
 pub use benchmark::{Benchmark, BenchmarkError, Results};
-
-#[cfg(feature = "models")]
-#[path = "../models/mod.rs"]
-pub mod models;

@@ -1,14 +1,15 @@
 //! The baselines of this network.
 
-use reactsim::models::{Baseline, ModelError, Setup};
-use reactsim::rollout::Controller;
+use reactsim_baseline::{Baseline, ModelError, Setup};
+use reactsim_nn::device_of;
+use reactsim_rollout::Controller;
 use serde::{Deserialize, Serialize};
 
 use super::network::Decoding;
 use super::{CtgParameters, CtgPolicy, CtgSimulator};
 
 /// Baseline that executes cloned behaviour.
-pub(in crate::models) const CTG_CLONING: Baseline = Baseline {
+pub const CTG_CLONING: Baseline = Baseline {
     id: "ctg-cloning",
     card: include_str!("cards/ctg_cloning.toml"),
     ranges: include_str!("ranges/ctg_cloning.toml"),
@@ -17,7 +18,7 @@ pub(in crate::models) const CTG_CLONING: Baseline = Baseline {
 };
 
 /// Baseline that samples plans.
-pub(in crate::models) const CTG_DIFFUSION: Baseline = Baseline {
+pub const CTG_DIFFUSION: Baseline = Baseline {
     id: "ctg-diffusion",
     card: include_str!("cards/ctg_diffusion.toml"),
     ranges: include_str!("ranges/ctg_diffusion.toml"),
@@ -29,7 +30,7 @@ pub(in crate::models) const CTG_DIFFUSION: Baseline = Baseline {
 };
 
 /// Diffusion, guided by rules.
-pub(in crate::models) const CTG_GUIDED: Baseline =
+pub const CTG_GUIDED: Baseline =
     Baseline { id: "ctg-guided", card: include_str!("cards/ctg_guided.toml"), ..CTG_DIFFUSION };
 
 /// Parameters on the card of the baseline that clones.
@@ -69,7 +70,7 @@ fn diffusion(setup: Setup) -> Result<Controller, ModelError> {
 }
 
 fn make(setup: &Setup, decoding: Decoding, parameters: CtgParameters) -> Result<Controller, ModelError> {
-    let device = setup.backend.device();
+    let device = device_of(setup.backend);
     let policy = CtgPolicy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     policy.expect(decoding).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(CtgSimulator::new(setup.id, policy, parameters, device))))

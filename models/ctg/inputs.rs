@@ -1,12 +1,12 @@
 //! Scenes as inputs of the network.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::scene::AgentState;
+use reactsim_perception::{Class, SceneView};
+use reactsim_scene::AgentState;
 
 use super::network::ATTRIBUTES;
 use super::raster::{Ground, image};
 use super::sight::Sight;
-use crate::models::perception::{Class, SceneView};
 
 /// Agents of a scene as the network sees them.
 #[derive(Clone, Debug, Default)]

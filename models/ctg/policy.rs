@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::save_with;
-use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
+use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::network::{Ctg, CtgConfig, Decoding};

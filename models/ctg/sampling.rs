@@ -1,18 +1,18 @@
 //! Plans of the agents of a scene.
 
 use burn::tensor::Device;
-use reactsim::rollout::Stream;
-use reactsim::scene::{AgentState, DT};
+use reactsim_diffusion::{
+    Sampler, Sampling, Schedule, ScheduleError, motion_from, standard_normal, states_of,
+};
+use reactsim_perception::Class;
+use reactsim_rollout::Stream;
+use reactsim_scene::{AgentState, DT};
 use serde::{Deserialize, Serialize};
 
 use super::guidance::{Other, RuleAgent, RuleGuide, RuleScene, Rules};
 use super::inputs::Seen;
 use super::policy::CtgPolicy;
 use super::raster::Ground;
-use crate::models::diffusion::{
-    Sampler, Sampling, Schedule, ScheduleError, motion_from, standard_normal, states_of,
-};
-use crate::models::perception::Class;
 
 /// Largest magnitude of normalised actions.
 const LARGEST_ACTION: f64 = 5.0;

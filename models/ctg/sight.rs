@@ -1,9 +1,8 @@
 //! Limits of the network's input.
 
-use reactsim::scene::CURRENT;
+use reactsim_nn::SizeError;
+use reactsim_scene::CURRENT;
 use serde::{Deserialize, Serialize};
-
-use crate::models::nn::SizeError;
 
 /// Number of layers of the map in an image: drivable area, centre lines, crosswalks.
 pub(super) const MAP_LAYERS: usize = 3;

@@ -1,16 +1,16 @@
 //! Agents that execute their plans.
 
 use burn::tensor::Device;
-use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
-use reactsim::scene::Start;
+use reactsim_diffusion::joint_plan;
+use reactsim_perception::SceneView;
+use reactsim_rollout::{PlanError, Planning, SingleEpisode, Stream};
+use reactsim_scene::Start;
 
 use super::guidance::others;
 use super::inputs::Seen;
 use super::policy::CtgPolicy;
 use super::raster::{Ground, GroundShapes};
 use super::sampling::{CtgParameters, sample};
-use crate::models::joint_plan;
-use crate::models::perception::SceneView;
 
 /// Distance in metres by which more of the map is known than in training: the AV moves away from its middle.
 const WAY_OF_AV: f64 = 100.0;

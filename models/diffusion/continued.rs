@@ -1,6 +1,6 @@
 //! Motion that goes on as it was.
 
-use reactsim::scene::{DT, Frame};
+use reactsim_scene::{DT, Frame};
 
 use super::inverse::actions;
 
@@ -25,7 +25,7 @@ pub fn continued(latest: [f64; 2], count: usize, hold: usize) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::scene::AgentState;
+    use reactsim_scene::AgentState;
 
     use super::*;
 

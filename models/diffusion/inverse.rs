@@ -1,7 +1,7 @@
 //! Actions from motion: what a network is to learn.
 
-use reactsim::geometry::wrap;
-use reactsim::scene::{AgentState, DT, Frame};
+use reactsim_geometry::wrap;
+use reactsim_scene::{AgentState, DT, Frame};
 
 /// Actions of an agent.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! Motion from normalised actions.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::wrap;
-use reactsim::scene::AgentState;
+use reactsim_geometry::wrap;
+use reactsim_scene::AgentState;
 
 use super::unicycle::roll_out;
 
@@ -33,7 +33,7 @@ pub fn own_motion(actions: Tensor<3>, speeds: &Tensor<2>, hold: usize) -> Tensor
 /// Returns the states to which normalised actions, `[n, actions, 2]`, lead agents from these states, `[n,
 /// states, 5]`: headings and velocities of the scene, positions from where each agent is, where single
 /// precision is finest.
-pub(crate) fn motion_from(now: &[AgentState], actions: Tensor<3>, hold: usize, device: &Device) -> Tensor<3> {
+pub fn motion_from(now: &[AgentState], actions: Tensor<3>, hold: usize, device: &Device) -> Tensor<3> {
     let start = |s: &AgentState| [0.0, 0.0, s.heading as f32, s.vx as f32, s.vy as f32];
     let starts: Vec<f32> = now.iter().flat_map(start).collect();
     let starts = Tensor::<2>::from_data(TensorData::new(starts, [now.len(), 5]), device);
@@ -41,7 +41,7 @@ pub(crate) fn motion_from(now: &[AgentState], actions: Tensor<3>, hold: usize, d
 }
 
 /// Returns what [`motion_from`] found, in the scene: states by agent.
-pub(crate) fn states_of(now: &[AgentState], motion: Tensor<3>) -> Vec<Vec<AgentState>> {
+pub fn states_of(now: &[AgentState], motion: Tensor<3>) -> Vec<Vec<AgentState>> {
     let states = motion.dims()[1];
     let values: Vec<f32> = motion.into_data().iter::<f32>().collect();
     let of_agent = |(own, now): (&[f32], &AgentState)| {
@@ -56,8 +56,9 @@ pub(crate) fn states_of(now: &[AgentState], motion: Tensor<3>) -> Vec<Vec<AgentS
 
 #[cfg(test)]
 mod tests {
+    use reactsim_nn::device;
+
     use super::*;
-    use crate::models::nn::device;
 
     #[test]
     fn agents_move_from_where_they_are() {

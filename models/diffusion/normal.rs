@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 /// Draws standard normal numbers from a stream (Box and Muller).
 pub fn standard_normal<const D: usize>(

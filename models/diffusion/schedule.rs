@@ -1,7 +1,7 @@
 //! Discrete noise schedules.
 
 use burn::tensor::Tensor;
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 /// Upper bound of the variance that one step adds.
 const MAX_VARIANCE: f64 = 0.999;

@@ -1,7 +1,7 @@
 //! A fast solver in continuous time, as Diffusion-Planner samples.
 
 use burn::tensor::Tensor;
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 use super::guide::{Guide, Moment};
 

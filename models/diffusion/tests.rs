@@ -3,11 +3,11 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use reactsim::scene::{AgentState, Frame};
+use reactsim_golden::{Golden, GoldenFile, assert_close};
+use reactsim_nn::device;
+use reactsim_scene::{AgentState, Frame};
 
 use super::*;
-use crate::models::nn::device;
-use crate::models::nn::golden::{Golden, GoldenFile, assert_close};
 
 /// Number of samples of a distribution.
 const SAMPLES: usize = 20_000;

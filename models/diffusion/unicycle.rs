@@ -1,7 +1,7 @@
 //! Motion from actions, as operations with gradients.
 
 use burn::tensor::Tensor;
-use reactsim::scene::DT;
+use reactsim_scene::DT;
 
 /// Noise that VBD adds to the motion, of standard normal distribution, `[n, steps]` each.
 #[derive(Clone, Debug)]

@@ -1,14 +1,14 @@
 //! Scenes as inputs of the network.
 
-use reactsim::dynamics::REAR_AXLE;
-use reactsim::geometry::{OrientedBox, Vec2, direction, heading_of, into_frame, left, wrap};
-use reactsim::scene::{Agent, AgentState, LightState, Start};
+use reactsim_dynamics::REAR_AXLE;
+use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, into_frame, left, wrap};
+use reactsim_nn::SizeError;
+use reactsim_perception::{Class, Nearest, SceneView, velocity_at};
+use reactsim_scene::{Agent, AgentState, LightState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::lanes::{LanePiece, PlannerMap};
 use super::network::{AGENT, POINT, PlannerConfig, PlannerInput, STATIC};
-use crate::models::nn::SizeError;
-use crate::models::perception::{Class, Nearest, SceneView, velocity_at};
 
 /// Metres, and metres per second, of one unit of the normalised input; the origin is this far ahead of the AV.
 pub(super) const UNIT: f64 = 20.0;

@@ -1,9 +1,8 @@
 //! The map as the network reads it: pieces of lanes between their boundaries, and boxes that stand on it.
 
-use reactsim::geometry::{OrientedBox, Vec2, direction, left};
-use reactsim::scene::{LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, Start};
-
-use crate::models::learning::LearningMap;
+use reactsim_geometry::{OrientedBox, Vec2, direction, left};
+use reactsim_learning::LearningMap;
+use reactsim_scene::{LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, Start};
 
 /// Distance from a centre line beyond which a boundary is not searched, metres.
 const MAX_HALF_WIDTH: f64 = 10.0;
@@ -121,8 +120,8 @@ impl LearningMap for PlannerMap {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::geometry::Polyline;
-    use reactsim::scene::LaneKind;
+    use reactsim_geometry::Polyline;
+    use reactsim_scene::LaneKind;
 
     use super::*;
 

@@ -1,16 +1,16 @@
 //! Plans of the AV: samples of its motion, driven within the limits of a vehicle.
 
 use burn::tensor::{Device, Tensor};
-use reactsim::dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion, motion_through};
-use reactsim::geometry::{Vec2, direction, heading_of, wrap};
-use reactsim::rollout::Stream;
-use reactsim::scene::{Agent, AgentState, DT, FUTURE, Frame, Scenario};
+use reactsim_diffusion::standard_normal;
+use reactsim_dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion, motion_through};
+use reactsim_geometry::{Vec2, direction, heading_of, wrap};
+use reactsim_perception::SceneView;
+use reactsim_rollout::Stream;
+use reactsim_scene::{Agent, AgentState, DT, FUTURE, Frame, Scenario};
 
 use super::inputs::{AxleFrame, PlannerScene, rear_axle};
 use super::policy::PlannerPolicy;
 use super::units::Units;
-use crate::models::diffusion::standard_normal;
-use crate::models::perception::SceneView;
 
 /// Speed in m/s below which a vehicle keeps its heading.
 const HEADING_SPEED: f64 = 0.3;

@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::save_with;
-use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
+use reactsim_baseline::weights::PLANNER;
+use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::inputs::PlannerSight;
 use super::network::{DiffusionPlanner, PlannerConfig};
-use crate::models::weights::PLANNER;
 
 /// A network ready to plan.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! How future poses are written as numbers of the network.
 
-use reactsim::geometry::{Vec2, direction};
+use reactsim_geometry::{Vec2, direction};
 
 use super::inputs::{AHEAD, AxleFrame, UNIT};
 

@@ -1,8 +1,8 @@
 //! Agents and obstacles as moving boxes.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::OrientedBox;
-use reactsim::scene::AgentKind;
+use reactsim_dynamics::Pose;
+use reactsim_geometry::OrientedBox;
+use reactsim_scene::AgentKind;
 
 /// An agent or obstacle at the present time of a plan.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! Agents that are or will be in the corridor that a vehicle's box sweeps along its path.
 
-use reactsim::dynamics::DrivenPath;
-use reactsim::geometry::OrientedBox;
+use reactsim_dynamics::DrivenPath;
+use reactsim_geometry::OrientedBox;
 
 use super::actor::Actor;
 use super::driver::PathFollower;

@@ -1,7 +1,7 @@
 //! Yielding and gap acceptance: the acceleration that fits between the expected motions of other
 //! agents.
 
-use reactsim::scene::{AgentKind, StopKind};
+use reactsim_scene::{AgentKind, StopKind};
 
 use super::actor::Actor;
 use super::corridor::{Corridor, Crossing};

@@ -1,10 +1,10 @@
 //! Behaviour of agents: parked, on a path, on foot.
 
 use rand::RngExt;
-use reactsim::dynamics::{DrivenPath, Pose};
-use reactsim::geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
-use reactsim::rollout::Stream;
-use reactsim::scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind};
+use reactsim_dynamics::{DrivenPath, Pose};
+use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
+use reactsim_rollout::Stream;
+use reactsim_scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind};
 
 use super::follow::Style;
 use super::parameters::{Class, Parameters};
@@ -136,7 +136,7 @@ fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parame
         Some(hit) => {
             let lane = start.road().lane(hit.lane).baseline.heading(hit.projection.segment);
             hit.projection.distance > bounds.offset
-                || reactsim::geometry::wrap(lane - motion.heading).abs() > bounds.heading
+                || reactsim_geometry::wrap(lane - motion.heading).abs() > bounds.heading
         }
     }
 }
@@ -184,7 +184,7 @@ fn curvature_now(start: &Start, agent: usize) -> f64 {
     if distance < 0.1 * back as f64 {
         return 0.0;
     }
-    reactsim::geometry::wrap(now.heading - before.heading) / distance
+    reactsim_geometry::wrap(now.heading - before.heading) / distance
 }
 
 impl PathFollower {

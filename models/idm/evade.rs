@@ -4,9 +4,9 @@
 //! accelerations and checked against the forecasts. The cheapest combination that stays clear of the
 //! AV, of other agents and of the road edge is chosen.
 
-use reactsim::dynamics::{DrivenPath, Pursuit};
-use reactsim::geometry::{Bounds, OrientedBox, Vec2, direction, left, math};
-use reactsim::scene::{LaneHit, Road};
+use reactsim_dynamics::{DrivenPath, Pursuit};
+use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction, left, math};
+use reactsim_scene::{LaneHit, Road};
 
 use super::actor::Actor;
 use super::driver::PathFollower;

@@ -1,6 +1,6 @@
 //! Car following: the intelligent driver model with the constant-acceleration heuristic.
 
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 use super::parameters::Class;
 

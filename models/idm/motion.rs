@@ -1,9 +1,9 @@
 //! The traffic of one episode: decisions at every decision interval, motion at every step.
 
-use reactsim::dynamics::{DrivenPath, Pose};
-use reactsim::geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
-use reactsim::rollout::{Observation, Planning, Stream};
-use reactsim::scene::{Agent, AgentKind, AgentState, DT, Start};
+use reactsim_dynamics::{DrivenPath, Pose};
+use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
+use reactsim_rollout::{Observation, Planning, Stream};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Start};
 
 use super::actor::Actor;
 use super::corridor::{self, Corridor};
@@ -328,7 +328,7 @@ impl Traffic {
         let own = &self.actors[index];
         let settings = &parameters.pedestrian;
         let reach = velocity.norm() * settings.look_ahead + own.half_length + settings.clearance;
-        let around = reactsim::geometry::Bounds::around(own.pose.position, reach);
+        let around = reactsim_geometry::Bounds::around(own.pose.position, reach);
         let meets = |forecast: &Forecast, velocity: Vec2, clearance: f64| {
             let other = &self.actors[forecast.actor];
             // A standing vehicle stays in the way: looking one second ahead is soon enough to stop.

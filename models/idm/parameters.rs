@@ -1,6 +1,6 @@
 //! Parameters of the card.
 
-use reactsim::dynamics::Pursuit;
+use reactsim_dynamics::Pursuit;
 use serde::Deserialize;
 
 /// All parameters of the card.

@@ -1,9 +1,9 @@
 //! Routes over the lane graph, chosen by position, motion and a random stream, never by the future.
 
 use rand::RngExt;
-use reactsim::geometry::{Polyline, Vec2, direction, math, wrap};
-use reactsim::rollout::Stream;
-use reactsim::scene::{LaneClass, LaneHit, Road};
+use reactsim_geometry::{Polyline, Vec2, direction, math, wrap};
+use reactsim_rollout::Stream;
+use reactsim_scene::{LaneClass, LaneHit, Road};
 
 /// Present motion of a vehicle, from which a route is chosen.
 #[derive(Clone, Copy, Debug)]

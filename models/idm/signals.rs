@@ -1,7 +1,7 @@
 //! Traffic lights and stop signs on a path.
 
-use reactsim::rollout::Observation;
-use reactsim::scene::{LightState, StopKind};
+use reactsim_rollout::Observation;
+use reactsim_scene::{LightState, StopKind};
 
 use super::actor::Actor;
 use super::driver::PathFollower;

@@ -1,15 +1,17 @@
 //! Intention points: positions that agents may reach within eight seconds, one per motion query.
 
-use reactsim::geometry::Vec2;
-use reactsim::models::nn::weights::{Tables, save_tables};
-use reactsim::models::nn::{Tensors, WeightsError};
+use reactsim_geometry::Vec2;
+use reactsim_nn::{
+    Tensors, WeightsError,
+    weights::{Tables, save_tables},
+};
+use reactsim_perception::Class;
 use serde_json::json;
 
 use super::Provenance;
-use crate::models::perception::Class;
 
 /// Prefix of the tensor names.
-pub(crate) const PREFIX: &str = "intention_points.";
+pub const PREFIX: &str = "intention_points.";
 /// Metadata key of the provenance of the points, as JSON.
 const PROVENANCE_KEY: &str = "reactsim.intentions";
 
@@ -168,7 +170,7 @@ impl Intentions {
     }
 
     /// Describes the points and how they were made, for the provenance of a training.
-    pub(crate) fn describe(&self) -> serde_json::Value {
+    pub fn describe(&self) -> serde_json::Value {
         let points: Vec<[f64; 2]> = self.points.iter().flatten().map(|p| [p.x, p.y]).collect();
         json!({ "made": self.provenance, "points": points })
     }

@@ -1,13 +1,13 @@
 //! Intention points by k-means: means of the positions of recorded agents after eight seconds.
 
 use rand::RngExt;
-use reactsim::geometry::{Vec2, into_frame};
-use reactsim::rollout::{Purpose, stream};
-use reactsim::scene::{AgentKind, FUTURE, Frame, Scenario};
+use reactsim_geometry::{Vec2, into_frame};
+use reactsim_perception::Class;
+use reactsim_rollout::{Purpose, stream};
+use reactsim_scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
 use super::{Intentions, IntentionsError, Provenance, Reservoir, for_each_track};
-use crate::models::perception::Class;
 
 /// Displacement in metres below which an agent counts as standing, which has a point of its own.
 const STANDSTILL_DISPLACEMENT: f64 = 1.0;
@@ -48,7 +48,7 @@ impl EndPoints {
         let Some(class) = Class::of(kind) else { return };
         let at = |f: usize| track.get(f).copied().flatten().filter(|s| s.is_finite());
         for (from, to) in START_FRAMES.into_iter().filter_map(|f| Some((at(f)?, at(f + FUTURE)?))) {
-            let ahead = reactsim::geometry::direction(from.heading);
+            let ahead = reactsim_geometry::direction(from.heading);
             self.add_point(class, into_frame(ahead, to.position() - from.position()));
         }
     }

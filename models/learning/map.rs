@@ -1,11 +1,10 @@
 //! Maps that can be transformed together with a scene.
 
-use reactsim::geometry::Vec2;
-
-use crate::models::perception::{KnownMap, PieceKind};
+use reactsim_geometry::Vec2;
+use reactsim_perception::{KnownMap, PieceKind};
 
 /// Map data of a network that can be transformed together with a scene.
-pub(crate) trait LearningMap {
+pub trait LearningMap {
     /// Applies `flip` to every point; it swaps left and right.
     fn mirror(&mut self, flip: fn(Vec2) -> Vec2);
 
@@ -36,5 +35,15 @@ impl LearningMap for KnownMap {
         for stop in &mut self.stops {
             stop.at *= factor;
         }
+    }
+}
+
+impl<T: LearningMap> LearningMap for Vec<T> {
+    fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
+        self.iter_mut().for_each(|part| part.mirror(flip));
+    }
+
+    fn stretch(&mut self, factor: f64) {
+        self.iter_mut().for_each(|part| part.stretch(factor));
     }
 }

@@ -1,12 +1,11 @@
 //! The network that a training begins with.
 
 use burn::tensor::Device;
-
-use crate::models::nn::Initializer;
+use reactsim_nn::Initializer;
 
 /// Network that a training begins with.
 #[derive(Clone, Debug)]
-pub(crate) enum Origin<M> {
+pub enum Origin<M> {
     /// One with random weights.
     Random,
     /// One that was trained before, on a device with autodiff, and the digest of its file.
@@ -16,7 +15,7 @@ pub(crate) enum Origin<M> {
 impl<M: Clone> Origin<M> {
     /// Returns the network, on this device with autodiff: a copy of the parent, or a new one by `init`. The
     /// device must be one without autodiff.
-    pub(crate) fn network(&self, seed: u64, device: &Device, init: impl FnOnce(&mut Initializer) -> M) -> M {
+    pub fn network(&self, seed: u64, device: &Device, init: impl FnOnce(&mut Initializer) -> M) -> M {
         match self {
             Self::Random => init(&mut Initializer::new(seed, &device.clone().autodiff())),
             Self::Parent(network, _) => network.clone(),
@@ -24,7 +23,7 @@ impl<M: Clone> Origin<M> {
     }
 
     /// Adds the digest of the file to the description of a training, if there is one.
-    pub(crate) fn describe(&self, mut all: serde_json::Value) -> serde_json::Value {
+    pub fn describe(&self, mut all: serde_json::Value) -> serde_json::Value {
         if let Self::Parent(_, digest) = self {
             all["from"] = digest.as_str().into();
         }

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use reactsim::models::{Allowed, ModelError, ParameterRange, Parameters, Ranges};
-use reactsim::training::Settings;
+use reactsim_baseline::{Allowed, ModelError, ParameterRange, Parameters, Ranges};
+use reactsim_training::Settings;
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -13,7 +13,7 @@ pub const LEARNING_RANGES: &str = include_str!("ranges.toml");
 pub(crate) const LEARNING: &str = "learning";
 
 /// Returns the values of a recipe: those of the task, and the learner's settings other than the seed.
-pub(crate) fn recipe_values(recipe: &impl Serialize, learning: &Settings) -> Table {
+pub fn recipe_values(recipe: &impl Serialize, learning: &Settings) -> Table {
     let table = |value: Result<Table, toml::ser::Error>| value.expect("recipes are numbers, flags and texts");
     let mut values = table(Table::try_from(recipe));
     let mut learning = table(Table::try_from(learning));

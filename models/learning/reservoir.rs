@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use rand::RngExt;
-use reactsim::rollout::{Purpose, Stream, stream};
-use reactsim::training::leading_bits;
+use reactsim_rollout::{Purpose, Stream, stream};
+use reactsim_training::leading_bits;
 
 /// Keys of seen items to remember, as a multiple of the sample size. When there are more, all are
 /// forgotten, which bounds memory.
@@ -12,17 +12,19 @@ const REMEMBERED_KEYS_PER_ITEM: usize = 8;
 
 /// A sample of bounded size: every distinct item that was seen is in it with equal probability.
 #[derive(Debug)]
-pub(crate) struct Reservoir<T> {
+pub struct Reservoir<T> {
     capacity: usize,
-    pub(crate) kept: Vec<T>,
+    /// The sample.
+    pub kept: Vec<T>,
     /// Number of distinct items seen, kept or not.
-    pub(crate) seen: u64,
+    pub seen: u64,
     keys: BTreeSet<u64>,
     stream: Stream,
 }
 
 impl<T> Reservoir<T> {
-    pub(crate) fn new(capacity: usize, seed: u64, name: &str) -> Self {
+    /// Creates an empty sample of at most `capacity` items, at least 1; the name and the seed determine the choices.
+    pub fn new(capacity: usize, seed: u64, name: &str) -> Self {
         Self {
             capacity: capacity.max(1),
             kept: Vec::new(),
@@ -34,7 +36,7 @@ impl<T> Reservoir<T> {
 
     /// Offers an item. Items whose values agree after rounding to multiples of `step` count as the
     /// same.
-    pub(crate) fn add(&mut self, item: T, values: impl Iterator<Item = f64>, step: f64) {
+    pub fn add(&mut self, item: T, values: impl Iterator<Item = f64>, step: f64) {
         if self.keys.len() >= REMEMBERED_KEYS_PER_ITEM * self.capacity {
             self.keys.clear();
         }

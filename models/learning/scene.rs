@@ -1,17 +1,17 @@
 //! A scenario as training data, with its mirrored and stretched variants.
 
 use rand::RngExt;
-use reactsim::dynamics::PARKED_DISPLACEMENT;
-use reactsim::geometry::Vec2;
-use reactsim::scene::{Agent, AgentState, Frame, LightState, Scenario};
-use reactsim::training::Stream;
+use reactsim_dynamics::PARKED_DISPLACEMENT;
+use reactsim_geometry::Vec2;
+use reactsim_perception::SceneView;
+use reactsim_scene::{Agent, AgentState, Frame, LightState, Scenario};
+use reactsim_training::Stream;
 
 use super::map::LearningMap;
-use crate::models::perception::SceneView;
 
 /// A logged scene: agents, their complete tracks, the map and the light states.
 #[derive(Clone, Debug)]
-pub(crate) struct LearningScene<M> {
+pub struct LearningScene<M> {
     /// Agents; slot 0 is the AV.
     pub agents: Vec<Agent>,
     /// 91 frames per agent.
@@ -24,7 +24,7 @@ pub(crate) struct LearningScene<M> {
 
 impl<M: LearningMap> LearningScene<M> {
     /// Builds the scene of a scenario with the given map data.
-    pub(crate) fn of(scenario: &Scenario, map: M) -> Self {
+    pub fn of(scenario: &Scenario, map: M) -> Self {
         let start = &scenario.start;
         Self {
             agents: start.agents.clone(),
@@ -36,7 +36,7 @@ impl<M: LearningMap> LearningScene<M> {
 
     /// Returns the scene mirrored with probability `mirror` and stretched by a factor that differs from 1
     /// by at most `stretch`, by two draws from the stream.
-    pub(crate) fn varied(self, mirror: f64, stretch: f64, stream: &mut Stream) -> Self {
+    pub fn varied(self, mirror: f64, stretch: f64, stream: &mut Stream) -> Self {
         let scene = if stream.random::<f64>() < mirror { self.mirrored() } else { self };
         scene.stretched(1.0 + stretch * (2.0 * stream.random::<f64>() - 1.0))
     }
@@ -65,19 +65,19 @@ impl<M: LearningMap> LearningScene<M> {
 
 impl<M> LearningScene<M> {
     /// Separates the map from the rest of the scene.
-    pub(crate) fn split_map(self) -> (LearningScene<()>, M) {
+    pub fn split_map(self) -> (LearningScene<()>, M) {
         let Self { agents, tracks, map, lights } = self;
         (LearningScene { agents, tracks, map: (), lights }, map)
     }
 
     /// Returns the states of the lights at a frame.
-    pub(crate) fn lights_at(&self, frame: usize) -> Vec<Option<LightState>> {
+    pub fn lights_at(&self, frame: usize) -> Vec<Option<LightState>> {
         self.lights.iter().map(|l| l[frame]).collect()
     }
 
     /// Returns the scene at a frame as agents see it, if the first ones have these tracks. `blind` hides
     /// the next state of the AV.
-    pub(crate) fn view<'a>(
+    pub fn view<'a>(
         &'a self,
         tracks: &'a [Vec<Frame>],
         now: usize,
@@ -89,7 +89,7 @@ impl<M> LearningScene<M> {
     }
 
     /// Returns whether an agent stays where it is first seen.
-    pub(crate) fn is_parked(&self, slot: usize) -> bool {
+    pub fn is_parked(&self, slot: usize) -> bool {
         let mut present = self.tracks[slot].iter().flatten();
         let Some(first) = present.next() else { return true };
         present.all(|s| (s.position() - first.position()).norm() < PARKED_DISPLACEMENT)
@@ -97,6 +97,6 @@ impl<M> LearningScene<M> {
 }
 
 /// Returns a frame shifted by at most `shift` frames either way, by a draw from the stream.
-pub(crate) fn shifted(frame: usize, shift: usize, stream: &mut Stream) -> usize {
+pub fn shifted(frame: usize, shift: usize, stream: &mut Stream) -> usize {
     (frame + stream.random_range(0..=2 * shift)).saturating_sub(shift)
 }

@@ -1,9 +1,9 @@
 //! Recorded tracks.
 
-use reactsim::scene::{AgentKind, Frame, Scenario};
+use reactsim_scene::{AgentKind, Frame, Scenario};
 
 /// Visits the logged track of every agent of a scenario, including those that are not simulated.
-pub(crate) fn for_each_track(scenario: &Scenario, mut visit: impl FnMut(AgentKind, &[Frame])) {
+pub fn for_each_track(scenario: &Scenario, mut visit: impl FnMut(AgentKind, &[Frame])) {
     for (i, agent) in scenario.start.agents.iter().enumerate() {
         visit(agent.kind, &scenario.logged(i));
     }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Execution, Learner, Observer, Outcome, Settings, Source, Task, TrainingError};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Execution, Learner, Observer, Outcome, Settings, Source, Task, TrainingError};
 use serde_json::{Map, Value};
 
 /// A task whose network a simulator runs.

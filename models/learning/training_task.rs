@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::error::Error;
 
 use burn::tensor::Device;
-use reactsim::models::{ModelError, Parameters, WeightsFile};
-use reactsim::training::Settings;
+use reactsim_baseline::{ModelError, Parameters, WeightsFile};
+use reactsim_training::Settings;
 use serde::de::DeserializeOwned;
 use toml::Table;
 

@@ -6,7 +6,7 @@ use burn::tensor::activation::softmax;
 use super::host::{self, Attention};
 
 /// Added to the score of a closed pair.
-pub(crate) const CLOSED: f32 = -1e9;
+pub const CLOSED: f32 = -1e9;
 /// Lower bound of scores. No open pair comes near it, and the contribution of a closed pair at this
 /// score is far below the last bit of any sum. Processors are slow at the exponential of -1e9.
 const LEAST: f32 = -80.0;
@@ -15,7 +15,7 @@ const LEAST: f32 = -80.0;
 /// products of queries `[scenes * m, heads * d]` and keys `[scenes * n, heads * d]`, scaled; `closed`,
 /// `[scenes or 1, 1, m or 1, n or 1]`, is added to them. Values are `[scenes * n, heads * v]`. Returns
 /// `[scenes * m, heads * v]`.
-pub(crate) fn dense_attention(
+pub fn dense_attention(
     scenes: usize,
     heads: usize,
     products: Vec<(Tensor<2>, Tensor<2>)>,
@@ -44,7 +44,7 @@ mod tests {
     use burn::tensor::{Device, TensorData};
 
     use super::*;
-    use crate::models::nn::device;
+    use crate::device;
 
     fn made<const D: usize>(shape: [usize; D], seed: usize, device: &Device) -> Tensor<D> {
         let count = shape.iter().product::<usize>();

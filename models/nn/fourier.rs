@@ -6,7 +6,6 @@ use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
 
-#[cfg(feature = "flex")]
 use super::fused;
 use super::host::is_host;
 use super::turns::cos_sin_rows;
@@ -64,7 +63,6 @@ impl FourierEmbedding {
         let features = |d| {
             let u = scalars.clone().narrow(1, d, 1);
             let f = self.freqs.val().narrow(0, d, 1);
-            #[cfg(feature = "flex")]
             if let Some(features) = fused::cos_sin(&u, &f) {
                 return features;
             }

@@ -184,7 +184,7 @@ mod tests {
     use burn::tensor::Distribution;
 
     use super::*;
-    use crate::models::nn::{device, rows};
+    use crate::{device, rows};
 
     const ROWS: usize = 150;
     const WIDTH: usize = 24;

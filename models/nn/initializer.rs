@@ -5,8 +5,7 @@ use burn::nn::{Embedding, EmbeddingConfig, LayerNorm, LayerNormConfig, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 /// Draws initial weights from one stream, layer by layer. burn's own initialization is not used
 /// because its seed is global to the process.

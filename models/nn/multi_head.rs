@@ -10,7 +10,7 @@ use super::{Initializer, Rows, dense_attention};
 
 /// Multi-head attention.
 #[derive(Module, Debug)]
-pub(crate) struct MultiHeadAttention {
+pub struct MultiHeadAttention {
     /// `[3 width, width]`: queries, keys, values.
     in_proj_weight: Param<Tensor<2>>,
     in_proj_bias: Param<Tensor<1>>,
@@ -20,9 +20,12 @@ pub(crate) struct MultiHeadAttention {
 
 /// Queries, keys or values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
+pub enum Part {
+    /// Queries.
     Query,
+    /// Keys.
     Key,
+    /// Values.
     Value,
 }
 
@@ -33,7 +36,7 @@ const fn columns(parts: &RangeInclusive<Part>, width: usize) -> Range<usize> {
 
 impl MultiHeadAttention {
     /// Creates the layers.
-    pub(crate) fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
+    pub fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
         // Glorot bound of the whole matrix, as in PyTorch.
         let bound = (6.0 / (4 * width) as f64).sqrt();
         Self {
@@ -52,26 +55,26 @@ impl MultiHeadAttention {
     }
 
     /// Projects rows `[n, width]` to consecutive parts at once, `[n, parts * width]`.
-    pub(crate) fn parts(&self, parts: RangeInclusive<Part>, x: Tensor<2>) -> Tensor<2> {
+    pub fn parts(&self, parts: RangeInclusive<Part>, x: Tensor<2>) -> Tensor<2> {
         let columns = columns(&parts, x.dims()[1]);
         let bias = self.in_proj_bias.val().unsqueeze_dim::<2>(0).slice([0..1, columns]);
         self.product(parts, x).plus(bias).done()
     }
 
     /// Projects rows `[n, width]` to a part.
-    pub(crate) fn part(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
+    pub fn part(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
         self.parts(part..=part, x)
     }
 
     /// Projects rows `[n, width]` to a part, without its bias: what a summand contributes to the part of a
     /// sum.
-    pub(crate) fn summand(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
+    pub fn summand(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
         self.product(part..=part, x).done()
     }
 
     /// Attends with parts that are projected already, as [`dense_attention`]: what queries take, before the
     /// output layer.
-    pub(crate) fn take(
+    pub fn take(
         &self,
         scenes: usize,
         queries: Tensor<2>,
@@ -83,7 +86,7 @@ impl MultiHeadAttention {
     }
 
     /// Applies the output layer to what queries took.
-    pub(crate) fn output(&self, taken: Tensor<2>) -> Rows {
+    pub fn output(&self, taken: Tensor<2>) -> Rows {
         Rows::linear(&self.out_proj, taken)
     }
 }

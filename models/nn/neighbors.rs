@@ -178,7 +178,7 @@ impl Neighbors {
     }
 
     /// Returns the offsets of scores, [N, 1, K].
-    pub(super) fn closed(&self) -> Tensor<3> {
+    pub fn closed(&self) -> Tensor<3> {
         self.tensors().closed.clone()
     }
 

@@ -5,7 +5,6 @@ use burn::tensor::activation::{self, relu};
 use burn::tensor::module::layer_norm;
 use burn::tensor::{Tensor, TensorData};
 
-#[cfg(feature = "flex")]
 use super::fused;
 use super::host::{self, RowPass, is_host};
 
@@ -17,54 +16,54 @@ const NORM_EPSILON: f64 = 1e-5;
 ///
 /// The operations are carried out in the order of the methods below, each at most once but for
 /// [`Rows::plus`].
-pub(crate) struct Rows {
+pub struct Rows {
     x: Tensor<2>,
     pass: RowPass,
 }
 
 impl Rows {
     /// Begins with a matrix.
-    pub(crate) fn of(x: Tensor<2>) -> Self {
+    pub fn of(x: Tensor<2>) -> Self {
         Self { x, pass: RowPass::default() }
     }
 
     /// Begins with the product of a matrix `[n, k]` and weights `[k, width]`.
-    pub(crate) fn product(x: Tensor<2>, weights: Tensor<2>) -> Self {
+    pub fn product(x: Tensor<2>, weights: Tensor<2>) -> Self {
         Self { x, pass: RowPass { weights: Some(weights), ..RowPass::default() } }
     }
 
     /// Begins with the output of a linear layer for a matrix `[n, inputs]`.
-    pub(crate) fn linear(layer: &Linear, x: Tensor<2>) -> Self {
+    pub fn linear(layer: &Linear, x: Tensor<2>) -> Self {
         let mut rows = Self::product(x, layer.weight.val());
         rows.pass.bias = layer.bias.as_ref().map(|bias| bias.val());
         rows
     }
 
     /// Adds a matrix of the same shape, or one of fewer rows that is repeated.
-    pub(crate) fn plus(mut self, other: Tensor<2>) -> Self {
+    pub fn plus(mut self, other: Tensor<2>) -> Self {
         self.pass.added.push(other);
         self
     }
 
     /// Applies a layer norm.
-    pub(crate) fn norm(self, norm: &LayerNorm) -> Self {
+    pub fn norm(self, norm: &LayerNorm) -> Self {
         self.normalize(norm.gamma.val(), norm.beta.as_ref().map(|beta| beta.val()))
     }
 
     /// Normalises rows to zero mean and unit variance, then applies gain and shift, `[width]`.
-    pub(crate) fn normalize(mut self, gain: Tensor<1>, shift: Option<Tensor<1>>) -> Self {
+    pub fn normalize(mut self, gain: Tensor<1>, shift: Option<Tensor<1>>) -> Self {
         self.pass.norm = Some((gain, shift, NORM_EPSILON as f32));
         self
     }
 
     /// Replaces negative numbers by 0.
-    pub(crate) fn relu(mut self) -> Self {
+    pub fn relu(mut self) -> Self {
         self.pass.relu = true;
         self
     }
 
     /// Multiplies each row by its factor, `[n, 1]`.
-    pub(crate) fn times(mut self, factors: Tensor<2>) -> Self {
+    pub fn times(mut self, factors: Tensor<2>) -> Self {
         self.pass.factors = Some(factors);
         self
     }
@@ -73,7 +72,7 @@ impl Rows {
     ///
     /// # Panics
     /// If shapes do not fit together.
-    pub(crate) fn done(self) -> Tensor<2> {
+    pub fn done(self) -> Tensor<2> {
         let Self { x, pass } = self;
         if is_host(&x.device()) {
             return host::pass(x, pass);
@@ -111,7 +110,6 @@ fn learned(
     norm: Option<(Tensor<1>, Option<Tensor<1>>, f32)>,
     rectified: bool,
 ) -> Tensor<2> {
-    #[cfg(feature = "flex")]
     if let Some(x) = fused::finish(&x, weights.as_ref(), bias.as_ref(), norm.as_ref(), rectified) {
         return x;
     }
@@ -140,13 +138,13 @@ pub(super) fn finish(
 }
 
 /// Returns the output of a linear layer, `[n, outputs]`, for a matrix `[n, inputs]`.
-pub(crate) fn linear(layer: &Linear, x: Tensor<2>) -> Tensor<2> {
+pub fn linear(layer: &Linear, x: Tensor<2>) -> Tensor<2> {
     Rows::linear(layer, x).done()
 }
 
 /// Returns x Φ(x) of each number x of a matrix, with the distribution function Φ of the standard normal
 /// distribution.
-pub(crate) fn gelu(x: Tensor<2>) -> Tensor<2> {
+pub fn gelu(x: Tensor<2>) -> Tensor<2> {
     if is_host(&x.device()) { host::gelu(x) } else { activation::gelu(x) }
 }
 
@@ -164,7 +162,7 @@ pub fn normalize<const D: usize>(x: Tensor<D>) -> Tensor<D> {
 ///
 /// # Panics
 /// If the rows cannot be divided into `count` blocks.
-pub(crate) fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
+pub fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
     if is_host(&x.device()) {
         return host::pool(x, count);
     }
@@ -178,7 +176,7 @@ mod tests {
     use burn::tensor::{Device, Distribution};
 
     use super::*;
-    use crate::models::nn::device;
+    use crate::device;
 
     fn numbers<const D: usize>(x: Tensor<D>) -> Vec<f32> {
         x.into_data().iter::<f32>().collect()

@@ -7,7 +7,7 @@ use burn::tensor::Tensor;
 /// The rows of one scene in tensors that hold the rows of several scenes, such as its earlier steps as every
 /// layer attends to them. All tensors have the same rows. Cloning is cheap.
 #[derive(Clone, Debug)]
-pub(crate) struct SharedRows {
+pub struct SharedRows {
     /// Tensors `[rows of all scenes, width]`, one per layer.
     layers: Arc<Vec<Tensor<2>>>,
     first: usize,
@@ -15,7 +15,7 @@ pub(crate) struct SharedRows {
 
 impl SharedRows {
     /// Divides the rows of these tensors, one per layer, among scenes with these numbers of rows, in order.
-    pub(crate) fn divide(layers: Vec<Tensor<2>>, counts: impl IntoIterator<Item = usize>) -> Vec<Self> {
+    pub fn divide(layers: Vec<Tensor<2>>, counts: impl IntoIterator<Item = usize>) -> Vec<Self> {
         let (layers, mut first) = (Arc::new(layers), 0);
         let part = |count| {
             let part = Self { layers: layers.clone(), first };
@@ -29,7 +29,7 @@ impl SharedRows {
 /// Collects the rows of several scenes for one forward pass. Tensors that scenes share are taken once, and
 /// whole, so that the number of operations does not grow with the number of scenes.
 #[derive(Debug, Default)]
-pub(crate) struct RowCollector {
+pub struct RowCollector {
     /// The tensors that hold rows of the scenes, each with the row at which it begins in the joined ones.
     tables: Vec<(Arc<Vec<Tensor<2>>>, usize)>,
     rows: usize,
@@ -38,7 +38,7 @@ pub(crate) struct RowCollector {
 impl RowCollector {
     /// Adds the rows of a scene. Returns the number of the first of them in the joined tensors; the others
     /// follow it.
-    pub(crate) fn add(&mut self, part: &SharedRows) -> usize {
+    pub fn add(&mut self, part: &SharedRows) -> usize {
         // Scenes that share tensors are usually added one after the other.
         let known = self.tables.iter().rev().find(|(layers, _)| Arc::ptr_eq(layers, &part.layers));
         let begin = known.map_or(self.rows, |(_, begin)| *begin);
@@ -50,12 +50,12 @@ impl RowCollector {
     }
 
     /// Returns the number of rows of the joined tensors.
-    pub(crate) fn rows(&self) -> usize {
+    pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// Returns the joined tensors, one per layer; `None` if nothing was added.
-    pub(crate) fn joined(&self) -> Option<Vec<Tensor<2>>> {
+    pub fn joined(&self) -> Option<Vec<Tensor<2>>> {
         let (first, _) = self.tables.first()?;
         if self.tables.len() == 1 {
             return Some(first.as_ref().clone());
@@ -71,7 +71,7 @@ mod tests {
     use burn::tensor::TensorData;
 
     use super::*;
-    use crate::models::nn::device;
+    use crate::device;
 
     /// Returns two layers of rows with one number each, of which those of the second layer are negative.
     fn layers(values: &[f32]) -> Vec<Tensor<2>> {

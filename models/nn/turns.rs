@@ -2,7 +2,7 @@
 
 use std::f32::consts::TAU;
 
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 /// Number of turns above which f32 can no longer resolve quarter turns accurately enough for
 /// [`cos_sin`].
@@ -12,7 +12,7 @@ const MAX_TURNS: f32 = 1_048_576.0;
 pub(super) const ROUNDING_OFFSET: f32 = 12_582_912.0;
 
 /// Returns, for every scalar u, a row of cos(2πfu) for all frequencies f, then sin(2πfu), then u.
-pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequencies: &[f32]) -> Vec<f32> {
+pub fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequencies: &[f32]) -> Vec<f32> {
     let count = frequencies.len();
     let fastest = frequencies.iter().fold(0.0f32, |most, f| most.max(f.abs()));
     let mut rows = vec![0.0; scalars.len() * (2 * count + 1)];
@@ -35,7 +35,6 @@ pub(crate) fn cos_sin_rows(scalars: impl ExactSizeIterator<Item = f32>, frequenc
 
 /// Returns the gradients with respect to the frequencies, for rows of [`cos_sin_rows`] with this number of
 /// frequencies and the gradients with respect to these rows.
-#[cfg(feature = "flex")]
 pub(crate) fn frequency_gradients(rows: &[f32], of_rows: &[f32], count: usize) -> Vec<f32> {
     let mut sums = vec![0.0_f64; count];
     let width = 2 * count + 1;

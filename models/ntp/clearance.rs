@@ -1,7 +1,7 @@
 //! Clearance to other agents while a token is executed.
 
-use reactsim::geometry::{OrientedBox, Vec2, rounded_distance};
-use reactsim::scene::{Agent, AgentState, DT, Frame};
+use reactsim_geometry::{OrientedBox, Vec2, rounded_distance};
+use reactsim_scene::{Agent, AgentState, DT, Frame};
 
 /// Corner rounding of boxes, as a fraction, as in the metrics (Waymo sim-agents convention).
 const CORNER_ROUNDING: f64 = 0.7;
@@ -76,13 +76,13 @@ impl Traffic {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::dynamics::Pose;
-    use reactsim::scene::AgentKind;
+    use reactsim_dynamics::Pose;
+    use reactsim_perception::Class;
+    use reactsim_scene::AgentKind;
 
     use super::super::execute::Executor;
     use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TokenPoses};
     use super::*;
-    use crate::models::perception::Class;
 
     const NOW: usize = 1;
 

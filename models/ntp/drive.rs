@@ -5,15 +5,15 @@
 //! part of the way back to the log, so that errors decay without swerving.
 
 use rand::RngExt;
-use reactsim::dynamics::Pose;
-use reactsim::scene::{Agent, AgentKind, FRAMES, Frame};
-use reactsim::training::Stream;
+use reactsim_dynamics::Pose;
+use reactsim_perception::Class;
+use reactsim_scene::{Agent, AgentKind, FRAMES, Frame};
+use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::execute::Executor;
 use super::slowdown::Slowdown;
 use super::tokens::{TOKEN_FRAMES, Vocabulary, motion_between, moved};
-use crate::models::perception::Class;
 
 /// Deliberate errors during replay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,8 @@
 //! The baselines of this family.
 
-use reactsim::models::{Baseline, ModelError, Setup};
-use reactsim::rollout::Controller;
+use reactsim_baseline::{Baseline, ModelError, Setup};
+use reactsim_nn::device_of;
+use reactsim_rollout::Controller;
 
 use super::Driving;
 use super::reactive::{Policy, ReactiveSimulator};
@@ -14,39 +15,34 @@ const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
 const SMART_RANGES: &str = include_str!("ranges/smart.toml");
 
 /// Our network, with vehicles within kinematic limits.
-pub(in crate::models) const REACTIVE: Baseline =
+pub const REACTIVE: Baseline =
     entry("ntp-reactive", include_str!("cards/reactive.toml"), REACTIVE_RANGES, reactive);
 
 /// Our network, with tokens executed exactly.
-pub(in crate::models) const REACTIVE_RAW: Baseline =
+pub const REACTIVE_RAW: Baseline =
     entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), REACTIVE_RANGES, reactive);
 
 /// The published network, with tokens executed exactly.
-pub(in crate::models) const SMART: Baseline =
-    entry("smart", include_str!("cards/smart.toml"), SMART_RANGES, smart);
+pub const SMART: Baseline = entry("smart", include_str!("cards/smart.toml"), SMART_RANGES, smart);
 
 /// The published network, with vehicles within kinematic limits.
-pub(in crate::models) const SMART_PROJECTED: Baseline =
+pub const SMART_PROJECTED: Baseline =
     entry("smart-projected", include_str!("cards/smart_projected.toml"), SMART_RANGES, smart);
 
 /// Its body at a size for processor cores, trained here.
-pub(in crate::models) const SMART_SMALL: Baseline =
-    trained("smart-small", include_str!("cards/smart_small.toml"));
+pub const SMART_SMALL: Baseline = trained("smart-small", include_str!("cards/smart_small.toml"));
 
 /// The variant of TrajTok, trained likewise.
-pub(in crate::models) const TRAJTOK_SMALL: Baseline =
-    trained("trajtok-small", include_str!("cards/trajtok_small.toml"));
+pub const TRAJTOK_SMALL: Baseline = trained("trajtok-small", include_str!("cards/trajtok_small.toml"));
 
 /// SMART-small after closed-loop fine-tuning.
-pub(in crate::models) const CATK_SMALL: Baseline =
-    trained("catk-small", include_str!("cards/catk_small.toml"));
+pub const CATK_SMALL: Baseline = trained("catk-small", include_str!("cards/catk_small.toml"));
 
 /// SMART-small after fine-tuning by rewards, with an AV that leaves its log.
-pub(in crate::models) const SMART_REACTIVE: Baseline =
-    trained("smart-reactive", include_str!("cards/smart_reactive.toml"));
+pub const SMART_REACTIVE: Baseline = trained("smart-reactive", include_str!("cards/smart_reactive.toml"));
 
 /// The log by tokens.
-pub(in crate::models) const TOKEN_REPLAY: Baseline = Baseline {
+pub const TOKEN_REPLAY: Baseline = Baseline {
     id: token_replay::ID,
     card: include_str!("cards/token_replay.toml"),
     ranges: include_str!("ranges/token_replay.toml"),
@@ -99,14 +95,14 @@ pub(super) fn smart_parameters() -> Result<SmartParameters, ModelError> {
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
-    let device = setup.backend.device();
+    let device = device_of(setup.backend);
     let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(ReactiveSimulator::new(policy, driving, device))))
 }
 
 fn smart(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    let policy = SmartPolicy::read(&setup.weights()?.bytes, &setup.backend.device())
+    let policy = SmartPolicy::read(&setup.weights()?.bytes, &device_of(setup.backend))
         .map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(SmartSimulator::new(setup.id, policy, parameters))))
 }

@@ -1,12 +1,12 @@
 //! Execution of tokens: from a token to the motion of an agent.
 
-use reactsim::dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion};
-use reactsim::geometry::Vec2;
-use reactsim::scene::{Agent, AgentState, DT, Frame};
+use reactsim_dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion};
+use reactsim_geometry::Vec2;
+use reactsim_perception::Class;
+use reactsim_scene::{Agent, AgentState, DT, Frame};
 
 use super::clearance::Traffic;
 use super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, moved};
-use crate::models::perception::Class;
 
 /// Part of the speed change within a token that continues beyond the token's mean speed, from 0 to 1:
 /// with 0 a token ends at its mean speed, with 1 its acceleration is constant. In between, speeds
@@ -146,6 +146,6 @@ fn pose_at(token: &TokenPoses, arc: &[f64; TOKEN_FRAMES + 1], s: f64) -> Pose {
     let (a, b) = (token[k - 1], token[k]);
     Pose {
         position: a.position + (b.position - a.position) * t,
-        heading: a.heading + reactsim::geometry::wrap(b.heading - a.heading) * t,
+        heading: a.heading + reactsim_geometry::wrap(b.heading - a.heading) * t,
     }
 }

@@ -1,17 +1,19 @@
 //! Our network with a guard: agents execute its joint futures while that leaves them a safe way out.
 
-use reactsim::models::{Baseline, ModelError, Setup};
-use reactsim::rollout::Controller;
+use reactsim_baseline::{Baseline, ModelError, Setup};
+use reactsim_nn::device_of;
+use reactsim_qp as qp;
+use reactsim_qp::GuardSettings;
+use reactsim_rollout::Controller;
 use serde::{Deserialize, Serialize};
 
 use super::haste::Haste;
 use super::reactive::{Policy, ReactiveSimulator};
 use super::sampling::Sampling;
 use super::{Driving, entries};
-use crate::models::qp::{self, GuardSettings};
 
 /// Our network with a guard.
-pub(in crate::models) const GUARDED: Baseline = Baseline {
+pub const GUARDED: Baseline = Baseline {
     id: "ntp-guarded",
     card: include_str!("cards/guarded.toml"),
     ranges: include_str!("ranges/guarded.toml"),
@@ -35,7 +37,7 @@ struct Parameters {
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let Parameters { haste, sampling, guard } = setup.parameters()?;
-    let device = setup.backend.device();
+    let device = device_of(setup.backend);
     let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     let driving = Driving { projection: true, keep_clear: false, sampling };
     let simulator = ReactiveSimulator::new(policy, driving, device).with_haste(haste);

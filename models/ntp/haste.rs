@@ -1,6 +1,6 @@
 //! Haste: faster tokens made likelier, so that likely tokens alone are not slower than recorded traffic.
 
-use reactsim::scene::DT;
+use reactsim_scene::DT;
 use serde::{Deserialize, Serialize};
 
 use super::tokens::TOKEN_FRAMES;

@@ -2,10 +2,10 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim::training::{Output, Sums};
+use reactsim_perception::Class;
+use reactsim_training::{Output, Sums};
 
 use super::token_loss::Target;
-use crate::models::perception::Class;
 
 /// A token that was drawn, and how much better its agent fared than expected.
 #[derive(Clone, Copy, Debug, PartialEq)]

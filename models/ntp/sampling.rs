@@ -1,8 +1,8 @@
 //! Sampling of tokens.
 
 use rand::RngExt;
-use reactsim::geometry::math;
-use reactsim::rollout::Stream;
+use reactsim_geometry::math;
+use reactsim_rollout::Stream;
 use serde::{Deserialize, Serialize};
 
 /// Settings for drawing tokens from the network's distribution.
@@ -69,7 +69,7 @@ impl Sampling {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::rollout::{Purpose, stream};
+    use reactsim_rollout::{Purpose, stream};
 
     use super::*;
 

@@ -1,10 +1,10 @@
 //! Vehicles that brake for no reason during replay, and how they return to the speeds of their logs.
 
 use rand::RngExt;
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, wrap};
-use reactsim::scene::{DT, Frame};
-use reactsim::training::Stream;
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, wrap};
+use reactsim_scene::{DT, Frame};
+use reactsim_training::Stream;
 
 use super::tokens::TOKEN_FRAMES;
 
@@ -93,7 +93,7 @@ impl Slowdown {
         let distance = |k: &usize| (self.poses[*k].position - position).norm_squared();
         let most = next - self.frame;
         let Some(k) = (0..=most).min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return 0.0 };
-        let ahead = reactsim::geometry::direction(self.poses[k].heading);
+        let ahead = reactsim_geometry::direction(self.poses[k].heading);
         let along = (position - self.poses[k].position).dot(&ahead);
         (self.arcs[k] + along).clamp(0.0, self.arcs[most])
     }
@@ -112,7 +112,7 @@ impl Slowdown {
 #[cfg(test)]
 mod tests {
     use rand::SeedableRng;
-    use reactsim::scene::AgentState;
+    use reactsim_scene::AgentState;
 
     use super::*;
 

@@ -1,10 +1,10 @@
 //! Target distributions of a token loss: the label, smoothed toward tokens that end nearby.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use reactsim_perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::tokens::Vocabulary;
-use crate::models::perception::Class;
 
 /// Label smoothing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,11 +2,11 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim::training::{Output, Sums};
+use reactsim_learning::LearningScene;
+use reactsim_perception::Class;
+use reactsim_training::{Output, Sums};
 
 use super::smoothing::TargetDistributions;
-use crate::models::learning::LearningScene;
-use crate::models::perception::Class;
 
 /// Loss weight of parked agents; that of others is 1.
 const PARKED_WEIGHT: f32 = 0.05;

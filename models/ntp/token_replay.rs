@@ -1,9 +1,9 @@
 //! Replay of the log by tokens: what a vocabulary can express, and what it does to the motion. An oracle,
 //! because it sees the future.
 
-use reactsim::models::{ModelError, Setup};
-use reactsim::rollout::{Controller, Episode, Memory, Oracle, PlanError};
-use reactsim::scene::{CURRENT, Frame, Scenario};
+use reactsim_baseline::{ModelError, Setup};
+use reactsim_rollout::{Controller, Episode, Memory, Oracle, PlanError};
+use reactsim_scene::{CURRENT, Frame, Scenario};
 use serde::{Deserialize, Serialize};
 
 use super::drive::drive;

@@ -1,7 +1,7 @@
 //! Features of an agent at one step: position, present and past motion.
 
-use reactsim::geometry::{Vec2, direction, into_frame, math};
-use reactsim::scene::{AgentKind, AgentState, DT, Frame};
+use reactsim_geometry::{Vec2, direction, into_frame, math};
+use reactsim_scene::{AgentKind, AgentState, DT, Frame};
 
 use super::class::Class;
 use super::features::put;
@@ -19,7 +19,7 @@ const WALKING_SPEED: f64 = 0.3;
 
 /// An agent at one step: motion from which relations are computed, and its features.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Body {
+pub struct Body {
     /// Box centre, metres, scenario frame.
     pub position: Vec2,
     /// Unit vector of the heading.
@@ -53,12 +53,12 @@ impl Body {
     }
 
     /// Returns the range of the features that describe agents and stops on the candidate paths.
-    pub(crate) const fn corridor_features() -> std::ops::Range<usize> {
+    pub const fn corridor_features() -> std::ops::Range<usize> {
         OWN_FEATURES + LANE_FEATURES..BODY_FEATURES
     }
 
     /// Fills the features of the agent's own motion.
-    pub(super) fn describe(
+    pub fn describe(
         &mut self,
         kind: AgentKind,
         state: AgentState,

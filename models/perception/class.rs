@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use reactsim::scene::AgentKind;
+use reactsim_scene::AgentKind;
 use serde::{Deserialize, Serialize};
 
 /// A class of simulated agents.

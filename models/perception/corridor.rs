@@ -1,8 +1,8 @@
 //! Features of agents and stops on the candidate paths of an agent: its own course and the paths along
 //! its lane, now and in the near future.
 
-use reactsim::geometry::{Vec2, into_frame};
-use reactsim::scene::LightState;
+use reactsim_geometry::{Vec2, into_frame};
+use reactsim_scene::LightState;
 
 use super::body::Body;
 use super::features::put;
@@ -20,7 +20,7 @@ const MAX_STOP_OFFSET: f64 = 2.0;
 /// Fills in the features of all paths: for each path and time, the gap to the nearest other agent on it,
 /// that agent's speed along the path, whether it is the AV, and car-following quantities; and for each
 /// path, the nearest stop. Features of absent paths stay 0.
-pub(crate) fn describe(
+pub fn describe(
     bodies: &[Body],
     own: usize,
     paths: &[CandidatePath],

@@ -1,8 +1,8 @@
 //! Forecast of the AV from its motion so far.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, direction, wrap};
-use reactsim::scene::{AgentState, DT, FUTURE, Frame};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, direction, wrap};
+use reactsim_scene::{AgentState, DT, FUTURE, Frame};
 
 /// Time in seconds for which acceleration and yaw rate are kept; then the AV goes straight on at
 /// constant speed.
@@ -17,7 +17,7 @@ const FRAMES: usize = 2;
 /// Returns the states after 0.1, 0.2 … 8 s at constant yaw rate and acceleration, from the state at frame
 /// `now`, those before it, and `next`, the state one frame later, where the protocol shows it. `None` if the
 /// agent is absent now.
-pub(crate) fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) -> Option<Vec<AgentState>> {
+pub fn forecast(track: &[Frame], now: usize, next: Option<AgentState>) -> Option<Vec<AgentState>> {
     let here = track.get(now).copied().flatten()?;
     let back = |k: usize| now.checked_sub(k).and_then(|f| track[f]);
     // The latest known states, newest first.

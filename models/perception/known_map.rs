@@ -1,13 +1,13 @@
 //! The known part of a map, from which places are built.
 
-use reactsim::geometry::{Vec2, direction};
-use reactsim::scene::{RoadMap, Start, StopKind};
+use reactsim_geometry::{Vec2, direction};
+use reactsim_scene::{RoadMap, Start, StopKind};
 
 use super::map_pieces::{MapPiece, PIECE_LENGTH, PieceKind, map_pieces_of_length};
 
 /// The known part of a map, from which places are built.
 #[derive(Clone, Debug)]
-pub(crate) struct KnownMap {
+pub struct KnownMap {
     /// Pieces of lines, without stop lines, which are [`Stop`]s.
     pub pieces: Vec<MapPiece>,
     /// Stops.
@@ -20,12 +20,12 @@ pub(crate) struct KnownMap {
 
 impl KnownMap {
     /// Returns the map of a scenario within `radius` metres of the AV's position at the current frame.
-    pub(crate) fn of(start: &Start, radius: f64) -> Self {
+    pub fn of(start: &Start, radius: f64) -> Self {
         Self::with_pieces(start, radius, PIECE_LENGTH)
     }
 
     /// The same in pieces of this length, metres.
-    pub(crate) fn with_pieces(start: &Start, radius: f64, length: f64) -> Self {
+    pub fn with_pieces(start: &Start, radius: f64, length: f64) -> Self {
         let mut pieces = map_pieces_of_length(&start.map, start.now(0).position(), radius, length);
         let is_stop = |k| matches!(k, PieceKind::LightLine | PieceKind::SignLine | PieceKind::YieldLine);
         pieces.retain(|p| !is_stop(p.kind));
@@ -40,7 +40,7 @@ impl KnownMap {
 
 /// A position at which vehicles stop.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stop {
+pub struct Stop {
     /// Position, metres.
     pub at: Vec2,
     /// Unit vector of its lane's direction there.

@@ -1,6 +1,6 @@
 //! Motion that is known in full.
 
-use reactsim::scene::{Frame, LightState, Start};
+use reactsim_scene::{Frame, LightState, Start};
 
 use super::view::SceneView;
 
@@ -19,12 +19,12 @@ pub struct KnownMotion<'a> {
 
 impl KnownMotion<'_> {
     /// Returns the state of each light at a frame.
-    pub(crate) fn lights_at(&self, frame: usize) -> Vec<Option<LightState>> {
+    pub fn lights_at(&self, frame: usize) -> Vec<Option<LightState>> {
         self.lights.iter().map(|l| l.get(frame).copied().flatten()).collect()
     }
 
     /// Returns the scene at a frame as agents see it, with the states of the lights at this frame.
-    pub(crate) fn view<'a>(&'a self, now: usize, lights: &'a [Option<LightState>]) -> SceneView<'a> {
+    pub fn view<'a>(&'a self, now: usize, lights: &'a [Option<LightState>]) -> SceneView<'a> {
         let next = self.tracks.first().and_then(|av| av.get(now + 1).copied().flatten());
         let av_next = next.filter(|_| self.av_lookahead);
         SceneView { agents: &self.start.agents, tracks: self.tracks, now, av_next, lights }

@@ -1,6 +1,6 @@
 //! Candidate paths of an agent: its own course, and the paths along its lane.
 
-use reactsim::geometry::{Bounds, Vec2, into_frame, math};
+use reactsim_geometry::{Bounds, Vec2, into_frame, math};
 
 use super::class::Class;
 use super::features::put;
@@ -36,7 +36,7 @@ pub(crate) struct VehicleMotion {
 
 /// A path that an agent may take: points every [`SPACING`] metres, with directions.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct CandidatePath {
+pub struct CandidatePath {
     /// Position and unit vector of the direction of each point.
     pub points: Vec<(Vec2, Vec2)>,
     /// Bounding box of the points.
@@ -51,7 +51,7 @@ impl CandidatePath {
 }
 
 /// Spacing of the points of a path, metres.
-pub(crate) const SPACING: f64 = 2.5;
+pub const SPACING: f64 = 2.5;
 /// Minimum length of a path, metres.
 const MIN_LENGTH: f64 = 12.0;
 /// Maximum length of a path, metres.
@@ -124,7 +124,7 @@ pub(crate) fn describe(me: &VehicleMotion, places: &Places, out: &mut [f32]) -> 
 /// Returns the paths along the lane of an agent at `position` with direction `ahead`, with `points`
 /// points after the first; none if there is no lane. Beyond the end of the map they continue straight
 /// on.
-pub(crate) fn lane_paths(position: Vec2, ahead: Vec2, places: &Places, points: usize) -> Vec<CandidatePath> {
+pub fn lane_paths(position: Vec2, ahead: Vec2, places: &Places, points: usize) -> Vec<CandidatePath> {
     let found = own_lane(position, ahead, places);
     found.map_or_else(Vec::new, |(piece, point, along)| {
         Walk::begin(places, piece, point, along).paths(ahead, points).into()

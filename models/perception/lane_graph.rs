@@ -1,6 +1,6 @@
 //! Successor relation of lane pieces.
 
-use reactsim::geometry::Vec2;
+use reactsim_geometry::Vec2;
 
 /// Successor relation of lane pieces.
 #[derive(Clone, Debug, Default)]

@@ -1,7 +1,7 @@
 //! Pieces of the lines of a map, each as eleven points.
 
-use reactsim::geometry::{Bounds, Polyline, Vec2};
-use reactsim::scene::{LaneClass, LaneKind, RoadEdgeKind, RoadMap, StopKind};
+use reactsim_geometry::{Bounds, Polyline, Vec2};
+use reactsim_scene::{LaneClass, LaneKind, RoadEdgeKind, RoadMap, StopKind};
 
 use super::rings::{closed, edge_rings};
 
@@ -13,7 +13,7 @@ pub(crate) const PIECE_LENGTH: f64 = 5.0;
 const MIN_REMAINDER: f64 = 0.5;
 
 /// Length above which a line counts as a fault of the map, metres.
-pub(crate) const MAX_LINE_LENGTH: f64 = 1e5;
+pub const MAX_LINE_LENGTH: f64 = 1e5;
 
 /// A piece of a line of the map.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,25 +2,25 @@
 
 /// The `k` smallest of the offered values; equal values are kept in the order of offering.
 #[derive(Debug)]
-pub(crate) struct Nearest {
+pub struct Nearest {
     k: usize,
     found: Vec<(f64, usize)>,
 }
 
 impl Nearest {
     /// Builds an empty list that keeps at most `k`.
-    pub(crate) fn new(k: usize) -> Self {
+    pub fn new(k: usize) -> Self {
         Self { k, found: Vec::with_capacity(k + 1) }
     }
 
     /// Removes all values.
-    pub(crate) fn clear(&mut self) {
+    pub fn clear(&mut self) {
         self.found.clear();
     }
 
     /// Offers an index with its value. Values that differ by less than a millionth count as equal, so
     /// that rounding does not decide between places that are equally far by symmetry.
-    pub(crate) fn offer(&mut self, value: f64, index: usize) {
+    pub fn offer(&mut self, value: f64, index: usize) {
         let value = value * 1e6;
         let full = self.found.len() == self.k;
         let worst = self.found.last().map_or(f64::NEG_INFINITY, |worst| worst.0);
@@ -40,7 +40,7 @@ impl Nearest {
     }
 
     /// Returns the kept indices, smallest value first.
-    pub(crate) fn found(&self) -> impl Iterator<Item = usize> {
+    pub fn found(&self) -> impl Iterator<Item = usize> {
         self.found.iter().map(|f| f.1)
     }
 }

@@ -1,7 +1,7 @@
 //! Observation of an agent: its motion, its lane and its candidate paths.
 
-use reactsim::geometry::{Vec2, direction};
-use reactsim::scene::{Agent, AgentState, DT, Frame};
+use reactsim_geometry::{Vec2, direction};
+use reactsim_scene::{Agent, AgentState, DT, Frame};
 
 use super::body::Body;
 use super::class::Class;

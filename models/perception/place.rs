@@ -1,12 +1,12 @@
 //! A place of the map.
 
-use reactsim::geometry::{Vec2, into_frame, point_segment};
+use reactsim_geometry::{Vec2, into_frame, point_segment};
 
 use super::known_map::Stop;
 use super::map_pieces::{MapPiece, PIECE_POINTS, PieceKind};
 
 /// Number of features of a place.
-pub(crate) const PLACE_FEATURES: usize = HAS_LIGHT + 1;
+pub const PLACE_FEATURES: usize = HAS_LIGHT + 1;
 /// Number of kinds of places: those of pieces, and stops at lights, stop signs and give-way lines.
 const KINDS: usize = PieceKind::COUNT + 3;
 
@@ -23,7 +23,7 @@ const HAS_LIGHT: usize = HAS_SPEED_LIMIT + 1;
 
 /// A place of the map.
 #[derive(Clone, Debug)]
-pub(crate) struct Place {
+pub struct Place {
     /// Start, metres, scenario frame.
     pub start: Vec2,
     /// Unit vector of its first chord; for a stop, of the lane direction.
@@ -44,7 +44,7 @@ pub(crate) struct Place {
 
 /// Role of a place for agents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
+pub enum Role {
     /// A piece of a lane's centre line.
     Lane,
     /// A piece of an edge or a crosswalk.
@@ -85,12 +85,12 @@ impl Place {
     }
 
     /// Returns the end point.
-    pub(crate) fn end(&self) -> Vec2 {
+    pub fn end(&self) -> Vec2 {
         self.points[self.points.len() - 1]
     }
 
     /// Returns the direction at the end.
-    pub(crate) fn end_ahead(&self) -> Vec2 {
+    pub fn end_ahead(&self) -> Vec2 {
         match self.points.as_slice() {
             [.., a, b] if (b - a).norm() > 1e-6 => (b - a).normalize(),
             _ => self.ahead,
@@ -98,7 +98,7 @@ impl Place {
     }
 
     /// Returns the point nearest to `p`, and the direction of the piece there.
-    pub(crate) fn nearest(&self, p: Vec2) -> (Vec2, Vec2) {
+    pub fn nearest(&self, p: Vec2) -> (Vec2, Vec2) {
         let mut best = (f64::INFINITY, self.start, self.ahead);
         for pair in self.points.windows(2) {
             let (d2, t) = point_segment(p, pair[0], pair[1]);

@@ -1,6 +1,6 @@
 //! Places of the map that agents attend to: pieces of lanes, edges and crosswalks, and stops.
 
-use reactsim::geometry::Vec2;
+use reactsim_geometry::Vec2;
 
 use super::known_map::KnownMap;
 use super::lane_graph::LaneGraph;
@@ -8,16 +8,16 @@ use super::place::Place;
 
 /// All places of a map within range of the AV.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Places {
+pub struct Places {
     /// Pieces, then stops.
     pub all: Vec<Place>,
     /// Successors of lane pieces.
-    pub graph: LaneGraph,
+    pub(crate) graph: LaneGraph,
 }
 
 impl Places {
     /// Returns the places of a map.
-    pub(crate) fn of(map: &KnownMap) -> Self {
+    pub fn of(map: &KnownMap) -> Self {
         let KnownMap { pieces, stops, light_lanes, successors } = map;
         let light_of = |lane: usize| light_lanes.iter().position(|&l| l == lane);
         let mut all: Vec<Place> =

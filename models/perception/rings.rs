@@ -1,11 +1,11 @@
 //! Closed rings of the map, such as the edges of its drivable area.
 
-use reactsim::geometry::{Polygon, Vec2, ring_area, union_of};
-use reactsim::scene::RoadMap;
+use reactsim_geometry::{Polygon, Vec2, ring_area, union_of};
+use reactsim_scene::RoadMap;
 
 /// Returns the closed rings around the drivable area, with the area on their left, and whether each is a
 /// hole. There are no rings where its polygons overlap or touch.
-pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
+pub fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
     let area = map.drivable_area.as_deref().unwrap_or_default();
     let merged = union_of(area).unwrap_or_else(|| area.to_vec());
     let rings = |p: &Polygon| {
@@ -16,7 +16,7 @@ pub(crate) fn edge_rings(map: &RoadMap) -> Vec<(Vec<Vec2>, bool)> {
 }
 
 /// Returns a ring that ends at its first point.
-pub(crate) fn closed(ring: &[Vec2]) -> Vec<Vec2> {
+pub fn closed(ring: &[Vec2]) -> Vec<Vec2> {
     let mut ring = ring.to_vec();
     if let Some(&first) = ring.first()
         && ring.last() != Some(&first)

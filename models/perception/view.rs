@@ -1,8 +1,8 @@
 //! A scene up to a frame, as visible to a simulator.
 
-use reactsim::geometry::Vec2;
-use reactsim::rollout::Observation;
-use reactsim::scene::{Agent, AgentState, Frame, LightState};
+use reactsim_geometry::Vec2;
+use reactsim_rollout::Observation;
+use reactsim_scene::{Agent, AgentState, Frame, LightState};
 
 use super::body::Body;
 use super::class::Class;
@@ -13,7 +13,7 @@ use super::velocity::velocity_at;
 
 /// A scene up to a frame, as visible to a simulator.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SceneView<'a> {
+pub struct SceneView<'a> {
     /// Agents; slot 0 is the AV.
     pub agents: &'a [Agent],
     /// Their realized frames; frames after `now` are ignored.
@@ -28,7 +28,7 @@ pub(crate) struct SceneView<'a> {
 
 impl<'a> SceneView<'a> {
     /// Returns the view of an observation with the current states of its lights.
-    pub(crate) fn of(seen: &Observation<'a>, lights: &'a [Option<LightState>]) -> Self {
+    pub fn of(seen: &Observation<'a>, lights: &'a [Option<LightState>]) -> Self {
         Self {
             agents: &seen.start().agents,
             tracks: seen.tracks(),
@@ -39,18 +39,18 @@ impl<'a> SceneView<'a> {
     }
 
     /// Returns the state of an agent; `None` if it is absent.
-    pub(crate) fn state(&self, slot: usize) -> Frame {
+    pub fn state(&self, slot: usize) -> Frame {
         self.tracks[slot].get(self.now).copied().flatten()
     }
 
     /// Returns the velocity of an agent, as [`velocity_at`].
-    pub(crate) fn velocity(&self, slot: usize) -> Vec2 {
+    pub fn velocity(&self, slot: usize) -> Vec2 {
         velocity_at(&self.tracks[slot], self.now)
     }
 
     /// Returns the slots of present agents with a class: that of the AV, then those nearest to it, `count` in
     /// all; none if the AV is absent.
-    pub(crate) fn nearest_agents(&self, count: usize) -> Vec<usize> {
+    pub fn nearest_agents(&self, count: usize) -> Vec<usize> {
         let Some(av) = self.state(0) else { return Vec::new() };
         let mut nearest = Nearest::new(count);
         for (slot, agent) in self.agents.iter().enumerate() {
@@ -64,7 +64,7 @@ impl<'a> SceneView<'a> {
 
     /// Describes an agent among these places, with its candidate paths, its own course first. `None` if
     /// it is absent or has no class.
-    pub(crate) fn body(&self, slot: usize, places: &Places) -> Option<(Body, Vec<CandidatePath>)> {
+    pub fn body(&self, slot: usize, places: &Places) -> Option<(Body, Vec<CandidatePath>)> {
         let next = if slot == 0 { self.av_next } else { None };
         Body::at(&self.agents[slot], &self.tracks[slot], self.now, slot == 0, next, places)
     }

@@ -35,7 +35,7 @@ pub(super) const PAST_POSE_FRAMES: [usize; 4] = [1, 2, 5, 10];
 pub(super) const PAST_POSE_FEATURES: usize = 5;
 
 /// Number of features of an agent at a step.
-pub(crate) const BODY_FEATURES: usize = OWN_FEATURES + LANE_FEATURES + CORRIDOR_FEATURES;
+pub const BODY_FEATURES: usize = OWN_FEATURES + LANE_FEATURES + CORRIDOR_FEATURES;
 
 /// Number of these that describe the agent's own motion; its lane and the agents ahead follow.
 pub(super) const OWN_FEATURES: usize = MOTION_FEATURES + PAST_POSE_FRAMES.len() * PAST_POSE_FEATURES;

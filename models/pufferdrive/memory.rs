@@ -1,6 +1,6 @@
 //! Memory of an episode: the pieces of the road, and the route and LSTM state of each vehicle.
 
-use reactsim::scene::{AgentKind, CURRENT, Start};
+use reactsim_scene::{AgentKind, CURRENT, Start};
 
 use super::Parameters;
 use super::network::HIDDEN;

@@ -5,8 +5,7 @@ use burn::module::{Module, Param};
 use burn::nn::{Gelu, LayerNorm, Linear};
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor};
-
-use crate::models::nn::Initializer;
+use reactsim_nn::Initializer;
 
 /// Number of features of the vehicle itself.
 pub const EGO: usize = 7;

@@ -1,10 +1,10 @@
 //! The road as the policy observes it: straight pieces of lanes, lines and edges, in cells of 5 m.
 
-use reactsim::geometry::{Bounds, Grid, Vec2};
-use reactsim::scene::RoadMap;
+use reactsim_geometry::{Bounds, Grid, Vec2};
+use reactsim_perception::edge_rings;
+use reactsim_scene::RoadMap;
 
 use super::network::ROAD;
-use crate::models::perception::edge_rings;
 
 /// Number of rows for pieces of the road.
 pub(super) const ROWS: usize = 200;
@@ -125,7 +125,7 @@ fn cut(points: &[Vec2], kind: usize, pieces: &mut Vec<Piece>) {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::geometry::{Polygon, left};
+    use reactsim_geometry::{Polygon, left};
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! Routes from which the policy's goals are taken: along the lane, never towards the log's destination.
 
-use reactsim::geometry::{Polyline, Vec2, direction, wrap};
-use reactsim::scene::{LaneClass, Road};
+use reactsim_geometry::{Polyline, Vec2, direction, wrap};
+use reactsim_scene::{LaneClass, Road};
 
 /// Length of a route, metres: 8 s at more than 35 m/s.
 const ROUTE_LENGTH: f64 = 300.0;

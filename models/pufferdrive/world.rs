@@ -1,9 +1,9 @@
 //! State of one episode in the policy's environment: all agents now, and during a plan.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, direction};
-use reactsim::rollout::Observation;
-use reactsim::scene::{AgentState, DT};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, direction};
+use reactsim_rollout::Observation;
+use reactsim_scene::{AgentState, DT};
 
 use super::motion::Body;
 use super::network::{EGO, PARTNER};
@@ -32,7 +32,7 @@ impl World {
     /// Takes all agents as realised. Agents for which `stays` is true stand from now on.
     pub(super) fn now(seen: &Observation<'_>, stays: impl Fn(usize) -> bool) -> Self {
         let agents = &seen.start().agents;
-        let agent_state = |(i, agent): (usize, &reactsim::scene::Agent)| {
+        let agent_state = |(i, agent): (usize, &reactsim_scene::Agent)| {
             let state = seen.state(i)?;
             let velocity = if stays(i) { Vec2::zeros() } else { state.velocity().unwrap_or_default() };
             let speed = velocity.norm().copysign(velocity.dot(&direction(state.heading)));

@@ -1,8 +1,8 @@
 //! Lanes that the AV may follow.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Polyline, Vec2, direction, left, math};
-use reactsim::scene::{AgentState, LaneHit, Road};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Polyline, Vec2, direction, left, math};
+use reactsim_scene::{AgentState, LaneHit, Road};
 
 /// Cosine of the largest difference between the heading of the AV and that of a lane that it may follow: 60
 /// degrees.

@@ -5,8 +5,8 @@
 //! curvatures: turns add up to headings, and headings to lateral offsets. The path is driven exactly
 //! with the solution, and linearised again where it moved much.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Polyline, Vec2, left};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Polyline, Vec2, left};
 
 use super::path::{Path, STATIONS};
 use super::program::{CONTROLS, Controls, Pattern, Program, Quadratic, Solve};
@@ -176,7 +176,7 @@ impl PathProgram {
     /// Returns an initial path by pure pursuit from station to station (Coulter, 1992): the curvatures
     /// at the knots, and the present curvature.
     fn pursue(&self, problem: &PathProblem<'_>, spacing: f64) -> (Controls, f64) {
-        let mut axis = reactsim::geometry::direction(problem.from.heading);
+        let mut axis = reactsim_geometry::direction(problem.from.heading);
         let mut axle = problem.from.position - axis * problem.rear;
         let ahead = (0.6 * problem.speed).clamp(3.0, 12.0).max(1.5 * spacing);
         let limit = self.max_curvature;

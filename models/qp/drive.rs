@@ -1,8 +1,8 @@
 //! Driving of a path at planned speeds within the limits of the vehicle, whatever the programs return.
 
-use reactsim::dynamics::VehicleMotion;
-use reactsim::geometry::direction;
-use reactsim::scene::{AgentState, DT};
+use reactsim_dynamics::VehicleMotion;
+use reactsim_geometry::direction;
+use reactsim_scene::{AgentState, DT};
 
 use super::path::Path;
 use super::settings::Settings;

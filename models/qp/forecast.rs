@@ -1,9 +1,9 @@
 //! Forecasts of other agents from what has been observed.
 
-use reactsim::dynamics::{Pose, STANDSTILL_SPEED};
-use reactsim::geometry::{OrientedBox, Vec2, direction, math, wrap};
-use reactsim::rollout::Observation;
-use reactsim::scene::{Agent, AgentState, DT, Frame};
+use reactsim_dynamics::{Pose, STANDSTILL_SPEED};
+use reactsim_geometry::{OrientedBox, Vec2, direction, math, wrap};
+use reactsim_rollout::Observation;
+use reactsim_scene::{Agent, AgentState, DT, Frame};
 
 use super::av_routes::{Route, routes};
 use super::obstacle::{Obstacle, TIMES, step_of};

@@ -1,7 +1,7 @@
 //! Modes: the trajectories that a simulator proposes for an agent.
 
-use reactsim::geometry::{Polyline, Vec2};
-use reactsim::scene::DT;
+use reactsim_geometry::{Polyline, Vec2};
+use reactsim_scene::DT;
 
 use super::path::{Path, STATIONS};
 use super::speed::{STEPS, default_sigma};

@@ -1,6 +1,6 @@
 //! Obstacles: boxes at the times at which bounds are checked, and the parts of a path that they occupy.
 
-use reactsim::geometry::{Bounds, OrientedBox, Vec2, left};
+use reactsim_geometry::{Bounds, OrientedBox, Vec2, left};
 
 use super::path::{Path, STATIONS};
 use super::speed::CHECKED;

@@ -1,7 +1,7 @@
 //! A vehicle that is to be planned.
 
-use reactsim::dynamics::VehicleMotion;
-use reactsim::scene::Road;
+use reactsim_dynamics::VehicleMotion;
+use reactsim_scene::Road;
 
 use super::obstacle::Extent;
 

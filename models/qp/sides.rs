@@ -1,7 +1,7 @@
 //! Lateral bounds of a path: the drivable area, the lanes of others, and obstacles next to the path.
 
-use reactsim::geometry::{Vec2, direction};
-use reactsim::scene::{LaneHit, Road};
+use reactsim_geometry::{Vec2, direction};
+use reactsim_scene::{LaneHit, Road};
 
 use super::bends::{LATERAL_BOUNDS, LateralBounds, station_of_bound};
 use super::mode::Reference;

@@ -1,12 +1,12 @@
 //! A simulator followed by the stage.
 
-use reactsim::rollout::{Beginning, Controller, Episode, JointPlan, Memory, PlanError, Simulator};
-use reactsim::scene::AgentState;
+use reactsim_baseline::{ModelError, Setup};
+use reactsim_rollout::{Beginning, Controller, Episode, JointPlan, Memory, PlanError, Simulator};
+use reactsim_scene::AgentState;
 
 use super::guard::GuardSettings;
 use super::settings::Settings;
 use super::stage::{Intent, KeepClear, Stage, is_planned, mode_of};
-use reactsim::models::{ModelError, Setup};
 
 /// Variants of the stage that can follow a simulator; `--smooth` and simulator ids name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -5,7 +5,7 @@
 //! are linear between knots, which are denser early on: the part that is executed before the next plan
 //! has a knot every 0.2 s. Costs and bounds apply to single steps.
 
-use reactsim::scene::DT;
+use reactsim_scene::DT;
 
 use super::program::{CONTROLS, Controls, Factor, Pattern, Program, Quadratic, Solution};
 use super::settings::Settings;

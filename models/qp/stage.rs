@@ -1,9 +1,9 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
-use reactsim::dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
-use reactsim::geometry::{OrientedBox, math};
-use reactsim::rollout::Observation;
-use reactsim::scene::{Agent, AgentKind, AgentState, CURRENT};
+use reactsim_dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
+use reactsim_geometry::{OrientedBox, math};
+use reactsim_rollout::Observation;
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT};
 
 use super::drive::halt;
 use super::ending::{Ending, Endings};
@@ -157,7 +157,7 @@ impl Stage {
                 Intent::None | Intent::Fixed(_) => continue,
             };
             let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;
-            let around = reactsim::geometry::Bounds::around(now.position(), reach);
+            let around = reactsim_geometry::Bounds::around(now.position(), reach);
             let near = |(i, o): (usize, &Obstacle)| own[slot] != Some(i) && o.bounds.intersects(&around);
             let near: Vec<&Obstacle> =
                 obstacles.iter().enumerate().filter(|p| near(*p)).map(|p| p.1).collect();

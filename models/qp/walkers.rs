@@ -1,7 +1,7 @@
 //! Pedestrians walk around static obstacles, and out of boxes that they are in.
 
-use reactsim::geometry::{OrientedBox, Vec2, heading_of};
-use reactsim::scene::{AgentState, DT};
+use reactsim_geometry::{OrientedBox, Vec2, heading_of};
+use reactsim_scene::{AgentState, DT};
 
 /// Clearance to static obstacles, metres.
 const CLEARANCE: f64 = 0.15;

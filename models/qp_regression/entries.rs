@@ -1,14 +1,15 @@
 //! The baselines of this family.
 
 use burn::tensor::Device;
-use reactsim::models::{Baseline, ModelError, Setup};
-use reactsim::rollout::Controller;
+use reactsim_baseline::{Baseline, ModelError, Setup};
+use reactsim_nn::device_of;
+use reactsim_qp as qp;
+use reactsim_rollout::Controller;
 
 use super::{Driving, Policy, QpRegressionSimulator, RegressionSimulator};
-use crate::models::qp;
 
 /// Baseline that plans along predictions.
-pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
+pub const QP_REGRESSION: Baseline = Baseline {
     id: "qp-regression",
     card: include_str!("cards/qp_regression.toml"),
     ranges: include_str!("ranges/qp_regression.toml"),
@@ -20,7 +21,7 @@ pub(in crate::models) const QP_REGRESSION: Baseline = Baseline {
 };
 
 /// Baseline that executes predictions as they are.
-pub(in crate::models) const REGRESSION: Baseline = Baseline {
+pub const REGRESSION: Baseline = Baseline {
     id: "regression",
     card: include_str!("cards/regression.toml"),
     ranges: include_str!("ranges/regression.toml"),
@@ -32,7 +33,7 @@ pub(in crate::models) const REGRESSION: Baseline = Baseline {
 };
 
 /// The same with the published structure, without the lane outlook.
-pub(in crate::models) const MTR: Baseline =
+pub const MTR: Baseline =
     Baseline { id: "mtr", card: include_str!("cards/mtr.toml"), by_default: false, ..REGRESSION };
 
 /// Returns the parameters on the card of the baseline that executes predictions as they are.
@@ -45,14 +46,14 @@ pub(super) fn regression_driving() -> Result<Driving, ModelError> {
 
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;
-    let (device, settings) = (setup.backend.device(), qp::settings()?);
+    let (device, settings) = (device_of(setup.backend), qp::settings()?);
     let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device))))
 }
 
 fn regression(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
-    let device = setup.backend.device();
+    let device = device_of(setup.backend);
     let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(RegressionSimulator::new(policy, driving, device))))
 }

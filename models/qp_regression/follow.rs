@@ -1,8 +1,8 @@
 //! Motion of agents without a prediction: they follow their lane and their leader.
 
-use reactsim::geometry::{Vec2, direction, heading_of, into_frame, left, math};
-use reactsim::rollout::Observation;
-use reactsim::scene::{AgentKind, AgentState, DT, Frame};
+use reactsim_geometry::{Vec2, direction, heading_of, into_frame, left, math};
+use reactsim_rollout::Observation;
+use reactsim_scene::{AgentKind, AgentState, DT, Frame};
 
 /// Speed in m/s below which an agent stands.
 const STANDSTILL_SPEED: f64 = 0.3;
@@ -71,11 +71,11 @@ fn path_ahead(seen: &Observation<'_>, now: AgentState, length: f64) -> Vec<Vec2>
     let road = seen.start().road();
     let mut hits = Vec::new();
     road.lanes_near(here, MAX_LANE_OFFSET, &mut hits);
-    let turned = |h: &reactsim::scene::LaneHit| {
+    let turned = |h: &reactsim_scene::LaneHit| {
         direction(road.lane(h.lane).baseline.heading_at(h.projection.s)).dot(&ahead)
     };
     let own = hits.iter().filter(|h| turned(h) > MIN_LANE_COSINE).min_by(|a, b| {
-        let cost = |h: &reactsim::scene::LaneHit| h.projection.distance + 3.0 * (1.0 - turned(h));
+        let cost = |h: &reactsim_scene::LaneHit| h.projection.distance + 3.0 * (1.0 - turned(h));
         cost(a).total_cmp(&cost(b)).then(a.lane.cmp(&b.lane))
     });
     let Some(own) = own else {
@@ -171,7 +171,7 @@ fn drive(
         if v > STANDSTILL_SPEED {
             // The path may bend sharply where lanes meet; a chord over a few metres does not.
             let chord = point(s + HEADING_CHORD) - at;
-            let turn = reactsim::geometry::wrap(heading_of(chord) - heading);
+            let turn = reactsim_geometry::wrap(heading_of(chord) - heading);
             heading += turn * (v * DT / HEADING_CHORD).min(1.0);
         }
         last = AgentState { x: at.x, y: at.y, heading, vx: moved.x, vy: moved.y };

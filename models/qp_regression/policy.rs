@@ -3,17 +3,16 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::save_with;
-use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
-use reactsim::rollout::Observation;
-use reactsim::scene::Start;
+use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
+use reactsim_perception::{KnownMotion, SceneView};
+use reactsim_rollout::Observation;
+use reactsim_scene::Start;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::{Ground, SceneContext, Surroundings, Survey};
 use super::network::{Batch, Config, Network, Observed};
 use super::predict::{Prediction, prediction};
-use crate::models::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
-use crate::models::perception::{KnownMotion, SceneView};
 
 /// Kind of this network in the configuration of the file.
 const KIND: &str = "motion-transformer";

@@ -1,8 +1,8 @@
 //! Predictions of an agent, as other modules use them.
 
-use reactsim::dynamics::{Pose, motion_through};
-use reactsim::geometry::{Vec2, math};
-use reactsim::scene::DT;
+use reactsim_dynamics::{Pose, motion_through};
+use reactsim_geometry::{Vec2, math};
+use reactsim_scene::DT;
 
 use super::inputs::{AgentFrame, Surroundings};
 use super::network::{Config, STATE, suppress};

@@ -2,17 +2,17 @@
 
 use burn::tensor::Device;
 use rand::RngExt;
-use reactsim::dynamics::STANDSTILL_SPEED;
-use reactsim::geometry::{direction, heading_of};
-use reactsim::rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
-use reactsim::scene::{AgentKind, AgentState, DT, Start};
+use reactsim_dynamics::STANDSTILL_SPEED;
+use reactsim_geometry::{direction, heading_of};
+use reactsim_perception::Nearest;
+use reactsim_rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
+use reactsim_scene::{AgentKind, AgentState, DT, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
 use super::inputs::Ground;
 use super::policy::Policy;
 use super::predict::{Mode, Prediction};
-use crate::models::perception::Nearest;
 
 /// Parameters of executing predictions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

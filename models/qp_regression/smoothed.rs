@@ -1,9 +1,9 @@
 //! Vehicles that plan along their predictions.
 
 use burn::tensor::Device;
-use reactsim::models::qp::{Intent, KeepClear, Mode, REFUSED, STEPS, Settings, Stage, is_planned};
-use reactsim::rollout::{NOT_FINITE, PlanError, Planning, SingleEpisode, Stream};
-use reactsim::scene::{AgentState, Start};
+use reactsim_qp::{Intent, KeepClear, Mode, REFUSED, STEPS, Settings, Stage, is_planned};
+use reactsim_rollout::{NOT_FINITE, PlanError, Planning, SingleEpisode, Stream};
+use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
@@ -124,7 +124,7 @@ fn stays(states: &[AgentState], now: &AgentState) -> bool {
 fn stage_modes(prediction: &Prediction) -> Vec<Mode> {
     let stage_mode = |mode: &super::predict::Mode| {
         let points = &mode.points[..STEPS.min(mode.points.len())];
-        let mut direction = reactsim::geometry::direction(prediction.pose.heading);
+        let mut direction = reactsim_geometry::direction(prediction.pose.heading);
         let mut before = prediction.pose.position;
         let sigmas = points.iter().map(|p| {
             // Slow motion has no direction of its own.
@@ -132,7 +132,7 @@ fn stage_modes(prediction: &Prediction) -> Vec<Mode> {
                 direction = ahead;
             }
             before = p.position;
-            [p.deviation(direction), p.deviation(reactsim::geometry::left(direction))]
+            [p.deviation(direction), p.deviation(reactsim_geometry::left(direction))]
         });
         Mode {
             sigmas: Some(sigmas.collect()),

@@ -1,16 +1,16 @@
 //! The baselines of this network.
 
-use reactsim::models::{Baseline, ModelError, Setup};
-use reactsim::rollout::Controller;
+use reactsim_baseline::{Baseline, ModelError, Setup};
+use reactsim_nn::device_of;
+use reactsim_rollout::Controller;
 
 use super::{VbdParameters, VbdPolicy, VbdSimulator};
 
 /// Baseline that samples joint plans.
-pub(in crate::models) const VBD: Baseline = entry("vbd", include_str!("cards/vbd.toml"));
+pub const VBD: Baseline = entry("vbd", include_str!("cards/vbd.toml"));
 
 /// The same with the AV's plan fixed to the continuation of its executed motion.
-pub(in crate::models) const VBD_INPAINTING: Baseline =
-    entry("vbd-inpainting", include_str!("cards/vbd_inpainting.toml"));
+pub const VBD_INPAINTING: Baseline = entry("vbd-inpainting", include_str!("cards/vbd_inpainting.toml"));
 
 const fn entry(id: &'static str, card: &'static str) -> Baseline {
     Baseline {
@@ -35,7 +35,7 @@ pub(super) fn parameters() -> Result<VbdParameters, ModelError> {
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    let device = setup.backend.device();
+    let device = device_of(setup.backend);
     let policy = VbdPolicy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Fair(Box::new(VbdSimulator::new(setup.id, policy, parameters, device))))
 }

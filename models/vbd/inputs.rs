@@ -1,15 +1,15 @@
 //! Scenes as inputs of the network.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::{Vec2, heading_of, math};
-use reactsim::scene::{AgentState, Start};
+use reactsim_diffusion::latest_motion;
+use reactsim_geometry::{Vec2, heading_of, math};
+use reactsim_learning::Intentions;
+use reactsim_nn::SizeError;
+use reactsim_perception::{Class, KnownMap, Nearest, PieceKind, SceneView, Stop};
+use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::network::{Line, SceneInput};
-use crate::models::diffusion::latest_motion;
-use crate::models::learning::Intentions;
-use crate::models::nn::SizeError;
-use crate::models::perception::{Class, KnownMap, Nearest, PieceKind, SceneView, Stop};
 
 /// Height of boxes, metres: scenarios have none, and the network wants one.
 const HEIGHT: f64 = 1.6;

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use reactsim::rollout::Stream;
-
-use crate::models::diffusion::normal_values;
+use reactsim_diffusion::normal_values;
+use reactsim_rollout::Stream;
 
 /// Numbers of an action.
 const ACTION: usize = 2;

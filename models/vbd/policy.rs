@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::save_with;
-use reactsim::models::nn::{Initializer, SizeError, Tensors, WeightsError};
+use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::inputs::Sight;
 use super::network::{Vbd, VbdConfig};
-use crate::models::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 
 /// Kind of this network in the configuration of the file.
 const KIND: &str = "vbd";

@@ -1,16 +1,16 @@
 //! Joint plans of all agents, sampled by denoising.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::rollout::Stream;
-use reactsim::scene::AgentState;
+use reactsim_diffusion::{
+    Sampler, Sampling, Schedule, ScheduleError, continued, motion_from, normalized, standard_normal,
+    states_of,
+};
+use reactsim_rollout::Stream;
+use reactsim_scene::AgentState;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::Seen;
 use super::policy::VbdPolicy;
-use crate::models::diffusion::{
-    Sampler, Sampling, Schedule, ScheduleError, continued, motion_from, normalized, standard_normal,
-    states_of,
-};
 
 /// Magnitude to which normalised actions are limited on the way (published).
 const LIMIT: f64 = 5.0;

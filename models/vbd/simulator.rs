@@ -1,16 +1,16 @@
 //! Agents that execute joint plans.
 
 use burn::tensor::Device;
-use reactsim::rollout::{PlanError, Planning, SingleEpisode, Stream};
-use reactsim::scene::Start;
+use reactsim_diffusion::joint_plan;
+use reactsim_perception::{KnownMap, SceneView};
+use reactsim_rollout::{PlanError, Planning, SingleEpisode, Stream};
+use reactsim_scene::Start;
 
 use super::inputs::{Seen, Sight};
 use super::network::VbdConfig;
 use super::noise::Noise;
 use super::policy::VbdPolicy;
 use super::sampling::{VbdParameters, sample};
-use crate::models::joint_plan;
-use crate::models::perception::{KnownMap, SceneView};
 
 /// Simulator that samples a joint plan of all agents from the network and executes its first steps.
 #[derive(Debug)]

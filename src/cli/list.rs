@@ -15,7 +15,7 @@ use crate::evaluation::CASE_STUDIES;
 use crate::formats::FORMATS;
 use crate::generation::maps::MAP_TYPES;
 use crate::metrics::{METRICS, Unit};
-use crate::models::nn::Backend;
+use crate::models::nn::{Backend, check_backend};
 use crate::models::{Card, MODELS, weights};
 
 /// Arguments of `list`.
@@ -116,7 +116,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
         Kind::Backends => Backend::ALL
             .iter()
             .map(|backend| {
-                let state = backend.check().map_or_else(|e| e.to_string(), |()| "works".to_owned());
+                let state = check_backend(*backend).map_or_else(|e| e.to_string(), |()| "works".to_owned());
                 vec![backend.name().to_owned(), state]
             })
             .collect(),

@@ -117,7 +117,7 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
 }
 
 /// Writes and prints the table, and prints failures.
-pub(super) fn finish(
+pub(crate) fn finish(
     args: &RunArgs,
     folder: Option<&RunFolder>,
     summary: &Summary,

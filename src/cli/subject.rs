@@ -18,7 +18,7 @@ use crate::evaluation::{
 };
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::WeightsFile;
-use crate::models::nn::Backend;
+use crate::models::nn::{Backend, check_backend};
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 use crate::work::available_threads;
@@ -111,7 +111,7 @@ impl EvaluationArgs {
     /// Returns the requested weights and parameters, with this stage behind all simulators.
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
         let weights = read_weights(&self.model_weights)?;
-        self.backend.check()?;
+        check_backend(self.backend)?;
         let backend = self.backend;
         let mut adjustments = Adjustments { weights, smoothing, backend, ..Adjustments::default() };
         for text in &self.set {

@@ -2,9 +2,9 @@
 //! rounding.
 
 use burn::tensor::Device;
-#[cfg(feature = "wgpu")]
-use reactsim::models::nn::Backend;
 use reactsim::models::nn::device;
+#[cfg(feature = "wgpu")]
+use reactsim::models::nn::{Backend, check_backend, device_of};
 use reactsim::models::ntp::reactive::ReactiveSimulator;
 use reactsim::models::ntp::smart::{SmartParameters, SmartSimulator};
 use reactsim::models::ntp::{Driving, Sampling};
@@ -42,8 +42,8 @@ fn devices() -> Vec<Device> {
         Device::ndarray().autodiff(),
     ];
     #[cfg(feature = "wgpu")]
-    match Backend::Wgpu.check() {
-        Ok(()) => devices.push(Backend::Wgpu.device()),
+    match check_backend(Backend::Wgpu) {
+        Ok(()) => devices.push(device_of(Backend::Wgpu)),
         Err(error) => crate::skipped(&format!("no graphics processor: {error}")),
     }
     devices

@@ -14,7 +14,6 @@ mod gpudrive;
 mod hostile;
 mod nuplan;
 mod odd;
-pub(crate) mod proto;
 mod scenarionet;
 mod tables;
 
@@ -24,7 +23,7 @@ use std::path::Path;
 use reactsim::formats::{FormatError, Input, find_inputs, native, open};
 use reactsim::scene::Scenario;
 
-use self::proto::Proto;
+use reactsim_test_support::proto::{self, Proto};
 
 /// Text of a refusal, and the change of valid input that causes it.
 pub(crate) type Case<T> = (&'static str, fn(&mut T));

@@ -10,7 +10,6 @@ mod attack;
 mod batched_planning;
 mod benchmark;
 mod chromium;
-mod circles;
 mod cli;
 mod compare;
 mod ctg;
@@ -26,7 +25,6 @@ mod geometry_check;
 mod guard;
 mod hostile_input;
 mod idm;
-mod layers;
 mod leaderboard;
 mod metrics;
 mod long_tables;
@@ -64,25 +62,4 @@ mod smart_rewards;
 mod smart_simulator;
 mod smart_training;
 
-// Sources of the library that are compiled here again use the geometry by this path.
-use reactsim::geometry;
-
-/// Returns a path in the shared data if it exists; otherwise reports that the test is skipped.
-#[track_caller]
-pub(crate) fn shared(path: &str) -> Option<std::path::PathBuf> {
-    let found = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).join(path);
-    if found.exists() {
-        return Some(found);
-    }
-    skipped(&format!("no {path} beside the repository"));
-    None
-}
-
-/// Reports that a test is skipped. Writes past the harness, which hides the output of tests that pass.
-#[track_caller]
-pub(crate) fn skipped(why: &str) {
-    use std::io::Write;
-    let at = std::panic::Location::caller();
-    let test = std::thread::current().name().unwrap_or_default().to_owned();
-    writeln!(std::io::stderr().lock(), "skipped: {test}: {why} ({}:{})", at.file(), at.line()).ok();
-}
+use reactsim_test_support::{shared, skipped};

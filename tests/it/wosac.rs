@@ -8,10 +8,10 @@ use reactsim::evaluation::realism::LogFiles;
 use reactsim::formats::wosac::{SubmissionReader, WosacLogs};
 use serde_json::Value;
 
-use crate::formats::proto::{Proto, records};
 use crate::program::reactsim;
 use crate::reference::{said, text};
 use crate::shared;
+use reactsim_test_support::proto::{Proto, records};
 
 /// The metadata that the server requires.
 pub(crate) const METADATA: &str = "

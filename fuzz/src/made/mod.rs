@@ -7,15 +7,13 @@ mod native;
 mod nuplan;
 mod scenarionet;
 
-#[path = "../../../tests/it/formats/proto.rs"]
-mod proto;
-
 pub use argoverse2::{map as argoverse2_map, tracks as argoverse2_tracks};
 pub use gpudrive::{new as gpudrive, old as gpudrive_old};
 pub use json::HAND;
 pub use native::{repaired, with_whole_pages};
 pub use nuplan::{LIST, log as nuplan_log, map as nuplan_map};
 pub use scenarionet::made as scenarionet;
+use reactsim_test_support::proto;
 
 /// A Waymo message, and another one with less in it.
 pub fn womd() -> [Vec<u8>; 2] {

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use reactsim::geometry::{Vec2, direction, left, math};
+use reactsim_geometry::{Vec2, direction, left, math};
 
 use super::{Cost, Motion, RuleScene};
 

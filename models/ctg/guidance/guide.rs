@@ -1,28 +1,28 @@
 //! Guidance of the sampler by rules.
 
 use burn::tensor::{Tensor, TensorData};
-use reactsim::geometry::Vec2;
-use reactsim::scene::AgentState;
+use reactsim_diffusion::{Guide, Moment, motion_from};
+use reactsim_geometry::Vec2;
+use reactsim_scene::AgentState;
 
 use super::{Cost, Motion, RuleScene};
-use crate::models::diffusion::{Guide, Moment, motion_from};
 
 /// Largest change of a normalised action per step (the learning rate of the public code).
 const LEARNING_RATE: f64 = 0.3;
 
 /// Changes the mean of every step against the gradient of the rules' costs, through the motion that the
 /// actions lead to.
-pub(in crate::models::ctg) struct RuleGuide<'a> {
-    pub(in crate::models::ctg) scene: &'a RuleScene<'a>,
+pub(crate) struct RuleGuide<'a> {
+    pub(crate) scene: &'a RuleScene<'a>,
     /// Current states of the agents.
-    pub(in crate::models::ctg) now: &'a [AgentState],
+    pub(crate) now: &'a [AgentState],
     /// Number of steps of 0.1 s for which an action is held.
-    pub(in crate::models::ctg) hold: usize,
+    pub(crate) hold: usize,
 }
 
 impl RuleGuide<'_> {
     /// Returns the costs of each agent if all act like this, normalised actions `[n, actions, 2]`.
-    pub(in crate::models::ctg) fn costs(&self, actions: Tensor<3>) -> Vec<Cost> {
+    pub(crate) fn costs(&self, actions: Tensor<3>) -> Vec<Cost> {
         let device = actions.device();
         self.scene.costs(&self.motion(motion_from(self.now, actions, self.hold, &device)))
     }

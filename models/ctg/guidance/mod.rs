@@ -9,8 +9,8 @@ mod speed;
 mod tests;
 
 use collision::Discs;
-use reactsim::geometry::Vec2;
-use reactsim::scene::AgentState;
+use reactsim_geometry::Vec2;
+use reactsim_scene::AgentState;
 use serde::{Deserialize, Serialize};
 
 pub(super) use guide::RuleGuide;

@@ -1,13 +1,13 @@
 //! Motion of agents that are not planned.
 
-use reactsim::scene::{AgentState, DT};
+use reactsim_perception::{SceneView, forecast};
+use reactsim_scene::{AgentState, DT};
 
 use super::Other;
-use crate::models::perception::{SceneView, forecast};
 
 /// Returns the present agents besides those in the slots `planned`, for this number of steps. The AV is
 /// forecast to keep its acceleration and yaw rate for some time; others keep their velocity, as they will.
-pub(in crate::models::ctg) fn others(view: &SceneView<'_>, planned: &[usize], steps: usize) -> Vec<Other> {
+pub(crate) fn others(view: &SceneView<'_>, planned: &[usize], steps: usize) -> Vec<Other> {
     let other = |slot: usize| {
         let now = view.state(slot)?;
         let mut states = if slot == 0 {

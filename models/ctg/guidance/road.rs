@@ -1,6 +1,6 @@
 //! Staying on the drivable area: agents that were on it return.
 
-use reactsim::geometry::{Vec2, direction, left};
+use reactsim_geometry::{Vec2, direction, left};
 
 use super::{Cost, Motion, RuleAgent, RuleScene};
 

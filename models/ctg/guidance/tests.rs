@@ -1,15 +1,15 @@
 //! Costs against closed forms, gradients against differences, and what the guide changes.
 
 use burn::tensor::Tensor;
-use reactsim::geometry::Vec2;
-use reactsim::scene::{Agent, AgentKind, AgentState};
+use reactsim_diffusion::{Guide, Moment};
+use reactsim_geometry::Vec2;
+use reactsim_nn::device;
+use reactsim_perception::SceneView;
+use reactsim_scene::{Agent, AgentKind, AgentState};
 
 use super::super::network::CtgConfig;
 use super::super::raster::{Ground, GroundShapes};
 use super::{Motion, Other, RuleAgent, RuleGuide, RuleScene, Rules, others};
-use crate::models::diffusion::{Guide, Moment};
-use crate::models::nn::device;
-use crate::models::perception::SceneView;
 
 const ALL: Rules = Rules { collision: 1.0, road: 0.5, speed: 0.2 };
 /// Changes one number of a state.
@@ -123,7 +123,7 @@ fn agents_that_keep_to_the_rules_pay_nothing() {
     scene.agents.iter_mut().for_each(|agent| agent.size = [2.0, 2.0]);
     scene.rules = Rules { road: 0.0, speed: 0.0, ..ALL };
     let costs = scene.costs(&[vec![at(0.0, 0.0, 0.0, 7.0)], vec![at(1.1, 0.0, 0.0, 7.0)]]);
-    let expected = 25.0 * 0.5 * reactsim::geometry::math::pow(0.9, 0.1);
+    let expected = 25.0 * 0.5 * reactsim_geometry::math::pow(0.9, 0.1);
     assert!(costs.iter().all(|cost| (cost.value - expected).abs() < 1e-9), "{costs:?}");
 }
 

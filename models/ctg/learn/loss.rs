@@ -2,12 +2,12 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
-use reactsim::training::{Output, Stream, Sums};
+use reactsim_diffusion::{Schedule, standard_normal, unnormalized};
+use reactsim_training::{Output, Stream, Sums};
 
 use super::super::inputs::Seen;
 use super::super::network::{Ctg, CtgConfig, EncodedAgents, NUMBERS, trajectory, unnormalized_states};
 use super::{Recipe, Sample};
-use crate::models::diffusion::{Schedule, standard_normal, unnormalized};
 
 /// Returns the loss of samples. Noise and its levels are drawn from the stream.
 pub(super) fn loss(

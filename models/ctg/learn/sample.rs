@@ -1,15 +1,15 @@
 //! Training samples: what agents saw and did.
 
-use reactsim::geometry::{direction, into_frame, wrap};
-use reactsim::scene::{AgentState, CURRENT, Frame, Scenario};
-use reactsim::training::Stream;
+use reactsim_diffusion::{actions, normalized};
+use reactsim_geometry::{direction, into_frame, wrap};
+use reactsim_learning::{LearningScene, shifted};
+use reactsim_scene::{AgentState, CURRENT, Frame, Scenario};
+use reactsim_training::Stream;
 
 use super::super::inputs::Seen;
 use super::super::network::{CtgConfig, normalized_state};
 use super::super::raster::{Ground, GroundShapes};
 use super::Recipe;
-use crate::models::diffusion::{actions, normalized};
-use crate::models::learning::{LearningScene, shifted};
 
 /// Training sample of one scene.
 #[derive(Clone, Debug)]
@@ -97,7 +97,7 @@ mod tests {
             let heading = wrap(3.1 + turned);
             let v = direction(heading) * 5.0;
             let (x, y) = (20.0 * turned.sin(), 20.0 * (1.0 - turned.cos()));
-            let p = direction(3.1) * x + reactsim::geometry::left(direction(3.1)) * y;
+            let p = direction(3.1) * x + reactsim_geometry::left(direction(3.1)) * y;
             AgentState { x: p.x, y: p.y, heading, vx: v.x, vy: v.y }
         };
         let mut track: Vec<Frame> = vec![None; 3];

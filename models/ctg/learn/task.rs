@@ -4,9 +4,13 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Task, View};
+use reactsim_diffusion::{Schedule, ScheduleError};
+use reactsim_learning::{
+    Origin, ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
+};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::entries::plain;
 use super::super::network::Ctg;
@@ -14,10 +18,6 @@ use super::super::{CtgPolicy, CtgSimulator};
 use super::loss::loss;
 use super::sample::sample;
 use super::{Recipe, Sample};
-use crate::models::diffusion::{Schedule, ScheduleError};
-use crate::models::learning::{
-    Origin, ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
-};
 
 /// Training of CTG.
 pub const TASK: TrainingTask = TrainingTask {

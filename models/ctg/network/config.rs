@@ -1,9 +1,8 @@
 //! Configuration of the network.
 
-use reactsim::scene::FUTURE;
+use reactsim_nn::SizeError;
+use reactsim_scene::FUTURE;
 use serde::{Deserialize, Serialize};
-
-use crate::models::nn::SizeError;
 
 /// How the network finds actions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

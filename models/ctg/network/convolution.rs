@@ -4,8 +4,7 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::{Int, Tensor, TensorData};
-
-use crate::models::nn::{Initializer, Rows};
+use reactsim_nn::{Initializer, Rows};
 
 /// A convolution of images by 3 by 3 pixels with stride 2, with a layer norm over channels and ReLU.
 #[derive(Module, Debug)]
@@ -90,9 +89,9 @@ mod tests {
     use burn::tensor::Distribution;
     use burn::tensor::module::{conv1d, conv2d};
     use burn::tensor::ops::ConvOptions;
+    use reactsim_nn::device;
 
     use super::*;
-    use crate::models::nn::device;
 
     fn values<const D: usize>(x: Tensor<D>) -> Vec<f32> {
         x.into_data().iter::<f32>().collect()

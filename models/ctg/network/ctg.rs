@@ -3,19 +3,19 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::math;
+use reactsim_geometry::math;
+use reactsim_nn::{Initializer, PlainMlp, linear};
+use reactsim_perception::Class;
 
 use super::config::{CtgConfig, Decoding};
 use super::denoiser::Denoiser;
 use super::mish::mish;
 use super::motion::trajectory;
 use super::raster_encoder::RasterEncoder;
-use crate::models::ctg::Sight;
-use crate::models::nn::{Initializer, PlainMlp, linear};
-use crate::models::perception::Class;
+use crate::Sight;
 
 /// Numbers of an agent besides its image: speed, length, width, one number per class.
-pub(in crate::models::ctg) const ATTRIBUTES: usize = 3 + Class::ALL.len();
+pub(crate) const ATTRIBUTES: usize = 3 + Class::ALL.len();
 /// Number of cosines, and of sines, of a noise level.
 const WAVES: usize = 16;
 /// Longest wavelength in levels, divided by 2π.
@@ -37,12 +37,12 @@ pub struct EncodedAgents {
     /// `[n, features + attributes]`.
     features: Tensor<2>,
     /// Current speeds, `[n, 1]`, m/s.
-    pub(in crate::models::ctg) speeds: Tensor<2>,
+    pub(crate) speeds: Tensor<2>,
 }
 
 impl EncodedAgents {
     /// Returns some of the agents.
-    pub(in crate::models::ctg) fn narrow(&self, from: usize, count: usize) -> Self {
+    pub(crate) fn narrow(&self, from: usize, count: usize) -> Self {
         let Self { features, speeds } = self;
         Self {
             features: features.clone().narrow(0, from, count),

@@ -3,11 +3,11 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, linear};
 
 use super::convolution::Convolution;
 use super::mish::mish;
 use super::motion::NUMBERS;
-use crate::models::nn::{Initializer, linear};
 
 /// Taps of the convolutions.
 const TAPS: usize = 5;

@@ -16,9 +16,9 @@ pub(super) fn mish<const D: usize>(x: Tensor<D>) -> Tensor<D> {
 #[cfg(test)]
 mod tests {
     use burn::tensor::activation;
+    use reactsim_nn::device;
 
     use super::*;
-    use crate::models::nn::device;
 
     #[test]
     fn values_and_gradients_are_those_of_the_backend() {

@@ -10,6 +10,6 @@ mod motion;
 mod raster_encoder;
 
 pub use config::{CtgConfig, Decoding};
-pub(in crate::models::ctg) use ctg::ATTRIBUTES;
+pub(crate) use ctg::ATTRIBUTES;
 pub use ctg::{Ctg, EncodedAgents};
-pub(in crate::models::ctg) use motion::{NUMBERS, normalized_state, trajectory, unnormalized_states};
+pub(crate) use motion::{NUMBERS, normalized_state, trajectory, unnormalized_states};

@@ -1,33 +1,29 @@
 //! Trajectories: states and actions, normalised.
 
 use burn::tensor::Tensor;
+use reactsim_diffusion::own_motion;
 
 use super::config::CtgConfig;
-use crate::models::diffusion::own_motion;
 
 /// Numbers of a step of a trajectory: x, y, speed, yaw, acceleration, yaw rate, all normalised.
-pub(in crate::models::ctg) const NUMBERS: usize = 6;
+pub(crate) const NUMBERS: usize = 6;
 /// Centre and deviation of x (m), y (m), speed (m/s) and yaw (rad) in plans of 4 s.
 const STATES: [[f32; 2]; 4] = [[10.0, 12.0], [0.0, 2.0], [5.0, 5.0], [0.0, 0.3]];
 
 /// Normalises x (m), y (m), speed (m/s) and yaw (rad) of a state.
-pub(in crate::models::ctg) fn normalized_state(state: [f32; 4]) -> [f32; 4] {
+pub(crate) fn normalized_state(state: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|k| (state[k] - STATES[k][0]) / STATES[k][1])
 }
 
 /// Returns the states of trajectories, `[n, actions, 6]`, in metres, m/s and radians, `[n, actions, 4]`.
-pub(in crate::models::ctg) fn unnormalized_states(trajectories: Tensor<3>) -> Tensor<3> {
+pub(crate) fn unnormalized_states(trajectories: Tensor<3>) -> Tensor<3> {
     let state = |k: usize| trajectories.clone().narrow(2, k, 1) * STATES[k][1] + STATES[k][0];
     Tensor::cat((0..4).map(state).collect(), 2)
 }
 
 /// Returns the trajectory of normalised actions, `[n, actions, 2]`, from speeds, `[n, 1]`, m/s: the states at
 /// the ends of actions with the actions, normalised, `[n, actions, 6]`.
-pub(in crate::models::ctg) fn trajectory(
-    actions: Tensor<3>,
-    speeds: &Tensor<2>,
-    config: &CtgConfig,
-) -> Tensor<3> {
+pub(crate) fn trajectory(actions: Tensor<3>, speeds: &Tensor<2>, config: &CtgConfig) -> Tensor<3> {
     let n = actions.dims()[0];
     let states = own_motion(actions.clone(), speeds, config.hold);
     let ends = states.reshape([n, config.actions, config.hold, 5]).narrow(2, config.hold - 1, 1);

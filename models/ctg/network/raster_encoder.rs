@@ -3,11 +3,11 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, Rows};
 
 use super::config::CtgConfig;
 use super::convolution::HalvingStage;
-use crate::models::ctg::Sight;
-use crate::models::nn::{Initializer, Rows};
+use crate::Sight;
 
 /// Four convolutions that halve the image, and a linear layer that reads what is left of it.
 ///

@@ -1,6 +1,6 @@
 //! Filling of outlines.
 
-use reactsim::geometry::Vec2;
+use reactsim_geometry::Vec2;
 
 /// Visits the cells, column and row, of a raster of `size` by `size` cells whose centres lie inside these
 /// rings, by the even-odd rule. Coordinates are in cells; the centre of the first one is at (0.5, 0.5).

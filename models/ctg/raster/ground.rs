@@ -1,10 +1,10 @@
 //! The ground around the AV as a grid.
 
-use reactsim::geometry::Vec2;
+use reactsim_geometry::Vec2;
 
 use super::fill::fill;
 use super::shapes::{GroundShapes, Shape};
-use crate::models::ctg::sight::MAP_LAYERS;
+use crate::sight::MAP_LAYERS;
 
 /// Edge of a cell, metres.
 const CELL: f64 = 0.5;

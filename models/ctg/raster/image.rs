@@ -1,12 +1,12 @@
 //! Images around agents.
 
-use reactsim::geometry::{OrientedBox, Vec2, direction, into_frame, left};
-use reactsim::scene::AgentState;
+use reactsim_geometry::{OrientedBox, Vec2, direction, into_frame, left};
+use reactsim_perception::SceneView;
+use reactsim_scene::AgentState;
 
 use super::fill::fill;
 use super::ground::Ground;
-use crate::models::ctg::Sight;
-use crate::models::perception::SceneView;
+use crate::Sight;
 
 /// Share of an image behind its agent.
 const SHARE_BEHIND: f64 = 0.25;
@@ -91,7 +91,7 @@ impl ImageFrame {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::scene::{Agent, AgentKind, Frame};
+    use reactsim_scene::{Agent, AgentKind, Frame};
 
     use super::super::shapes::GroundShapes;
     use super::*;

@@ -1,9 +1,8 @@
 //! Outlines of the ground.
 
-use reactsim::geometry::{Polyline, Vec2, left};
-use reactsim::scene::{LaneArea, RoadMap, Start};
-
-use crate::models::learning::LearningMap;
+use reactsim_geometry::{Polyline, Vec2, left};
+use reactsim_learning::LearningMap;
+use reactsim_scene::{LaneArea, RoadMap, Start};
 
 /// Half-width of a drawn centre line, metres.
 const LINE_HALF_WIDTH: f64 = 0.5;

@@ -2,11 +2,11 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
-use reactsim::training::{Output, Stream, Sums};
+use reactsim_diffusion::{VariancePreserving, standard_normal};
+use reactsim_training::{Output, Stream, Sums};
 
 use super::super::network::DiffusionPlanner;
 use super::{Recipe, Sample};
-use crate::models::diffusion::{VariancePreserving, standard_normal};
 
 /// Smallest time of the diffusion in training (published).
 const EARLIEST: f64 = 1e-3;

@@ -1,14 +1,14 @@
 //! Training samples: scenes, and what the AV and its neighbours did in them.
 
-use reactsim::geometry::direction;
-use reactsim::scene::{AgentState, CURRENT, DT, FUTURE, Scenario};
-use reactsim::training::Stream;
+use reactsim_geometry::direction;
+use reactsim_learning::{LearningScene, shifted};
+use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Scenario};
+use reactsim_training::Stream;
 
 use super::super::inputs::{PlannerScene, rear_axle};
 use super::super::lanes::PlannerMap;
 use super::super::units::Units;
 use super::Recipe;
-use crate::models::learning::{LearningScene, shifted};
 
 /// Training sample of one scene.
 #[derive(Clone, Debug)]

@@ -5,19 +5,19 @@ use std::collections::BTreeMap;
 use burn::module::Module;
 use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Task, View};
+use reactsim_baseline::weights::PLANNER;
+use reactsim_learning::{
+    Origin, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
+};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::PlannerPolicy;
 use super::super::network::DiffusionPlanner;
 use super::loss::loss;
 use super::sample::sample;
 use super::{Recipe, Sample};
-use crate::models::learning::{
-    Origin, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
-};
-use crate::models::weights::PLANNER;
 
 /// Training of Diffusion-Planner.
 pub const TASK: TrainingTask = TrainingTask {

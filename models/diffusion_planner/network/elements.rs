@@ -3,13 +3,13 @@
 use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::math;
+use reactsim_geometry::math;
+use reactsim_nn::{Initializer, Rows, linear};
 
 use super::PlannerConfig;
 use super::input::{AGENT, POINT, PlannerInput, STATIC};
 use super::mixer::Mixer;
 use super::perceptron::Perceptron;
-use crate::models::nn::{Initializer, Rows, linear};
 
 /// Numbers of a step of a neighbour or a point of a lane that mixers read; the rest are flags.
 const MIXED: usize = 8;

@@ -3,12 +3,12 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_nn::{CLOSED, Initializer, linear};
 
 use super::PlannerConfig;
 use super::elements::{AgentEncoder, Elements, LaneEncoder, PLACE, StaticEncoder, column, matrix};
 use super::fusion::Fusion;
 use super::input::PlannerInput;
-use crate::models::nn::{CLOSED, Initializer, linear};
 
 /// Encodes agents, static objects and lanes.
 #[derive(Module, Debug)]

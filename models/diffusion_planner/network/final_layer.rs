@@ -4,9 +4,9 @@ use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 use burn::tensor::activation::{gelu_approximate, silu};
+use reactsim_nn::{Initializer, Rows, linear};
 
 use super::PlannerConfig;
-use crate::models::nn::{Initializer, Rows, linear};
 
 /// Norm, linear, approximate GELU, norm, linear.
 #[derive(Module, Debug)]

@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 use super::PlannerConfig;
 use super::perceptron::Perceptron;
-use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 /// A layer. Keys and values are not normalised, as in the public code.
 #[derive(Module, Debug)]

@@ -2,10 +2,10 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_golden::{Golden, GoldenFile, assert_close, values};
+use reactsim_nn::{Initializer, device};
 
 use super::{DiffusionPlanner, PlannerConfig, PlannerInput};
-use crate::models::nn::golden::{Golden, GoldenFile, assert_close, values};
-use crate::models::nn::{Initializer, device};
 
 /// The configuration of the golden data.
 const CONFIG: PlannerConfig = PlannerConfig { width: 64, heads: 4, ..PlannerConfig::published() };

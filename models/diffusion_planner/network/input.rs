@@ -3,9 +3,9 @@
 use super::PlannerConfig;
 
 /// Numbers of a neighbour at a frame, of a static object, and of a point of a lane.
-pub(in crate::models::diffusion_planner) const AGENT: usize = 11;
-pub(in crate::models::diffusion_planner) const STATIC: usize = 10;
-pub(in crate::models::diffusion_planner) const POINT: usize = 12;
+pub(crate) const AGENT: usize = 11;
+pub(crate) const STATIC: usize = 10;
+pub(crate) const POINT: usize = 12;
 
 /// A scene, normalised, in the frame of the AV's rear axle: x ahead, y to the left. Absent rows are zeros.
 ///

@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, Rows};
 
 use super::perceptron::Perceptron;
-use crate::models::nn::{Initializer, Rows};
 
 /// Mixes tokens, then channels, each with a residual.
 #[derive(Module, Debug)]

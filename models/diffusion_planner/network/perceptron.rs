@@ -4,8 +4,7 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
 use burn::tensor::activation::gelu_approximate;
-
-use crate::models::nn::{Initializer, gelu, linear};
+use reactsim_nn::{Initializer, gelu, linear};
 
 /// Linear, GELU, linear.
 #[derive(Module, Debug)]

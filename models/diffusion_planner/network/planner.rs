@@ -2,13 +2,13 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_diffusion::{Guide, Moment, VariancePreserving, solve};
+use reactsim_nn::{CLOSED, Initializer};
 
 use super::PlannerConfig;
 use super::encoder::Encoder;
 use super::input::PlannerInput;
 use super::transformer::{Condition, Transformer};
-use crate::models::diffusion::{Guide, Moment, VariancePreserving, solve};
-use crate::models::nn::{CLOSED, Initializer};
 
 /// Number of steps of the solver, and the time at which it ends.
 const STEPS: usize = 10;

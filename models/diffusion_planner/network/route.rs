@@ -3,13 +3,13 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::{Device, Tensor};
+use reactsim_nn::{Initializer, Rows};
 
 use super::PlannerConfig;
 use super::elements::matrix;
 use super::input::{POINT, PlannerInput};
 use super::mixer::Mixer;
 use super::perceptron::Perceptron;
-use crate::models::nn::{Initializer, Rows};
 
 /// Numbers of a point that are read: position, and the way to the next point.
 const READ: usize = 4;

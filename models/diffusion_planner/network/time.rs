@@ -4,10 +4,10 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
-use reactsim::geometry::math;
+use reactsim_geometry::math;
+use reactsim_nn::{Initializer, linear};
 
 use super::elements::matrix;
-use crate::models::nn::{Initializer, linear};
 
 /// Number of cosines, and of sines.
 const WAVES: usize = 128;

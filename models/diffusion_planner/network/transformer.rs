@@ -4,13 +4,13 @@ use burn::module::Module;
 use burn::nn::{Embedding, LayerNorm, Linear};
 use burn::tensor::activation::silu;
 use burn::tensor::{Int, Tensor, TensorData};
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows, linear};
 
 use super::PlannerConfig;
 use super::final_layer::{FinalLayer, modulated};
 use super::perceptron::Perceptron;
 use super::route::RouteEncoder;
 use super::time::TimeEmbedder;
-use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows, linear};
 
 /// Hidden width of the perceptron that reads trajectories.
 const READING: usize = 512;

@@ -45,7 +45,7 @@ mod tests {
     use burn::tensor::{TensorData, activation};
 
     use super::*;
-    use crate::models::nn::device;
+    use crate::device;
 
     #[test]
     fn values_are_those_of_the_backend() {

@@ -13,7 +13,6 @@
 
 mod attention;
 mod gelu;
-#[cfg(feature = "flex")]
 mod learned_rows;
 mod product;
 mod relational;
@@ -26,10 +25,8 @@ use super::device::is_gpu;
 
 pub(crate) use attention::{Attention, attend};
 pub(crate) use gelu::gelu;
-#[cfg(feature = "flex")]
 pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
 pub(crate) use relational::{Slots, attend_to_neighbors};
-#[cfg(feature = "flex")]
 pub(crate) use rows::{Finish, Norm};
 pub(crate) use rows::{RowPass, pass, pool};
 
@@ -38,7 +35,7 @@ pub(crate) use rows::{RowPass, pass, pool};
 const LANES: usize = 16;
 
 /// Returns whether tensors of this device are in host memory and have no gradients.
-pub(crate) fn is_host(device: &Device) -> bool {
+pub fn is_host(device: &Device) -> bool {
     !device.is_autodiff() && !is_gpu(device)
 }
 

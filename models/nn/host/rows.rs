@@ -146,7 +146,6 @@ impl Follow<'_> {
 
 impl Finish<'_> {
     /// Applies the operations to all rows.
-    #[cfg(feature = "flex")]
     pub(crate) fn apply_all(&self, rows: &mut [f32]) {
         if self.width > 0 {
             Arch::new().dispatch(Rows {

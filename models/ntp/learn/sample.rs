@@ -1,8 +1,10 @@
 //! Training samples of the network.
 
 use rand::RngExt;
-use reactsim::scene::{CURRENT, FRAMES, FUTURE, Frame};
-use reactsim::training::Stream;
+use reactsim_learning::{LearningScene, shifted};
+use reactsim_perception::KnownMap;
+use reactsim_scene::{CURRENT, FRAMES, FUTURE, Frame};
+use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::drive::{Perturbation, drive};
@@ -12,8 +14,6 @@ use super::super::reactive::linked_places::LinkedPlaces;
 use super::super::reactive::step::{EarlierNode, Step};
 use super::super::token_loss::{Target, loss_weight};
 use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
-use crate::models::learning::{LearningScene, shifted};
-use crate::models::perception::KnownMap;
 
 /// Data augmentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,9 +3,14 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Task, View};
+use reactsim_learning::{
+    LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
+    TrainingTask, recipe_values,
+};
+use reactsim_perception::{Class, KnownMap};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Task, View};
 use serde::{Deserialize, Serialize};
 
 use super::super::drive::Perturbation;
@@ -15,11 +20,6 @@ use super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::tokens::{Kinematic, Vocabulary};
 use super::loss::loss;
 use super::sample::{Augmentation, Sample, sample};
-use crate::models::learning::{
-    LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
-    TrainingTask, recipe_values,
-};
-use crate::models::perception::{Class, KnownMap};
 
 /// Training of our network.
 pub const TASK: TrainingTask = TrainingTask {

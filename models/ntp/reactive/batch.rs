@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_nn::Neighbors;
+use reactsim_perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 use super::config::Config;
 use super::linked_places::LinkedPlaces;
@@ -10,8 +12,6 @@ use super::links::Links;
 use super::pair::PAIR_FEATURES;
 use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::step::{PAST_FEATURES, Step};
-use crate::models::nn::Neighbors;
-use crate::models::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 /// Neighbours as tensors.
 #[derive(Clone, Debug)]

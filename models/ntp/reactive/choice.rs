@@ -1,9 +1,9 @@
 //! Choice of the places that an agent attends to.
 
-use reactsim::geometry::into_frame;
+use reactsim_geometry::into_frame;
+use reactsim_perception::{Body, Nearest, Place, Role};
 
 use super::config::Config;
-use crate::models::perception::{Body, Nearest, Place, Role};
 
 /// Distance ahead beyond which stops are ignored, metres.
 const MAX_STOP_DISTANCE: f64 = 70.0;

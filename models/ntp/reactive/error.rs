@@ -1,7 +1,8 @@
 //! Reasons why a policy cannot be read.
 
+use reactsim_nn::WeightsError;
+
 use super::super::tokens::VocabularyError;
-use crate::models::nn::WeightsError;
 
 /// Error from reading a policy.
 #[derive(Debug, thiserror::Error)]

@@ -1,11 +1,11 @@
 //! Places with their neighbours, to which they attend.
 
-use reactsim::scene::Start;
+use reactsim_perception::{KnownMap, Nearest, Places};
+use reactsim_scene::Start;
 
 use super::config::Config;
 use super::links::Links;
-use super::place_relations::PLACE_PAIR_FEATURES;
-use crate::models::perception::{KnownMap, Nearest, Places};
+use super::place_relations::{PLACE_PAIR_FEATURES, relate_places};
 
 /// Places of a map with the neighbours of each.
 #[derive(Clone, Debug, Default)]
@@ -37,7 +37,7 @@ impl LinkedPlaces {
             }
             found.clear();
             found.extend(nearest.found());
-            let relate = |j: usize, out: &mut [f32]| place.relate_place(&places.all[j], out);
+            let relate = |j: usize, out: &mut [f32]| relate_places(place, &places.all[j], out);
             links.push(config.map_neighbours, PLACE_PAIR_FEATURES, &found, relate);
         }
         Self { places, links }

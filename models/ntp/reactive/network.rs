@@ -3,16 +3,16 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Int, Tensor, TensorData};
+use reactsim_nn::{
+    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations, Rows,
+};
+use reactsim_perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 use super::batch::{LinkTensors, MapTensors, NodeTensors};
 use super::config::Config;
 use super::pair::PAIR_FEATURES;
 use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
 use super::step::PAST_FEATURES;
-use crate::models::nn::{
-    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations, Rows,
-};
-use crate::models::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 /// A block: attention of agents to their past, to the map and to other agents.
 #[derive(Module, Debug)]

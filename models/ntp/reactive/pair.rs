@@ -1,8 +1,7 @@
 //! Relations between agents at the same step.
 
-use reactsim::geometry::{Vec2, into_frame};
-
-use crate::models::perception::{Body, put};
+use reactsim_geometry::{Vec2, into_frame};
+use reactsim_perception::{Body, put};
 
 /// Number of features of the relation between two agents.
 pub(crate) const PAIR_FEATURES: usize = 29;

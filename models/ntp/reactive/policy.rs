@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::save_with;
-use reactsim::models::nn::{Initializer, Tensors};
+use reactsim_nn::{Initializer, Tensors, weights::save_with};
+use reactsim_perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::Vocabulary;
 use super::super::tokens::file::PREFIX;
 use super::error::KIND;
 use super::{Config, Network, PolicyError};
-use crate::models::perception::Class;
 
 /// A trained network and the tokens that it chooses from.
 #[derive(Clone, Debug)]

@@ -1,13 +1,13 @@
 //! Scores of known motion, all steps in one pass.
 
 use burn::tensor::Device;
+use reactsim_perception::KnownMotion;
 
 use super::batch::{SceneRows, map_tensors, node_tensors};
 use super::linked_places::LinkedPlaces;
 use super::network::PastNodes;
 use super::policy::Policy;
 use super::step::Step;
-use crate::models::perception::KnownMotion;
 
 /// Logits of an agent's next token at a step.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,10 @@
 //! The reactive network as a simulator.
 
 use burn::tensor::{Device, Tensor};
-use reactsim::rollout::{Beginning, Episode, Memory, NOT_FINITE, PlanError, Simulator};
-use reactsim::scene::Frame;
+use reactsim_nn::{RowCollector, SharedRows, is_host};
+use reactsim_perception::Class;
+use reactsim_rollout::{Beginning, Episode, Memory, NOT_FINITE, PlanError, Simulator};
+use reactsim_scene::Frame;
 
 use super::super::clearance::Traffic;
 use super::super::execute::Executor;
@@ -16,8 +18,6 @@ use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
 use super::step::{EarlierNode, Step};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
-use crate::models::nn::{RowCollector, SharedRows, is_host};
-use crate::models::perception::Class;
 
 /// Simulator that moves agents by tokens drawn from the reactive network. The episodes of a batch go through
 /// the network together; their features stay in tensors that they share, so that the number of operations per
@@ -284,7 +284,7 @@ fn straight_token(track: &[Frame]) -> super::super::tokens::TokenPoses {
     if let Some(Some(state)) = track.last() {
         let speed = state.forward_speed();
         for (k, pose) in poses.iter_mut().enumerate() {
-            pose.position.x = speed * reactsim::scene::DT * k as f64;
+            pose.position.x = speed * reactsim_scene::DT * k as f64;
         }
     }
     poses

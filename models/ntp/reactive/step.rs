@@ -1,14 +1,14 @@
 //! Network input of one scene at one step: agents and their attention links.
 
-use reactsim::geometry::{Vec2, into_frame};
-use reactsim::scene::LightState;
+use reactsim_geometry::{Vec2, into_frame};
+use reactsim_perception::{Body, Class, Nearest, Places, SceneView, corridor, put};
+use reactsim_scene::LightState;
 
 use super::choice::Chooser;
 use super::config::Config;
 use super::links::Links;
 use super::pair::{PAIR_FEATURES, relate};
-use super::place_relations::TO_PLACE_FEATURES;
-use crate::models::perception::{Body, Class, Nearest, Places, SceneView, corridor, put};
+use super::place_relations::{TO_PLACE_FEATURES, relate_to_agent};
 
 /// Number of features of the relation of an agent's earlier step to its present one.
 pub(crate) const PAST_FEATURES: usize = 7;
@@ -119,7 +119,7 @@ impl Step {
             self.places.push(config.places(), TO_PLACE_FEATURES, &chosen, |i, out| {
                 let place = &places.all[i];
                 let light = place.light.and_then(|l| lights.get(l).copied().flatten());
-                place.relate(body, light, out);
+                relate_to_agent(place, body, light, out);
             });
         }
     }

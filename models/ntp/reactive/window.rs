@@ -1,13 +1,13 @@
 //! Memory of computed steps between plans.
 
-use reactsim::rollout::Observation;
-use reactsim::scene::Frame;
+use reactsim_nn::SharedRows;
+use reactsim_perception::{Places, SceneView};
+use reactsim_rollout::Observation;
+use reactsim_scene::Frame;
 
 use super::super::tokens::TOKEN_FRAMES;
 use super::config::Config;
 use super::step::{EarlierNode, Step};
-use crate::models::nn::SharedRows;
-use crate::models::perception::{Places, SceneView};
 
 /// A computed step: its nodes and their input features for each block.
 #[derive(Clone, Debug)]

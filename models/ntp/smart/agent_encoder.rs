@@ -3,8 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Tensor};
-
-use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, MlpLayer, RelationalAttention};
+use reactsim_nn::{FourierEmbedding, Initializer, MlpEmbedding, MlpLayer, RelationalAttention};
 
 use super::tables::{pick, rows};
 use super::{Agents, SmartConfig, TokenHead};

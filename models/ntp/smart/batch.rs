@@ -1,6 +1,6 @@
 //! Batches of whole scenes, all steps at once.
 
-use reactsim::models::nn::Noise;
+use reactsim_nn::Noise;
 
 use super::edges::Visibility;
 use super::relation::Pose;

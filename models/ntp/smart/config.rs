@@ -1,8 +1,7 @@
 //! Configuration of the network.
 
+use reactsim_nn::{AttentionConfig, FeedForwardConfig};
 use serde::{Deserialize, Serialize};
-
-use reactsim::models::nn::{AttentionConfig, FeedForwardConfig};
 
 /// Dimensions and options of the network, under the names of the published configurations. Unknown
 /// entries are ignored; entries with a default may be omitted.

@@ -1,6 +1,6 @@
 //! Attention pairs: the four kinds, in the order and with the limits of the published networks.
 
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 use super::relation::Pose;
 use super::{MapTokens, SmartConfig, Step};

@@ -3,8 +3,7 @@
 use std::collections::VecDeque;
 
 use burn::tensor::Tensor;
-
-use reactsim::models::nn::SharedRows;
+use reactsim_nn::SharedRows;
 
 use super::relation::Pose;
 use super::{Agents, Edges, InputError, MapTokens, Smart, SmartConfig, Step, TokenTables};

@@ -2,8 +2,7 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-
-use reactsim::models::nn::{Initializer, MlpLayer};
+use reactsim_nn::{Initializer, MlpLayer};
 
 use super::{SmartConfig, TokenCounts};
 

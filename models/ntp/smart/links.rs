@@ -1,8 +1,7 @@
 //! Attention pairs with embedded relations.
 
 use burn::tensor::{Device, Tensor};
-
-use reactsim::models::nn::{FourierEmbedding, Neighbors, Relations, normalize};
+use reactsim_nn::{FourierEmbedding, Neighbors, Relations, normalize};
 
 use super::Edges;
 

@@ -4,8 +4,7 @@
 use std::collections::VecDeque;
 
 use burn::tensor::Tensor;
-
-use reactsim::models::nn::{Noise, RowCollector, SharedRows};
+use reactsim_nn::{Noise, RowCollector, SharedRows};
 
 use super::relation::Pose;
 use super::tables::pick;
@@ -199,7 +198,7 @@ mod tests {
     use burn::tensor::Device;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-    use reactsim::models::nn::{Initializer, device};
+    use reactsim_nn::{Initializer, device};
 
     use super::super::{SmartConfig, Vocabulary};
     use super::*;

@@ -3,8 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::Tensor;
-
-use reactsim::models::nn::{FourierEmbedding, Initializer, MlpEmbedding, Noise, RelationalAttention};
+use reactsim_nn::{FourierEmbedding, Initializer, MlpEmbedding, Noise, RelationalAttention};
 
 use super::tables::pick;
 use super::{Edges, Links, MapTokens, SmartConfig, Stage, TokenTables};

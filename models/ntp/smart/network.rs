@@ -2,8 +2,7 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-
-use reactsim::models::nn::{Initializer, Noise, Tensors, WeightsError};
+use reactsim_nn::{Initializer, Noise, Tensors, WeightsError};
 
 use super::tables::{pick, rows};
 use super::{

@@ -1,16 +1,16 @@
 //! Network input from observed episodes: the map once, agents at every step.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::Vec2;
-use reactsim::rollout::Observation;
-use reactsim::scene::{Agent, CURRENT, Frame, Start};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::Vec2;
+use reactsim_perception::Class;
+use reactsim_rollout::Observation;
+use reactsim_scene::{Agent, CURRENT, Frame, Start};
 
 use super::super::tokens::{
     CurvePiece, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, Vocabulary, curve_pieces,
     fill_gaps, token_of_motion,
 };
 use super::{Agents, MapTokens, Step};
-use crate::models::perception::Class;
 
 /// Returns the pieces of the map that begin within `radius` metres of the AV's current position, with
 /// the current light states.

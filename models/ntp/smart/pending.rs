@@ -1,7 +1,8 @@
 //! An episode whose plan is being made.
 
-use reactsim::rollout::{self, JointPlan, Observation, PlanError, Stream};
-use reactsim::scene::Frame;
+use reactsim_rollout as rollout;
+use reactsim_rollout::{JointPlan, Observation, PlanError, Stream};
+use reactsim_scene::Frame;
 
 use super::super::execute::Executor;
 use super::super::sampling::Sampling;

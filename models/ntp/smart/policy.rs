@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::weights::save_with;
-use reactsim::models::nn::{Tensors, WeightsError};
+use reactsim_nn::{Tensors, WeightsError, weights::save_with};
+use reactsim_perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::file::PREFIX;
 use super::super::tokens::map_vocabulary::MAP_PREFIX;
 use super::super::tokens::{MapVocabulary, TOKEN_FRAMES, Vocabulary, VocabularyError};
 use super::{InputError, LoadError, Smart, SmartConfig, TokenTables, Vocabulary as Shapes};
-use crate::models::perception::Class;
 
 /// Name of this kind of network in the configuration of a file.
 const KIND: &str = "smart";

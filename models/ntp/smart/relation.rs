@@ -2,7 +2,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use reactsim::geometry::math;
+use reactsim_geometry::math;
 
 /// Wraps an angle to the range from -π to below π, as the network expects.
 pub fn wrap(angle: f32) -> f32 {

@@ -1,10 +1,10 @@
 //! Network input: plain lists, validated before any computation.
 
-use reactsim::dynamics::Pose;
-use reactsim::scene::Agent;
+use reactsim_dynamics::Pose;
+use reactsim_perception::Class;
+use reactsim_scene::Agent;
 
 use super::SmartConfig;
-use crate::models::perception::Class;
 
 /// The map as P pieces of 5 m. All lists have one entry per piece.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,9 +1,10 @@
 //! The network as a simulator.
 
 use burn::tensor::Device;
-use reactsim::models::nn::is_host;
-use reactsim::rollout::{self, Beginning, Memory, PlanError, Simulator};
-use reactsim::scene::Start;
+use reactsim_nn::is_host;
+use reactsim_rollout as rollout;
+use reactsim_rollout::{Beginning, Memory, PlanError, Simulator};
+use reactsim_scene::Start;
 use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;

@@ -1,12 +1,13 @@
 //! Vocabularies of all classes, from any method.
 
+use reactsim_learning::Provenance;
+use reactsim_perception::Class;
+
 use super::token_set::corner_distance;
 use super::{
     BuildError, Kinematic, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary,
     VocabularyError,
 };
-use crate::models::learning::Provenance;
-use crate::models::perception::Class;
 
 /// Mean corner distance in metres from the nearest token above which a kinematic token is added.
 const FILL_DISTANCE: f64 = 0.1;

@@ -1,7 +1,8 @@
 //! Reasons why a vocabulary cannot be built.
 
+use reactsim_perception::Class;
+
 use super::VocabularyError;
-use crate::models::perception::Class;
 
 /// Error from building a vocabulary.
 #[derive(Debug, thiserror::Error)]

@@ -1,9 +1,9 @@
 //! Matching errors between tokens and recorded motion.
 
-use reactsim::scene::Scenario;
+use reactsim_perception::Class;
+use reactsim_scene::Scenario;
 
 use super::{PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, motion_between};
-use crate::models::perception::Class;
 
 /// Distances between tokenized and recorded poses: mean corner distance of the class's matching box at
 /// each step, metres.

@@ -2,15 +2,17 @@
 
 use std::collections::HashMap;
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, heading_of};
-use reactsim::models::nn::Tensors;
-use reactsim::models::nn::weights::{CONFIG, Tables};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, heading_of};
+use reactsim_learning::Provenance;
+use reactsim_nn::{
+    Tensors,
+    weights::{CONFIG, Tables},
+};
+use reactsim_perception::Class;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{ORIGIN, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
-use crate::models::learning::Provenance;
-use crate::models::perception::Class;
 
 /// Key of the metadata entry that holds the provenance, as JSON. A single entry, so that equal
 /// vocabularies give equal bytes.

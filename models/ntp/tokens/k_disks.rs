@@ -1,15 +1,15 @@
 //! k-disks: tokens drawn from recorded motions with a minimum distance (SMART, CATK).
 
 use rand::RngExt;
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, wrap};
-use reactsim::rollout::{Purpose, stream};
-use reactsim::scene::DT;
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, wrap};
+use reactsim_perception::Class;
+use reactsim_rollout::{Purpose, stream};
+use reactsim_scene::DT;
 use serde::Serialize;
 
 use super::token_set::corner_distance;
 use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
-use crate::models::perception::Class;
 
 /// Repeatedly draws a motion, makes the mean of all motions near it a token, and removes them.
 #[derive(Clone, Debug, PartialEq, Serialize)]

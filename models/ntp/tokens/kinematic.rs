@@ -2,17 +2,17 @@
 
 use std::f64::consts::TAU;
 
-use reactsim::dynamics::{Pose, REAR_AXLE};
-use reactsim::geometry::{Vec2, direction, wrap};
-use reactsim::scene::DT;
+use reactsim_dynamics::{Pose, REAR_AXLE};
+use reactsim_geometry::{Vec2, direction, wrap};
+use reactsim_learning::Provenance;
+use reactsim_perception::Class;
+use reactsim_scene::DT;
 use serde::Serialize;
 
 use super::{
     BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary,
     VocabularyError,
 };
-use crate::models::learning::Provenance;
-use crate::models::perception::Class;
 
 /// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0
 /// is an exact standstill.

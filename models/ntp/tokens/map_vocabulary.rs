@@ -3,17 +3,15 @@
 use std::collections::HashMap;
 
 use rand::RngExt;
-use reactsim::geometry::{Vec2, direction, into_frame};
-use reactsim::models::nn::Tensors;
-use reactsim::models::nn::weights::Tables;
-use reactsim::rollout::{Purpose, stream};
-use reactsim::scene::Scenario;
+use reactsim_geometry::{Vec2, direction, into_frame};
+use reactsim_learning::{Provenance, Reservoir};
+use reactsim_nn::{Tensors, weights::Tables};
+use reactsim_rollout::{Purpose, stream};
+use reactsim_scene::Scenario;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
 use super::{CURVE_POINTS, CurvePiece, VocabularyError, curve_pieces};
-use crate::models::learning::Provenance;
-use crate::models::learning::Reservoir;
 
 /// Curve of a token: eleven points in the frame of the first, with the first chord along x.
 type Curve = [Vec2; CURVE_POINTS];

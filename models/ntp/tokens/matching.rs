@@ -2,13 +2,13 @@
 //! CATK).
 
 use rand::RngExt;
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, math, wrap};
-use reactsim::rollout::Stream;
-use reactsim::scene::{AgentState, CURRENT, DT, FRAMES, Frame};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, math, wrap};
+use reactsim_perception::Class;
+use reactsim_rollout::Stream;
+use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, Frame};
 
 use super::{ORIGIN, TOKEN_FRAMES, Vocabulary, motion_between, moved};
-use crate::models::perception::Class;
 
 /// Number of tokens of a track of 91 frames: token k leads from frame 5k to frame 5k + 5, and token 1
 /// ends at the current frame.

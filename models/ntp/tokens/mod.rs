@@ -12,7 +12,6 @@ mod kinematic;
 mod map;
 pub(crate) mod map_vocabulary;
 mod matching;
-mod matching_box;
 mod motion;
 mod segments;
 mod token_set;
@@ -34,7 +33,7 @@ pub use tokenizer::Tokenizer;
 pub use trajtok::{EndGrid, TrajTok};
 pub use vocabulary::{Vocabulary, VocabularyError};
 
-use reactsim::dynamics::Pose;
+use reactsim_dynamics::Pose;
 
 /// Number of frames that a token spans: it ends 0.5 s after it starts.
 pub const TOKEN_FRAMES: usize = 5;

@@ -1,12 +1,12 @@
 //! Recorded motions of half a second, from which vocabularies are built.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::wrap;
-use reactsim::scene::{AgentKind, Frame, Scenario};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::wrap;
+use reactsim_learning::{Reservoir, for_each_track};
+use reactsim_perception::Class;
+use reactsim_scene::{AgentKind, Frame, Scenario};
 
 use super::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};
-use crate::models::learning::{Reservoir, for_each_track};
-use crate::models::perception::Class;
 
 /// Minimum number of recorded frames of an agent (CATK).
 const MIN_FRAMES: usize = 30;

@@ -1,10 +1,10 @@
 //! Tokens of one class, and the search for the nearest.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::Vec2;
+use reactsim_dynamics::Pose;
+use reactsim_geometry::Vec2;
+use reactsim_perception::Class;
 
 use super::{TOKEN_FRAMES, TokenPoses};
-use crate::models::perception::Class;
 
 /// Tolerance of search bounds for rounding, metres: tokens within it are compared exactly.
 const ROUNDING_TOLERANCE: f64 = 1e-9;

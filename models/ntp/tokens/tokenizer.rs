@@ -1,7 +1,8 @@
 //! Common interface of the vocabulary builders.
 
+use reactsim_perception::Class;
+
 use super::{BuildError, Segments, TokenPoses};
-use crate::models::perception::Class;
 
 /// A method of building vocabularies.
 pub trait Tokenizer {

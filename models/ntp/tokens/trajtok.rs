@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, direction, heading_of, wrap};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, direction, heading_of, wrap};
+use reactsim_perception::Class;
 use serde::Serialize;
 
 use super::k_disks::{mean, mirror};
 use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer};
-use crate::models::perception::Class;
 
 /// One token per cell of a grid of end points: the mean of the motions that end there, or a smooth curve
 /// to it.

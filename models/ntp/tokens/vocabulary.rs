@@ -1,13 +1,13 @@
 //! Vocabulary: the motions of each class that an agent can choose from.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::Vec2;
+use reactsim_dynamics::Pose;
+use reactsim_geometry::Vec2;
+use reactsim_learning::Provenance;
+use reactsim_perception::Class;
 use safetensors::{Dtype, SafeTensorError};
 
 use super::token_set::{TokenSet, corner_distance};
 use super::{TOKEN_POSES, TokenPoses};
-use crate::models::learning::Provenance;
-use crate::models::perception::Class;
 
 /// Largest deviation of the first pose of a token from the origin (metres, radians): the rounding of
 /// 32-bit contours.

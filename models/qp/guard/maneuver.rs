@@ -1,6 +1,6 @@
 //! The cheapest maneuver where a proposal leaves no way out.
 
-use reactsim::geometry::{Vec2, direction, left, math};
+use reactsim_geometry::{Vec2, direction, left, math};
 
 use super::super::mode::Mode;
 use super::super::planned_vehicle::PlannedVehicle;

@@ -1,7 +1,7 @@
 //! When a course comes too close to an obstacle.
 
-use reactsim::geometry::OrientedBox;
-use reactsim::scene::DT;
+use reactsim_geometry::OrientedBox;
+use reactsim_scene::DT;
 
 use super::super::obstacle::{Obstacle, TIMES, step_of};
 use super::GuardSettings;

@@ -1,8 +1,8 @@
 //! Proposed motion of a vehicle.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{Vec2, direction, left, wrap};
-use reactsim::scene::{AgentState, DT, LaneHit, Road};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{Vec2, direction, left, wrap};
+use reactsim_scene::{AgentState, DT, LaneHit, Road};
 
 use super::super::planned_vehicle::PlannedVehicle;
 

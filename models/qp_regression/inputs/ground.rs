@@ -1,12 +1,12 @@
 //! Map features: lines in the input, and lanes that lead on.
 
-use reactsim::geometry::Vec2;
-use reactsim::scene::Start;
+use reactsim_geometry::Vec2;
+use reactsim_learning::LearningMap;
+use reactsim_perception::{KnownMap, Places};
+use reactsim_scene::Start;
 
 use super::Lines;
-use crate::models::learning::LearningMap;
-use crate::models::perception::{KnownMap, Places};
-use crate::models::qp_regression::network::Config;
+use crate::network::Config;
 
 /// Map features that can still be mirrored and stretched.
 #[derive(Clone, Debug)]

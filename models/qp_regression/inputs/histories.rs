@@ -1,10 +1,10 @@
 //! Histories of agents as input features.
 
-use reactsim::scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
+use reactsim_perception::velocity_at;
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
 use super::frame::AgentFrame;
-use crate::models::perception::velocity_at;
-use crate::models::qp_regression::network::Attributes;
+use crate::network::Attributes;
 
 /// Returns the number of features of an agent at a frame.
 pub(crate) const fn agent_numbers(attributes: Attributes) -> usize {
@@ -37,7 +37,7 @@ pub(super) struct AgentHistory<'a> {
 impl AgentHistory<'_> {
     /// Writes the features of the `k`-th of the eleven frames up to now. Returns false if the agent was
     /// absent.
-    pub(super) fn write(
+    pub(crate) fn write(
         &self,
         k: usize,
         frame: &AgentFrame,

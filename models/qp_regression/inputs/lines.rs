@@ -1,12 +1,12 @@
 //! Lines of the map, cut into polylines of a few points.
 
-use reactsim::geometry::{Bounds, Polyline, Vec2};
-use reactsim::scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
+use reactsim_geometry::{Bounds, Polyline, Vec2};
+use reactsim_learning::LearningMap;
+use reactsim_perception::{MAX_LINE_LENGTH, Nearest, closed, edge_rings};
+use reactsim_scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 use super::frame::{AgentFrame, PolylineFeatures};
-use crate::models::learning::LearningMap;
-use crate::models::perception::{MAX_LINE_LENGTH, Nearest, closed, edge_rings};
-use crate::models::qp_regression::network::{Attributes, Config};
+use crate::network::{Attributes, Config};
 
 /// Returns the number of features of a point of a line.
 pub(crate) const fn point_numbers(attributes: Attributes) -> usize {

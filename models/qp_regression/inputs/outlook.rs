@@ -1,10 +1,10 @@
 //! Lane and conflict features of an agent, the same as those of the token network.
 
-use reactsim::geometry::Vec2;
+use reactsim_geometry::Vec2;
+use reactsim_perception::{BODY_FEATURES, Body, Class, corridor, lane};
 
 use super::SceneContext;
 use super::frame::AgentFrame;
-use crate::models::perception::{BODY_FEATURES, Body, Class, corridor, lane};
 
 /// Number of features of an outlook: own motion, lane, paths ahead, and agents in the way now and soon.
 pub(crate) const OUTLOOK: usize = BODY_FEATURES;

@@ -1,9 +1,9 @@
 //! Data of a scene that all its predictions share.
 
-use reactsim::scene::AgentState;
+use reactsim_perception::{Body, Places, SceneView, forecast};
+use reactsim_scene::AgentState;
 
 use super::Ground;
-use crate::models::perception::{Body, Places, SceneView, forecast};
 
 /// Data of a scene that all its predictions share.
 #[derive(Debug)]

@@ -1,15 +1,15 @@
 //! Surroundings of one agent.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::Vec2;
-use reactsim::scene::{AgentState, DT, HISTORY};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::Vec2;
+use reactsim_perception::{Class, Nearest, SceneView};
+use reactsim_scene::{AgentState, DT, HISTORY};
 
 use super::frame::{AgentFrame, PolylineFeatures};
 use super::histories::{AgentHistory, agent_numbers};
 use super::lines::point_numbers;
 use super::{Outlook, SceneContext};
-use crate::models::perception::{Class, Nearest, SceneView};
-use crate::models::qp_regression::network::{Attributes, Config};
+use crate::network::{Attributes, Config};
 
 /// Surroundings of one agent, in its frame.
 #[derive(Clone, Debug)]

@@ -2,9 +2,9 @@
 //! recover from the deviations of a closed loop.
 
 use rand::RngExt;
-use reactsim::geometry::{Vec2, direction, left, smooth_step};
-use reactsim::scene::{AgentState, DT, Frame};
-use reactsim::training::Stream;
+use reactsim_geometry::{Vec2, direction, left, smooth_step};
+use reactsim_scene::{AgentState, DT, Frame};
+use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of disturbances.

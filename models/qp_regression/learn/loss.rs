@@ -4,12 +4,12 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use reactsim_learning::Intentions;
 
 use super::super::inputs::Surroundings;
 use super::super::network::{Batch, Config, Network, NetworkOutput, Observed, STATE};
 use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};
 use super::sample::{Sample, TRUTH_SIZE, Target, Truth};
-use crate::models::learning::Intentions;
 
 /// Weight of a velocity error of 1 m/s in modes; in the dense prediction the weight is 1 (MTR).
 const VELOCITY_WEIGHT: f64 = 0.5;
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn the_likelihood_is_that_of_a_normal_distribution() {
-        let device = crate::models::nn::device();
+        let device = reactsim_nn::device();
         let output = [1.0f32, 2.0, 0.5, -0.25, 0.3, 4.0, 5.0];
         let truth = [1.7f32, 1.5, 3.0, 7.0];
         let of = |v: &[f32]| Tensor::<3>::from_data(TensorData::new(v.to_vec(), [1, 1, v.len()]), &device);

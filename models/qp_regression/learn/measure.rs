@@ -1,12 +1,12 @@
 //! Accuracy of predictions: displacements of the best mode, and the share of misses.
 
-use reactsim::geometry::into_frame;
-use reactsim::training::Sums;
+use reactsim_geometry::into_frame;
+use reactsim_perception::Class;
+use reactsim_training::Sums;
 
 use super::super::network::{Config, LayerOutput, STATE};
 use super::super::predict::kept_modes;
 use super::sample::{Sample, TRUTH_SIZE, Target};
-use crate::models::perception::Class;
 
 /// Names of the means over all targets and over those of each class: mean displacement of the best
 /// mode, its last displacement (metres), share of misses.
@@ -77,7 +77,7 @@ fn mean_displacement(mode: &[f32], target: &Target) -> Option<f64> {
 /// Returns the displacement at 8 s, and 1 for a miss, else 0.
 fn last_displacement(mode: &[f32], target: &Target) -> Option<(f64, f64)> {
     let (x, y) = displacement(mode, target, target.truth.known.len().checked_sub(1)?)?;
-    let at = into_frame(target.goal_ahead, reactsim::geometry::Vec2::new(x, y));
+    let at = into_frame(target.goal_ahead, reactsim_geometry::Vec2::new(x, y));
     let speed = target.around.velocity().norm();
     let scale = 0.5 + 0.5 * ((speed - SLOW_SPEED) / (FAST_SPEED - SLOW_SPEED)).clamp(0.0, 1.0);
     let missed = at.x.abs() > MISS_ALONG * scale || at.y.abs() > MISS_ACROSS * scale;

@@ -1,16 +1,16 @@
 //! Training samples made of scenarios.
 
 use rand::RngExt;
-use reactsim::geometry::{Vec2, direction};
-use reactsim::scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
-use reactsim::training::Stream;
+use reactsim_geometry::{Vec2, direction};
+use reactsim_learning::{LearningScene, shifted};
+use reactsim_perception::Class;
+use reactsim_scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
+use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::inputs::{AgentFrame, SceneContext, Surroundings, Survey};
 use super::super::network::Config;
 use super::Disturbance;
-use crate::models::learning::{LearningScene, shifted};
-use crate::models::perception::Class;
 
 /// Parameters of the augmentation of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

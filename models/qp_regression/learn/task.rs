@@ -3,9 +3,13 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Sums, Task, View};
+use reactsim_learning::{
+    Intentions, LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup,
+    Trainable, TrainingTask, recipe_values,
+};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Sums, Task, View};
 use serde::{Deserialize, Serialize};
 
 use super::super::entries::regression_driving;
@@ -16,10 +20,6 @@ use super::Disturbance;
 use super::loss::{Losses, losses};
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
-use crate::models::learning::{
-    Intentions, LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup,
-    Trainable, TrainingTask, recipe_values,
-};
 
 /// Training of the regression network.
 pub const TASK: TrainingTask = TrainingTask {

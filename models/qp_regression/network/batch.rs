@@ -1,19 +1,16 @@
 //! Surroundings of several agents as the input tensors of the network.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::Vec2;
-use reactsim::scene::HISTORY;
+use reactsim_geometry::Vec2;
+use reactsim_learning::Intentions;
+use reactsim_nn::CLOSED;
+use reactsim_perception::{Class, Nearest};
+use reactsim_scene::HISTORY;
 
 use super::STATE;
-
 use super::config::Config;
 use super::guide::reference_states;
-use crate::models::learning::Intentions;
-use crate::models::nn::CLOSED;
-use crate::models::perception::{Class, Nearest};
-use crate::models::qp_regression::inputs::{
-    OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers,
-};
+use crate::inputs::{OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers};
 
 /// Histories of agents, or map lines, as tensors.
 #[derive(Clone, Debug)]

@@ -1,10 +1,10 @@
 //! Selection of the lines that a query attends to (dynamic map collection).
 
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_nn::CLOSED;
 
 use super::batch::Batch;
 use super::config::Config;
-use crate::models::nn::CLOSED;
 
 /// Returns the attention mask of queries to lines, `[scenes, 1, queries, lines]`, which is added to
 /// scores. Open are the lines around the base point and those nearest to any of the query's trajectory

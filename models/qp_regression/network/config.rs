@@ -1,9 +1,8 @@
 //! Configuration of the network.
 
-use reactsim::scene::FUTURE;
+use reactsim_nn::SizeError;
+use reactsim_scene::FUTURE;
 use serde::{Deserialize, Serialize};
-
-use crate::models::nn::SizeError;
 
 /// Input features of agents and lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -148,7 +147,7 @@ impl Config {
 
     /// Returns the times from now to each predicted state, seconds.
     pub(crate) fn times(&self) -> impl Iterator<Item = f64> + Clone + use<> {
-        let step = self.step as f64 * reactsim::scene::DT;
+        let step = self.step as f64 * reactsim_scene::DT;
         (1..=self.states()).map(move |k| k as f64 * step)
     }
 

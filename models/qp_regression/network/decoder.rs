@@ -4,6 +4,7 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Int, Tensor, TensorData};
+use reactsim_nn::{Initializer, PlainMlp};
 
 use super::STATE;
 use super::batch::Batch;
@@ -17,8 +18,7 @@ use super::layers::NormedMlp;
 use super::observed::Observed;
 use super::output::{LayerOutput, NetworkOutput};
 use super::sine::sine;
-use crate::models::nn::{Initializer, PlainMlp};
-use crate::models::qp_regression::inputs::OUTLOOK;
+use crate::inputs::OUTLOOK;
 
 /// Scale of reference positions in the input, 1/m, for numbers near 1.
 const REFERENCE_SCALE: f64 = 0.05;

@@ -3,8 +3,7 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
-
-use crate::models::nn::{Initializer, Rows, dense_attention, linear};
+use reactsim_nn::{Initializer, Rows, dense_attention, linear};
 
 /// Output projection of an attention whose input projections are separate fields.
 #[derive(Module, Debug)]

@@ -2,6 +2,7 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, PlainMlp};
 
 use super::STATE;
 use super::batch::Batch;
@@ -9,7 +10,6 @@ use super::config::{Attributes, Config};
 use super::guide;
 use super::layers::NormedMlp;
 use super::observed::Observed;
-use crate::models::nn::{Initializer, PlainMlp};
 
 /// Layers of the dense prediction. Their tensors belong to the decoder.
 #[derive(Module, Debug)]

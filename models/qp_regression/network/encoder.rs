@@ -3,14 +3,14 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 use super::batch::Batch;
 use super::config::Config;
 use super::observed::Observed;
 use super::polyline_encoder::PolylineEncoder;
 use super::sine::sine;
-use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows};
-use crate::models::qp_regression::inputs::{agent_numbers, point_numbers};
+use crate::inputs::{agent_numbers, point_numbers};
 
 /// Self-attention and a feed-forward network, each followed by a norm.
 #[derive(Module, Debug)]

@@ -1,14 +1,14 @@
 //! The network against values of the public code, with random weights at a small size.
 
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_golden::{Golden, GoldenFile, assert_close, values};
+use reactsim_learning::Intentions;
+use reactsim_nn::{CLOSED, Initializer, device};
+use reactsim_perception::Class;
 
 use super::batch::{Polylines, nearest_tokens};
 use super::{Batch, Config, Network, Observed, STATE};
-use crate::models::learning::Intentions;
-use crate::models::nn::golden::{Golden, GoldenFile, assert_close, values};
-use crate::models::nn::{CLOSED, Initializer, device};
-use crate::models::perception::Class;
-use crate::models::qp_regression::predict::kept_modes;
+use crate::predict::kept_modes;
 
 /// The configuration of the golden data.
 const CONFIG: Config = Config {

@@ -2,12 +2,12 @@
 //! in the units of its configuration.
 
 use burn::tensor::{Tensor, TensorData};
-use reactsim::geometry::{Vec2, into_frame, left, math, smooth_step};
-use reactsim::scene::DT;
+use reactsim_geometry::{Vec2, into_frame, left, math, smooth_step};
+use reactsim_perception::lane;
+use reactsim_scene::DT;
 
 use super::STATE;
 use super::config::{Config, OutputUnits};
-use crate::models::perception::lane;
 
 /// A path along lanes in the frame of an agent: points every [`lane::SPACING`] metres and the direction
 /// there.

@@ -3,10 +3,10 @@
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::{Tensor, TensorData};
+use reactsim_nn::{Initializer, Rows};
 
 use super::config::Norms;
 use super::observed::Observed;
-use crate::models::nn::{Initializer, Rows};
 
 /// Constant added to the variances of batch norms.
 const EPSILON: f64 = 1e-5;
@@ -151,8 +151,9 @@ impl NormedMlp {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_nn::device;
+
     use super::*;
-    use crate::models::nn::device;
 
     fn matrix(values: &[f32], columns: usize) -> Tensor<2> {
         let data = TensorData::new(values.to_vec(), [values.len() / columns, columns]);

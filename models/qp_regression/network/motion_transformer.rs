@@ -1,6 +1,7 @@
 //! The whole network.
 
 use burn::module::Module;
+use reactsim_nn::Initializer;
 
 use super::batch::Batch;
 use super::config::Config;
@@ -8,7 +9,6 @@ use super::decoder::MotionDecoder;
 use super::encoder::Encoder;
 use super::observed::Observed;
 use super::output::NetworkOutput;
-use crate::models::nn::Initializer;
 
 /// Encoder and decoder.
 #[derive(Module, Debug)]

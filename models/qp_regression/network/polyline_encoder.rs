@@ -2,11 +2,11 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, PlainMlp, Rows, pool};
 
 use super::config::Norms;
 use super::layers::NormedMlp;
 use super::observed::Observed;
-use crate::models::nn::{Initializer, PlainMlp, Rows, pool};
 
 /// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
 /// the pooled values, and are pooled again.

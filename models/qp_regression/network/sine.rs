@@ -1,9 +1,8 @@
 //! Sine embeddings of positions.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::math;
-
-use crate::models::nn::{cos_sin_rows, is_host};
+use reactsim_geometry::math;
+use reactsim_nn::{cos_sin_rows, is_host};
 
 /// Factor from the shortest wavelength, 1 m, up to which wavelengths grow.
 const TEMPERATURE: f64 = 10_000.0;
@@ -57,8 +56,9 @@ fn on_host(positions: Tensor<2>, width: usize, frequencies: &[f32]) -> Tensor<2>
 
 #[cfg(test)]
 mod tests {
+    use reactsim_nn::device;
+
     use super::*;
-    use crate::models::nn::device;
 
     #[test]
     fn the_embedding_follows_the_formula() {

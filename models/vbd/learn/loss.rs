@@ -4,13 +4,13 @@
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::RngExt;
-use reactsim::training::{Output, Stream, Sums};
+use reactsim_diffusion::{Schedule, own_motion, standard_normal};
+use reactsim_learning::Intentions;
+use reactsim_training::{Output, Stream, Sums};
 
 use super::super::network::{Encoded, Vbd, VbdConfig};
 use super::super::sampling::with_av;
 use super::sample::{AV, Sample, TRUTH};
-use crate::models::diffusion::{Schedule, own_motion, standard_normal};
-use crate::models::learning::Intentions;
 
 /// Weight of the scores of anchors (published).
 const SCORES: f64 = 0.05;
@@ -147,9 +147,10 @@ fn smooth(x: Tensor<3>) -> Tensor<3> {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_nn::device;
+
     use super::*;
-    use crate::models::nn::device;
-    use crate::models::vbd::inputs::Seen;
+    use crate::inputs::Seen;
 
     #[test]
     fn the_depth_of_overlaps_with_the_av_counts() {

@@ -1,14 +1,14 @@
 //! Training samples: scenes, and what agents did in them.
 
-use reactsim::geometry::{Vec2, direction, into_frame, wrap};
-use reactsim::scene::{Agent, AgentState, CURRENT, FUTURE, Frame, Scenario};
-use reactsim::training::Stream;
+use reactsim_diffusion::{actions, normalized};
+use reactsim_geometry::{Vec2, direction, into_frame, wrap};
+use reactsim_learning::{Intentions, LearningScene, shifted};
+use reactsim_perception::KnownMap;
+use reactsim_scene::{Agent, AgentState, CURRENT, FUTURE, Frame, Scenario};
+use reactsim_training::Stream;
 
 use super::super::inputs::Seen;
 use super::Recipe;
-use crate::models::diffusion::{actions, normalized};
-use crate::models::learning::{Intentions, LearningScene, shifted};
-use crate::models::perception::KnownMap;
 
 /// Numbers of a true state: x, y, yaw.
 pub(super) const TRUTH: usize = 3;

@@ -4,9 +4,14 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Task, View};
+use reactsim_diffusion::{Schedule, ScheduleError};
+use reactsim_learning::{
+    Intentions, Origin, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
+    recipe_values,
+};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::entries::parameters;
 use super::super::network::Vbd;
@@ -14,11 +19,6 @@ use super::super::{VbdPolicy, VbdSimulator};
 use super::loss::{LossSettings, loss};
 use super::sample::sample;
 use super::{Recipe, Sample};
-use crate::models::diffusion::{Schedule, ScheduleError};
-use crate::models::learning::{
-    Intentions, Origin, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
-    recipe_values,
-};
 
 /// Training of VBD.
 pub const TASK: TrainingTask = TrainingTask {

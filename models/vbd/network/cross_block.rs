@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 use super::gelu::GeluLayers;
 use super::surroundings::Surroundings;
-use crate::models::nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 /// Keys and values of one block.
 #[derive(Clone, Debug)]

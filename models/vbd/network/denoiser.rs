@@ -3,6 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_nn::{CLOSED, Initializer, PlainMlp};
 
 use super::config::VbdConfig;
 use super::cross_block::{CrossBlock, KeysValues};
@@ -11,7 +12,6 @@ use super::encoded::Encoded;
 use super::pairs::Pairs;
 use super::scene_encoder::rows_of;
 use super::surroundings::Surroundings;
-use crate::models::nn::{CLOSED, Initializer, PlainMlp};
 
 /// Numbers of a state: x, y (m), yaw (rad), vx, vy (m/s).
 const STATE: usize = 5;
@@ -159,8 +159,9 @@ fn later_actions(
 
 #[cfg(test)]
 mod tests {
+    use reactsim_nn::device;
+
     use super::*;
-    use crate::models::nn::device;
 
     #[test]
     fn later_actions_are_those_of_oneself_and_of_whom_is_open() {

@@ -4,8 +4,7 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
 use burn::tensor::activation::elu;
-
-use crate::models::nn::{Initializer, linear};
+use reactsim_nn::{Initializer, linear};
 
 /// Linear, ELU, linear.
 #[derive(Module, Debug)]

@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, Rows, dense_attention, linear};
 
 use super::gelu::GeluLayers;
 use super::surroundings::Surroundings;
-use crate::models::nn::{Initializer, Rows, dense_attention, linear};
 
 /// Attention whose keys and values are those of elements plus their relation to the query's element.
 #[derive(Module, Debug)]

@@ -3,8 +3,7 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
-
-use crate::models::nn::{Initializer, gelu, linear};
+use reactsim_nn::{Initializer, gelu, linear};
 
 /// Linear, GELU, linear; four times as wide between.
 #[derive(Module, Debug)]

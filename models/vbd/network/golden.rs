@@ -2,11 +2,11 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::geometry::math;
+use reactsim_geometry::math;
+use reactsim_golden::{Golden, GoldenFile, assert_close, values};
+use reactsim_nn::{Initializer, device};
 
 use super::{Line, SceneInput, Vbd, VbdConfig};
-use crate::models::nn::golden::{Golden, GoldenFile, assert_close, values};
-use crate::models::nn::{Initializer, device};
 
 /// The configuration of the golden data.
 const CONFIG: VbdConfig = VbdConfig {

@@ -1,7 +1,6 @@
 //! Input: the elements of a scene, and how they lie to each other.
 
-use reactsim::geometry::Vec2;
-use reactsim::geometry::{direction, into_frame, wrap};
+use reactsim_geometry::{Vec2, direction, into_frame, wrap};
 
 use super::pairs::{Motion, Pairs};
 

@@ -1,6 +1,6 @@
 //! Which elements of a scene each element sees.
 
-use reactsim::geometry::Vec2;
+use reactsim_geometry::Vec2;
 
 /// Time over which elements are taken to keep their velocities, seconds. Who will meet is seen by each other,
 /// even if many others are nearer now.
@@ -66,7 +66,7 @@ impl Pairs {
 
 #[cfg(test)]
 mod tests {
-    use reactsim::geometry::Vec2;
+    use reactsim_geometry::Vec2;
 
     use super::{Motion, Pairs};
 

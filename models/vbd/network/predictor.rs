@@ -2,12 +2,12 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, PlainMlp};
 
 use super::config::VbdConfig;
 use super::cross_block::CrossBlock;
 use super::elu_head::EluHead;
 use super::encoded::Encoded;
-use crate::models::nn::{Initializer, PlainMlp};
 
 /// Predicts behaviours.
 #[derive(Module, Debug)]

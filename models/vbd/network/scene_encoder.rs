@@ -3,6 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use reactsim_nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
 
 use super::config::VbdConfig;
 use super::encoded::Encoded;
@@ -10,7 +11,6 @@ use super::encoder_layer::EncoderLayer;
 use super::input::{SceneInput, agent_size, relation_size};
 use super::pairs::Pairs;
 use super::surroundings::Surroundings;
-use crate::models::nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
 
 /// Number of types of agents, of states of lights, and of types of lines.
 const KINDS: usize = 4;

@@ -2,6 +2,8 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
+use reactsim_diffusion::own_motion;
+use reactsim_nn::Initializer;
 
 use super::config::VbdConfig;
 use super::denoiser::{Denoiser, DenoisingScene};
@@ -9,8 +11,6 @@ use super::encoded::Encoded;
 use super::input::SceneInput;
 use super::predictor::{Behaviours, Predictor};
 use super::scene_encoder::SceneEncoder;
-use crate::models::diffusion::own_motion;
-use crate::models::nn::Initializer;
 
 /// Scene encoder, predictor of behaviours, denoiser.
 #[derive(Module, Debug)]

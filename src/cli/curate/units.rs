@@ -117,6 +117,6 @@ impl Work for CurationWork<'_> {
     fn carry_out(&self, unit: &Unit, folder: &Path) -> Result<Option<UnitResults>, ShardError> {
         let Self { inputs, source, settings, how, .. } = self;
         let curation = Curation { inputs, source: source.source(), settings, jobs: how.jobs };
-        Ok(curation.run_range(unit.range, folder, how.progress, how.stop)?)
+        curation.run_range(unit.range, folder, how.progress, how.stop).map_err(ShardError::work)
     }
 }

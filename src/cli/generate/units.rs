@@ -187,12 +187,13 @@ impl GenerationWork<'_> {
             }
             self.how.progress.set_done(records);
             Ok::<_, FormatError>(ControlFlow::Continue(()))
-        })?;
+        })
+        .map_err(ShardError::work)?;
         if ending == Ending::Stopped {
             return Ok(None);
         }
         let mut files = vec![FAILURES];
-        files.extend(scenarios.finish()?);
+        files.extend(scenarios.finish().map_err(ShardError::work)?);
         let path = folder.join(FAILURES);
         let lines: Vec<String> =
             failures.iter().map(|f| serde_json::Value::from(f.as_str()).to_string()).collect();
@@ -202,7 +203,7 @@ impl GenerationWork<'_> {
     }
 
     /// Generates scenarios and curates them up to the choice.
-    fn bench(&self, range: RecordRange, folder: &Path) -> Result<Option<UnitResults>, ShardError> {
+    fn bench(&self, range: RecordRange, folder: &Path) -> Result<Option<UnitResults>, FormatError> {
         let mut writer = TriedWriter::create(folder)?;
         let trial = Trial::new(&self.generation);
         let (mut records, mut failed) = (0, 0);
@@ -229,7 +230,7 @@ impl Work for GenerationWork<'_> {
     fn carry_out(&self, unit: &Unit, folder: &Path) -> Result<Option<UnitResults>, ShardError> {
         match self.generation.preset {
             Preset::Train => self.train(unit.range, folder),
-            Preset::Bench => self.bench(unit.range, folder),
+            Preset::Bench => self.bench(unit.range, folder).map_err(ShardError::work),
         }
     }
 }

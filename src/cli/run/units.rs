@@ -62,7 +62,7 @@ impl Sharded for RunArgs {
 }
 
 /// Divides runs into units of this many records.
-pub(in crate::cli) fn divide(
+pub(crate) fn divide(
     runs: &mut dyn Runs,
     arguments: Vec<String>,
     records: usize,

@@ -11,7 +11,7 @@ use super::reader::Reader;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
 use crate::files::read_regular;
-use crate::models::nn::Backend;
+use crate::models::nn::{Backend, check_backend, device_of};
 use crate::models::qp_regression::Policy;
 use crate::models::qp_regression::learn::{MEASURES, Recipe, Regression};
 use crate::models::weights;
@@ -57,8 +57,8 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
             None => bail!("no weights ship for `qp-regression`: give --weights FILE"),
         },
     };
-    args.backend.check()?;
-    let device = args.backend.device();
+    check_backend(args.backend)?;
+    let device = device_of(args.backend);
     let name =
         || args.weights.as_ref().map_or_else(|| "shipped weights".to_owned(), |p| p.display().to_string());
     let policy = Policy::read(&bytes, &device).with_context(name)?;

@@ -13,7 +13,7 @@ use crate::cli::suggestion::did_you_mean;
 use crate::cli::{ExitStatus, note, stop_on_interrupt, write_result};
 use crate::files::read_regular;
 use crate::models::learning::{TaskSetup, Trainable, TrainingTask, learning_settings, recipe_document};
-use crate::models::nn::Backend;
+use crate::models::nn::{Backend, check_backend, device_of};
 use crate::models::{self, Parameters, TASKS, WeightsFile, find_task};
 use crate::training::WEIGHTS;
 
@@ -89,7 +89,7 @@ pub(super) fn build(
     from: Option<&Path>,
     backend: Backend,
 ) -> anyhow::Result<Box<dyn Trainable>> {
-    backend.check()?;
+    check_backend(backend)?;
     let mut files = BTreeMap::new();
     for text in inputs {
         let Some((name, path)) = text.split_once('=') else {
@@ -107,7 +107,7 @@ pub(super) fn build(
         }
     }
     let from = from.map(file).transpose()?;
-    Ok((task.make)(TaskSetup { recipe, inputs: files, from, device: backend.device() })?)
+    Ok((task.make)(TaskSetup { recipe, inputs: files, from, device: device_of(backend) })?)
 }
 
 fn file(path: &Path) -> anyhow::Result<WeightsFile> {

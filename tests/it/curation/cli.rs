@@ -8,9 +8,9 @@ use reactsim::curation::{Decision, store};
 use reactsim::scene::Scenario;
 
 use super::hand::{scenario, write};
-use crate::formats::proto::{self, Proto};
 use crate::generated::{deviating, parts, write as write_scenarios};
 use crate::program::{program, reactsim};
+use reactsim_test_support::proto::{self, Proto};
 
 fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()

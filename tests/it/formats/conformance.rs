@@ -13,8 +13,8 @@ use reactsim::formats::{FORMATS, FormatError, Input, ScenarioFormat, parse_json,
 use reactsim::scene::{CURRENT, FRAMES, FUTURE, MAX_AGENTS, Scenario};
 use tempfile::TempDir;
 
-use super::proto::{self, Proto};
 use super::{HAND_WRITTEN, argoverse2, gpudrive, nuplan, read_at, scenarionet, write_native};
+use reactsim_test_support::proto::{self, Proto};
 
 /// Time limit for reading one small file, in a build for tests on a machine with other work.
 const TIME_LIMIT: Duration = Duration::from_secs(20);

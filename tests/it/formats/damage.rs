@@ -4,8 +4,8 @@
 use std::fs;
 use std::path::Path;
 
-use super::proto::{self, Proto};
 use super::{digests, good, write_native};
+use reactsim_test_support::proto::{self, Proto};
 
 /// Reads a file with every `stride`-th byte changed, and cut at every `stride`-th byte.
 fn hurt(path: &Path, stride: usize) {

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
 
-use super::proto::{self, Proto};
 use super::{HAND_WRITTEN, digests};
+use reactsim_test_support::proto::{self, Proto};
 
 /// Time limit for such files, in a build for tests on a machine with other work.
 const SOON: Duration = Duration::from_secs(20);

@@ -1,8 +1,22 @@
-//! The small nuPlan log of the unit tests. Its source expects two modules around it: `utm` and `tests`.
+//! Inputs of the format nuPlan.
 
-#[path = "../../../src/formats/nuplan/utm.rs"]
-mod utm;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-mod tests;
+use reactsim_test_support::nuplan::Fixture;
 
-pub(super) use self::tests::small;
+/// Writes a log, its map and the list of maps to a folder.
+pub(super) fn small(folder: &Path) -> Vec<PathBuf> {
+    let fixture = Fixture::write();
+    let town = folder.join("maps/town/1.0");
+    fs::create_dir_all(&town).unwrap();
+    let copies = [
+        (&fixture.log, folder.join("made.db")),
+        (&fixture.map, town.join("map.gpkg")),
+        (&fixture.list, folder.join("maps/nuplan-maps-v1.0.json")),
+    ];
+    for (from, to) in &copies {
+        fs::copy(from, to).unwrap();
+    }
+    copies.map(|(_, to)| to).into()
+}

@@ -2,9 +2,9 @@
 
 use std::fs;
 
-use super::proto::{self, Proto};
 use super::{good, refusal};
 use reactsim::scene::Scenario;
+use reactsim_test_support::proto::{self, Proto};
 
 fn read(change: impl FnOnce(&mut Proto)) -> Result<Scenario, String> {
     let folder = tempfile::tempdir().unwrap();

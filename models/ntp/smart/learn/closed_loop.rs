@@ -2,9 +2,10 @@
 //! the record.
 
 use rand::RngExt;
-use reactsim::dynamics::Pose;
-use reactsim::scene::Scenario;
-use reactsim::training::Stream;
+use reactsim_dynamics::Pose;
+use reactsim_perception::Class;
+use reactsim_scene::Scenario;
+use reactsim_training::Stream;
 
 use super::super::super::token_loss::loss_weight;
 use super::super::super::tokens::{
@@ -12,7 +13,6 @@ use super::super::super::tokens::{
 };
 use super::super::{Episode, InputError, Scene, Smart, TokenTables};
 use super::tracked::{LoggedScene, scene_without_agents, tracked_agents};
-use crate::models::perception::Class;
 
 /// Number of the AV among the agents of a sample.
 pub(super) const AV: usize = 0;

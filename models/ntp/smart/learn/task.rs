@@ -4,21 +4,21 @@ use std::error::Error;
 
 use burn::module::Module;
 use burn::tensor::Device;
-use reactsim::models::nn::Noise;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Task, View};
+use reactsim_learning::{
+    Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
+    recipe_values,
+};
+use reactsim_nn::Noise;
+use reactsim_perception::Class;
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
 use super::super::{Smart, SmartConfig, SmartPolicy};
 use super::sample::sample;
 use super::token_learning::TokenLearning;
 use super::{Recipe, Sample};
-use crate::models::learning::{
-    Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
-    recipe_values,
-};
-use crate::models::perception::Class;
 
 /// Training of SMART and TrajTok.
 pub const TASK: TrainingTask = TrainingTask {

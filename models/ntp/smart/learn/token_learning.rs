@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Int, Tensor};
-use reactsim::models::nn::Noise;
-use reactsim::rollout::Controller;
-use reactsim::training::Output;
+use reactsim_nn::Noise;
+use reactsim_perception::Class;
+use reactsim_rollout::Controller;
+use reactsim_training::Output;
 
 use super::super::super::entries::smart_parameters;
 use super::super::super::policy_loss::{Choice, policy_loss};
@@ -16,7 +17,6 @@ use super::super::{
     Batch, Scene, Smart, SmartPolicy, SmartSimulator, TokenTables, Vocabulary as Shapes, token_shapes,
 };
 use super::Sample;
-use crate::models::perception::Class;
 
 /// Reason why the network reads every sample.
 const READ: &str = "samples and networks are made for these vocabularies and this configuration";

@@ -1,32 +1,30 @@
 //! Scenes to learn from as input of the network: the map, and the agents with their tracks.
 
-use reactsim::geometry::Vec2;
-use reactsim::scene::{CURRENT, Frame};
+use reactsim_geometry::Vec2;
+use reactsim_learning::{LearningMap, LearningScene};
+use reactsim_perception::Class;
+use reactsim_scene::{CURRENT, Frame};
 
 use super::super::super::tokens::{
     CurveKind, CurvePiece, MapVocabulary, ORIGIN, PreparedTrack, TOKEN_FRAMES, TokenTrack, fill_gaps,
 };
 use super::super::observed::{class_of, map_tokens_of};
 use super::super::{Agents, Scene, Step};
-use crate::models::learning::{LearningMap, LearningScene};
-use crate::models::perception::Class;
 
 /// A logged scene with the map in pieces.
 pub(super) type LoggedScene = LearningScene<Vec<CurvePiece>>;
 
-impl LearningMap for Vec<CurvePiece> {
+impl LearningMap for CurvePiece {
     fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
-        for piece in self {
-            piece.points.iter_mut().for_each(|p| *p = flip(*p));
-            // Road edges have the road on their left.
-            if matches!(piece.kind, CurveKind::EdgeBoundary | CurveKind::EdgeMedian) {
-                piece.points.reverse();
-            }
+        self.points.iter_mut().for_each(|p| *p = flip(*p));
+        // Road edges have the road on their left.
+        if matches!(self.kind, CurveKind::EdgeBoundary | CurveKind::EdgeMedian) {
+            self.points.reverse();
         }
     }
 
     fn stretch(&mut self, factor: f64) {
-        self.iter_mut().flat_map(|piece| &mut piece.points).for_each(|p| *p *= factor);
+        self.points.iter_mut().for_each(|p| *p *= factor);
     }
 }
 

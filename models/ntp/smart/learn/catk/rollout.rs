@@ -1,7 +1,7 @@
 //! The rollout: the network drives, kept near the record.
 
-use reactsim::dynamics::Pose;
-use reactsim::training::Stream;
+use reactsim_dynamics::Pose;
+use reactsim_training::Stream;
 
 use super::super::super::super::token_loss::Target;
 use super::super::super::super::tokens::{ORIGIN, TokenNoise, Vocabulary, motion_between, moved};

@@ -2,10 +2,13 @@
 
 use burn::module::Module;
 use burn::tensor::Device;
-use reactsim::models::nn::Noise;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Task, View};
+use reactsim_learning::{
+    ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
+};
+use reactsim_nn::Noise;
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::super::{InputError, Scene, Smart, SmartPolicy};
 use super::super::Sample;
@@ -15,9 +18,6 @@ use super::super::sample::forget_unseen_pieces;
 use super::super::token_learning::TokenLearning;
 use super::CatkRecipe;
 use super::rollout::roll_out;
-use crate::models::learning::{
-    ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
-};
 
 /// Closed-loop fine-tuning of SMART and TrajTok.
 pub const TASK: TrainingTask = TrainingTask {

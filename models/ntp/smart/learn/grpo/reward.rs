@@ -1,7 +1,7 @@
 //! Rewards of the agents in a rollout.
 
-use reactsim::dynamics::Pose;
-use reactsim::geometry::{OrientedBox, direction, math};
+use reactsim_dynamics::Pose;
+use reactsim_geometry::{OrientedBox, direction, math};
 
 use super::super::closed_loop::{AV, RecordedAgent};
 use super::Rewards;
@@ -119,10 +119,10 @@ fn brings_about(paths: &Paths, a: usize, b: usize, frame: usize, dt: f64) -> boo
 
 #[cfg(test)]
 mod tests {
-    use reactsim::geometry::Vec2;
+    use reactsim_geometry::Vec2;
+    use reactsim_perception::Class;
 
     use super::*;
-    use crate::models::perception::Class;
 
     const REWARDS: Rewards =
         Rewards { av_contact: 1.0, contact: 0.5, distance: 0.1, most_distance: 4.0, discount: 0.5 };

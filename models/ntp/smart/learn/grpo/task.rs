@@ -3,9 +3,10 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
-use reactsim::rollout::Controller;
-use reactsim::scene::Scenario;
-use reactsim::training::{Output, Settings, Stream, Sums, Task, View};
+use reactsim_learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Settings, Stream, Sums, Task, View};
 
 use super::super::super::super::smoothing::Smoothing;
 use super::super::super::{Smart, SmartPolicy};
@@ -15,7 +16,6 @@ use super::super::sample::forget_unseen_pieces;
 use super::super::token_learning::TokenLearning;
 use super::GrpoRecipe;
 use super::rollout::{Rollout, choices, group};
-use crate::models::learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
 
 /// Closed-loop fine-tuning of SMART and TrajTok by rewards.
 pub const TASK: TrainingTask = TrainingTask {

@@ -1,0 +1,281 @@
+//! Errors that prevent or abort a run.
+
+use std::io;
+use std::path::PathBuf;
+
+use reactsim_baseline::ModelError;
+use reactsim_formats::FormatError;
+
+/// The reason why a run cannot start or finish. A problem with one scenario is a [`super::Failure`] instead.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EvaluationError {
+    /// A line of a file is damaged.
+    #[error("{} is damaged in line {line}: {source}; repeat the run, or restore the file", path.display())]
+    DamagedLine {
+        /// The file.
+        path: PathBuf,
+        /// Number of the line, from 1.
+        line: usize,
+        /// The parser error.
+        source: serde_json::Error,
+    },
+    /// Rows of a finished run are missing.
+    #[error(
+        "{}: the rows of scenario `{scenario}` with `{simulator}` are incomplete; repeat the run, or restore \
+         the file of rows",
+        path.display()
+    )]
+    IncompleteRows {
+        /// The run folder.
+        path: PathBuf,
+        /// Id of the scenario.
+        scenario: String,
+        /// Id of the simulator.
+        simulator: String,
+    },
+    /// Recorded rollouts fail checks.
+    #[error("the rollouts do not show what the scenarios ask for:{findings}")]
+    RolloutsRefused {
+        /// One line per check.
+        findings: String,
+    },
+    /// The batches of external simulators have no common size.
+    #[error(
+        "external simulators with batches of {batches:?} episodes: their least common multiple exceeds \
+         {most}; give --external-batch"
+    )]
+    UnevenBatches {
+        /// Sizes of the batches.
+        batches: Vec<usize>,
+        /// Largest possible common multiple.
+        most: usize,
+    },
+    /// There are other scenario files than planned.
+    #[error(
+        "there are {found} scenario files where {planned} were planned; restore the files, or plan again"
+    )]
+    OtherInputs {
+        /// Number of planned files.
+        planned: usize,
+        /// Number of files that were found.
+        found: usize,
+    },
+    /// Units would divide the batches of an external simulator.
+    #[error(
+        "units of {records} records divide the batches of `{simulator}`, which have {batch} episodes: give \
+         --unit a multiple of {batch}"
+    )]
+    DividedBatch {
+        /// Id of the simulator.
+        simulator: String,
+        /// Number of episodes per batch.
+        batch: usize,
+        /// Number of records per unit.
+        records: usize,
+    },
+    /// A file cannot be read.
+    #[error("could not read {path}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Underlying error.
+        source: io::Error,
+    },
+    /// A file cannot be written.
+    #[error("could not write {path}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Underlying error.
+        source: io::Error,
+    },
+    /// A file of a run folder is damaged.
+    #[error("{path} cannot be read: {source}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Underlying error.
+        source: serde_json::Error,
+    },
+    /// A run folder is not finished.
+    #[error("{path} holds no finished run; finish it by running the same command with --resume")]
+    Unfinished {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder is not a run folder.
+    #[error("{path} is not a run folder: it has no provenance.json")]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder is not the folder of a study.
+    #[error("{path} is not a study: it has no study.json")]
+    NoStudy {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Members of a study are not finished.
+    #[error(
+        "the study in {path} is not finished ({members}); finish it by running the same command with --resume"
+    )]
+    UnfinishedStudy {
+        /// The folder.
+        path: PathBuf,
+        /// Names of the members.
+        members: String,
+    },
+    /// The run folder exists and is not empty.
+    #[error(
+        "{path} exists and is not empty; give --resume to continue the run in it, or choose another folder"
+    )]
+    Exists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The run folder holds a run with other settings.
+    #[error(
+        "cannot resume {path}: `{setting}` is {old} there and {new} now; \
+         give the same settings or another folder"
+    )]
+    OtherSettings {
+        /// The folder.
+        path: PathBuf,
+        /// Name of the setting.
+        setting: String,
+        /// Its value in the folder.
+        old: String,
+        /// Its value now.
+        new: String,
+    },
+    /// A reference has no rows.
+    #[error("{path} holds aggregates only: rows of its scenarios are not published")]
+    AggregatesOnly {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A reference has no events and no rollouts.
+    #[error("{path} is a reference, which has no events: use the folder of its run for pages")]
+    NoEvents {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A run kept no rollouts.
+    #[error("{path} has no rollouts: run again with --keep-rollouts")]
+    NoRollouts {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// One simulator of a run is needed.
+    #[error(
+        "{path} has the simulators {}{}: choose one with --simulator",
+        .ids.join(", "),
+        .asked.as_ref().map_or_else(String::new, |id| format!(", not `{id}`"))
+    )]
+    WhichSimulator {
+        /// The folder.
+        path: PathBuf,
+        /// The simulator that was asked for.
+        asked: Option<String>,
+        /// Those of the run.
+        ids: Vec<String>,
+    },
+    /// Another run is writing to the folder.
+    #[error("another run is writing to {path}")]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// There is no such simulator.
+    #[error("there is no simulator `{id}`; there are: {known}")]
+    UnknownSimulator {
+        /// The id.
+        id: String,
+        /// Ids of all simulators.
+        known: String,
+    },
+    /// The label of a variant is not a name.
+    #[error("`{id}`: the label after `@` has letters, digits, `-` and `_`, as in ntp-reactive@mine")]
+    WrongLabel {
+        /// The id.
+        id: String,
+    },
+    /// A simulator is named twice.
+    #[error("the simulator `{id}` is named twice")]
+    RepeatedSimulator {
+        /// The id.
+        id: String,
+    },
+    /// Weights or a parameter are for a simulator that does not run.
+    #[error(
+        "weights or parameters are given for the simulator `{id}`, which does not run: \
+         name it in --models too"
+    )]
+    NotRun {
+        /// The id.
+        id: String,
+    },
+    /// There are two weights files for one simulator.
+    #[error("the simulator `{id}` is given weights twice")]
+    WeightsTwice {
+        /// The id.
+        id: String,
+    },
+    /// There are two values for one parameter.
+    #[error("the parameter `{key}` of `{id}` is set twice")]
+    ParameterTwice {
+        /// The id.
+        id: String,
+        /// Dotted path of the parameter.
+        key: String,
+    },
+    /// A run has no such simulator.
+    #[error("the run has no simulator `{id}`; it has: {known}")]
+    NotInRun {
+        /// The id.
+        id: String,
+        /// Ids of its simulators.
+        known: String,
+    },
+    /// One id names different scenarios in two runs.
+    #[error(
+        "the scenario `{id}` is not the same in both runs: only runs on the same scenarios can be compared"
+    )]
+    OtherScenario {
+        /// The id.
+        id: String,
+    },
+    /// Two runs have no scenario in common.
+    #[error("the runs have no scenario in common for which both have a result")]
+    NothingInCommon,
+    /// A kept rollout does not match its scenario.
+    #[error("{path}: the rollout of scenario `{scenario}` does not match it: {source}; make the run again")]
+    ForeignRollout {
+        /// The file.
+        path: PathBuf,
+        /// Id of the scenario.
+        scenario: String,
+        /// Underlying error.
+        source: Box<super::ForeignRollout>,
+    },
+    /// A record of a scenario file is not the scenario that a run read there.
+    #[error(
+        "{file}: record {record} is not the scenario with the digest {digest} that the run found there; \
+         was it read by another version of the program?"
+    )]
+    NotThatScenario {
+        /// Name of the file.
+        file: String,
+        /// Index of the record.
+        record: usize,
+        /// Digest of the scenario that was expected.
+        digest: String,
+    },
+    /// A simulator cannot be created.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A file of scenarios, deviations or rollouts cannot be used.
+    #[error("{0}")]
+    Format(#[from] FormatError),
+}

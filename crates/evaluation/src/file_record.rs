@@ -1,0 +1,149 @@
+//! Records of files: name, size and digest.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use reactsim_files::{FileDigest, digest, name_of};
+use reactsim_formats::Input;
+use serde::{Deserialize, Serialize};
+
+use super::EvaluationError;
+
+/// A file of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileRecord {
+    /// Name without its folder, so that moving the folder does not change the input.
+    pub name: String,
+    /// Id of its format.
+    pub format: String,
+    /// Size, bytes.
+    pub bytes: u64,
+    /// BLAKE3 digest of its content.
+    pub blake3: String,
+    /// The requested current frame; absent if it is the one defined by the format.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub current_frame: Option<usize>,
+    /// Whether all agents are simulated, of all kinds and any number.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub all_agents: bool,
+    /// Other files from which its scenarios are read, such as maps.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub companions: Vec<CompanionRecord>,
+}
+
+/// An additional file from which the scenarios of another file are read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompanionRecord {
+    /// Name without its folder.
+    pub name: String,
+    /// Size, bytes.
+    pub bytes: u64,
+    /// BLAKE3 digest of its content.
+    pub blake3: String,
+}
+
+impl FileRecord {
+    /// Creates the record of a file, which is read to its end for size and digest.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file.
+    pub fn of(path: &Path, format: &str) -> Result<Self, EvaluationError> {
+        let CompanionRecord { name, bytes, blake3 } = CompanionRecord::of(path)?;
+        let format = format.to_owned();
+        Ok(Self {
+            name,
+            format,
+            bytes,
+            blake3,
+            current_frame: None,
+            all_agents: false,
+            companions: Vec::new(),
+        })
+    }
+
+    /// Creates the record of a file whose content is embedded in the program.
+    pub fn of_content(name: &str, format: &str, content: &[u8]) -> Self {
+        Self {
+            name: name.to_owned(),
+            format: format.to_owned(),
+            bytes: content.len() as u64,
+            blake3: blake3::hash(content).to_hex().to_string(),
+            current_frame: None,
+            all_agents: false,
+            companions: Vec::new(),
+        }
+    }
+
+    /// Returns whether an input has the name, format and options of this record.
+    pub(super) fn is_named(&self, input: &Input) -> bool {
+        name_of(&input.path) == self.name.as_str()
+            && input.format.id() == self.format
+            && (input.current_frame, input.all_agents) == (self.current_frame, self.all_agents)
+    }
+
+    /// Returns whether its scenarios are read as the format defines them.
+    pub(super) fn is_plain(&self) -> bool {
+        self.current_frame.is_none() && !self.all_agents
+    }
+
+    /// Returns the digest of everything that determines the scenarios: the content, and the current frame and
+    /// companions if there are any.
+    pub fn digest(&self) -> String {
+        if self.is_plain() && self.companions.is_empty() {
+            return self.blake3.clone();
+        }
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.blake3.as_bytes());
+        hasher.update(format!(" {:?}", self.current_frame).as_bytes());
+        if self.all_agents {
+            hasher.update(b" all agents");
+        }
+        for companion in &self.companions {
+            hasher.update(companion.blake3.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+impl CompanionRecord {
+    /// Creates the record of a file, which is read to its end.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file.
+    pub fn of(path: &Path) -> Result<Self, EvaluationError> {
+        let read = |source| EvaluationError::Read { path: path.to_owned(), source };
+        let FileDigest { bytes, blake3 } = digest(path).map_err(read)?;
+        Ok(Self { name: name_of(path).into_owned(), bytes, blake3 })
+    }
+}
+
+/// Creates the records of inputs. Files that several of them share, such as maps, are read once.
+#[derive(Default)]
+pub struct Registrar {
+    companions: BTreeMap<PathBuf, CompanionRecord>,
+}
+
+impl Registrar {
+    /// Creates the record of an input with all files that it is read from.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Read`] names the file that cannot be read. A missing companion is not an error
+    /// here: reading the scenarios will report it.
+    pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
+        let mut record = FileRecord::of(&input.path, input.format.id())?;
+        record.current_frame = input.current_frame;
+        record.all_agents = input.all_agents;
+        for path in input.format.companions(&input.path) {
+            if let Some(known) = self.companions.get(&path) {
+                record.companions.push(known.clone());
+            } else if path.is_file() {
+                let companion = CompanionRecord::of(&path)?;
+                self.companions.insert(path, companion.clone());
+                record.companions.push(companion);
+            }
+        }
+        Ok(record)
+    }
+}

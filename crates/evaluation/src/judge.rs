@@ -1,0 +1,94 @@
+//! Scoring of the rollouts of one scenario and one simulator, and their rows.
+
+use std::collections::BTreeMap;
+
+use reactsim_metrics as metrics;
+use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
+use reactsim_rollout::Rollout;
+use reactsim_scene::{Certificate, Scenario};
+
+use super::folder::line;
+use super::row::{EventLine, Row, Value};
+
+/// The scores of the rollouts of one scenario and one simulator.
+pub(super) struct PairScores {
+    /// Scores of each rollout.
+    pub(super) rollouts: Vec<RolloutResult>,
+    /// Metrics over all rollouts.
+    pub(super) over_all: BTreeMap<String, Option<Value>>,
+}
+
+/// The scores of one rollout.
+pub(super) struct RolloutResult {
+    pub(super) metrics: BTreeMap<String, Option<Value>>,
+    pub(super) events: Vec<Event>,
+    pub(super) deviation: BTreeMap<String, f64>,
+    pub(super) direction_tracking: &'static str,
+}
+
+impl PairScores {
+    /// Returns one row per rollout and a last one over all rollouts, and the lines of the events. `template`
+    /// is the row of the scenario and the simulator without values.
+    pub(super) fn rows(self, template: Row, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+        let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
+        for ((index, rollout), result) in (0..).zip(rollouts).zip(self.rollouts) {
+            let row = Row {
+                rollout: Some(index),
+                direction_tracking: Some(result.direction_tracking.to_owned()),
+                metrics: result.metrics,
+                deviation: result.deviation,
+                outcomes: rollout.outcomes.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect(),
+                ..template.clone()
+            };
+            for event in &result.events {
+                events.push_str(&line(&EventLine::new(&row, index, event)));
+            }
+            rows.push(row);
+        }
+        rows.push(Row { metrics: self.over_all, ..template });
+        (rows, events)
+    }
+}
+
+/// Scores the rollouts of one scenario and one simulator. `certificate`: responses that avoid the AV of the
+/// rollouts, if known.
+pub(super) fn judge(
+    scenario: &Scenario,
+    certificate: Option<&Certificate>,
+    rollouts: &[Rollout],
+    options: Options,
+) -> PairScores {
+    let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
+    let all = metrics::score_rollouts(scenario, &tracks, options);
+    let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
+    let results = rollouts.iter().map(|rollout| {
+        let case = Case::of_rollout(scenario, rollout.tracks.clone(), options);
+        let scores = metrics::score_case(&case.with_certificate(certificate));
+        let own = scores.values.iter().filter(|(spec, _)| spec.scope == Scope::Rollout);
+        RolloutResult {
+            metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),
+            deviation: scores.deviation.map(|d| deviation(&d)).unwrap_or_default(),
+            direction_tracking: scores.dir_tracking.name(),
+            events: scores.events,
+        }
+    });
+    PairScores { rollouts: results.collect(), over_all: over_all.collect() }
+}
+
+/// Converts a score for files; `None` if it is not finite, which files cannot represent.
+fn finite(score: Score) -> Option<Value> {
+    score.value().is_none_or(f64::is_finite).then(|| Value::from(score))
+}
+
+/// Returns the statistics that are defined, by name.
+fn deviation(stats: &DeviationStats) -> BTreeMap<String, f64> {
+    let all = [
+        ("ade", stats.ade),
+        ("endpoint_lateral", stats.endpoint_lateral),
+        ("endpoint_longitudinal", stats.endpoint_longitudinal),
+        ("mean_speed_difference", stats.mean_speed_difference),
+    ];
+    let defined =
+        all.into_iter().filter_map(|(name, v)| Some((name.to_owned(), v.filter(|v| v.is_finite())?)));
+    defined.collect()
+}

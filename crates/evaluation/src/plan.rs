@@ -1,0 +1,239 @@
+//! The plan of a run, checked before the first scenario.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use reactsim_formats::deviations::{self, DeviationRecord};
+use reactsim_metrics::Options;
+use reactsim_nn::cpu_class;
+use reactsim_rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
+use reactsim_scene::{AgentState, DeviatedTrack, Scenario};
+
+use super::EvaluationError;
+use super::av::AvChoice;
+use super::benchmarks::BenchmarkRecord;
+use super::file_record::FileRecord;
+use super::known_deviation::KnownDeviation;
+use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
+use super::selection::Selection;
+use super::simulators::PlannedSimulator;
+use super::source::Source;
+use super::tally::Tally;
+
+/// The settings that determine the numbers of a run, apart from scenarios and simulators.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunSettings {
+    /// Protocol, replan interval, lookahead, seed.
+    pub rollout: Settings,
+    /// AV policy in the reactive protocol.
+    pub av: AvChoice,
+    /// Number of rollouts per scenario and simulator, at least 1.
+    pub rollouts: u32,
+    /// Variants of the metrics.
+    pub options: Options,
+    /// Maximum number of scenarios per source. Only recorded here; the sources are already opened with this
+    /// limit.
+    pub limit: Option<usize>,
+    /// Scenarios of the sources that are used.
+    pub selection: Selection,
+}
+
+/// Deviated AVs by scenario id, with their file.
+pub struct Deviations {
+    /// The file.
+    pub file: FileRecord,
+    /// Deviated AVs by scenario id.
+    pub tracks: BTreeMap<String, DeviationRecord>,
+}
+
+impl Deviations {
+    /// Reads a file of deviations, Parquet or JSON.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be read or is invalid.
+    pub fn read(path: &Path) -> Result<Self, EvaluationError> {
+        let tracks = deviations::read(path)?;
+        Ok(Self { file: FileRecord::of(path, "deviations")?, tracks })
+    }
+}
+
+/// A run: sources × simulators × rollouts.
+pub struct Plan {
+    /// Sources of scenarios.
+    pub sources: Vec<Source>,
+    /// Simulators in the order of the tables.
+    pub simulators: Vec<PlannedSimulator>,
+    /// Deviated AVs from a file. If given, the deviated AVs that scenarios carry are ignored, so that two
+    /// sets are not mixed. In the realism protocol, which has no deviated AVs, the file selects the
+    /// scenarios.
+    pub deviations: Option<Deviations>,
+    /// Settings.
+    pub settings: RunSettings,
+    /// Whether the run folder keeps the rollouts.
+    pub keep_rollouts: bool,
+}
+
+/// The reason why a scenario has no AV.
+#[derive(Debug, thiserror::Error)]
+pub enum NoAv {
+    /// The scenario carries no deviated trajectory.
+    #[error("no deviated AV; give --deviations with one for this scenario, or choose another --av")]
+    Missing,
+    /// The trajectory was made for another scenario.
+    #[error(
+        "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} (in {file})"
+    )]
+    OtherScenario {
+        /// Name of the file of deviations.
+        file: String,
+        /// Digest that the trajectory names.
+        wanted: String,
+        /// Digest of the scenario.
+        found: String,
+    },
+    /// The trajectory is invalid.
+    #[error(transparent)]
+    Refused(#[from] AvError),
+    /// The trajectory in a file of deviations is invalid.
+    #[error("{source} (in {file})")]
+    RefusedDeviation {
+        /// Name of the file.
+        file: String,
+        /// The reason.
+        source: AvError,
+    },
+}
+
+impl Plan {
+    /// Returns the provenance of the run.
+    pub fn provenance(&self) -> Provenance {
+        let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
+        let backend = self.simulators.iter().find_map(|s| s.backend);
+        Provenance {
+            version: program_version().to_owned(),
+            commit: program_commit().to_owned(),
+            settings: SettingsRecord {
+                protocol: protocol.name().to_owned(),
+                av: match protocol {
+                    Protocol::Reactive => self.settings.av.to_string(),
+                    Protocol::Realism => "simulator".to_owned(),
+                },
+                replan_steps: replan.steps(),
+                av_lookahead,
+                seed,
+                rollouts: self.settings.rollouts,
+                limit: self.settings.limit,
+                selection: self.settings.selection.clone(),
+            },
+            metric_options: {
+                let named = self.settings.options.named();
+                named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+            },
+            simulators: self
+                .simulators
+                .iter()
+                .map(|s| SimulatorRecord {
+                    id: s.id.clone(),
+                    title: s.title.clone(),
+                    oracle: s.controller.is_oracle(),
+                    card: blake3::hash(s.card.as_bytes()).to_hex().to_string(),
+                    parameters: s.parameters.clone(),
+                    weights: s.weights.clone(),
+                    external: s.external.clone(),
+                })
+                .collect(),
+            inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
+            deviations: self.deviations.as_ref().map(|d| d.file.clone()),
+            benchmark: match (self.sources.as_slice(), &self.deviations, self.settings.limit) {
+                ([source], None, None) if self.settings.selection.is_all() => {
+                    BenchmarkRecord::of(&source.file)
+                }
+                _ => None,
+            },
+            backend: backend.map(|b| b.name().to_owned()),
+            cpu: backend.map(|_| cpu_class().to_owned()),
+            keep_rollouts: Some(self.keep_rollouts),
+        }
+    }
+
+    /// Returns the number of deviations in the file whose scenarios are selected by id.
+    pub(super) fn selected_deviations(&self) -> usize {
+        let ids = self.deviations.iter().flat_map(|d| d.tracks.keys());
+        ids.filter(|id| self.settings.selection.has_id(id)).count()
+    }
+
+    /// Returns an empty tally for the values of the run.
+    pub fn tally(&self) -> Tally {
+        Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.settings.rollouts)
+    }
+
+    /// Returns whether a scenario that has no AV for this reason is skipped rather than failed: a file of
+    /// deviations selects the scenarios.
+    pub(super) fn skips(&self, reason: &NoAv) -> bool {
+        matches!(reason, NoAv::Missing) && self.deviations.is_some()
+    }
+
+    /// Returns the deviated trajectory of a scenario in its coordinate frame.
+    fn deviated(&self, scenario: &Scenario) -> Result<DeviatedTrack, NoAv> {
+        if let Some(deviations) = &self.deviations {
+            let record = deviations.tracks.get(&scenario.id).ok_or(NoAv::Missing)?;
+            if let Some(wanted) = &record.scenario_digest {
+                let found = scenario.digest();
+                if found != *wanted {
+                    let (file, wanted) = (deviations.file.name.clone(), wanted.clone());
+                    return Err(NoAv::OtherScenario { file, wanted, found });
+                }
+            }
+            return Ok(DeviatedTrack {
+                category: record.category,
+                track: record.track_in(scenario.origin),
+                certificate: record.certificate_in(scenario.origin),
+            });
+        }
+        scenario.deviation.clone().ok_or(NoAv::Missing)
+    }
+
+    /// Returns the AV policy of a scenario and the properties of its deviation from the log.
+    ///
+    /// # Errors
+    /// [`NoAv`] if the scenario has no AV, or an invalid trajectory.
+    pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, KnownDeviation), NoAv> {
+        if self.settings.rollout.protocol == Protocol::Realism {
+            if self.deviations.is_some() {
+                self.deviated(scenario)?;
+            }
+            return Ok((Box::new(SimulatorControlledAv), KnownDeviation::default()));
+        }
+        Ok(match &self.settings.av {
+            AvChoice::Deviated | AvChoice::File(_) => {
+                let deviated = self.deviated(scenario)?;
+                let known = KnownDeviation::of(&deviated);
+                let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
+                let av = av.map_err(|source| match &self.deviations {
+                    Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
+                    None => NoAv::Refused(source),
+                })?;
+                (Box::new(av), known)
+            }
+            AvChoice::Log => (Box::new(LogAv::new(scenario)?), KnownDeviation::default()),
+            AvChoice::Scripted(script) => {
+                (Box::new(ScriptedAv::new(scenario, *script)?), KnownDeviation::default())
+            }
+        })
+    }
+}
+
+/// Placeholder policy for the realism protocol: the simulator moves the AV, and the engine never calls the
+/// policy.
+#[derive(Clone)]
+struct SimulatorControlledAv;
+
+impl AvPolicy for SimulatorControlledAv {
+    fn copy(&self) -> Box<dyn AvPolicy> {
+        Box::new(self.clone())
+    }
+
+    fn next(&mut self, seen: &reactsim_rollout::Observation<'_>) -> Result<AgentState, AvError> {
+        Err(AvError::Absent { step: seen.step() + 1 })
+    }
+}

@@ -1,0 +1,229 @@
+//! Provenance of results: program, settings, inputs, models.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use reactsim_baseline::WeightsFile;
+use reactsim_external as external;
+use reactsim_external::ExternalSimulator;
+use reactsim_shards::differences;
+use serde::{Deserialize, Serialize};
+
+use super::access::Access;
+use super::benchmarks::BenchmarkRecord;
+use super::file_record::FileRecord;
+use super::selection::Selection;
+
+/// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
+/// parameters and weights, and for networks the backend and the class of the processor.
+///
+/// Two runs with equal provenance have equal results if their commit is known and has no `+`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Version of the program.
+    pub version: String,
+    /// Commit from which the program was built, `unknown` outside a checkout; ends with `+` if files were
+    /// changed since.
+    pub commit: String,
+    /// Settings of the run.
+    pub settings: SettingsRecord,
+    /// Variants of the metrics.
+    pub metric_options: BTreeMap<String, String>,
+    /// Simulators in the order of the tables.
+    pub simulators: Vec<SimulatorRecord>,
+    /// Scenario files in the order of reading.
+    pub inputs: Vec<FileRecord>,
+    /// The file of deviated AVs, if given.
+    pub deviations: Option<FileRecord>,
+    /// The known benchmark of the inputs; `None` for other inputs, for a part of a benchmark (`--limit`,
+    /// `--id`, `--category`), and with a file of deviations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub benchmark: Option<BenchmarkRecord>,
+    /// Name of the tensor backend, such as `flex`; `None` if no simulator has a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backend: Option<String>,
+    /// Class of the processor, such as `x86_64-v3` ([`cpu_class`](reactsim_nn::cpu_class)); `None` if
+    /// no simulator has a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
+    /// Whether rollouts are kept; omitted from the summary, which does not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_rollouts: Option<bool>,
+}
+
+/// Protocol of scored rollouts of other programs.
+const RECORDED: &str = "recorded";
+
+/// The settings of a run, as stored in files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SettingsRecord {
+    /// `reactive` or `realism`; `recorded` for scored rollouts of other programs.
+    pub protocol: String,
+    /// AV policy; `simulator` in the realism protocol.
+    pub av: String,
+    /// Number of steps between two plans.
+    pub replan_steps: usize,
+    /// Whether agents at t+1 observe the AV at t+1.
+    pub av_lookahead: bool,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Number of rollouts per scenario and simulator.
+    pub rollouts: u32,
+    /// Maximum number of scenarios per file; absent if unlimited.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<usize>,
+    /// Scenarios that were selected; absent if all.
+    #[serde(default, skip_serializing_if = "Selection::is_all")]
+    pub selection: Selection,
+}
+
+impl SettingsRecord {
+    /// Returns the settings of recorded rollouts, of which only their number is known.
+    pub fn recorded(rollouts: u32) -> Self {
+        Self {
+            protocol: RECORDED.to_owned(),
+            av: RECORDED.to_owned(),
+            replan_steps: 0,
+            av_lookahead: false,
+            seed: 0,
+            rollouts,
+            limit: None,
+            selection: Selection::default(),
+        }
+    }
+}
+
+/// A simulator of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorRecord {
+    /// Id.
+    pub id: String,
+    /// Name in tables.
+    pub title: String,
+    /// Whether the simulator gets the log's future.
+    pub oracle: bool,
+    /// BLAKE3 digest of its card, which contains its parameters.
+    pub card: String,
+    /// Parameters that differ from the card, by dotted path, in TOML notation.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, String>,
+    /// Weights, if the simulator has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<WeightsRecord>,
+    /// The external program that is the simulator, if it is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external: Option<ExternalRecord>,
+}
+
+/// An external simulator, as it states itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExternalRecord {
+    /// Command line, or `@stdio`.
+    pub command: String,
+    /// Version of the protocol.
+    pub protocol: String,
+    /// Stated name.
+    pub name: String,
+    /// Stated version; may be empty.
+    pub version: String,
+    /// Stated SHA-256 digest of its weights, if it has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights_sha256: Option<String>,
+    /// Number of episodes per batch, which can change the last bits of a network.
+    pub batch: usize,
+    /// Whether it receives ids and world coordinates.
+    pub reveals_ids: bool,
+}
+
+impl ExternalRecord {
+    /// Creates the record of a simulator.
+    pub fn of(simulator: &ExternalSimulator) -> Self {
+        let stated = simulator.description();
+        Self {
+            command: simulator.command().text().to_owned(),
+            protocol: external::PROTOCOL.to_owned(),
+            name: stated.name.clone(),
+            version: stated.version.clone(),
+            weights_sha256: stated.weights_sha256.clone(),
+            batch: simulator.batch(),
+            reveals_ids: simulator.reveals_ids(),
+        }
+    }
+}
+
+impl SimulatorRecord {
+    /// Returns what the simulator can know beyond its observations.
+    pub fn access(&self) -> Access {
+        match &self.external {
+            _ if self.oracle => Access::Oracle,
+            None => Access::Blind,
+            Some(external) if external.reveals_ids => Access::Ids,
+            Some(_) => Access::BlindByMessage,
+        }
+    }
+
+    /// Returns whether the simulator runs a network.
+    pub fn is_network(&self) -> bool {
+        self.weights.is_some()
+    }
+}
+
+/// The weights of a simulator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeightsRecord {
+    /// Name of the file, without its folder.
+    pub name: String,
+    /// Size, bytes.
+    pub bytes: u64,
+    /// SHA-256 digest of the content.
+    pub sha256: String,
+}
+
+impl WeightsRecord {
+    /// Creates the record of a file.
+    pub fn of(file: &WeightsFile) -> Self {
+        Self { name: file.name.clone(), bytes: file.bytes.len() as u64, sha256: file.digest.clone() }
+    }
+}
+
+/// Returns the version of this program.
+pub fn program_version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}
+
+/// The commit from which the program was built. The crate of the program sets it: only a change there compiles
+/// anew after every edit.
+static COMMIT: OnceLock<&'static str> = OnceLock::new();
+
+/// Sets the commit from which this program was built; later calls change nothing.
+pub fn set_program_commit(commit: &'static str) {
+    COMMIT.get_or_init(|| commit);
+}
+
+/// Returns the commit from which this program was built, or `unknown`.
+pub fn program_commit() -> &'static str {
+    COMMIT.get().copied().unwrap_or("unknown")
+}
+
+impl Provenance {
+    /// Returns the first setting in which two runs differ, with its value in each.
+    pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
+        let (name, mine, theirs) = differences(self, other).into_iter().next()?;
+        Some((name.trim_start_matches("settings.").to_owned(), mine, theirs))
+    }
+
+    /// Returns whether the rollouts are recordings of other programs, about whose settings little is known.
+    pub fn is_recorded(&self) -> bool {
+        self.settings.protocol == RECORDED
+    }
+
+    /// Returns whether the program was built from a known commit without changes.
+    pub fn is_clean(&self) -> bool {
+        self.commit != "unknown" && !self.commit.ends_with('+')
+    }
+}

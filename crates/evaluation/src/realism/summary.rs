@@ -1,0 +1,77 @@
+//! The aggregates of a leaderboard for each simulator of a study, as a file.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::RealismScores;
+use crate::folder::{cannot_read, replace};
+use crate::{Estimate, EvaluationError};
+
+/// Name of the file with the realism metrics of the simulators of a study.
+pub const REALISM_SUMMARY: &str = "wosac.json";
+/// Name of the file with the realism metrics of every scenario, as JSON lines.
+pub const REALISM_ROWS: &str = "wosac.jsonl";
+
+/// The realism metrics of a simulator: means over scenarios with intervals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RealismSummary {
+    /// Id of the simulator.
+    pub id: String,
+    /// Title of the simulator.
+    pub title: String,
+    /// Id of the configuration of the metrics.
+    pub config: String,
+    /// Number of scenarios with scores.
+    pub scenarios: usize,
+    /// Number of scenarios without scores.
+    pub failures: usize,
+    /// Aggregates by the names of the official message; metrics that the configuration lacks are absent.
+    pub aggregates: BTreeMap<String, Estimate>,
+}
+
+impl RealismSummary {
+    /// Summarises the scores of a simulator in their first configuration; `None` without scores.
+    pub fn of(id: &str, scores: &RealismScores) -> Option<Self> {
+        let config = scores.configs.first().filter(|_| !scores.rows.is_empty())?;
+        let aggregates = scores.aggregates(0).into_iter().filter(|(_, estimate)| estimate.mean.is_some());
+        Some(Self {
+            id: id.to_owned(),
+            title: scores.method.clone(),
+            config: config.id.to_owned(),
+            scenarios: scores.rows.len(),
+            failures: scores.failures.len(),
+            aggregates: aggregates.map(|(name, estimate)| (name.to_owned(), estimate)).collect(),
+        })
+    }
+
+    /// Writes summaries into the folder of a study.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be written.
+    pub fn write_all(summaries: &[Self], study: &Path) -> Result<(), EvaluationError> {
+        replace(&study.join(REALISM_SUMMARY), |out| {
+            serde_json::to_writer_pretty(&mut *out, summaries)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    /// Reads the summaries in the folder of a study; none if it has none.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be read or is damaged.
+    pub fn read_all(study: &Path) -> Result<Vec<Self>, EvaluationError> {
+        let path = study.join(REALISM_SUMMARY);
+        match fs::read_to_string(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+            Err(e) => Err(cannot_read(&path)(e)),
+            Ok(text) => {
+                serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
+            }
+        }
+    }
+}

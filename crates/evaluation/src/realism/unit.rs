@@ -1,0 +1,122 @@
+//! Scores of a unit in a file.
+
+use std::path::Path;
+
+use reactsim_metrics::wosac::{Feature, WosacMetrics};
+use reactsim_shards::{FinishedUnit, ShardError};
+use serde::{Deserialize, Serialize};
+
+use super::scores::{RealismFailure, RealismRow, RealismScores};
+use crate::EvaluationError;
+use crate::folder::replace;
+
+/// Name of the file with the scores of a unit.
+pub const UNIT_SCORES: &str = "scores.json";
+
+/// Scores of a unit.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UnitScores {
+    rows: Vec<RowRecord>,
+    failures: Vec<FailureRecord>,
+    missing: Vec<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RowRecord {
+    scenario_id: String,
+    rollouts: usize,
+    metrics: Vec<MetricsRecord>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MetricsRecord {
+    metametric: f64,
+    displacements: [f64; 2],
+    likelihoods: [Option<f64>; Feature::COUNT],
+    rates: [f64; 2],
+    traffic_light_violation_rate: Option<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FailureRecord {
+    scenario_id: Option<String>,
+    error: String,
+}
+
+impl MetricsRecord {
+    fn of(metrics: &WosacMetrics) -> Self {
+        Self {
+            metametric: metrics.metametric,
+            displacements: [metrics.average_displacement_error, metrics.min_average_displacement_error],
+            likelihoods: metrics.likelihoods,
+            rates: [metrics.simulated_collision_rate, metrics.simulated_offroad_rate],
+            traffic_light_violation_rate: metrics.simulated_traffic_light_violation_rate,
+        }
+    }
+
+    fn metrics(self) -> WosacMetrics {
+        let ([mean, min], [collisions, offroad]) = (self.displacements, self.rates);
+        WosacMetrics {
+            metametric: self.metametric,
+            average_displacement_error: mean,
+            min_average_displacement_error: min,
+            likelihoods: self.likelihoods,
+            simulated_collision_rate: collisions,
+            simulated_offroad_rate: offroad,
+            simulated_traffic_light_violation_rate: self.traffic_light_violation_rate,
+        }
+    }
+}
+
+impl RealismScores {
+    /// Writes the scores of a unit to a folder.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`].
+    ///
+    /// # Panics
+    /// Never: scores are text and numbers.
+    pub fn write_unit(&self, folder: &Path) -> Result<(), EvaluationError> {
+        let row = |row: &RealismRow| RowRecord {
+            scenario_id: row.scenario_id.clone(),
+            rollouts: row.rollouts,
+            metrics: row.metrics.iter().map(MetricsRecord::of).collect(),
+        };
+        let failure = |failure: &RealismFailure| FailureRecord {
+            scenario_id: failure.scenario_id.clone(),
+            error: failure.error.clone(),
+        };
+        let unit = UnitScores {
+            rows: self.rows.iter().map(row).collect(),
+            failures: self.failures.iter().map(failure).collect(),
+            missing: self.missing.clone(),
+        };
+        let text = serde_json::to_string(&unit).expect("scores are text and numbers");
+        replace(&folder.join(UNIT_SCORES), |out| writeln!(out, "{text}"))
+    }
+
+    /// Adds the scores of a finished unit.
+    ///
+    /// # Errors
+    /// [`ShardError::Damaged`].
+    pub fn add_unit(&mut self, unit: &FinishedUnit) -> Result<(), ShardError> {
+        let damaged = |reason: String| unit.damaged(format!("{UNIT_SCORES}: {reason}"));
+        let text = std::fs::read(unit.results().join(UNIT_SCORES)).map_err(|e| damaged(e.to_string()))?;
+        let scores: UnitScores = serde_json::from_slice(&text).map_err(|e| damaged(e.to_string()))?;
+        for RowRecord { scenario_id, rollouts, metrics } in scores.rows {
+            if metrics.len() != self.configs.len() {
+                return Err(damaged(format!("`{scenario_id}` has {} metrics", metrics.len())));
+            }
+            let metrics = metrics.into_iter().map(MetricsRecord::metrics).collect();
+            self.rows.push(RealismRow { scenario_id, rollouts, metrics });
+        }
+        let failure = |FailureRecord { scenario_id, error }| RealismFailure { scenario_id, error };
+        self.failures.extend(scores.failures.into_iter().map(failure));
+        self.missing.extend(scores.missing);
+        Ok(())
+    }
+}

@@ -1,0 +1,145 @@
+//! Scores of rollouts that any program recorded, scenario by scenario.
+
+use std::collections::BTreeMap;
+
+use reactsim_formats::rollouts::RolloutRecord;
+use reactsim_metrics::Options;
+use reactsim_rollout::Rollout;
+use reactsim_scene::Scenario;
+
+use super::judge::judge;
+use super::known_deviation::KnownDeviation;
+use super::rollout_checks::{self, Findings, RolloutCheck};
+use super::rollouts::recorded_tracks;
+use super::row::{RecordPosition, Row};
+
+/// Recorded rollouts, which are scored scenario by scenario in the order in which scenarios are read.
+#[derive(Debug)]
+pub(super) struct Recorded {
+    records: BTreeMap<String, Vec<RolloutRecord>>,
+    simulators: Vec<String>,
+    /// Number of rollouts that every scenario must have with every simulator: the largest there is.
+    rollouts: usize,
+    findings: Findings,
+    options: Options,
+}
+
+/// The scores of the rollouts of one scenario and one simulator.
+pub(super) struct ScoredPair {
+    /// Index of the simulator.
+    pub(super) simulator: usize,
+    pub(super) rollouts: Vec<Rollout>,
+    pub(super) rows: Vec<Row>,
+    /// Lines of the events.
+    pub(super) events: String,
+}
+
+impl Recorded {
+    /// Takes recorded rollouts. Simulators are in the order of their first rollout.
+    pub(super) fn new(rollouts: Vec<RolloutRecord>, options: Options) -> Self {
+        let mut simulators: Vec<String> = Vec::new();
+        let mut records: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
+        let mut counts: BTreeMap<(String, String), usize> = BTreeMap::new();
+        for record in rollouts {
+            if !simulators.contains(&record.simulator) {
+                simulators.push(record.simulator.clone());
+            }
+            *counts.entry((record.scenario_id.clone(), record.simulator.clone())).or_default() += 1;
+            records.entry(record.scenario_id.clone()).or_default().push(record);
+        }
+        let rollouts = counts.into_values().max().unwrap_or_default();
+        Self { records, simulators, rollouts, findings: Findings::default(), options }
+    }
+
+    /// Scores all rollouts of a scenario. Returns the scores per simulator, and the failures with the name of
+    /// the simulator. A scenario without rollouts is skipped.
+    pub(super) fn score(
+        &mut self,
+        place: RecordPosition,
+        scenario: &Scenario,
+    ) -> Vec<Result<ScoredPair, (String, String)>> {
+        let mut groups: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
+        for record in self.records.remove(&scenario.id).unwrap_or_default() {
+            groups.entry(record.simulator.clone()).or_default().push(record);
+        }
+        let mut scored = Vec::new();
+        for (simulator, name) in self.simulators.iter().enumerate() {
+            let Some(mut records) = groups.remove(name) else {
+                self.findings.add(RolloutCheck::Coverage, || {
+                    format!("scenario `{}` has no rollout of `{name}`", scenario.id)
+                });
+                continue;
+            };
+            records.sort_by_key(|r| r.rollout);
+            let pair = rollouts_of(scenario, &records).and_then(|rollouts| {
+                if rollouts.len() != self.rollouts {
+                    let (n, all) = (rollouts.len(), self.rollouts);
+                    return Err(format!(
+                        "{n} rollouts, where others have {all}; give the same number for all"
+                    ));
+                }
+                for (index, rollout) in rollouts.iter().enumerate() {
+                    let place = format!("scenario `{}`, `{name}`, rollout {index}", scenario.id);
+                    rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
+                }
+                let (rows, events) = score_rollouts(place, scenario, name, &rollouts, self.options);
+                Ok(ScoredPair { simulator, rollouts, rows, events })
+            });
+            scored.push(pair.map_err(|error| (name.clone(), error)));
+        }
+        scored
+    }
+
+    /// Returns the number of rollouts of every scenario and simulator.
+    pub(super) fn rollouts(&self) -> usize {
+        self.rollouts
+    }
+
+    /// Returns the rollouts that fail checks.
+    pub(super) fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// Returns the ids of the scenarios whose rollouts are not yet scored.
+    pub(super) fn left(&self) -> impl Iterator<Item = &str> {
+        self.records.keys().map(String::as_str)
+    }
+
+    /// Returns the names of the simulators.
+    pub(super) fn simulators(&self) -> &[String] {
+        &self.simulators
+    }
+}
+
+/// Returns the recorded rollouts of one scenario and one simulator, given in their order, with the tracks of
+/// all agents of the scenario.
+///
+/// # Errors
+/// A text that names the rollout that is missing, repeated or not of this scenario.
+pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Result<Vec<Rollout>, String> {
+    let rollouts = (0..).zip(records).map(|(index, record)| {
+        if record.rollout < index {
+            return Err(format!("rollout {} occurs twice", record.rollout));
+        }
+        if record.rollout > index {
+            return Err(format!("rollout {index} is missing (there is {}); count from 0", record.rollout));
+        }
+        let tracks = recorded_tracks(scenario, record).map_err(|e| format!("rollout {index}: {e}"))?;
+        Ok(Rollout { tracks, outcomes: BTreeMap::new() })
+    });
+    rollouts.collect()
+}
+
+/// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
+/// and the lines of their events.
+pub(super) fn score_rollouts(
+    place: RecordPosition,
+    scenario: &Scenario,
+    simulator: &str,
+    rollouts: &[Rollout],
+    options: Options,
+) -> (Vec<Row>, String) {
+    let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
+    let template = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
+    judge(scenario, deviation.certificate.as_ref(), rollouts, options).rows(template, rollouts)
+}

@@ -1,0 +1,171 @@
+//! The plan that repeats the run of a reference.
+
+use reactsim_baseline::{WeightsFile, weights};
+use reactsim_metrics::Options;
+use reactsim_rollout::{Protocol, Replan, Settings};
+use reactsim_shards::differences;
+
+use super::{Reference, ReferenceError};
+use crate::{
+    Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
+    Provenance, RunSettings, Source, program_version,
+};
+
+/// The inputs for repeating the run of a reference.
+pub struct RerunInputs {
+    /// Scenario files in the order of the provenance, opened with its limit.
+    pub sources: Vec<Source>,
+    /// The file of deviated AVs, if the run had one.
+    pub deviations: Option<Deviations>,
+    /// Weights that do not ship, by id.
+    pub weights: Vec<(String, WeightsFile)>,
+}
+
+impl Reference {
+    /// Plans the run of this reference again.
+    ///
+    /// # Errors
+    /// [`ReferenceError`] names the first difference between the reference and this program or the inputs:
+    /// version, inputs, deviations, simulators with their parameters and weights, settings.
+    pub fn plan(&self, inputs: RerunInputs) -> Result<Plan, ReferenceError> {
+        let stated = &self.provenance;
+        if stated.version != program_version() {
+            return Err(self.other("version", &stated.version, program_version(), USE_VERSION));
+        }
+        self.check_inputs(&inputs)?;
+        let ids: Vec<String> = stated.simulators.iter().map(|s| s.id.clone()).collect();
+        let parameters = stated.simulators.iter().flat_map(|simulator| {
+            let id = &simulator.id;
+            simulator.parameters.iter().map(move |(key, value)| (id.clone(), key.clone(), value.clone()))
+        });
+        let adjustments = Adjustments {
+            weights: self.weights(inputs.weights)?,
+            parameters: parameters.collect(),
+            smoothing: None,
+            backend: stated.backend.as_deref().and_then(|name| name.parse().ok()).unwrap_or_default(),
+        };
+        let plan = Plan {
+            sources: inputs.sources,
+            simulators: PlannedSimulator::adjusted(&ids, &adjustments)?,
+            deviations: inputs.deviations,
+            settings: self.settings()?,
+            keep_rollouts: false,
+        };
+        let (stated, found) = (comparable(stated, stated), comparable(&plan.provenance(), stated));
+        match differences(&stated, &found).into_iter().next() {
+            Some((field, stated, found)) => Err(self.other(field, stated, found, REMAKE)),
+            None => Ok(plan),
+        }
+    }
+
+    /// Returns the given weights and those that ship with the program, under whichever id, for the simulators
+    /// that had them.
+    fn weights(
+        &self,
+        mut given: Vec<(String, WeightsFile)>,
+    ) -> Result<Vec<(String, WeightsFile)>, ReferenceError> {
+        for simulator in &self.provenance.simulators {
+            let Some(stated) = &simulator.weights else { continue };
+            if given.iter().any(|(id, _)| *id == simulator.id) {
+                continue;
+            }
+            let shipped = weights::shipped_with_digest(&stated.sha256).map_err(EvaluationError::from)?;
+            given.extend(shipped.map(|file| (simulator.id.clone(), file)));
+        }
+        Ok(given)
+    }
+
+    /// Returns the settings in the provenance.
+    fn settings(&self) -> Result<RunSettings, ReferenceError> {
+        let stated = &self.provenance.settings;
+        let unknown = |field: &str, value: &dyn std::fmt::Display| {
+            let reason =
+                format!("provenance.json: `settings.{field}` is {value}, which this program does not know");
+            ReferenceError::Unfit { place: self.place.clone(), reason }
+        };
+        let protocol =
+            [Protocol::Reactive, Protocol::Realism].into_iter().find(|p| p.name() == stated.protocol);
+        let protocol = protocol.ok_or_else(|| unknown("protocol", &stated.protocol))?;
+        let av = match protocol {
+            Protocol::Realism => AvChoice::Log,
+            Protocol::Reactive => stated.av.parse().map_err(|_| unknown("av", &stated.av))?,
+        };
+        let replan = Replan::every(stated.replan_steps);
+        let replan = replan.ok_or_else(|| unknown("replan_steps", &stated.replan_steps))?;
+        let mut options = Options::default();
+        for (name, value) in &self.provenance.metric_options {
+            options.set(name, value).map_err(|error| ReferenceError::Unfit {
+                place: self.place.clone(),
+                reason: format!("provenance.json: {error}"),
+            })?;
+        }
+        let rollout = Settings { protocol, replan, av_lookahead: stated.av_lookahead, seed: stated.seed };
+        let (rollouts, limit, selection) = (stated.rollouts, stated.limit, stated.selection.clone());
+        Ok(RunSettings { rollout, av, rollouts, options, limit, selection })
+    }
+
+    /// Checks that inputs and deviations are those of the reference. Names of files may differ.
+    fn check_inputs(&self, inputs: &RerunInputs) -> Result<(), ReferenceError> {
+        let stated = &self.provenance;
+        let own: Vec<&FileRecord> = inputs.sources.iter().map(|s| &s.file).collect();
+        if let ([file], Some(benchmark), None) = (own.as_slice(), &stated.benchmark, &inputs.deviations)
+            && file.blake3 != benchmark.blake3
+        {
+            let found = BenchmarkRecord::of(file).map_or_else(
+                || format!("{} ({:.12})", file.name, file.blake3),
+                |b| format!("{b} ({:.12})", b.blake3),
+            );
+            let stated = format!("{benchmark} ({:.12})", benchmark.blake3);
+            return Err(self.other("benchmark", stated, found, GIVE_SCENARIOS));
+        }
+        if own.len() != stated.inputs.len() {
+            return Err(self.other("number of inputs", stated.inputs.len(), own.len(), GIVE_SCENARIOS));
+        }
+        let deviations = (stated.deviations.iter(), inputs.deviations.iter().map(|d| &d.file));
+        if let (Some(file), None) = (&stated.deviations, &inputs.deviations) {
+            return Err(self.other("deviations", &file.name, "absent", GIVE_DEVIATIONS));
+        }
+        if let (None, Some(given)) = (&stated.deviations, &inputs.deviations) {
+            return Err(self.other("deviations", "absent", &given.file.name, ""));
+        }
+        let all = stated.inputs.iter().zip(own).chain(deviations.0.zip(deviations.1));
+        for (stated, found) in all {
+            if stated.digest() != found.digest() {
+                let field = format!("digest of {}", stated.name);
+                return Err(self.other(field, stated.digest(), found.digest(), GIVE_SCENARIOS));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn other(
+        &self,
+        field: impl Into<String>,
+        stated: impl ToString,
+        found: impl ToString,
+        hint: &'static str,
+    ) -> ReferenceError {
+        let (stated, found) = (stated.to_string(), found.to_string());
+        ReferenceError::OtherRun { place: self.place.clone(), field: field.into(), stated, found, hint }
+    }
+}
+
+const USE_VERSION: &str = ": use the program of that version, or make the reference again";
+const REMAKE: &str = ": a reference is valid only for the program that made it; make it again";
+const GIVE_SCENARIOS: &str = ": give its scenarios with --scenarios PATH";
+const GIVE_DEVIATIONS: &str = ": give the file with --deviations FILE";
+
+/// Returns a provenance without the fields that may differ between a reference and a compared run: commit,
+/// machine, names of files. `of` is the provenance of the reference, whose files have been checked to be the
+/// same.
+fn comparable(provenance: &Provenance, of: &Provenance) -> Provenance {
+    Provenance {
+        commit: String::new(),
+        backend: None,
+        cpu: None,
+        keep_rollouts: None,
+        inputs: of.inputs.clone(),
+        deviations: of.deviations.clone(),
+        ..provenance.clone()
+    }
+}

@@ -1,0 +1,277 @@
+//! Rows of a run folder: the scores of one rollout, as one line.
+
+use std::collections::BTreeMap;
+
+use reactsim_metrics::{Event, Score};
+use reactsim_scene::Scenario;
+use serde::{Deserialize, Serialize};
+
+use super::known_deviation::KnownDeviation;
+
+/// The position of a record: its input and its index there. Everything that a run writes is sorted by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+pub struct RecordPosition {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+}
+
+/// The scores of one scenario, simulator and rollout; or, without a rollout, of all rollouts of the pair
+/// together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+    /// Id of the scenario.
+    pub scenario: String,
+    /// BLAKE3 digest of the scenario.
+    pub digest: String,
+    /// Id of the simulator.
+    pub simulator: String,
+    /// Index of the rollout; `None` for the metrics over all rollouts of the pair.
+    pub rollout: Option<u32>,
+    /// Category of the deviation, if known.
+    pub category: Option<String>,
+    /// Difficulty of avoiding the deviated AV, if known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub difficulty: Option<String>,
+    /// Method of assigning lanes for the driving direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction_tracking: Option<String>,
+    /// Value per metric; `None` if nothing could be evaluated.
+    pub metrics: BTreeMap<String, Option<Value>>,
+    /// Statistics of the deviated AV against the logged AV, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub deviation: BTreeMap<String, f64>,
+    /// Number of outcomes of parts of plans, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub outcomes: BTreeMap<String, u64>,
+}
+
+impl Row {
+    /// Creates the row of a scenario and a simulator over all rollouts, without values.
+    pub(super) fn about(place: RecordPosition, scenario: &Scenario, digest: String, simulator: &str) -> Self {
+        Self {
+            input: place.input,
+            record: place.record,
+            scenario: scenario.id.clone(),
+            digest,
+            simulator: simulator.to_owned(),
+            rollout: None,
+            category: None,
+            difficulty: None,
+            direction_tracking: None,
+            metrics: BTreeMap::new(),
+            deviation: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
+        }
+    }
+
+    /// Sets category and difficulty of the deviation.
+    pub(super) fn with_deviation(self, deviation: &KnownDeviation) -> Self {
+        Self {
+            category: deviation.category.map(|c| c.name().to_owned()),
+            difficulty: deviation.difficulty().map(|d| d.name().to_owned()),
+            ..self
+        }
+    }
+
+    /// Returns the position of the scenario.
+    pub fn place(&self) -> RecordPosition {
+        RecordPosition { input: self.input, record: self.record }
+    }
+}
+
+/// A [`Score`] as stored in files, with its components.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Value {
+    /// Hits of valid.
+    Rate(u64, u64),
+    /// A count of agents.
+    Count(u64),
+    /// A sum and the number of its terms.
+    Mean(f64, u64),
+    /// A number that is not a ratio.
+    Value(f64),
+}
+
+impl From<Score> for Value {
+    fn from(score: Score) -> Self {
+        match score {
+            Score::Rate { hits, valid } => Self::Rate(hits, valid),
+            Score::Count(n) => Self::Count(n),
+            Score::Mean { sum, n } => Self::Mean(sum, n),
+            Score::Value(v) => Self::Value(v),
+        }
+    }
+}
+
+impl From<Value> for Score {
+    fn from(value: Value) -> Self {
+        match value {
+            Value::Rate(hits, valid) => Self::Rate { hits, valid },
+            Value::Count(n) => Self::Count(n),
+            Value::Mean(sum, n) => Self::Mean { sum, n },
+            Value::Value(v) => Self::Value(v),
+        }
+    }
+}
+
+/// A counted event as one line of `events.jsonl`.
+#[derive(Debug, Serialize)]
+pub struct EventLine<'a> {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+    /// Id of the scenario.
+    pub scenario: &'a str,
+    /// Id of the simulator.
+    pub simulator: &'a str,
+    /// Index of the rollout.
+    pub rollout: u32,
+    /// Id of the metric.
+    pub metric: &'a str,
+    /// First step, 1 to 80.
+    pub step: usize,
+    /// Last step.
+    pub last_step: usize,
+    /// Id of the agent.
+    pub agent: &'a str,
+    /// Id of the partner.
+    pub partner: Option<&'a str>,
+    /// Reason why the event counts or not.
+    pub reason: Option<&'a str>,
+    /// Whether the event counts in the metric's value.
+    pub counted: bool,
+    /// Named values at the event; those that are not finite are left out.
+    pub values: BTreeMap<&'a str, f64>,
+}
+
+impl<'a> EventLine<'a> {
+    /// Creates the line of an event of a rollout.
+    pub fn new(row: &'a Row, rollout: u32, event: &'a Event) -> Self {
+        Self {
+            input: row.input,
+            record: row.record,
+            scenario: &row.scenario,
+            simulator: &row.simulator,
+            rollout,
+            metric: event.metric,
+            step: event.step,
+            last_step: event.last_step,
+            agent: &event.agent,
+            partner: event.partner.as_deref(),
+            reason: event.reason,
+            counted: event.counted,
+            values: event.values.iter().copied().filter(|(_, v)| v.is_finite()).collect(),
+        }
+    }
+}
+
+/// A line of `events.jsonl` as read, without the names of scenario and simulator.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct EventRecord {
+    /// Index of the rollout.
+    pub rollout: u32,
+    /// Id of the metric.
+    pub metric: String,
+    /// First step, 1 to 80.
+    pub step: usize,
+    /// Last step.
+    pub last_step: usize,
+    /// Id of the agent.
+    pub agent: String,
+    /// Id of the partner.
+    pub partner: Option<String>,
+    /// Reason why the event counts or not.
+    pub reason: Option<String>,
+    /// Whether the event counts in the metric's value.
+    pub counted: bool,
+    /// Named values at the event.
+    pub values: BTreeMap<String, f64>,
+}
+
+/// The identity of a line of `events.jsonl`, and whether it counts.
+#[derive(Debug, Deserialize)]
+pub(super) struct EventHead {
+    input: usize,
+    record: usize,
+    /// Id of the simulator.
+    pub simulator: String,
+    /// Index of the rollout.
+    pub rollout: u32,
+    /// Id of the metric.
+    pub metric: String,
+    /// Whether the event counts in the metric's value.
+    pub counted: bool,
+}
+
+impl EventHead {
+    /// Returns the position of the record.
+    pub(super) fn place(&self) -> RecordPosition {
+        RecordPosition { input: self.input, record: self.record }
+    }
+}
+
+/// A scenario, a file or a pair of scenario and simulator without a result.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Failure {
+    /// Index of the input file.
+    pub input: usize,
+    /// Index of the record in it.
+    pub record: usize,
+    /// Id of the simulator; `None` if the scenario failed for all simulators.
+    pub simulator: Option<String>,
+    /// Name of the input file.
+    pub file: String,
+    /// Id of the scenario, if it could be read.
+    pub scenario: Option<String>,
+    /// Text of the error.
+    pub error: String,
+}
+
+impl Failure {
+    /// Creates the failure of a scenario whose id an earlier one has. `file` and `first` are the names of the
+    /// files of both.
+    pub(super) fn repeated(
+        place: RecordPosition,
+        earlier: RecordPosition,
+        scenario: String,
+        file: &str,
+        first: &str,
+    ) -> Self {
+        let error = format!(
+            "{file}: record {}: scenario `{scenario}`: the id is taken by record {} of {first}; give each \
+             scenario once",
+            place.record, earlier.record
+        );
+        let RecordPosition { input, record } = place;
+        Self { input, record, simulator: None, file: file.to_owned(), scenario: Some(scenario), error }
+    }
+
+    /// Returns the position of the record.
+    pub fn place(&self) -> RecordPosition {
+        RecordPosition { input: self.input, record: self.record }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_keep_their_components() {
+        let text = |s| serde_json::to_string(&Value::from(s)).unwrap();
+        assert_eq!(text(Score::Rate { hits: 1, valid: 0 }), r#"{"rate":[1,0]}"#);
+        assert_eq!(text(Score::Count(2)), r#"{"count":2}"#);
+        assert_eq!(text(Score::Mean { sum: 0.5, n: 3 }), r#"{"mean":[0.5,3]}"#);
+        assert_eq!(text(Score::Value(0.1)), r#"{"value":0.1}"#);
+    }
+}

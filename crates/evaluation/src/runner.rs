@@ -1,0 +1,417 @@
+//! Execution of a plan on several threads. Results do not depend on the number of threads, the batch size or
+//! interruptions.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+use reactsim_rollout::{AvPolicy, Request, Rollout, roll_out};
+use reactsim_scene::Scenario;
+use reactsim_shards::RecordRange;
+use reactsim_work::{MAX_THREADS, Pool};
+
+use super::finish::finish;
+use super::folder::RunFolder;
+use super::judge::judge;
+use super::known_deviation::KnownDeviation;
+use super::left_out::LeftOut;
+use super::plan::{NoAv, Plan};
+use super::row::{Failure, RecordPosition, Row};
+use super::simulators::PlannedSimulator;
+use super::source::{Supply, UndecodedRecord};
+use super::summary::Summary;
+use super::tally::Tally;
+use super::{EvaluationError, rollouts};
+
+/// Execution settings of a run, which do not affect its numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Execution {
+    /// Number of threads, at most 512.
+    pub jobs: usize,
+    /// Number of scenarios that a thread steps in lockstep and keeps in memory.
+    pub batch: usize,
+}
+
+/// Callbacks for the progress of a run.
+pub trait RunObserver: Sync {
+    /// Called at the start with the number of records of all sources, if it is known.
+    fn started(&self, _total: Option<usize>) {}
+    /// Called after scenarios succeeded or failed. `done` is the number of finished scenarios, including
+    /// those of an earlier interrupted run.
+    fn scenario_done(&self, _done: usize) {}
+    /// Called with the rows of one scenario and one simulator.
+    fn rows(&self, _rows: &[Row]) {}
+    /// Called when a scenario, a file or a pair of scenario and simulator failed.
+    fn failed(&self, _failure: &Failure) {}
+}
+
+/// Ignores all progress.
+impl RunObserver for () {}
+
+/// The end of a run.
+#[derive(Debug)]
+pub enum Outcome {
+    /// Every scenario was tried.
+    Finished(Box<Summary>),
+    /// `stop` was set; the folder can be resumed.
+    Interrupted,
+}
+
+/// Runs a plan. With a folder, rows are appended as they finish; `tally` contains the results of an earlier
+/// run.
+///
+/// # Errors
+/// [`EvaluationError`] if the folder cannot be written; finished rows stay in it.
+pub fn run(
+    plan: &Plan,
+    execution: Execution,
+    folder: Option<&RunFolder>,
+    tally: Tally,
+    observer: &dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<Outcome, EvaluationError> {
+    observer.started(plan.sources.iter().map(|source| source.count).sum());
+    let results = carry_out(plan, None, execution, folder, tally, observer, stop)?;
+    let Some(RunResults { mut tally, mut failures, mut left_out, .. }) = results else {
+        return Ok(Outcome::Interrupted);
+    };
+    for failure in refuse_repeated(plan, &mut tally) {
+        observer.failed(&failure);
+        failures.push(failure);
+    }
+    failures.sort();
+    let provenance = plan.provenance();
+    let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
+    // Scenarios with rows of an earlier run were not read again.
+    left_out.read(plan, tally.entries.values().map(|e| &e.scenario));
+    left_out.describe(plan.selected_deviations(), &mut summary.provenance);
+    if let Some(folder) = folder {
+        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
+    }
+    Ok(Outcome::Finished(Box::new(summary)))
+}
+
+/// Values, failures and counts of a run or a range of it.
+pub(super) struct RunResults {
+    pub(super) tally: Tally,
+    /// Failures in any order.
+    pub(super) failures: Vec<Failure>,
+    pub(super) left_out: LeftOut,
+    /// Number of records that were read.
+    pub(super) records: usize,
+}
+
+/// Runs all records of a plan, or a range of them. `None` if `stop` was set.
+pub(super) fn carry_out(
+    plan: &Plan,
+    range: Option<RecordRange>,
+    execution: Execution,
+    folder: Option<&RunFolder>,
+    tally: Tally,
+    observer: &dyn RunObserver,
+    stop: &AtomicBool,
+) -> Result<Option<RunResults>, EvaluationError> {
+    let runner = Runner {
+        plan,
+        execution,
+        records: records_at_once(plan, execution)?,
+        folder,
+        observer,
+        stop,
+        supply: Supply::new(&plan.sources, range),
+        names: plan.simulators.iter().map(|s| s.id.clone()).collect(),
+        done: AtomicUsize::new(0),
+        // All threads read the results of an earlier run; those of this run are collected separately.
+        before: tally.clone(),
+        tally: Mutex::new(tally),
+        failures: Mutex::default(),
+        left_out: Mutex::default(),
+        broken: Mutex::default(),
+    };
+    thread::scope(|scope| {
+        for _ in 1..execution.jobs.min(MAX_THREADS) {
+            // If the system refuses more threads, the existing ones do the work.
+            if thread::Builder::new().spawn_scoped(scope, || runner.work()).is_err() {
+                break;
+            }
+        }
+        runner.work();
+    });
+    if let Some(error) = runner.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    Ok(Some(RunResults {
+        tally: runner.tally.into_inner().unwrap_or_else(PoisonError::into_inner),
+        failures: runner.failures.into_inner().unwrap_or_else(PoisonError::into_inner),
+        left_out: runner.left_out.into_inner().unwrap_or_else(PoisonError::into_inner),
+        records: runner.done.into_inner(),
+    }))
+}
+
+/// Largest number of records that a thread takes at once.
+const MOST_RECORDS: usize = 4096;
+
+/// Returns the number of records that a thread takes at once: whole batches of every external simulator,
+/// whose composition must not depend on threads or interruptions.
+fn records_at_once(plan: &Plan, execution: Execution) -> Result<usize, EvaluationError> {
+    let batches = || plan.simulators.iter().filter_map(PlannedSimulator::batch);
+    let Some(records) = batches().reduce(least_common_multiple) else { return Ok(execution.batch) };
+    if records > MOST_RECORDS {
+        return Err(EvaluationError::UnevenBatches { batches: batches().collect(), most: MOST_RECORDS });
+    }
+    Ok(records)
+}
+
+fn least_common_multiple(a: usize, b: usize) -> usize {
+    let (mut x, mut y) = (a, b);
+    while y != 0 {
+        (x, y) = (y, x % y);
+    }
+    (a / x.max(1)).saturating_mul(b)
+}
+
+/// Removes scenarios with the id of an earlier one and returns their failures. Only the order of the inputs
+/// decides which one is earlier.
+fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
+    let repeated = tally.repeated();
+    let name = |place: RecordPosition| &plan.sources[place.input].file.name;
+    let refuse = |(place, earlier): (RecordPosition, RecordPosition)| {
+        let entry = tally.entries.remove(&place)?;
+        Some(Failure::repeated(place, earlier, entry.scenario, name(place), name(earlier)))
+    };
+    repeated.into_iter().filter_map(refuse).collect()
+}
+
+fn failure(
+    plan: &Plan,
+    place: RecordPosition,
+    simulator: Option<&str>,
+    scenario: Option<String>,
+    error: String,
+) -> Failure {
+    Failure {
+        input: place.input,
+        record: place.record,
+        simulator: simulator.map(str::to_owned),
+        file: plan.sources[place.input].file.name.clone(),
+        scenario,
+        error,
+    }
+}
+
+struct Runner<'a> {
+    plan: &'a Plan,
+    execution: Execution,
+    /// Number of records that a thread takes at once.
+    records: usize,
+    folder: Option<&'a RunFolder>,
+    observer: &'a dyn RunObserver,
+    stop: &'a AtomicBool,
+    supply: Supply<'a>,
+    names: Vec<String>,
+    done: AtomicUsize,
+    before: Tally,
+    tally: Mutex<Tally>,
+    failures: Mutex<Vec<Failure>>,
+    left_out: Mutex<LeftOut>,
+    /// The first error that stops the run.
+    broken: Mutex<Option<EvaluationError>>,
+}
+
+/// A scenario of a batch that is ready to run.
+struct PreparedScenario {
+    place: RecordPosition,
+    scenario: Scenario,
+    digest: String,
+    /// AV at its initial state, copied for every rollout.
+    av: Box<dyn AvPolicy>,
+    deviation: KnownDeviation,
+}
+
+impl Runner<'_> {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+            || self.broken.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// Processes batches until the sources are exhausted or the run stops; the main function of each thread.
+    fn work(&self) {
+        while !self.stopped() {
+            let Some(items) = self.supply.take(self.records) else { return };
+            let result = self.batch(items);
+            if let Err(error) = result {
+                self.broken.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            }
+        }
+    }
+
+    fn batch(&self, items: Vec<UndecodedRecord>) -> Result<(), EvaluationError> {
+        let records = items.len();
+        let mut ready = Vec::with_capacity(records);
+        let places: Vec<RecordPosition> = items.iter().map(|item| item.place).collect();
+        for item in items {
+            if !(0..self.names.len()).any(|s| self.is_needed(item.place, s, &places)) {
+                continue;
+            }
+            match self.prepare(item) {
+                Ok(Some(scenario)) => ready.push(scenario),
+                Ok(None) => {}
+                Err(failure) => self.fail(*failure)?,
+            }
+        }
+        for simulator in 0..self.names.len() {
+            if self.stopped() {
+                return Ok(());
+            }
+            let todo: Vec<&PreparedScenario> =
+                ready.iter().filter(|r| self.is_needed(r.place, simulator, &places)).collect();
+            match self.plan.simulators[simulator].batch() {
+                None => {
+                    for part in todo.chunks(self.execution.batch.max(1)) {
+                        self.simulate(part, simulator)?;
+                    }
+                }
+                Some(size) => {
+                    let batches = todo.chunk_by(|a, b| a.place.record / size == b.place.record / size);
+                    batches.into_iter().try_for_each(|batch| self.simulate(batch, simulator))?;
+                }
+            }
+        }
+        let done = self.done.fetch_add(records, Ordering::Relaxed) + records;
+        self.observer.scenario_done(done);
+        Ok(())
+    }
+
+    /// Returns whether a simulator has to run a record, one of these `places`: there are no rows of an
+    /// earlier run, or, in a batch of an external simulator, none for some record of the batch. Batches are
+    /// always repeated as a whole.
+    fn is_needed(&self, place: RecordPosition, simulator: usize, places: &[RecordPosition]) -> bool {
+        let lacks_rows = |place: &RecordPosition| !self.before.has(*place, simulator);
+        match self.plan.simulators[simulator].batch() {
+            None => lacks_rows(&place),
+            Some(size) => {
+                let of_batch = |other: &&RecordPosition| other.record / size == place.record / size;
+                places.iter().filter(of_batch).any(lacks_rows)
+            }
+        }
+    }
+
+    /// Decodes a scenario and checks that it has an AV. `None` for a scenario that is skipped.
+    fn prepare(&self, item: UndecodedRecord) -> Result<Option<PreparedScenario>, Box<Failure>> {
+        let refuse = |id, error: String| Box::new(failure(self.plan, item.place, None, id, error));
+        let decoded = item.content.and_then(|decode| decode());
+        let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
+        let selection = &self.plan.settings.selection;
+        if !selection.has_id(&scenario.id) {
+            return Ok(self.unselected());
+        }
+        self.left_out().read(self.plan, [&scenario.id]);
+        match self.plan.av(&scenario) {
+            Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
+            Ok((av, deviation)) => {
+                let digest = scenario.digest();
+                Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, scenario }))
+            }
+            Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
+            Err(error) if self.plan.skips(&error) => {
+                self.left_out().passed_over += 1;
+                Ok(None)
+            }
+            Err(error) => {
+                let text = self.named(item.place, &format!("scenario `{}`: {error}", scenario.id));
+                Err(refuse(Some(scenario.id), text))
+            }
+        }
+    }
+
+    /// Counts a scenario that the selection leaves out.
+    fn unselected(&self) -> Option<PreparedScenario> {
+        self.left_out().unselected += 1;
+        None
+    }
+
+    fn left_out(&self) -> MutexGuard<'_, LeftOut> {
+        self.left_out.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {
+        let planned = &self.plan.simulators[simulator];
+        let mut finished: Vec<Vec<Rollout>> = todo.iter().map(|_| Vec::new()).collect();
+        let mut failed: Vec<Option<String>> = vec![None; todo.len()];
+        for rollout in 0..self.plan.settings.rollouts {
+            let (mut requests, mut requested) = (Vec::new(), Vec::new());
+            for (i, ready) in todo.iter().enumerate() {
+                if failed[i].is_some() {
+                    continue;
+                }
+                requests.push(Request { scenario: &ready.scenario, av: ready.av.copy(), rollout });
+                requested.push(i);
+            }
+            let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
+            for (i, result) in requested.into_iter().zip(results) {
+                match result {
+                    Ok(done) => finished[i].push(done),
+                    Err(error) => failed[i] = Some(error.to_string()),
+                }
+            }
+        }
+        for ((ready, rollouts), error) in todo.iter().zip(finished).zip(failed) {
+            // Part of a batch that is repeated for another record.
+            if self.before.has(ready.place, simulator) {
+                continue;
+            }
+            match error {
+                None => self.keep(ready, simulator, rollouts)?,
+                Some(error) => {
+                    let id = Some(ready.scenario.id.clone());
+                    let text = self.named(ready.place, &error);
+                    self.fail(failure(self.plan, ready.place, Some(&planned.id), id, text))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Scores the rollouts of one scenario and one simulator, and writes the results.
+    fn keep(
+        &self,
+        ready: &PreparedScenario,
+        simulator: usize,
+        rollouts: Vec<Rollout>,
+    ) -> Result<(), EvaluationError> {
+        let (rows, events) = self.rows(ready, simulator, &rollouts);
+        if let Some(folder) = self.folder {
+            if self.plan.keep_rollouts {
+                let part = folder.part(ready.place, simulator)?;
+                rollouts::write_part(&part, &ready.scenario, &self.names[simulator], &rollouts)?;
+            }
+            folder.append(&rows, &events)?;
+        }
+        self.observer.rows(&rows);
+        self.tally.lock().unwrap_or_else(PoisonError::into_inner).add(&rows);
+        Ok(())
+    }
+
+    fn rows(&self, ready: &PreparedScenario, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+        let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
+            .with_deviation(&ready.deviation);
+        let certificate = ready.deviation.certificate.as_ref();
+        let scores = judge(&ready.scenario, certificate, rollouts, self.plan.settings.options);
+        scores.rows(template, rollouts)
+    }
+
+    /// Prefixes a text with file and record, like errors of files.
+    fn named(&self, place: RecordPosition, text: &str) -> String {
+        format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
+    }
+
+    fn fail(&self, failure: Failure) -> Result<(), EvaluationError> {
+        self.observer.failed(&failure);
+        let written = self.folder.map_or(Ok(()), |f| f.append_failure(&failure));
+        self.failures.lock().unwrap_or_else(PoisonError::into_inner).push(failure);
+        written
+    }
+}

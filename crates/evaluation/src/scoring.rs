@@ -1,0 +1,183 @@
+//! Scores of rollout files from any program.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use reactsim_formats as formats;
+use reactsim_formats::Input;
+use reactsim_metrics::Options;
+use reactsim_scene::Scenario;
+
+use super::finish::finish;
+use super::recorded::{Recorded, ScoredPair};
+use super::rollouts::write_part;
+use super::{
+    BenchmarkRecord, EvaluationError, Failure, FileRecord, Provenance, RecordPosition, Registrar,
+    RolloutCheck, RunFolder, RunObserver, SettingsRecord, SimulatorRecord, Summary, Tally, program_commit,
+    program_version,
+};
+
+/// Rollout files to be scored against their scenarios, read and described before the first scenario.
+pub struct Scoring {
+    recorded: Recorded,
+    scenarios: Vec<Input>,
+    provenance: Provenance,
+    /// Rollouts that cannot be read.
+    failures: Vec<Failure>,
+}
+
+impl Scoring {
+    /// Reads rollouts in Parquet and the digests of their scenario files.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a file cannot be read. Single rollouts that cannot be read become failures of
+    /// the run.
+    pub fn new(rollouts: &[PathBuf], scenarios: &[Input], options: Options) -> Result<Self, EvaluationError> {
+        let (mut failures, mut records, mut files) = (Vec::new(), Vec::new(), Vec::new());
+        for (input, path) in rollouts.iter().enumerate() {
+            let file = FileRecord::of(path, "rollouts")?;
+            for (record, rollout) in formats::rollouts::read(path)?.enumerate() {
+                match rollout {
+                    Ok(rollout) => records.push(rollout),
+                    Err(error) => {
+                        let place = RecordPosition { input, record };
+                        failures.push(failure(place, &file, error.scenario.clone(), error));
+                    }
+                }
+            }
+            files.push(file);
+        }
+        let mut registrar = Registrar::default();
+        for input in scenarios {
+            files.push(registrar.record(input)?);
+        }
+        let recorded = Recorded::new(records, options);
+        let benchmark = match &files[rollouts.len()..] {
+            [scenarios] => BenchmarkRecord::of(scenarios),
+            _ => None,
+        };
+        let provenance = Provenance {
+            version: program_version().to_owned(),
+            commit: program_commit().to_owned(),
+            settings: SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX)),
+            metric_options: {
+                let named = options.named();
+                named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+            },
+            simulators: recorded.simulators().iter().map(|name| simulator(name)).collect(),
+            // The rollout files first, then the scenario files.
+            inputs: files,
+            deviations: None,
+            benchmark,
+            backend: None,
+            cpu: None,
+            keep_rollouts: Some(true),
+        };
+        Ok(Self { recorded, scenarios: scenarios.to_vec(), provenance, failures })
+    }
+
+    /// Returns the provenance of the scores.
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// Scores all rollouts. With a folder, rows, events and rollouts are written to it as those of a run.
+    /// Failures are passed to the observer and listed in the summary; everything else is scored. Checks that
+    /// need not be met are `allowed`; the summary states how many rollouts fail them.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a scenario file cannot be opened, the folder cannot be written, or rollouts
+    /// fail a check that is not allowed.
+    pub fn run(
+        mut self,
+        allowed: &[RolloutCheck],
+        folder: Option<&RunFolder>,
+        observer: &dyn RunObserver,
+    ) -> Result<Summary, EvaluationError> {
+        let settings = &self.provenance.settings;
+        let mut tally = Tally::new(self.recorded.simulators().to_vec(), settings.rollouts);
+        let first_scenarios = self.provenance.inputs.len() - self.scenarios.len();
+        for (input, scenarios) in (first_scenarios..).zip(&self.scenarios) {
+            let file = &self.provenance.inputs[input];
+            for (record, scenario) in scenarios.open()?.enumerate() {
+                let place = RecordPosition { input, record };
+                let scenario = match scenario {
+                    Ok(scenario) => scenario,
+                    Err(error) => {
+                        self.failures.push(failure(place, file, error.scenario.clone(), error));
+                        continue;
+                    }
+                };
+                for pair in self.recorded.score(place, &scenario) {
+                    match pair {
+                        Ok(pair) => {
+                            keep(&pair, place, &scenario, folder)?;
+                            observer.rows(&pair.rows);
+                            tally.add(&pair.rows);
+                        }
+                        Err((simulator, error)) => {
+                            let error = format!("scenario `{}`: {error}", scenario.id);
+                            let failure = failure(place, file, Some(scenario.id.clone()), error);
+                            self.failures.push(Failure { simulator: Some(simulator), ..failure });
+                        }
+                    }
+                }
+            }
+        }
+        if let Some(findings) = self.recorded.findings().refused(allowed) {
+            return Err(EvaluationError::RolloutsRefused { findings });
+        }
+        if let Some(file) = self.provenance.inputs.first() {
+            let unmatched = self.recorded.left().map(|id| {
+                let error = format!("no scenario `{id}` in --scenarios for its rollouts");
+                failure(RecordPosition { input: 0, record: 0 }, file, Some(id.to_owned()), error)
+            });
+            self.failures.extend(unmatched);
+        }
+        self.failures.sort();
+        self.failures.iter().for_each(|failure| observer.failed(failure));
+        let mut summary = Summary::new(&tally, &self.failures, &self.provenance);
+        let findings = self.recorded.findings().iter();
+        summary.provenance.allowed =
+            findings.map(|(check, n, _)| (check.allowance().to_owned(), n)).collect();
+        if let Some(folder) = folder {
+            finish(folder, &tally, &self.failures, &summary, true)?;
+        }
+        Ok(summary)
+    }
+}
+
+/// Writes the scores and the rollouts of a scenario and a simulator.
+fn keep(
+    pair: &ScoredPair,
+    place: RecordPosition,
+    scenario: &Scenario,
+    folder: Option<&RunFolder>,
+) -> Result<(), EvaluationError> {
+    let (Some(folder), Some(row)) = (folder, pair.rows.first()) else { return Ok(()) };
+    write_part(&folder.part(place, pair.simulator)?, scenario, &row.simulator, &pair.rollouts)?;
+    folder.append(&pair.rows, &pair.events)
+}
+
+/// Returns the provenance record of a simulator of which only the name is known.
+fn simulator(name: &str) -> SimulatorRecord {
+    SimulatorRecord {
+        id: name.to_owned(),
+        title: name.to_owned(),
+        oracle: false,
+        card: String::new(),
+        parameters: BTreeMap::new(),
+        weights: None,
+        external: None,
+    }
+}
+
+fn failure(
+    place: RecordPosition,
+    file: &FileRecord,
+    scenario: Option<String>,
+    error: impl ToString,
+) -> Failure {
+    let RecordPosition { input, record } = place;
+    Failure { input, record, simulator: None, file: file.name.clone(), scenario, error: error.to_string() }
+}

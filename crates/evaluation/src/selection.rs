@@ -1,0 +1,60 @@
+//! Selection of scenarios by id and category.
+
+use std::collections::BTreeSet;
+
+use reactsim_scene::Deviation;
+use serde::{Deserialize, Serialize};
+
+/// The scenarios of the sources that a run uses: those with one of the ids and one of the categories.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// Ids; all if empty.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub ids: BTreeSet<String>,
+    /// Names of categories of the deviated AV; all if empty.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub categories: BTreeSet<String>,
+}
+
+impl Selection {
+    /// Returns whether every scenario is selected.
+    pub fn is_all(&self) -> bool {
+        self.ids.is_empty() && self.categories.is_empty()
+    }
+
+    /// Returns whether scenarios with this id are selected, as far as the category allows.
+    pub fn has_id(&self, id: &str) -> bool {
+        self.ids.is_empty() || self.ids.contains(id)
+    }
+
+    /// Returns whether scenarios of this category are selected, as far as the id allows.
+    pub fn has_category(&self, category: Option<Deviation>) -> bool {
+        self.categories.is_empty() || category.is_some_and(|c| self.categories.contains(c.name()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_requested_selects_all() {
+        let all = Selection::default();
+        assert!(all.is_all() && all.has_id("a") && all.has_category(None));
+        assert_eq!(serde_json::to_string(&all).unwrap(), "{}");
+    }
+
+    #[test]
+    fn a_category_excludes_scenarios_without_one() {
+        let lateral = Selection { categories: ["lateral".to_owned()].into(), ..Selection::default() };
+        assert!(lateral.has_category(Some(Deviation::Lateral)) && lateral.has_id("a"));
+        assert!(!lateral.has_category(Some(Deviation::Directional)) && !lateral.has_category(None));
+    }
+
+    #[test]
+    fn only_requested_ids_are_selected() {
+        let one = Selection { ids: ["a".to_owned()].into(), ..Selection::default() };
+        assert!(one.has_id("a") && !one.has_id("b") && !one.is_all());
+    }
+}

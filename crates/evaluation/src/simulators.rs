@@ -1,0 +1,308 @@
+//! The simulators of a run, with their parameters and weights.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use reactsim_baseline::{Baseline, Card, ModelError, WeightsFile};
+use reactsim_external::ExternalSimulator;
+use reactsim_files::{name_of, read_regular};
+use reactsim_models as models;
+use reactsim_models::MODELS;
+use reactsim_nn::Backend;
+use reactsim_qp as qp;
+use reactsim_qp::Smoothing;
+use reactsim_rollout::Controller;
+
+use super::EvaluationError;
+use super::provenance::{ExternalRecord, WeightsRecord};
+use super::simulator_id::SimulatorId;
+
+/// A simulator that is ready to run.
+pub struct PlannedSimulator {
+    /// Id of the baseline and, if any, label of the variant and id of the stage behind it:
+    /// `ntp-reactive@mine+qp`.
+    pub id: String,
+    /// Name in tables.
+    pub title: String,
+    /// Text of its card and, if any, of the card of the stage behind it.
+    pub card: String,
+    /// Parameters that differ from the card, by dotted path, in TOML notation.
+    pub parameters: BTreeMap<String, String>,
+    /// Weights, if the simulator has any.
+    pub weights: Option<WeightsRecord>,
+    /// Backend of its network, if it has one.
+    pub backend: Option<Backend>,
+    /// The external program that it is, if it is one.
+    pub external: Option<ExternalRecord>,
+    /// The simulator.
+    pub controller: Controller,
+}
+
+/// Requested changes to simulators, beyond their cards and the weights that ship.
+#[derive(Clone, Debug, Default)]
+pub struct Adjustments {
+    /// Files of weights, by id.
+    pub weights: Vec<(String, WeightsFile)>,
+    /// Parameters: id, dotted path, value in TOML notation.
+    pub parameters: Vec<(String, String, String)>,
+    /// A stage to put behind every simulator that is not an oracle.
+    pub smoothing: Option<Smoothing>,
+    /// Backend of the networks.
+    pub backend: Backend,
+}
+
+/// A baseline or a variant of it, and the stage behind it.
+struct SelectedSimulator {
+    id: String,
+    baseline: &'static Baseline,
+    label: Option<String>,
+    smoothing: Option<Smoothing>,
+}
+
+impl SelectedSimulator {
+    /// Returns the id without the stage.
+    fn variant(&self) -> String {
+        let label = self.label.iter().map(|label| format!("@{label}"));
+        std::iter::once(self.baseline.id.to_owned()).chain(label).collect()
+    }
+
+    /// Returns whether `id` is its id, with or without the stage.
+    fn is_named(&self, id: &str) -> bool {
+        self.id == id || self.variant() == id
+    }
+}
+
+/// Name of the baselines that run if none are named.
+const DEFAULT: &str = "default";
+/// Name of all baselines that have their weights.
+const ALL: &str = "all";
+
+impl PlannedSimulator {
+    /// Creates simulators by their ids; if `ids` is empty, those that run by default. `default` stands for
+    /// the same ones, `all` for all baselines that have their weights.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names an unknown or repeated id, a card that cannot be read, or a baseline without
+    /// weights.
+    pub fn by_ids(ids: &[String]) -> Result<Vec<Self>, EvaluationError> {
+        Self::adjusted(ids, &Adjustments::default())
+    }
+
+    /// Like [`Self::by_ids`], with the requested weights and parameters. If `ids` is empty, baselines whose
+    /// weights do not ship are included if their weights are given, and so are variants (`idm@calm`) with
+    /// weights or parameters of their own.
+    ///
+    /// # Errors
+    /// Also names weights or parameters that are repeated, are for a simulator that does not run, cannot be
+    /// read, or do not fit.
+    pub fn adjusted(ids: &[String], adjustments: &Adjustments) -> Result<Vec<Self>, EvaluationError> {
+        let all = select(ids, adjustments)?;
+        let runs = |id: &str| match all.iter().find(|c| c.is_named(id)) {
+            Some(_) => Ok(()),
+            None => {
+                named(id)?;
+                Err(EvaluationError::NotRun { id: id.to_owned() })
+            }
+        };
+        let mut weights: BTreeMap<&str, &WeightsFile> = BTreeMap::new();
+        for (id, file) in &adjustments.weights {
+            runs(id)?;
+            if weights.insert(id, file).is_some() {
+                return Err(EvaluationError::WeightsTwice { id: id.clone() });
+            }
+        }
+        let mut changes: BTreeMap<(&str, &str), &str> = BTreeMap::new();
+        for (id, key, value) in &adjustments.parameters {
+            runs(id)?;
+            if changes.insert((id, key), value).is_some() {
+                return Err(EvaluationError::ParameterTwice { id: id.clone(), key: key.clone() });
+            }
+        }
+        let make = |selected: SelectedSimulator| {
+            // Adjustments of a variant also apply to it with a stage, unless the id with the stage has its
+            // own.
+            let variant = selected.variant();
+            let ids = [variant.as_str(), selected.id.as_str()];
+            let file = ids.iter().rev().find_map(|id| weights.get(id)).copied().cloned();
+            let mut parameters: BTreeMap<&str, &str> = BTreeMap::new();
+            for id in ids {
+                let own = changes.iter().filter(|((of, _), _)| *of == id);
+                parameters.extend(own.map(|((_, key), value)| (*key, *value)));
+            }
+            Self::make(&selected, file, parameters.into_iter(), adjustments.backend)
+        };
+        all.into_iter().map(make).collect()
+    }
+
+    /// Creates a simulator with these weights.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names an unknown id, or weights that do not fit.
+    pub fn with_weights(id: &str, weights: WeightsFile) -> Result<Self, EvaluationError> {
+        Self::make(&named(id)?, Some(weights), std::iter::empty(), Backend::default())
+    }
+
+    /// Creates the entry of an external simulator, with a stage behind it if requested.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a baseline has its name.
+    pub fn external(
+        simulator: ExternalSimulator,
+        smoothing: Option<Smoothing>,
+    ) -> Result<Self, EvaluationError> {
+        let mut id = simulator.name().to_owned();
+        if named(&id).is_ok() {
+            return Err(EvaluationError::RepeatedSimulator { id });
+        }
+        let (mut title, mut card) = (id.clone(), String::new());
+        let external = Some(ExternalRecord::of(&simulator));
+        let mut controller = Controller::Fair(Box::new(simulator));
+        if let Some(smoothing) = smoothing {
+            controller = smoothing.behind("external", controller)?;
+            (title, id) = (format!("{title} + {}", smoothing.name()), smoothing.id(&id));
+            card.push_str(qp::CARD);
+        }
+        let parameters = BTreeMap::new();
+        Ok(Self { id, title, card, parameters, weights: None, backend: None, external, controller })
+    }
+
+    /// Returns the number of scenarios of a file that are always rolled out together: the batch of an
+    /// external simulator.
+    pub(super) fn batch(&self) -> Option<usize> {
+        self.external.as_ref().map(|external| external.batch)
+    }
+
+    fn make<'a>(
+        selected: &SelectedSimulator,
+        weights: Option<WeightsFile>,
+        changes: impl Iterator<Item = (&'a str, &'a str)>,
+        backend: Backend,
+    ) -> Result<Self, EvaluationError> {
+        let baseline = selected.baseline;
+        let id = baseline.id;
+        if selected.smoothing.is_some() && !baseline.takes_stage {
+            return Err(ModelError::TakesNoStage { id }.into());
+        }
+        let mut setup = baseline.setup()?;
+        setup.backend = backend;
+        let mut parameters = BTreeMap::new();
+        for (key, value) in changes {
+            parameters.insert(key.to_owned(), setup.set(key, value)?);
+        }
+        if let Some(file) = weights {
+            if !baseline.needs_weights {
+                return Err(ModelError::UnexpectedWeights { id, file: file.name }.into());
+            }
+            file.check(id)?;
+            setup.weights = Some(file);
+        }
+        if baseline.needs_weights {
+            setup.weights()?;
+        }
+        let weights = setup.weights.as_ref().map(WeightsRecord::of);
+        let backend = weights.is_some().then_some(backend);
+        let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
+        if let Some(mark) = mark(selected, setup.weights.as_ref())? {
+            title = format!("{title} ({mark})");
+        }
+        let mut controller = (baseline.make)(setup)?;
+        let mut card = baseline.card.to_owned();
+        if let Some(smoothing) = selected.smoothing {
+            title = format!("{title} + {}", smoothing.name());
+            controller = smoothing.behind(id, controller)?;
+            card.push_str(qp::CARD);
+        }
+        Ok(Self {
+            id: selected.id.clone(),
+            title,
+            card,
+            parameters,
+            weights,
+            backend,
+            external: None,
+            controller,
+        })
+    }
+}
+
+/// Reads a file of weights.
+///
+/// # Errors
+/// [`EvaluationError::Read`] names the file.
+pub fn weights_file(path: &Path) -> Result<WeightsFile, EvaluationError> {
+    let name = name_of(path);
+    let bytes =
+        read_regular(path).map_err(|source| EvaluationError::Read { path: path.to_owned(), source })?;
+    Ok(WeightsFile::new(name, bytes))
+}
+
+/// Returns what tells a simulator apart from the known one in tables: its label, or else the name of weights
+/// that the manifest does not list, be they new or a damaged copy.
+fn mark(
+    selected: &SelectedSimulator,
+    weights: Option<&WeightsFile>,
+) -> Result<Option<String>, EvaluationError> {
+    if let Some(label) = &selected.label {
+        return Ok(Some(label.clone()));
+    }
+    let Some(file) = weights else { return Ok(None) };
+    if file.is_listed(selected.baseline.id)? {
+        return Ok(None);
+    }
+    Ok(Path::new(&file.name).file_stem().map(|stem| stem.to_string_lossy().into_owned()))
+}
+
+/// Returns the simulators to run.
+fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimulator>, EvaluationError> {
+    let mut all: Vec<SelectedSimulator> = Vec::new();
+    let has_weights = |b: &Baseline| adjustments.weights.iter().any(|(id, _)| id == b.id);
+    if ids.is_empty() {
+        let complete = MODELS.iter().filter(|b| b.is_complete() && b.by_default || has_weights(b));
+        let adjusted = adjustments.weights.iter().map(|(id, _)| id);
+        let adjusted: Vec<&String> =
+            adjusted.chain(adjustments.parameters.iter().map(|(id, ..)| id)).collect();
+        for baseline in complete {
+            all.push(named(baseline.id)?);
+            for id in &adjusted {
+                let is_variant = SimulatorId::parse(id)?;
+                let is_variant = is_variant.baseline == baseline.id && is_variant.label.is_some();
+                if is_variant && !all.iter().any(|selected| selected.id == **id) {
+                    all.push(named(id)?);
+                }
+            }
+        }
+    }
+    for id in ids {
+        match id.as_str() {
+            DEFAULT | ALL => {
+                let listed = |b: &&Baseline| b.is_complete() && (b.by_default || id == ALL) || has_weights(b);
+                let listed = MODELS.iter().filter(listed).map(|b| named(b.id));
+                all.extend(listed.collect::<Result<Vec<_>, _>>()?);
+            }
+            id => all.push(named(id)?),
+        }
+    }
+    if let Some(smoothing) = adjustments.smoothing {
+        for selected in all.iter_mut().filter(|s| s.smoothing.is_none() && s.baseline.takes_stage) {
+            selected.id = smoothing.id(&selected.variant());
+            selected.smoothing = Some(smoothing);
+        }
+    }
+    for (i, selected) in all.iter().enumerate() {
+        if all[..i].iter().any(|earlier| earlier.id == selected.id) {
+            return Err(EvaluationError::RepeatedSimulator { id: selected.id.clone() });
+        }
+    }
+    Ok(all)
+}
+
+/// Returns the baseline, the label and the stage that an id names.
+fn named(id: &str) -> Result<SelectedSimulator, EvaluationError> {
+    let parts = SimulatorId::parse(id)?;
+    let baseline = models::find(parts.baseline).ok_or_else(|| EvaluationError::UnknownSimulator {
+        id: id.to_owned(),
+        known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
+    })?;
+    let (label, smoothing) = (parts.label.map(str::to_owned), parts.smoothing);
+    Ok(SelectedSimulator { id: id.to_owned(), baseline, label, smoothing })
+}

@@ -1,0 +1,53 @@
+//! `study.json`: the members of a study.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::de::Error as _;
+
+use super::Study;
+use crate::EvaluationError;
+use crate::folder::{SUMMARY, cannot_read};
+
+/// Name of the file that lists the members of a study.
+pub const STUDY: &str = "study.json";
+/// Name of the file with the table of a study.
+pub const STUDY_TABLE: &str = "study.md";
+
+/// Returns whether a folder contains a study, finished or not.
+pub fn is_study(folder: &Path) -> bool {
+    folder.join(STUDY).is_file()
+}
+
+/// Reads the study in a folder, whose members are finished runs in its subfolders.
+///
+/// # Errors
+/// [`EvaluationError`] if there is none, it is damaged, or members are not finished; names these members.
+pub fn read_study(folder: &Path) -> Result<Study, EvaluationError> {
+    let study = read(folder)?;
+    let names = study.members.iter().map(|m| m.folder.as_str());
+    let unfinished: Vec<&str> = names.filter(|name| !folder.join(name).join(SUMMARY).is_file()).collect();
+    if !unfinished.is_empty() {
+        let members = unfinished.join(", ");
+        return Err(EvaluationError::UnfinishedStudy { path: folder.to_owned(), members });
+    }
+    Ok(study)
+}
+
+/// Reads the study in a folder, finished or not.
+pub(super) fn read(folder: &Path) -> Result<Study, EvaluationError> {
+    let path = folder.join(STUDY);
+    let text = match fs::read_to_string(&path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            return Err(EvaluationError::NoStudy { path: folder.to_owned() });
+        }
+        other => other.map_err(cannot_read(&path))?,
+    };
+    let damaged = |source| EvaluationError::Damaged { path: path.clone(), source };
+    let study: Study = serde_json::from_str(&text).map_err(damaged)?;
+    match study.fault() {
+        Some(fault) => Err(damaged(serde_json::Error::custom(fault))),
+        None => Ok(study),
+    }
+}

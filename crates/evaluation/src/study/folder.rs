@@ -1,0 +1,132 @@
+//! The folder of a study: how it is created, and how it resumes after an interruption.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use reactsim_files as files;
+
+use super::file::{STUDY, read};
+use super::{Member, Study, StudyPlan};
+use crate::folder::{
+    FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, cannot_read, cannot_write, replace,
+};
+use crate::{EvaluationError, Provenance, Summary, Tally, read_summary, read_tally};
+
+/// The folder of a study that is running.
+#[derive(Debug)]
+pub struct StudyFolder {
+    path: PathBuf,
+    /// Lock held during the study: two programs must not write to one folder.
+    _lock: File,
+}
+
+impl StudyFolder {
+    /// Creates a folder for a new study. It may exist if it is empty.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the folder is not empty or cannot be written.
+    pub fn create(path: &Path, study: &Study) -> Result<Self, EvaluationError> {
+        files::create_folder(path).map_err(cannot_write(path))?;
+        if !is_unbegun(path) {
+            return Err(EvaluationError::Exists { path: path.to_owned() });
+        }
+        replace(&path.join(STUDY), |out| out.write_all(study.to_json().as_bytes()))?;
+        Self::open(path)
+    }
+
+    /// Opens the folder of an earlier study with the same members and settings. Settings of members that have
+    /// not begun are not checked.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the folder has no study, a study of another kind, or a run with other settings;
+    /// names the setting.
+    pub fn resume(path: &Path, plan: &mut StudyPlan) -> Result<Self, EvaluationError> {
+        if is_unbegun(path) {
+            return Self::create(path, plan.study());
+        }
+        let old = read(path)?;
+        let folder = Self::open(path)?;
+        let other = |setting: &str, old: String, new: String| EvaluationError::OtherSettings {
+            path: path.to_owned(),
+            setting: setting.to_owned(),
+            old,
+            new,
+        };
+        let new = plan.study().clone();
+        if old.kind != new.kind {
+            return Err(other("study", old.kind.name().to_owned(), new.kind.name().to_owned()));
+        }
+        for (i, member) in new.members.iter().enumerate() {
+            let provenance = plan.select(i).provenance();
+            RunFolder::is_of(&folder.member(member), &provenance)?;
+        }
+        if old != new {
+            let names =
+                |of: &Study| of.members.iter().map(|m| m.folder.as_str()).collect::<Vec<_>>().join(", ");
+            if names(&old) != names(&new) {
+                return Err(other("members", names(&old), names(&new)));
+            }
+            let ids =
+                |of: &Study| of.members.iter().flat_map(|m| m.originals.keys().cloned()).collect::<Vec<_>>();
+            return Err(other("simulators of the members", ids(&old).join(", "), ids(&new).join(", ")));
+        }
+        Ok(folder)
+    }
+
+    fn open(path: &Path) -> Result<Self, EvaluationError> {
+        let at = path.join(STUDY);
+        let lock = files::lock(&at).map_err(cannot_read(&at))?;
+        let lock = lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?;
+        Ok(Self { path: path.to_owned(), _lock: lock })
+    }
+
+    /// Returns the path of the folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns the run folder of a member.
+    pub fn member(&self, member: &Member) -> PathBuf {
+        self.path.join(&member.folder)
+    }
+
+    /// Returns the result of a member if it is complete: finished without a failure, with all files.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a file is damaged.
+    pub fn finished(&self, member: &Member, plan: &Provenance) -> Result<Option<Summary>, EvaluationError> {
+        let folder = self.member(member);
+        let with_rollouts = plan.keep_rollouts == Some(true);
+        let mut required = vec![PROVENANCE, SUMMARY, TABLE, FAILURES];
+        required.extend(with_rollouts.then_some(ROLLOUTS));
+        if !required.iter().all(|name| folder.join(name).is_file()) {
+            return Ok(None);
+        }
+        let summary = read_summary(&folder)?;
+        // A member with damaged or missing rows is run again as far as is necessary.
+        let complete = |tally: &Tally| summary.provenance.failures.is_empty() && summary.is_of(tally);
+        let is_done = match read_tally(&folder) {
+            Err(EvaluationError::DamagedLine { .. } | EvaluationError::IncompleteRows { .. }) => false,
+            read => complete(&read?),
+        };
+        Ok(is_done.then_some(summary))
+    }
+
+    /// Writes a file of the folder atomically.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`]; the old file is then left unchanged.
+    pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
+        replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
+    }
+}
+
+/// Returns whether a folder is absent or empty, or was left by a study that was killed before it began.
+fn is_unbegun(path: &Path) -> bool {
+    match fs::read_dir(path) {
+        Ok(mut entries) => entries
+            .all(|e| e.is_ok_and(|e| files::target_of(&e.file_name().to_string_lossy()) == Some(STUDY))),
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    }
+}

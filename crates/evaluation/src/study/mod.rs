@@ -1,0 +1,148 @@
+//! Studies: several runs on the same scenarios that differ in one studied setting.
+//!
+//! A study is a folder with `study.json`, which lists its members, `study.md` with its table, and one
+//! ordinary run folder per member. [`StudyPlan`] defines the runs, [`StudyFolder`] stores them,
+//! [`StudyResults`] reads them.
+
+mod file;
+mod folder;
+mod guards;
+mod plan;
+mod results;
+mod vocabulary;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+pub use file::{STUDY, STUDY_TABLE, is_study, read_study};
+pub use folder::StudyFolder;
+pub use plan::StudyPlan;
+pub use results::{Difference, StudyResults};
+pub use vocabulary::NamedVocabulary;
+
+/// The subject of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StudyKind {
+    /// Replan interval (ReactSim-Bench, "Effect of replanning interval").
+    Replan,
+    /// Reactive protocol against realism protocol (ReactSim-Bench, table 2).
+    Realism,
+    /// Ablation of the components of simulators, and of observing the AV one step ahead.
+    Guards,
+    /// The log by the motion tokens of several vocabularies.
+    Vocabulary,
+}
+
+impl StudyKind {
+    /// Returns the name used on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Replan => "replan",
+            Self::Realism => "realism",
+            Self::Guards => "guards",
+            Self::Vocabulary => "vocabulary",
+        }
+    }
+
+    /// Returns whether members are variants of simulators, which are compared with the first member.
+    pub const fn has_variants(self) -> bool {
+        matches!(self, Self::Guards | Self::Vocabulary)
+    }
+}
+
+/// A study: its kind, and its runs in the order of its table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Format version of `study.json`.
+    pub version: u32,
+    /// Subject.
+    pub kind: StudyKind,
+    /// Runs; at least one, with different folders.
+    pub members: Vec<Member>,
+}
+
+/// A run of a study. The provenance in its folder has all other settings.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Member {
+    /// Name of its run folder in the folder of the study.
+    pub folder: String,
+    /// Label in tables, such as `every 5 steps (2 Hz)`.
+    pub label: String,
+    /// Number of steps between two plans; in studies of kind `replan`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub replan_steps: Option<usize>,
+    /// `reactive` or `realism`; in studies of kind `realism`, and in studies of kind `replan` if not
+    /// `reactive`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub protocol: Option<String>,
+    /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`.
+    /// In those of kind `vocabulary` the name of the vocabulary; `log` for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// Whether agents at t+1 observe the AV at t+1; in studies of kind `guards`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub av_lookahead: Option<bool>,
+    /// Id of each simulator of this run, and the id of the unchanged simulator (in the first member). They
+    /// differ if a stage was added or removed. In studies of kind `guards` and `vocabulary`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub originals: BTreeMap<String, String>,
+}
+
+impl Study {
+    /// The version that this program writes and reads.
+    pub const VERSION: u32 = 1;
+
+    /// Creates a study of these members.
+    pub fn new(kind: StudyKind, members: Vec<Member>) -> Self {
+        Self { version: Self::VERSION, kind, members }
+    }
+
+    /// Returns the text of `study.json`.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("a study holds text and numbers only");
+        text.push('\n');
+        text
+    }
+
+    /// Returns what is wrong with the study if it lacks fields that its kind needs, or has invalid or
+    /// repeated folders.
+    fn fault(&self) -> Option<String> {
+        if self.version != Self::VERSION {
+            let expected = Self::VERSION;
+            return Some(format!("its version is {}, this program reads version {expected}", self.version));
+        }
+        if self.members.is_empty() {
+            return Some("it has no members".to_owned());
+        }
+        for (i, member) in self.members.iter().enumerate() {
+            let Member { folder, replan_steps, protocol, variant, av_lookahead, originals, .. } = member;
+            if !is_plain(folder) {
+                return Some(format!("`{folder}` is not a valid folder name"));
+            }
+            if self.members[..i].iter().any(|m| m.folder == *folder) {
+                return Some(format!("it has two members `{folder}`"));
+            }
+            let missing = match self.kind {
+                StudyKind::Replan => replan_steps.is_none().then_some("replan_steps"),
+                StudyKind::Realism => protocol.is_none().then_some("protocol"),
+                StudyKind::Guards | StudyKind::Vocabulary if variant.is_none() => Some("variant"),
+                StudyKind::Guards if av_lookahead.is_none() => Some("av_lookahead"),
+                StudyKind::Guards | StudyKind::Vocabulary => originals.is_empty().then_some("originals"),
+            };
+            if let Some(field) = missing {
+                return Some(format!("the member `{folder}` has no `{field}`"));
+            }
+        }
+        None
+    }
+}
+
+/// Returns whether a text is a plain name within a folder, not a path that could lead elsewhere.
+fn is_plain(name: &str) -> bool {
+    let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    !name.is_empty() && name.chars().all(known)
+}

@@ -1,0 +1,127 @@
+//! The plan of a study.
+
+use std::mem;
+
+use reactsim_rollout::{Protocol, Replan, Settings};
+
+use super::guards::{self, Variant};
+use super::vocabulary::{self, NamedVocabulary};
+use super::{Member, Study, StudyKind};
+use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedSimulator, RunSettings};
+
+/// The plans of all members of a study. They share the scenarios, so there is one plan, in which
+/// [`Self::select`] sets the settings and simulators of a member.
+pub struct StudyPlan {
+    study: Study,
+    /// Settings of each member, and the index of its set of simulators.
+    settings: Vec<(RunSettings, usize)>,
+    /// Sets of simulators. The selected set is empty here because it is in the plan.
+    sets: Vec<Vec<PlannedSimulator>>,
+    selected: usize,
+    plan: Plan,
+}
+
+impl StudyPlan {
+    /// Plans the simulators of a plan, in its protocol, at several different replan intervals, in the given
+    /// order.
+    pub fn replan(plan: Plan, intervals: &[Replan]) -> Self {
+        let protocol = plan.settings.rollout.protocol;
+        let member = |replan: &Replan| {
+            let steps = replan.steps();
+            let member = Member {
+                folder: format!("steps-{steps:02}"),
+                label: every(steps),
+                replan_steps: Some(steps),
+                protocol: (protocol != Protocol::Reactive).then(|| protocol.name().to_owned()),
+                ..Member::default()
+            };
+            let rollout = Settings { replan: *replan, ..plan.settings.rollout };
+            (member, RunSettings { rollout, ..plan.settings.clone() })
+        };
+        let members = intervals.iter().map(member).collect();
+        Self::of_one_set(StudyKind::Replan, members, plan)
+    }
+
+    /// Plans the simulators of a plan in the reactive protocol, and in the realism protocol with this number
+    /// of rollouts.
+    pub fn realism(plan: Plan, rollouts: u32) -> Self {
+        let member = |protocol: Protocol, settings: RunSettings| {
+            let member = Member {
+                folder: protocol.name().to_owned(),
+                label: format!("{} protocol", protocol.name()),
+                protocol: Some(protocol.name().to_owned()),
+                ..Member::default()
+            };
+            let rollout = Settings { protocol, ..settings.rollout };
+            (member, RunSettings { rollout, ..settings })
+        };
+        let reactive = plan.settings.clone();
+        let realism = RunSettings { av: AvChoice::Log, rollouts, ..reactive.clone() };
+        let members = vec![member(Protocol::Reactive, reactive), member(Protocol::Realism, realism)];
+        Self::of_one_set(StudyKind::Realism, members, plan)
+    }
+
+    /// Plans the unchanged simulators of a plan, and each variant with one component added or removed; all of
+    /// them with and without observing the AV one step ahead. `adjustments` are those of the simulators of
+    /// the plan.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] for a simulator that cannot be created.
+    pub fn guards(plan: Plan, adjustments: &Adjustments) -> Result<Self, EvaluationError> {
+        let mut variants = vec![Variant::as_is(&plan.simulators)];
+        variants.extend(guards::variants(&plan.simulators, adjustments)?);
+        let (mut members, mut settings) = (Vec::new(), Vec::new());
+        for (set, variant) in variants.iter().enumerate() {
+            for av_lookahead in [true, false] {
+                members.push(variant.member(av_lookahead));
+                let rollout = Settings { av_lookahead, ..plan.settings.rollout };
+                settings.push((RunSettings { rollout, ..plan.settings.clone() }, set));
+            }
+        }
+        let sets = variants.into_iter().map(|v| v.simulators).collect();
+        let study = Study::new(StudyKind::Guards, members);
+        Ok(Self { study, settings, sets, selected: 0, plan })
+    }
+
+    /// Plans the replay of the log, and that by the tokens of each vocabulary. `plan` has no simulators.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] for a vocabulary that cannot be used.
+    pub fn vocabulary(plan: Plan, vocabularies: Vec<NamedVocabulary>) -> Result<Self, EvaluationError> {
+        let (members, sets): (Vec<_>, Vec<_>) = vocabulary::members(vocabularies)?.into_iter().unzip();
+        let settings = (0..sets.len()).map(|set| (plan.settings.clone(), set)).collect();
+        let study = Study::new(StudyKind::Vocabulary, members);
+        let mut all = Self { study, settings, sets, selected: 0, plan };
+        mem::swap(&mut all.plan.simulators, &mut all.sets[0]);
+        Ok(all)
+    }
+
+    fn of_one_set(kind: StudyKind, members: Vec<(Member, RunSettings)>, plan: Plan) -> Self {
+        let (members, settings) = members.into_iter().map(|(m, s)| (m, (s, 0))).unzip();
+        Self { study: Study::new(kind, members), settings, sets: vec![Vec::new()], selected: 0, plan }
+    }
+
+    /// Returns the study.
+    pub fn study(&self) -> &Study {
+        &self.study
+    }
+
+    /// Switches to a member and returns its plan.
+    pub fn select(&mut self, member: usize) -> &Plan {
+        let (settings, set) = &self.settings[member];
+        mem::swap(&mut self.plan.simulators, &mut self.sets[self.selected]);
+        mem::swap(&mut self.plan.simulators, &mut self.sets[*set]);
+        self.selected = *set;
+        self.plan.settings = settings.clone();
+        &self.plan
+    }
+}
+
+/// Returns a replan interval in words, with its rate at 10 steps per second.
+fn every(steps: usize) -> String {
+    let rate = (1000.0 / steps as f64).round() / 100.0;
+    match steps {
+        1 => format!("every step ({rate} Hz)"),
+        _ => format!("every {steps} steps ({rate} Hz)"),
+    }
+}

@@ -1,0 +1,87 @@
+//! The results of a study.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::{Study, read_study};
+use crate::realism::RealismSummary;
+use crate::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
+
+/// The numbers of a study.
+#[derive(Clone, Debug)]
+pub struct StudyResults {
+    /// The study.
+    pub study: Study,
+    /// Result of each member, in order.
+    pub summaries: Vec<Summary>,
+    /// Effects of the changes in a study of kind `guards`, by member and simulator; empty in other studies.
+    pub differences: Vec<Difference>,
+    /// Realism metrics of the Sim Agents challenge in a study of kind `realism` whose rollouts were kept, by
+    /// simulator; empty in other studies.
+    pub realism: Vec<RealismSummary>,
+}
+
+/// A changed simulator, compared with the unchanged one (in the first member).
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// Index of the member.
+    pub member: usize,
+    /// Id of the changed simulator.
+    pub simulator: String,
+    /// Id of the unchanged simulator.
+    pub original: String,
+    /// Comparison of the unchanged (first) with the changed simulator (second). `None` if there is no
+    /// scenario for which both have a result.
+    pub comparison: Option<Comparison>,
+}
+
+impl StudyResults {
+    /// Reads the results in the folder of a study.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if there is no study, it is not finished, or its files are damaged.
+    pub fn read(folder: &Path) -> Result<Self, EvaluationError> {
+        let study = read_study(folder)?;
+        let members = || study.members.iter().map(|m| folder.join(&m.folder));
+        let summaries: Vec<Summary> = members().map(|path| read_summary(&path)).collect::<Result<_, _>>()?;
+        let mut differences = Vec::new();
+        if study.kind.has_variants() {
+            let mut tallies = Vec::new();
+            for (summary, path) in summaries.iter().zip(members()) {
+                let tally = read_tally(&path)?;
+                if !summary.is_of(&tally) {
+                    return Err(EvaluationError::Unfinished { path });
+                }
+                tallies.push(tally);
+            }
+            differences = compare(&study, &summaries, &tallies)?;
+        }
+        let realism = RealismSummary::read_all(folder)?;
+        Ok(Self { study, summaries, differences, realism })
+    }
+}
+
+/// Compares every simulator of every member but the first with its original in the first member.
+fn compare(
+    study: &Study,
+    summaries: &[Summary],
+    tallies: &[Tally],
+) -> Result<Vec<Difference>, EvaluationError> {
+    let Some((as_is, tally)) = summaries.first().zip(tallies.first()) else { return Ok(Vec::new()) };
+    let seed = as_is.provenance.run.settings.seed;
+    let mut pairs = Vec::new();
+    for (i, member) in study.members.iter().enumerate().skip(1) {
+        for id in &tallies[i].simulators {
+            pairs.push((i, id, member.originals.get(id).unwrap_or(id)));
+        }
+    }
+    let one = |(member, id, original): (usize, &String, &String)| {
+        let comparison = match Comparison::of((tally, original), (&tallies[member], id), seed) {
+            Err(EvaluationError::NothingInCommon) => None,
+            other => Some(other?),
+        };
+        Ok(Difference { member, simulator: id.clone(), original: original.clone(), comparison })
+    };
+    pairs.into_par_iter().map(one).collect()
+}

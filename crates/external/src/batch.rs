@@ -1,0 +1,140 @@
+//! A batch of episodes in one process, from `begin` to `end`.
+
+use std::sync::Arc;
+
+use reactsim_rollout::{Beginning, Episode, PlanError};
+use reactsim_scene::HISTORY;
+
+use super::connection::RequestError;
+use super::document::{Frame, FrameWriter, Values};
+use super::settings::TimeLimits;
+use super::workers::{Worker, Workers};
+use super::{realised, replies, scenes};
+
+/// A batch that is open in a process. Its worker goes back when it is ended, or dropped.
+pub(super) struct OpenBatch {
+    workers: Arc<Workers>,
+    /// `None` after the connection broke.
+    worker: Option<Worker>,
+    limits: TimeLimits,
+    /// Handles of the episodes.
+    episodes: Vec<u64>,
+    /// Largest number of agents.
+    agents: usize,
+    /// Number of lights of each episode.
+    lights: Vec<usize>,
+    /// Number of frames that the simulator has received.
+    frames: usize,
+    /// Whether the process has confirmed the end of the batch.
+    has_ended: bool,
+}
+
+impl OpenBatch {
+    /// Begins a batch. `seeds` are the seeds of the episodes.
+    ///
+    /// # Errors
+    /// [`PlanError::BrokenOff`] if the process fails, [`PlanError::Failed`] if none can be started.
+    pub(super) fn begin(
+        workers: &Arc<Workers>,
+        limits: TimeLimits,
+        batch: &[Beginning<'_>],
+        seeds: &[u64],
+    ) -> Result<Self, PlanError> {
+        let mut worker = workers.take().map_err(PlanError::BrokenOff)?;
+        let episodes = worker.handles(batch.len());
+        let starts: Vec<_> = batch.iter().map(|e| e.start).collect();
+        let mut open = Self {
+            workers: Arc::clone(workers),
+            worker: Some(worker),
+            limits,
+            agents: starts.iter().map(|s| s.agents.len()).max().unwrap_or(0),
+            lights: starts.iter().map(|s| s.lights.len()).collect(),
+            frames: HISTORY,
+            has_ended: false,
+            episodes,
+        };
+        let mut request = FrameWriter::new("begin");
+        request
+            .text("moves_av", if batch.iter().any(|e| e.moves_av) { "1" } else { "0" })
+            .text("steps", batch.first().map_or(0, |e| e.steps).to_string())
+            .tensor("episode", Values::u64(&[batch.len()], open.episodes.iter().copied()))
+            .tensor("seed", Values::u64(&[batch.len()], seeds.iter().copied()));
+        scenes::add_scenes(&mut request, &starts);
+        add_identities(&mut request, batch);
+        match open.request(request, "begun", 0) {
+            Ok(_) => Ok(open),
+            Err(error) => {
+                // Episodes may exist in the process although it answered `failed`.
+                open.end();
+                Err(PlanError::BrokenOff(error))
+            }
+        }
+    }
+
+    /// Plans the episodes, given by their index in the batch.
+    pub(super) fn plan(&mut self, active: &mut [(usize, &mut Episode<'_>)]) -> Result<(), PlanError> {
+        let (b, n) = (self.episodes.len(), self.agents);
+        let request = {
+            let seen: Vec<(usize, &Episode<'_>)> = active.iter().map(|(i, e)| (*i, &**e)).collect();
+            realised::request(&self.episodes, n, &self.lights, self.frames, &seen)
+        };
+        let steps = active.first().map_or(0, |(_, episode)| episode.plan.steps());
+        self.frames = active.first().map_or(self.frames, |(_, episode)| episode.seen.frame() + 1);
+        let planned = self.request(request, "planned", b * n * steps * 3 * size_of::<f64>());
+        let planned = planned.map_err(PlanError::BrokenOff)?;
+        if let Some(worker) = &mut self.worker {
+            worker.has_planned = true;
+        }
+        replies::take_plans(&planned, (b, n), active)
+            .map_err(|e| PlanError::BrokenOff(format!("`planned` cannot be used: {e}")))
+    }
+
+    /// Ends the batch and gives the worker back.
+    pub(super) fn end(mut self) {
+        if self.worker.is_some() {
+            let mut request = FrameWriter::new("end");
+            request.tensor("episode", Values::u64(&[self.episodes.len()], self.episodes.iter().copied()));
+            // A process that fails here is replaced; the plans of the batch are complete.
+            self.has_ended = self.request(request, "ended", 0).is_ok();
+        }
+    }
+
+    fn request(&mut self, request: FrameWriter, wanted: &str, numbers: usize) -> Result<Frame, String> {
+        let Some(worker) = &mut self.worker else { return Err("its process has ended".to_owned()) };
+        let limit = if worker.has_planned { self.limits.plan } else { self.limits.first };
+        worker.connection.request(request, wanted, numbers, limit).map_err(|error| {
+            if matches!(error, RequestError::Broken(_)) {
+                self.worker = None;
+            }
+            error.text()
+        })
+    }
+}
+
+impl Drop for OpenBatch {
+    fn drop(&mut self) {
+        // Without an answer to `end`, the state of the process is unknown, and another one takes its place.
+        let worker = self.worker.take().filter(|_| self.has_ended);
+        self.workers.put_back(worker);
+    }
+}
+
+/// Adds the names of the episodes if the engine gives them.
+fn add_identities(request: &mut FrameWriter, batch: &[Beginning<'_>]) {
+    let all: Option<Vec<_>> = batch.iter().map(|e| e.identity).collect();
+    let Some(identities) = all else { return };
+    let scenarios: Vec<&str> = identities.iter().map(|i| i.scenario).collect();
+    let agents: Vec<Vec<&str>> =
+        batch.iter().map(|e| e.start.agents.iter().map(|a| a.id.as_str()).collect()).collect();
+    let origins: Vec<[f64; 2]> = identities.iter().map(|i| [i.origin.x, i.origin.y]).collect();
+    let rollouts: Vec<u32> = identities.iter().map(|i| i.rollout).collect();
+    request
+        .text("scenario_ids", json(&scenarios))
+        .text("agent_ids", json(&agents))
+        .text("origins", json(&origins))
+        .text("rollouts", json(&rollouts));
+}
+
+fn json(value: &impl serde::Serialize) -> String {
+    serde_json::to_string(value).expect("lists of texts and finite numbers are JSON")
+}

@@ -1,0 +1,36 @@
+//! Simulators that are programs of their own: a process protocol over standard input and output.
+//!
+//! The protocol is described in `docs/external-protocol.md`. Start with [`ExternalSimulator`]: a
+//! [`Simulator`](reactsim_rollout::Simulator) whose plans come from child processes. A `document` is the
+//! content of a frame; `scenes` and `realised` write what a child receives, `replies` checks what it answers.
+//! A `connection` carries frames and limits their time, a `process` is a child with its standard error, and
+//! `workers` hands out connections to threads.
+//!
+//! This module starts processes and reads clocks; models may do neither.
+
+mod batch;
+mod connection;
+mod document;
+mod error;
+mod process;
+mod realised;
+mod replies;
+mod scene_frame;
+mod scenes;
+mod settings;
+mod simulator;
+mod stderr;
+mod workers;
+
+pub use document::{DocumentError, Frame, FrameWriter, Values, read_frame};
+pub use error::ExternalError;
+pub use process::end_all;
+pub use replies::Description;
+pub use scene_frame::{SceneExtras, scene_frame};
+pub use scenes::{LINE_TYPES, LINK_RELATIONS, add_scenes};
+pub use settings::{Command, ExternalSettings, RunOutline, TimeLimits};
+pub use simulator::{BatchDifference, ExternalSimulator};
+pub use stderr::StderrTarget;
+
+/// Version of the protocol.
+pub const PROTOCOL: &str = "1";

@@ -1,0 +1,129 @@
+//! Checks of the answers of simulators.
+
+use std::collections::BTreeMap;
+
+use reactsim_rollout::{Episode, PlanError};
+use reactsim_scene::{AgentState, DT, FUTURE};
+
+use super::document::{DocumentError, Frame};
+use super::settings::MOST_PER_BATCH;
+
+/// Largest distance of a planned position from the origin, metres: farther ones are errors of units or
+/// frames, not motion.
+const FARTHEST: f64 = 1e5;
+
+/// Largest length of texts that a simulator states about itself, bytes.
+const LONGEST_TEXT: usize = 200;
+
+/// The statement of a simulator about itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// Name.
+    pub name: String,
+    /// Version; may be empty.
+    pub version: String,
+    /// SHA-256 digest of its weights, 64 lower-case hexadecimal digits, if it has any.
+    pub weights_sha256: Option<String>,
+    /// Supported replan intervals, steps; empty for any.
+    pub intervals: Vec<usize>,
+    /// Wanted number of episodes per batch.
+    pub batch: Option<usize>,
+}
+
+impl Description {
+    /// Reads `welcome`.
+    pub fn read(frame: &Frame) -> Result<Self, DocumentError> {
+        let refuse = |text: String| DocumentError(format!("`welcome`: {text}"));
+        let short = |key: &str| {
+            let text = frame.optional_text(key).unwrap_or_default().trim();
+            if text.len() > LONGEST_TEXT || text.chars().any(char::is_control) {
+                return Err(refuse(format!("`{key}` is longer than {LONGEST_TEXT} bytes or not one line")));
+            }
+            Ok(text.to_owned())
+        };
+        let name = short("name")?;
+        if name.is_empty() {
+            return Err(refuse("`name` is missing or empty".to_owned()));
+        }
+        let digest = short("weights_sha256")?.to_ascii_lowercase();
+        if !digest.is_empty() && (digest.len() != 64 || !digest.bytes().all(|b| b.is_ascii_hexdigit())) {
+            let text = format!("`weights_sha256` is {digest:?} instead of 64 hexadecimal digits");
+            return Err(refuse(text));
+        }
+        let intervals: Vec<usize> = match frame.optional_text("intervals") {
+            None | Some("") => Vec::new(),
+            Some(text) => serde_json::from_str(text)
+                .map_err(|e| refuse(format!("`intervals` is {text:?}, not a list of steps: {e}")))?,
+        };
+        if let Some(wrong) = intervals.iter().find(|steps| !(1..=FUTURE).contains(*steps)) {
+            return Err(refuse(format!("`intervals` has {wrong}: 1 to {FUTURE} steps are possible")));
+        }
+        let batch = match frame.optional_text("batch") {
+            None | Some("") => None,
+            Some(text) => {
+                let found = text.parse().ok().filter(|n| (1..=MOST_PER_BATCH).contains(n));
+                let wrong = || refuse(format!("`batch` is {text:?} instead of 1 to {MOST_PER_BATCH}"));
+                Some(found.ok_or_else(wrong)?)
+            }
+        };
+        let weights_sha256 = Some(digest).filter(|d| !d.is_empty());
+        Ok(Self { name, version: short("version")?, weights_sha256, intervals, batch })
+    }
+}
+
+/// Puts the plans of `planned` into the episodes. `active` are the episodes of the request by their index in
+/// the batch of `b` episodes with at most `n` agents. Errors of single episodes go into these.
+///
+/// # Errors
+/// If the answer as a whole has not the shape that was asked for.
+pub(super) fn take_plans(
+    frame: &Frame,
+    (b, n): (usize, usize),
+    active: &mut [(usize, &mut Episode<'_>)],
+) -> Result<(), DocumentError> {
+    let steps = active.first().map_or(0, |(_, episode)| episode.plan.steps());
+    let states = frame.floats("states", &[b, n, steps, 3])?;
+    let mut errors = BTreeMap::new();
+    if let Some(text) = frame.optional_text("errors").filter(|t| !t.is_empty()) {
+        errors = serde_json::from_str::<BTreeMap<usize, String>>(text).map_err(|e| {
+            DocumentError(format!("`errors` is not an object from indices of episodes to texts: {e}"))
+        })?;
+        if let Some(index) = errors.keys().find(|index| **index >= b) {
+            return Err(DocumentError(format!("`errors` names episode {index} of a batch of {b}")));
+        }
+    }
+    for (index, episode) in active {
+        if let Some(text) = errors.remove(index) {
+            episode.error = Some(PlanError::Failed(format!("the simulator reports: {}", text.trim_end())));
+            continue;
+        }
+        let of_episode = &states[*index * n * steps * 3..][..n * steps * 3];
+        if let Err(text) = take_plan(of_episode, steps, episode) {
+            episode.error = Some(PlanError::Failed(text));
+        }
+    }
+    Ok(())
+}
+
+fn take_plan(states: &[f64], steps: usize, episode: &mut Episode<'_>) -> Result<(), String> {
+    let first = usize::from(!episode.moves_av);
+    for slot in first..episode.plan.agents() {
+        let Some(mut before) = episode.seen.state(slot) else { continue };
+        for k in 0..steps {
+            let at = (slot * steps + k) * 3;
+            let (x, y, heading) = (states[at], states[at + 1], states[at + 2]);
+            for (axis, value) in ["x", "y", "heading"].into_iter().zip([x, y, heading]) {
+                // NaN is not below either.
+                let is_possible = value.abs() < FARTHEST;
+                if !is_possible {
+                    let step = episode.seen.step() + k + 1;
+                    return Err(format!("`states`: {axis} of agent {slot} at step {step} is {value}"));
+                }
+            }
+            let (vx, vy) = ((x - before.x) / DT, (y - before.y) / DT);
+            before = AgentState { x, y, heading, vx, vy };
+            episode.plan.set(slot, k, Some(before));
+        }
+    }
+    Ok(())
+}

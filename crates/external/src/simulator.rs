@@ -1,0 +1,176 @@
+//! A simulator whose plans come from a process.
+
+use std::io;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rand::Rng;
+use reactsim_rollout::{
+    Beginning, Controller, Episode, Memory, PlanError, Request, Settings, Simulator, roll_out,
+};
+
+use super::batch::OpenBatch;
+use super::replies::Description;
+use super::settings::{DEFAULT_BATCH, ExternalSettings, RunOutline};
+use super::stderr::StderrTarget;
+use super::workers::Workers;
+use super::{Command, ExternalError};
+
+/// A simulator that runs as a program of its own, in one or several processes. Clones share the processes,
+/// which end when the last clone is dropped.
+#[derive(Clone)]
+pub struct ExternalSimulator {
+    settings: ExternalSettings,
+    description: Description,
+    workers: Arc<Workers>,
+}
+
+/// Memory of an episode: the batch that it is part of, and its index there.
+struct EpisodeMemory {
+    /// Shared by the episodes of the batch; `None` after its end.
+    batch: Arc<Mutex<Option<OpenBatch>>>,
+    index: usize,
+}
+
+impl ExternalSimulator {
+    /// Starts one process, which states what it is and whether it supports the run.
+    ///
+    /// # Errors
+    /// [`ExternalError`] for wrong settings, if the process does not start or greet, or does not support the
+    /// replan intervals of the run.
+    pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
+        settings.check()?;
+        let name = || settings.name.clone();
+        let intervals = outline.intervals.clone();
+        let workers = Arc::new(Workers::new(settings.clone(), outline));
+        let failed = |reason| ExternalError::Start { name: name(), reason };
+        let worker = workers.take().map_err(failed)?;
+        workers.put_back(Some(worker));
+        let description = workers.description().ok_or_else(|| failed("it stated nothing".to_owned()))?;
+        let is_supported = |steps: &usize| description.intervals.contains(steps);
+        let unsupported = intervals.iter().find(|steps| !is_supported(steps));
+        if let (Some(asked), Some(hint)) = (unsupported, description.intervals.first()) {
+            return Err(ExternalError::Interval {
+                name: name(),
+                supported: description.intervals.iter().map(usize::to_string).collect::<Vec<_>>().join(", "),
+                asked: *asked,
+                hint: *hint,
+            });
+        }
+        Ok(Self { settings, description, workers })
+    }
+
+    /// Returns its name in tables.
+    pub fn name(&self) -> &str {
+        &self.settings.name
+    }
+
+    /// Returns how it is reached.
+    pub fn command(&self) -> &Command {
+        &self.settings.command
+    }
+
+    /// Returns what it states about itself.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Returns whether it receives ids.
+    pub fn reveals_ids(&self) -> bool {
+        self.settings.reveal_ids
+    }
+
+    /// Returns the number of episodes per batch: that of the settings, else the one that it asks for, else
+    /// 16.
+    pub fn batch(&self) -> usize {
+        self.settings.batch.or(self.description.batch).unwrap_or(DEFAULT_BATCH)
+    }
+
+    /// Sends the standard error of its processes to a target, also what they wrote before.
+    ///
+    /// # Errors
+    /// If a file cannot be opened.
+    pub fn set_stderr(&self, target: StderrTarget) -> io::Result<()> {
+        self.workers.stderr.set_target(target)
+    }
+
+    /// Rolls out a batch together and singly and compares the positions: a network on a graphics processor
+    /// may give other last bits in another batch. Scenarios that fail are left out.
+    pub fn compare_batches(&self, batch: &[Request<'_>], settings: &Settings) -> BatchDifference {
+        let controller = Controller::Fair(Box::new(self.clone()));
+        let together = roll_out(batch.iter().map(copy).collect(), &controller, settings);
+        let mut difference = BatchDifference::default();
+        for (request, together) in batch.iter().zip(together) {
+            let alone = roll_out(vec![copy(request)], &controller, settings).pop();
+            let (Ok(together), Some(Ok(alone))) = (together, alone) else { continue };
+            difference.scenarios += 1;
+            let states = together.tracks.iter().flatten().zip(alone.tracks.iter().flatten());
+            for (a, b) in states.filter_map(|(a, b)| a.zip(*b)) {
+                difference.largest = difference.largest.max((a.position() - b.position()).norm());
+            }
+        }
+        difference
+    }
+}
+
+/// Difference between rollouts of a batch and of its scenarios singly.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BatchDifference {
+    /// Number of scenarios that were compared.
+    pub scenarios: usize,
+    /// Largest distance between positions of an agent at the same step, metres.
+    pub largest: f64,
+}
+
+fn copy<'a>(request: &Request<'a>) -> Request<'a> {
+    Request { scenario: request.scenario, av: request.av.copy(), rollout: request.rollout }
+}
+
+impl Simulator for ExternalSimulator {
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        let seeds: Vec<u64> = batch.iter_mut().map(|episode| episode.stream.next_u64()).collect();
+        let open = OpenBatch::begin(&self.workers, self.settings.limits, batch, &seeds)?;
+        let open = Arc::new(Mutex::new(Some(open)));
+        for (index, episode) in batch.iter_mut().enumerate() {
+            episode.memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });
+        }
+        Ok(())
+    }
+
+    fn wants_identity(&self) -> bool {
+        self.settings.reveal_ids
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        let mut open: Option<Arc<Mutex<Option<OpenBatch>>>> = None;
+        let mut active = Vec::with_capacity(batch.len());
+        for episode in batch {
+            let Some(EpisodeMemory { batch: own, index }) = episode.memory.get() else {
+                episode.error = Some(PlanError::ForeignMemory("external"));
+                continue;
+            };
+            let index = *index;
+            let shared = open.get_or_insert_with(|| Arc::clone(own));
+            if !Arc::ptr_eq(shared, own) {
+                episode.error = Some(PlanError::Failed("it was begun with another batch".to_owned()));
+                continue;
+            }
+            active.push((index, episode));
+        }
+        let Some(open) = open else { return Ok(()) };
+        let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(open) = open.as_mut() else {
+            return Err(PlanError::Failed("the batch has ended".to_owned()));
+        };
+        open.plan(&mut active)
+    }
+
+    fn end_batch(&self, memories: Vec<Memory>) {
+        for mut memory in memories {
+            let Some(EpisodeMemory { batch, .. }) = memory.take() else { continue };
+            let open = batch.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if let Some(open) = open {
+                open.end();
+            }
+        }
+    }
+}

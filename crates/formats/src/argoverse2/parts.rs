@@ -1,0 +1,81 @@
+//! Conversion of tracks and a map to scenario parts.
+
+use reactsim_scene::{Agent, AgentKind, CURRENT, FRAMES, LoggedAgent, MapParts, ScenarioParts};
+
+use super::tracks::{Track, Tracks};
+use crate::error::Cause;
+
+/// Id of the AV's track.
+const AV: &str = "AV";
+/// Lowest category of tracks that forecasts are scored for.
+const MIN_SCORED_CATEGORY: u32 = 2;
+/// Relative tolerance of the time step around 0.1 s.
+const STEP_TOLERANCE: f64 = 0.1;
+
+/// Converts tracks and a map to scenario parts with the time step `current` as the current frame. Also
+/// returns the number of missing frames at the end.
+pub(super) fn parts(tracks: Tracks, map: MapParts, current: usize) -> Result<(ScenarioParts, u32), Cause> {
+    if let Some(step) = tracks.step.filter(|s| !((s - 0.1).abs() <= STEP_TOLERANCE * 0.1)) {
+        let what = "the step of `start_timestamp` to `end_timestamp` in `num_timestamps`";
+        return Err(Cause::value(what, format!("{step} s"), "0.1 s (10 Hz)"));
+    }
+    let Some(av) = tracks.tracks.iter().position(|t| t.id == AV) else {
+        return Err(Cause::value("`track_id`", "`AV` in no row", "the track of the AV"));
+    };
+    let now = u32::try_from(current).unwrap_or(u32::MAX);
+    if !tracks.tracks[av].states.contains_key(&now) {
+        let expected = "the AV present at the current frame; choose another frame";
+        return Err(Cause::value(
+            format!("the track `{AV}`"),
+            format!("absent at time step {current}"),
+            expected,
+        ));
+    }
+    let last = tracks.tracks.iter().filter_map(|t| t.states.keys().next_back()).max().copied().unwrap_or(now);
+    let first = current - CURRENT;
+    let recorded = (last as usize + 1).saturating_sub(first).min(FRAMES);
+    let ids = |chosen: &dyn Fn(&Track) -> bool| {
+        tracks.tracks.iter().filter(|t| chosen(t)).map(|t| t.id.clone()).collect::<Vec<_>>()
+    };
+    let tracks_to_predict = ids(&|t| t.category >= MIN_SCORED_CATEGORY);
+    let objects_of_interest = ids(&|t| tracks.focal.as_ref() == Some(&t.id));
+    let step = tracks.step;
+    let agents = tracks.tracks.into_iter().map(|track| agent(track, first)).collect();
+    let parts = ScenarioParts {
+        id: tracks.scenario_id,
+        source: "argoverse2".into(),
+        origin: None,
+        timestamps: step.map_or(Vec::new(), |s| (0..FRAMES).map(|f| f as f64 * s).collect()),
+        av,
+        agents,
+        tracks_to_predict,
+        objects_of_interest,
+        map,
+        lights: Vec::new(),
+        deviation: None,
+    };
+    Ok((parts, (FRAMES - recorded) as u32))
+}
+
+fn agent(track: Track, first: usize) -> LoggedAgent {
+    let (kind, length, width) = class(&track.object_type);
+    let frame = |f: usize| track.states.get(&u32::try_from(first + f).ok()?).copied();
+    let states = (0..FRAMES).map(frame).collect();
+    LoggedAgent { agent: Agent { id: track.id, kind, length, width }, track: states }
+}
+
+/// Returns kind, length and width (in metres) of an object class. The data set records no sizes; these are
+/// usual ones. A size of zero means an unknown size: such objects do not become obstacles.
+fn class(object_type: &str) -> (AgentKind, f64, f64) {
+    match object_type {
+        "vehicle" => (AgentKind::Vehicle, 4.5, 1.9),
+        "bus" => (AgentKind::Vehicle, 12.0, 2.6),
+        "motorcyclist" => (AgentKind::Cyclist, 2.2, 0.9),
+        "cyclist" => (AgentKind::Cyclist, 1.8, 0.7),
+        "pedestrian" => (AgentKind::Pedestrian, 0.7, 0.7),
+        "riderless_bicycle" => (AgentKind::Other, 1.8, 0.7),
+        "construction" => (AgentKind::Other, 0.6, 0.6),
+        // `static`, `background`, `unknown` and classes of newer versions: of any size.
+        _ => (AgentKind::Other, 0.0, 0.0),
+    }
+}

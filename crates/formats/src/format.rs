@@ -1,0 +1,138 @@
+//! The interface of a format, and what its implementations share.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use reactsim_files::{name_of, open_regular};
+use reactsim_scene::Scenario;
+
+use super::error::{Cause, FormatError};
+
+/// Iterator over scenarios in file order. An error with [`FormatError::ends_file`] ends the file; other
+/// errors concern one record.
+pub type Scenarios = Box<dyn Iterator<Item = Result<Scenario, FormatError>> + Send>;
+
+/// Record that was read from its file but not decoded. Decoding is the longer part of the work and can run on
+/// any thread.
+pub type UndecodedScenario = Box<dyn FnOnce() -> Result<Scenario, FormatError> + Send>;
+
+/// Iterator over undecoded records in file order. Errors as in [`Scenarios`]; an error of one record may
+/// appear when it is decoded.
+pub type PendingScenarios = Box<dyn Iterator<Item = Result<UndecodedScenario, FormatError>> + Send>;
+
+/// Opens a source for reading from the record with the given index on.
+pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + Send + Sync>;
+
+/// Reads a source through and returns the number of its records, damaged ones included. A source that cannot
+/// be opened has one, so that whoever reads it reports the reason.
+pub fn count_records(open: &Opener) -> usize {
+    open(0).map_or(1, Iterator::count)
+}
+
+/// Name of the repair that counts the frames after the last one of a recording; they are absent.
+pub(super) const UNRECORDED_FRAMES: &str = "frames at the end that are not recorded";
+
+/// Wraps a scenario as an [`UndecodedScenario`] record.
+pub fn decoded(scenario: Scenario) -> UndecodedScenario {
+    Box::new(move || Ok(scenario))
+}
+
+/// A scenario file format.
+pub trait ScenarioFormat: Sync {
+    /// Returns the name on the command line.
+    fn id(&self) -> &'static str;
+    /// Returns a one-line description for people.
+    fn title(&self) -> &'static str;
+    /// Returns whether a file looks like this format, by its first bytes or, if these are damaged, by its
+    /// name.
+    fn recognises(&self, path: &Path) -> bool;
+    /// Returns whether a file accompanies scenarios of this format, such as a map. In a folder, such files
+    /// are skipped without a warning.
+    fn accompanies(&self, _path: &Path) -> bool {
+        false
+    }
+    /// Returns whether files behind URLs can be read: each scenario comes from one file, by [`open_regular`].
+    fn reads_urls(&self) -> bool {
+        true
+    }
+    /// Opens one file.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be read at all.
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError>;
+    /// Opens one file for reading by several threads. Formats that are slow to decode leave decoding to the
+    /// threads.
+    ///
+    /// # Errors
+    /// Same as [`ScenarioFormat::open`].
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        let scenarios = self.open(path)?;
+        Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
+    }
+    /// Opens one file as [`ScenarioFormat::open_undecoded`] does, from the record with this index on. Earlier
+    /// records need not be read, nor be readable.
+    ///
+    /// # Errors
+    /// Same as [`ScenarioFormat::open`].
+    fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(self.open_undecoded(path)?.skip(first)))
+    }
+    /// Returns the number of records of a file if it can be found without reading them; for progress.
+    fn count(&self, _path: &Path) -> Option<usize> {
+        None
+    }
+    /// Reads the scenario of a single-scenario file with the given frame (counted from 0) as the current one.
+    /// Most formats fix the current frame and return an error.
+    ///
+    /// # Errors
+    /// Same as [`ScenarioFormat::open`], and if the format fixes the current frame.
+    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
+        let expected = format!("none: the format {} fixes the current frame", self.id());
+        Err(FormatError::file(path, Cause::value("the current frame", current_frame, expected)))
+    }
+    /// Returns the other files that the scenarios of a file are read from, such as maps, in a fixed order.
+    /// Files that cannot be determined are left out; opening the file reports the reason.
+    fn companions(&self, _path: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+}
+
+/// First bytes of Parquet files.
+pub(super) const PARQUET: &[u8] = b"PAR1";
+/// First bytes of gzip files.
+pub(super) const GZIP: &[u8] = &[0x1f, 0x8b];
+/// First bytes of zstd files.
+pub(super) const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+
+/// Returns whether a file begins like a Parquet file.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn is_parquet(path: &Path) -> std::io::Result<bool> {
+    Ok(head(path, PARQUET.len() as u64)? == PARQUET)
+}
+
+/// Reads the whole content of a file. Files longer than `max_size` bytes are refused; `expected` describes a
+/// valid file in the error.
+pub(super) fn read_whole(path: &Path, max_size: u64, expected: &str) -> Result<Vec<u8>, FormatError> {
+    let refuse = |e| FormatError::file(path, Cause::read(e));
+    let mut content = Vec::new();
+    open_regular(path).map_err(refuse)?.take(max_size + 1).read_to_end(&mut content).map_err(refuse)?;
+    if content.len() as u64 > max_size {
+        let found = format!("more than {} MiB", max_size >> 20);
+        return Err(FormatError::file(path, Cause::value("the length of the file", found, expected)));
+    }
+    Ok(content)
+}
+
+/// Reads the first `bytes` bytes of a file, or all of a shorter file.
+pub(super) fn head(path: &Path, bytes: u64) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    open_regular(path)?.take(bytes).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+/// Returns whether a file name has this ending, ignoring case.
+pub(super) fn named(path: &Path, ending: &str) -> bool {
+    name_of(path).to_ascii_lowercase().ends_with(ending)
+}

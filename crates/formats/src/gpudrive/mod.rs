@@ -1,0 +1,73 @@
+//! JSON files of GPUDrive and its predecessor Nocturne: one Waymo scenario each. Described in
+//! `scenarios/README.md`.
+
+pub(super) mod links;
+
+mod angles;
+mod parts;
+mod raw;
+mod roads;
+
+use std::path::{Path, PathBuf};
+
+use reactsim_scene::Scenario;
+
+use self::raw::RawScenario;
+use super::error::{Cause, FormatError};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, read_whole};
+
+/// Maximum file size in bytes; the largest scenarios have about ten megabytes.
+const MAX_FILE_SIZE: u64 = 1 << 27;
+
+/// The format of GPUDrive and Nocturne.
+pub(super) struct GpuDrive;
+
+impl ScenarioFormat for GpuDrive {
+    fn id(&self) -> &'static str {
+        "gpudrive"
+    }
+
+    fn title(&self) -> &'static str {
+        "GPUDrive or Nocturne scenario, JSON with \"objects\" and \"roads\""
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        head(path, 4096).is_ok_and(|head| {
+            let contains = |text: &str| head.windows(text.len()).any(|w| w == text.as_bytes());
+            // Files of this program state their format at the beginning.
+            head.trim_ascii_start().starts_with(b"{")
+                && !contains("\"reactsim-")
+                && (contains("\"objects\"") || contains("\"roads\""))
+                && (contains("\"position\"") || contains("\"geometry\""))
+        })
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        let scenario = read(path)?;
+        Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        let path: PathBuf = path.to_owned();
+        let decode: UndecodedScenario = Box::new(move || read(&path));
+        Ok(Box::new(std::iter::once(Ok(decode))))
+    }
+
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
+}
+
+fn read(path: &Path) -> Result<Scenario, FormatError> {
+    let text = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
+    let raw: RawScenario = serde_json::from_slice(&text)
+        .map_err(|e| FormatError::file(path, Cause::Undecodable(e.to_string())).at(0))?;
+    drop(text);
+    let id = raw.id();
+    let converted = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, id, cause))?;
+    let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    for (what, count) in converted.left_out {
+        *scenario.repairs.entry(what.to_owned()).or_default() += count;
+    }
+    Ok(scenario)
+}

@@ -1,0 +1,148 @@
+//! Conversion of a GPUDrive file to scenario parts.
+
+use std::collections::BTreeMap;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts,
+};
+
+use super::angles;
+use super::raw::{Name, RawLight, RawObject, RawScenario};
+use super::roads;
+use crate::error::Cause;
+
+/// Coordinate in metres that marks invalid frames.
+const INVALID_COORDINATE: f64 = -10_000.0;
+
+/// Scenario parts of a file, with the omitted elements.
+pub(super) struct ConvertedScenario {
+    pub(super) parts: ScenarioParts,
+    /// Number of omitted elements by description.
+    pub(super) left_out: BTreeMap<&'static str, u32>,
+}
+
+/// Converts the content of a file.
+pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
+    let id = raw
+        .id()
+        .ok_or_else(|| Cause::schema("`scenario_id`", "missing", "the id of the scenario, or a `name`"))?;
+    let ids: Vec<String> = raw.objects.iter().enumerate().map(|(i, o)| name(&o.id, i)).collect();
+    let index = |field: &str, value: i64| {
+        let expected = || format!("the index of one of {} objects", ids.len());
+        let found = usize::try_from(value).ok().filter(|i| *i < ids.len());
+        found.ok_or_else(|| Cause::value(field, value, expected()))
+    };
+    // The AV is the last object of every file; newer files state its index.
+    let av = match raw.metadata.as_ref().and_then(|m| m.sdc_track_index) {
+        Some(given) => index("metadata.sdc_track_index", given)?,
+        None => {
+            let last = ids.len().checked_sub(1);
+            last.ok_or_else(|| Cause::value("objects", "empty", "the objects of the scenario, the AV last"))?
+        }
+    };
+    let (mut tracks_to_predict, mut objects_of_interest) = (Vec::new(), Vec::new());
+    if let Some(metadata) = &raw.metadata {
+        for (i, required) in metadata.tracks_to_predict.iter().enumerate() {
+            let track = index(&format!("metadata.tracks_to_predict[{i}].track_index"), required.track_index)?;
+            tracks_to_predict.push(ids[track].clone());
+        }
+        objects_of_interest = metadata.objects_of_interest.iter().map(Name::to_string).collect();
+    }
+    let unit = angles::radians_per_unit(&raw);
+    let mut agents = Vec::with_capacity(raw.objects.len());
+    for (i, object) in raw.objects.iter().enumerate() {
+        agents.push(agent(i, object, ids[i].clone(), unit)?);
+    }
+    let mut lights = Vec::new();
+    for (lane, light) in raw.tl_states {
+        lights.extend(self::light(lane, &light)?);
+    }
+    let (mut map, left_out) = roads::map(raw.roads)?;
+    map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
+    let parts = ScenarioParts {
+        id,
+        source: "gpudrive".into(),
+        origin: None,
+        timestamps: Vec::new(),
+        av,
+        agents,
+        tracks_to_predict,
+        objects_of_interest,
+        map,
+        lights,
+        deviation: None,
+    };
+    Ok(ConvertedScenario { parts, left_out })
+}
+
+/// Returns the id, or the index if the file has no id.
+fn name(id: &Option<Name>, index: usize) -> String {
+    id.as_ref().map_or_else(|| index.to_string(), Name::to_string)
+}
+
+fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAgent, Cause> {
+    let lengths = [
+        ("position", object.position.len()),
+        ("velocity", object.velocity.len()),
+        ("heading", object.heading.len()),
+        ("valid", object.valid.len()),
+    ];
+    if let Some((field, found)) = lengths.into_iter().find(|(_, n)| *n != FRAMES) {
+        let found = format!("{found} entries");
+        return Err(Cause::value(format!("objects[{i}].{field}"), found, "91 entries (9.1 s at 10 Hz)"));
+    }
+    let mut track = Vec::with_capacity(FRAMES);
+    for f in 0..FRAMES {
+        if !object.valid[f] {
+            track.push(None);
+            continue;
+        }
+        let (at, v) = (object.position[f], object.velocity[f]);
+        if at.x == INVALID_COORDINATE && at.y == INVALID_COORDINATE {
+            let field = format!("objects[{i}].position[{f}]");
+            let expected =
+                "a position where `valid` is true; set `valid` to false where the object is absent";
+            return Err(Cause::value(
+                field,
+                format!("({INVALID_COORDINATE}, {INVALID_COORDINATE})"),
+                expected,
+            ));
+        }
+        let heading = object.heading[f] * unit;
+        track.push(Some(AgentState { x: at.x, y: at.y, heading, vx: v.x, vy: v.y }));
+    }
+    let kind = match object.kind.as_str() {
+        "vehicle" => AgentKind::Vehicle,
+        "pedestrian" => AgentKind::Pedestrian,
+        "cyclist" => AgentKind::Cyclist,
+        _ => AgentKind::Other,
+    };
+    Ok(LoggedAgent { agent: Agent { id, kind, length: object.length, width: object.width }, track })
+}
+
+/// Converts a light; `None` if it was never observed.
+fn light(lane: String, raw: &RawLight) -> Result<Option<LightParts>, Cause> {
+    let field = |what: &str| format!("tl_states[\"{lane}\"].{what}");
+    let n = raw.time_index.len();
+    for (what, found) in [("state", raw.state.len()), ("x", raw.x.len()), ("y", raw.y.len())] {
+        if found != n {
+            let expected = format!("as many as `time_index` has: {n}");
+            return Err(Cause::value(field(what), format!("{found} entries"), expected));
+        }
+    }
+    let mut states = vec![None; FRAMES];
+    for (k, (&index, state)) in raw.time_index.iter().zip(&raw.state).enumerate() {
+        let frame = usize::try_from(index).ok().filter(|f| *f < FRAMES);
+        let frame = frame.ok_or_else(|| {
+            Cause::value(field(&format!("time_index[{k}]")), index, "the index of a frame, 0 to 90")
+        })?;
+        let observed = LightState::from_name(state).ok_or_else(|| {
+            let known = LightState::ALL.map(LightState::name).join(", ");
+            Cause::value(field(&format!("state[{k}]")), format!("`{state}`"), known)
+        })?;
+        states[frame] = Some(observed);
+    }
+    let at = raw.x.first().zip(raw.y.first());
+    Ok(at.map(|(&x, &y)| LightParts { lane, stop_point: Vec2::new(x, y), states }))
+}

@@ -1,0 +1,117 @@
+//! Fields of a GPUDrive file that are read; all others are skipped.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use reactsim_geometry::Vec2;
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct RawScenario {
+    #[serde(default)]
+    pub(super) name: Option<String>,
+    #[serde(default)]
+    pub(super) scenario_id: Option<String>,
+    pub(super) objects: Vec<RawObject>,
+    pub(super) roads: Vec<RawRoad>,
+    /// Lights by the id of the controlled lane.
+    #[serde(default)]
+    pub(super) tl_states: BTreeMap<String, RawLight>,
+    /// Metadata; missing in old files.
+    #[serde(default)]
+    pub(super) metadata: Option<RawMetadata>,
+}
+
+impl RawScenario {
+    /// Returns the scenario's id: that of Waymo, or in old files the name of the source record.
+    pub(super) fn id(&self) -> Option<String> {
+        let name = || Some(self.name.as_ref()?.trim_end_matches(".json").to_owned());
+        self.scenario_id.clone().or_else(name).filter(|id| !id.is_empty())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct RawMetadata {
+    #[serde(default)]
+    pub(super) sdc_track_index: Option<i64>,
+    #[serde(default)]
+    pub(super) objects_of_interest: Vec<Name>,
+    #[serde(default)]
+    pub(super) tracks_to_predict: Vec<RawPrediction>,
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct RawPrediction {
+    pub(super) track_index: i64,
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct RawObject {
+    #[serde(default)]
+    pub(super) id: Option<Name>,
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    pub(super) length: f64,
+    pub(super) width: f64,
+    pub(super) position: Vec<Point>,
+    pub(super) velocity: Vec<Point>,
+    pub(super) heading: Vec<f64>,
+    pub(super) valid: Vec<bool>,
+}
+
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct RawRoad {
+    #[serde(default)]
+    pub(super) id: Option<Name>,
+    #[serde(default)]
+    pub(super) map_element_id: Option<i64>,
+    #[serde(rename = "type")]
+    pub(super) kind: String,
+    pub(super) geometry: Vec<Point>,
+}
+
+/// Observations of a light: four lists with one entry per observation.
+#[derive(Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct RawLight {
+    pub(super) state: Vec<String>,
+    pub(super) x: Vec<f64>,
+    pub(super) y: Vec<f64>,
+    pub(super) time_index: Vec<i64>,
+}
+
+/// A point or a vector; a z coordinate is not read.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(expecting = "an object")]
+pub(super) struct Point {
+    pub(super) x: f64,
+    pub(super) y: f64,
+}
+
+impl From<Point> for Vec2 {
+    fn from(p: Point) -> Self {
+        Self::new(p.x, p.y)
+    }
+}
+
+/// An id: a number in files of GPUDrive and Nocturne, a text in some files edited by other programs.
+#[derive(Clone, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Name {
+    Number(i64),
+    Text(String),
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(n) => n.fmt(f),
+            Self::Text(t) => t.fmt(f),
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Hand-written scenarios: one JSON file each, with compact notations for motions and lines. Described in
+//! `scenarios/README.md`.
+
+mod motion;
+mod parts;
+mod raw;
+
+use std::path::Path;
+
+use reactsim_scene::Scenario;
+
+use self::raw::RawScenario;
+use super::error::{Cause, FormatError};
+use super::format::{ScenarioFormat, Scenarios, head, read_whole};
+
+/// Maximum file size in bytes; a scenario with full tracks has a few megabytes.
+const MAX_FILE_SIZE: u64 = 1 << 28;
+
+/// The format of hand-written scenarios.
+pub(super) struct Json;
+
+impl ScenarioFormat for Json {
+    fn id(&self) -> &'static str {
+        "json"
+    }
+
+    fn title(&self) -> &'static str {
+        "hand-written scenario, JSON with \"format\": \"reactsim-scenario-v1\""
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        head(path, 4096).is_ok_and(|head| {
+            let text = head.trim_ascii_start();
+            text.starts_with(b"{") && text.windows(raw::FORMAT.len()).any(|w| w == raw::FORMAT.as_bytes())
+        })
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        let scenario = read(path)?;
+        Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
+}
+
+fn read(path: &Path) -> Result<Scenario, FormatError> {
+    parse(path, &read_whole(path, MAX_FILE_SIZE, "one scenario")?)
+}
+
+/// Reads a hand-written scenario from memory; errors refer to it as `path`.
+///
+/// # Errors
+/// [`FormatError`] names the field and the value.
+pub fn parse(path: &Path, text: &[u8]) -> Result<Scenario, FormatError> {
+    let raw: RawScenario = serde_json::from_slice(text)
+        .map_err(|e| FormatError::file(path, Cause::Undecodable(e.to_string())).at(0))?;
+    let id = raw.id.clone();
+    let parts = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
+    Scenario::assemble(parts).map_err(|e| FormatError::scene(path, 0, e))
+}
+
+#[cfg(test)]
+mod tests;

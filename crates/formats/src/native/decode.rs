@@ -1,0 +1,409 @@
+//! Conversion of columns to scenarios.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use arrow_array::RecordBatch;
+use reactsim_geometry::{Polygon, Vec2};
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, LaneArea,
+    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge,
+    RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
+};
+
+use super::encode::{COLUMNS, LEFT, RIGHT};
+use super::wrong;
+use crate::certificates;
+use crate::error::{Cause, FormatError};
+use crate::table::View;
+
+/// Columns of the rows in memory.
+pub(super) struct Rows {
+    views: Vec<View>,
+    certificates: Vec<Option<Certificate>>,
+    len: usize,
+}
+
+impl Rows {
+    /// Finds all columns.
+    pub(super) fn new(batch: &RecordBatch) -> Result<Self, Cause> {
+        let mut views = Vec::with_capacity(COLUMNS.len());
+        for &(name, leaf, depth, _) in COLUMNS {
+            views.push(View::need(batch, name, leaf, depth)?);
+        }
+        Ok(Self { views, certificates: certificates::decode(batch)?, len: batch.num_rows() })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Returns the digest stored for a row.
+    pub(super) fn digest(&self, row: usize) -> Option<&str> {
+        self.text("digest", row).ok()
+    }
+
+    /// Decodes the scenario of a row; its digest must match the stored one.
+    pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
+        let id = self.text("id", row).unwrap_or_default().to_owned();
+        let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
+        let parts = self.parts(row).map_err(refuse)?;
+        let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
+        // Stop lines are stored after projection: projecting them again would move them by a rounding error.
+        scenario.start.map.stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
+        scenario.repairs = self.repairs(row);
+        let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
+        if found == expected {
+            return Ok(scenario);
+        }
+        Err(refuse(Cause::Checksum { what: "the scenario", found, expected: expected.to_owned() }))
+    }
+
+    fn view(&self, name: &str) -> &View {
+        self.views.iter().find(|v| v.name() == name).expect("columns are named as in the schema")
+    }
+
+    fn text(&self, column: &'static str, row: usize) -> Result<&str, Cause> {
+        self.view(column).text(row).ok_or_else(|| wrong(column, "null", "a text"))
+    }
+
+    fn texts(&self, column: &'static str, row: usize) -> Vec<String> {
+        let view = self.view(column);
+        view.range(0, row).filter_map(|i| view.text(i)).map(str::to_owned).collect()
+    }
+
+    /// Returns the cells of a list, which must have `expected` elements.
+    fn cells(&self, column: &'static str, row: usize, expected: usize) -> Result<Range<usize>, Cause> {
+        let range = self.view(column).range(0, row);
+        if range.len() == expected {
+            return Ok(range);
+        }
+        Err(wrong(column, format!("{} entries", range.len()), &format!("{expected} entries")))
+    }
+
+    /// Reads the lists of points in two columns; there must be `expected` of them, or any number for `None`.
+    fn lines(
+        &self,
+        [x, y]: [&'static str; 2],
+        row: usize,
+        expected: Option<usize>,
+    ) -> Result<Vec<Vec<Vec2>>, Cause> {
+        let (xs, ys) = (self.view(x), self.view(y));
+        let outer = xs.range(0, row);
+        let expected = expected.unwrap_or(outer.len());
+        let (outer_x, outer_y) = (self.cells(x, row, expected)?, self.cells(y, row, expected)?);
+        let mut lines = Vec::with_capacity(expected);
+        for (i, j) in outer_x.zip(outer_y) {
+            lines.push(points(xs, xs.range(1, i), ys, ys.range(1, j))?);
+        }
+        Ok(lines)
+    }
+
+    fn parts(&self, row: usize) -> Result<ScenarioParts, Cause> {
+        let number = |column| self.view(column).number(row).ok_or_else(|| wrong(column, "null", "a number"));
+        let times = self.view("timestamps");
+        Ok(ScenarioParts {
+            id: self.text("id", row)?.to_owned(),
+            source: self.text("source", row)?.to_owned(),
+            origin: Some(Vec2::new(number("origin_x")?, number("origin_y")?)),
+            timestamps: times.range(0, row).filter_map(|i| times.number(i)).collect(),
+            av: 0,
+            agents: self.agents(row)?,
+            tracks_to_predict: self.texts("tracks_to_predict", row),
+            objects_of_interest: self.texts("objects_of_interest", row),
+            map: self.map(row)?,
+            lights: self.lights(row)?,
+            deviation: self.deviation(row)?,
+        })
+    }
+
+    fn agents(&self, row: usize) -> Result<Vec<LoggedAgent>, Cause> {
+        let ids = self.texts("agent_id", row);
+        let kinds = self.names("agent_kind", row, ids.len(), AgentKind::from_name)?;
+        let sizes = ["agent_length", "agent_width"];
+        let [lengths, widths] = sizes.map(|c| (self.view(c), self.cells(c, row, ids.len())));
+        let (length_cells, width_cells) = (lengths.1?, widths.1?);
+        let fields = ["agent_x", "agent_y", "agent_heading", "agent_vx", "agent_vy"];
+        for field in fields {
+            self.cells(field, row, ids.len())?;
+        }
+        let views = fields.map(|c| self.view(c));
+        let mut agents = Vec::with_capacity(ids.len());
+        for (i, (id, kind)) in ids.into_iter().zip(kinds).enumerate() {
+            let ranges = views.map(|v| v.range(1, v.range(0, row).start + i));
+            agents.push(LoggedAgent {
+                agent: Agent {
+                    id,
+                    kind,
+                    length: lengths.0.number(length_cells.start + i).unwrap_or(f64::NAN),
+                    width: widths.0.number(width_cells.start + i).unwrap_or(f64::NAN),
+                },
+                track: track(views, ranges)?,
+            });
+        }
+        Ok(agents)
+    }
+
+    /// Reads a list of names and converts each by `from_name`.
+    fn names<T>(
+        &self,
+        column: &'static str,
+        row: usize,
+        expected: usize,
+        from_name: fn(&str) -> Option<T>,
+    ) -> Result<Vec<T>, Cause> {
+        let view = self.view(column);
+        let known = |i| {
+            let name = view.text(i).unwrap_or_default();
+            from_name(name).ok_or_else(|| wrong(column, format!("`{name}`"), "a known name"))
+        };
+        self.cells(column, row, expected)?.map(known).collect()
+    }
+
+    fn map(&self, row: usize) -> Result<MapParts, Cause> {
+        let surfaces = |columns| -> Result<Vec<Surface>, Cause> {
+            Ok(self.lines(columns, row, None)?.into_iter().map(|outline| Surface { outline }).collect())
+        };
+        let edges = self.lines(["road_edge_x", "road_edge_y"], row, None)?;
+        let edge_kinds = self.names("road_edge_kind", row, edges.len(), RoadEdgeKind::from_name)?;
+        let painted = self.lines(["road_line_x", "road_line_y"], row, None)?;
+        let paints = self.view("road_line_paint");
+        let paint_cells = self.cells("road_line_paint", row, painted.len())?;
+        let paint = |i| paints.whole(i).and_then(|p| u8::try_from(p).ok()).unwrap_or(0);
+        let crosswalks = self.lines(["crosswalk_x", "crosswalk_y"], row, None)?;
+        Ok(MapParts {
+            lanes: self.lanes(row)?,
+            road_edges: edge_kinds
+                .into_iter()
+                .zip(edges)
+                .map(|(kind, points)| RoadEdge { kind, points })
+                .collect(),
+            road_lines: paint_cells
+                .zip(painted)
+                .map(|(i, points)| RoadLine { paint: paint(i), points })
+                .collect(),
+            stop_lines: Vec::new(),
+            crosswalks: crosswalks.into_iter().map(|outline| Crosswalk { outline }).collect(),
+            speed_bumps: surfaces(["speed_bump_x", "speed_bump_y"])?,
+            driveways: surfaces(["driveway_x", "driveway_y"])?,
+            intersections: self.lines(["intersection_x", "intersection_y"], row, None)?,
+            drivable_area: self.drivable_area(row)?,
+        })
+    }
+
+    fn drivable_area(&self, row: usize) -> Result<Option<Vec<Polygon>>, Cause> {
+        if self.view("has_drivable_area").flag(row) != Some(true) {
+            return Ok(None);
+        }
+        let (xs, ys) = (self.view("drivable_area_x"), self.view("drivable_area_y"));
+        let outer = xs.range(0, row);
+        let mut area = Vec::with_capacity(outer.len());
+        for (i, j) in outer.clone().zip(self.cells("drivable_area_y", row, outer.len())?) {
+            let mut rings = Vec::new();
+            for (a, b) in xs.range(1, i).zip(ys.range(1, j)) {
+                rings.push(points(xs, xs.range(2, a), ys, ys.range(2, b))?);
+            }
+            let mut rings = rings.into_iter();
+            area.push(Polygon { exterior: rings.next().unwrap_or_default(), holes: rings.collect() });
+        }
+        Ok(Some(area))
+    }
+
+    fn lanes(&self, row: usize) -> Result<Vec<LaneParts>, Cause> {
+        let ids = self.texts("lane_id", row);
+        let count = ids.len();
+        let kinds = self.names("lane_kind", row, count, LaneKind::from_name)?;
+        let classes = self.names("lane_class", row, count, LaneClass::from_name)?;
+        let (limits, limit) =
+            (self.view("lane_speed_limit"), self.cells("lane_speed_limit", row, count)?.start);
+        let (widths, width) =
+            (self.view("lane_half_width"), self.cells("lane_half_width", row, count)?.start);
+        let mut baselines = self.lines(["lane_x", "lane_y"], row, Some(count))?;
+        let mut polygons = self.lines(["lane_polygon_x", "lane_polygon_y"], row, Some(count))?;
+        let links = |column| -> Result<Vec<Vec<String>>, Cause> {
+            let view = self.view(column);
+            let list = |i| view.range(1, i).filter_map(|c| view.text(c)).map(str::to_owned).collect();
+            Ok(self.cells(column, row, count)?.map(list).collect())
+        };
+        let (mut successors, mut predecessors) = (links("lane_successors")?, links("lane_predecessors")?);
+        let (mut left, mut right) = (self.neighbors(LEFT, row, count)?, self.neighbors(RIGHT, row, count)?);
+        let mut lanes = Vec::with_capacity(count);
+        for (i, id) in ids.into_iter().enumerate() {
+            lanes.push(LaneParts {
+                id,
+                kind: kinds[i],
+                class: classes[i],
+                speed_limit: limits.number(limit + i),
+                points: std::mem::take(&mut baselines[i]),
+                area: match widths.number(width + i) {
+                    Some(half_width) => LaneArea::Corridor { half_width },
+                    None => LaneArea::Polygon(std::mem::take(&mut polygons[i])),
+                },
+                successors: std::mem::take(&mut successors[i]),
+                predecessors: std::mem::take(&mut predecessors[i]),
+                left: std::mem::take(&mut left[i]),
+                right: std::mem::take(&mut right[i]),
+            });
+        }
+        Ok(lanes)
+    }
+
+    fn neighbors(
+        &self,
+        columns: [&'static str; 5],
+        row: usize,
+        count: usize,
+    ) -> Result<Vec<Vec<NeighborParts>>, Cause> {
+        for column in columns {
+            self.cells(column, row, count)?;
+        }
+        let views = columns.map(|c| self.view(c));
+        let first = views.map(|v| v.range(0, row).start);
+        let mut all = Vec::with_capacity(count);
+        for i in 0..count {
+            let mut ranges = views.map(|v| v.range(1, 0));
+            for (range, (view, first)) in ranges.iter_mut().zip(views.iter().zip(first)) {
+                *range = view.range(1, first + i);
+            }
+            let [ids, a, b, c, d] = &ranges;
+            if let Some(column) = (0..5).find(|k| ranges[*k].len() != ids.len()) {
+                let found = format!("{} entries", ranges[column].len());
+                return Err(wrong(columns[column], found, &format!("{} entries", ids.len())));
+            }
+            let neighbor = |k: usize| NeighborParts {
+                lane: views[0].text(ids.start + k).unwrap_or_default().to_owned(),
+                self_start: views[1].whole(a.start + k).unwrap_or(0),
+                self_end: views[2].whole(b.start + k).unwrap_or(0),
+                other_start: views[3].whole(c.start + k).unwrap_or(0),
+                other_end: views[4].whole(d.start + k).unwrap_or(0),
+            };
+            all.push((0..ids.len()).map(neighbor).collect());
+        }
+        Ok(all)
+    }
+
+    fn stop_lines(&self, row: usize, scenario: &Scenario) -> Result<Vec<StopLine>, Cause> {
+        let ids = self.view("stop_line_lane");
+        let range = ids.range(0, row);
+        if range.is_empty() {
+            return Ok(Vec::new());
+        }
+        let lanes = &scenario.start.map.lanes;
+        let index: BTreeMap<&str, usize> =
+            lanes.iter().enumerate().map(|(i, l)| (l.id.as_str(), i)).collect();
+        let kinds = self.names("stop_line_kind", row, range.len(), StopKind::from_name)?;
+        let along = self.view("stop_line_s");
+        let first = self.cells("stop_line_s", row, range.len())?.start;
+        let ends = self.lines(["stop_line_x", "stop_line_y"], row, Some(range.len()))?;
+        let mut lines = Vec::with_capacity(range.len());
+        for (i, ((cell, kind), ends)) in range.zip(kinds).zip(ends).enumerate() {
+            let id = ids.text(cell).unwrap_or_default();
+            let lane = index.get(id).copied();
+            let lane = lane.ok_or_else(|| wrong("stop_line_lane", format!("`{id}`"), "the id of a lane"))?;
+            let s = along.number(first + i).filter(|s| s.is_finite());
+            let s = s.ok_or_else(|| wrong("stop_line_s", "not finite", "an arc length"))?;
+            let [a, b] = ends[..] else {
+                return Err(wrong("stop_line_x", format!("{} points", ends.len()), "2 points"));
+            };
+            lines.push(StopLine { kind, lane, s, ends: [a, b] });
+        }
+        Ok(lines)
+    }
+
+    fn repairs(&self, row: usize) -> BTreeMap<String, u32> {
+        let (what, count) = (self.view("repair_what"), self.view("repair_count"));
+        let pairs = what.range(0, row).zip(count.range(0, row));
+        pairs.filter_map(|(i, j)| Some((what.text(i)?.to_owned(), count.whole(j)?))).collect()
+    }
+
+    fn lights(&self, row: usize) -> Result<Vec<LightParts>, Cause> {
+        let lanes = self.texts("light_lane", row);
+        let (xs, ys) = (self.view("light_stop_x"), self.view("light_stop_y"));
+        let x = self.cells("light_stop_x", row, lanes.len())?.start;
+        let y = self.cells("light_stop_y", row, lanes.len())?.start;
+        let states = self.view("light_state");
+        let first = self.cells("light_state", row, lanes.len())?.start;
+        let mut lights = Vec::with_capacity(lanes.len());
+        for (i, lane) in lanes.into_iter().enumerate() {
+            let state = |cell| match states.text(cell) {
+                None => Ok(None),
+                Some(name) => LightState::from_name(name)
+                    .map(Some)
+                    .ok_or_else(|| wrong("light_state", format!("`{name}`"), "a known name")),
+            };
+            let unknown = f64::NAN;
+            lights.push(LightParts {
+                lane,
+                stop_point: Vec2::new(
+                    xs.number(x + i).unwrap_or(unknown),
+                    ys.number(y + i).unwrap_or(unknown),
+                ),
+                states: states.range(1, first + i).map(state).collect::<Result<_, _>>()?,
+            });
+        }
+        Ok(lights)
+    }
+
+    fn deviation(&self, row: usize) -> Result<Option<DeviationParts>, Cause> {
+        let fields = ["deviation_x", "deviation_y", "deviation_heading", "deviation_vx", "deviation_vy"];
+        let views = fields.map(|c| self.view(c));
+        if views[0].range(0, row).is_empty() {
+            return Ok(None);
+        }
+        let category = match self.view("deviation_category").text(row) {
+            None => None,
+            Some(name) => Some(Deviation::from_name(name).ok_or_else(|| {
+                wrong("deviation_category", format!("`{name}`"), "longitudinal, lateral or directional")
+            })?),
+        };
+        let track = track(views, views.map(|v| v.range(0, row)))?;
+        Ok(Some(DeviationParts { category, track, certificate: self.certificates[row].clone() }))
+    }
+}
+
+/// Reads points whose coordinates are in two ranges of cells.
+fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<Vec2>, Cause> {
+    if x.len() != y.len() {
+        return Err(wrong(ys.name(), format!("{} coordinates", y.len()), &format!("{}", x.len())));
+    }
+    let ((all_x, whole_x), (all_y, whole_y)) = (xs.numbers(), ys.numbers());
+    match (all_x.get(x.clone()), all_y.get(y.clone())) {
+        (Some(x), Some(y)) if whole_x && whole_y => {
+            Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect())
+        }
+        _ => Err(wrong(xs.name(), "null", "a coordinate")),
+    }
+}
+
+/// Reads frames whose x, y, heading, vx and vy are in five ranges of cells. Null positions mean absent, null
+/// velocities unknown.
+fn track(views: [&View; 5], ranges: [Range<usize>; 5]) -> Result<Vec<Frame>, Cause> {
+    let frames = ranges[0].len();
+    if let Some(k) = (0..5).find(|k| ranges[*k].len() != frames) {
+        return Err(wrong(
+            views[k].name(),
+            format!("{} frames", ranges[k].len()),
+            &format!("{frames} frames"),
+        ));
+    }
+    let mut track = Vec::with_capacity(frames);
+    for f in 0..frames {
+        let value = |k: usize| views[k].number(ranges[k].start + f);
+        track.push(match (value(0), value(1), value(2)) {
+            (Some(x), Some(y), Some(heading)) => Some(AgentState {
+                x,
+                y,
+                heading,
+                vx: value(3).unwrap_or(f64::NAN),
+                vy: value(4).unwrap_or(f64::NAN),
+            }),
+            (None, None, None) => None,
+            _ => {
+                let field = format!("{}, {} and {}", views[0].name(), views[1].name(), views[2].name());
+                return Err(wrong(&field, format!("partly null at frame {f}"), "all known or all null"));
+            }
+        });
+    }
+    Ok(track)
+}

@@ -1,0 +1,173 @@
+//! The native format of this program: Parquet, one row per scenario. The columns are described in
+//! `scenarios/README.md`.
+
+mod by_number;
+mod decode;
+mod encode;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow_array::RecordBatch;
+
+use super::error::{Cause, FormatError};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
+use super::table::{self, TableReader, TableWriter};
+use reactsim_scene::Scenario;
+
+pub use by_number::{ByNumber, ids};
+
+/// Value of `reactsim.format` in the metadata.
+const KIND: &str = "reactsim-scenarios";
+/// Version of the schema.
+const VERSION: u32 = 1;
+/// Number of scenarios in a row group, which a reader holds in memory.
+const GROUP_SIZE: usize = 8;
+
+/// The native format.
+pub(super) struct Native;
+
+impl ScenarioFormat for Native {
+    fn id(&self) -> &'static str {
+        "native"
+    }
+
+    fn title(&self) -> &'static str {
+        "Parquet written by `reactsim convert`"
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        // By name if the file is too damaged to be recognised by its content.
+        match is_parquet(path) {
+            Ok(true) => table::kind(path).map_or(named(path, ".parquet"), |k| k.as_deref() == Some(KIND)),
+            Ok(false) => named(path, ".parquet"),
+            Err(_) => false,
+        }
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        let records = Reader::over(path, TableReader::open(path)?)?;
+        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(Reader::over(path, TableReader::open(path)?)?))
+    }
+
+    fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
+        Reader::from(path, TableReader::open(path)?, first)
+    }
+
+    fn count(&self, path: &Path) -> Option<usize> {
+        Some(TableReader::open(path).ok()?.rows())
+    }
+}
+
+/// Reads the content of a native file in memory, such as one embedded in the program, from the record
+/// with the index `first` on; errors refer to it as `name`.
+///
+/// # Errors
+/// [`FormatError`] if the content is not a native file.
+pub fn read_bytes(
+    name: &Path,
+    content: &'static [u8],
+    first: usize,
+) -> Result<PendingScenarios, FormatError> {
+    Reader::from(name, TableReader::of_bytes(name, content)?, first)
+}
+
+struct Reader {
+    path: PathBuf,
+    table: TableReader,
+    /// Current rows and the index of the next one.
+    rows: Option<(Arc<decode::Rows>, usize)>,
+    /// Index of the next record.
+    record: u64,
+}
+
+impl Reader {
+    fn over(path: &Path, table: TableReader) -> Result<Self, FormatError> {
+        table.require(KIND, VERSION)?;
+        Ok(Self { path: path.to_owned(), table, rows: None, record: 0 })
+    }
+
+    /// Reads from the record with the index `first` on.
+    fn from(path: &Path, table: TableReader, first: usize) -> Result<PendingScenarios, FormatError> {
+        let mut reader = Self::over(path, table)?;
+        let passed_over = reader.table.pass_over(first);
+        reader.record = passed_over as u64;
+        Ok(Box::new(reader.skip(first - passed_over)))
+    }
+
+    fn load(&mut self, batch: &RecordBatch) -> Result<(), FormatError> {
+        let rows = decode::Rows::new(batch).map_err(|cause| FormatError::file(&self.path, cause))?;
+        self.rows = Some((Arc::new(rows), 0));
+        Ok(())
+    }
+}
+
+impl Iterator for Reader {
+    type Item = Result<UndecodedScenario, FormatError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some((rows, next)) = &mut self.rows
+                && *next < rows.len()
+            {
+                let (rows, row, path, record) = (Arc::clone(rows), *next, self.path.clone(), self.record);
+                *next += 1;
+                self.record += 1;
+                return Some(Ok(Box::new(move || rows.scenario(row, &path, record))));
+            }
+            let loaded = match self.table.next_batch()? {
+                Ok(batch) => self.load(&batch),
+                Err(error) => Err(error),
+            };
+            if let Err(error) = loaded {
+                self.rows = None;
+                self.table.end();
+                return Some(Err(error.at(self.record)));
+            }
+        }
+    }
+}
+
+/// Writer of native files. The file gets its final name in [`Writer::finish`]; dropping the writer before
+/// leaves no file.
+pub struct Writer {
+    table: TableWriter,
+}
+
+impl Writer {
+    /// Starts a file under a temporary name in the same folder.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be created.
+    pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
+        Ok(Self {
+            table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP_SIZE, encode::columns())?,
+        })
+    }
+
+    /// Adds a scenario.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be written.
+    pub fn write(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
+        encode::scenario(&mut self.table, scenario);
+        self.table.end_row()
+    }
+
+    /// Completes the file and gives it its final name.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be written.
+    pub fn finish(self) -> Result<(), FormatError> {
+        self.table.finish()
+    }
+}
+
+/// Returns the error of an invalid cell.
+fn wrong(column: &str, value: impl std::fmt::Display, expected: &str) -> Cause {
+    Cause::value(format!("`{column}`"), value, expected)
+}

@@ -1,0 +1,95 @@
+//! Pickles of ScenarioNet: one scenario each, from Waymo, nuPlan, nuScenes or Argoverse 2. Described in
+//! `scenarios/README.md`.
+
+mod ground;
+mod lights;
+mod map;
+mod parts;
+mod pickle;
+mod tracks;
+mod window;
+
+use std::path::{Path, PathBuf};
+
+use reactsim_scene::Scenario;
+
+use self::pickle::Pickle;
+use super::error::{Cause, FormatError};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole,
+};
+
+/// Maximum file size in bytes; the largest scenarios have some megabytes.
+const MAX_FILE_SIZE: u64 = 1 << 27;
+/// Keys of a scenario, some of which occur at the beginning of a file.
+const KEYS: &[&str] = &["tracks", "map_features", "dynamic_map_states", "metadata", "version", "length"];
+/// Index files that accompany the scenarios of a data set.
+const INDEX_FILES: &[&str] = &["dataset_summary.pkl", "dataset_mapping.pkl"];
+
+/// The ScenarioNet format.
+pub(super) struct ScenarioNet;
+
+impl ScenarioFormat for ScenarioNet {
+    fn id(&self) -> &'static str {
+        "scenarionet"
+    }
+
+    fn title(&self) -> &'static str {
+        "ScenarioNet scenario, a Python pickle with \"tracks\" and \"map_features\""
+    }
+
+    fn recognises(&self, path: &Path) -> bool {
+        head(path, 4096).is_ok_and(|head| {
+            // A text follows its length, which has one byte or four.
+            let contains = |key: &&&str| {
+                let (key, n) = (key.as_bytes(), key.len() as u8);
+                let at = |w: &[u8]| w[4..] == *key && (w[3] == n || w[..4] == [n, 0, 0, 0]);
+                head.windows(4 + key.len()).any(at)
+            };
+            matches!(head[..], [0x80, 2..=5, ..])
+                && !self.accompanies(path)
+                && KEYS.iter().filter(contains).count() >= 2
+        })
+    }
+
+    fn accompanies(&self, path: &Path) -> bool {
+        INDEX_FILES.iter().any(|file| named(path, file))
+    }
+
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        let scenario = read(path, None)?;
+        Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+
+    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
+        let path: PathBuf = path.to_owned();
+        let decode: UndecodedScenario = Box::new(move || read(&path, None));
+        Ok(Box::new(std::iter::once(Ok(decode))))
+    }
+
+    fn count(&self, _path: &Path) -> Option<usize> {
+        Some(1)
+    }
+
+    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
+        read(path, Some(current_frame))
+    }
+}
+
+/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one. `None` stands
+/// for the current frame stored in the file, or frame 10 if there is none. Missing frames among the 80 after
+/// it are counted in the scenario's repairs.
+fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
+    let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
+    let pickle = Pickle::read(&file)
+        .map_err(|e| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {e}"))).at(0))?;
+    let root = pickle.root();
+    let id = parts::id(&root).map_err(|cause| FormatError::record(path, 0, None, cause))?;
+    let converted = parts::parts(&root, id.clone(), current)
+        .map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
+    let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    for (what, count) in converted.repairs {
+        *scenario.repairs.entry(what.to_owned()).or_default() += count;
+    }
+    Ok(scenario)
+}

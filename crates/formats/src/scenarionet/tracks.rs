@@ -1,0 +1,90 @@
+//! Tracks of a scenario.
+
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent};
+
+use super::pickle::{Grid, View};
+use super::window::Window;
+use crate::error::Cause;
+
+/// Maximum number of frames of a recording; twenty seconds have 200.
+pub(super) const MAX_FRAMES: usize = 100_000;
+/// Maximum number of tracks of a scenario; usual scenarios have some hundred.
+pub(super) const MAX_TRACKS: usize = 10_000;
+
+/// Reads the tracks that are present in at least one frame of the window, and that of the AV, in file order.
+pub(super) fn tracks(all: &View, av: &str, window: Window) -> Result<Vec<LoggedAgent>, Cause> {
+    let mut agents = Vec::new();
+    for (id, track) in all.entries(MAX_TRACKS)? {
+        let is_av = id == av;
+        let agent = agent(id, &track, window)?;
+        if is_av || agent.track.iter().any(Option::is_some) {
+            agents.push(agent);
+        }
+    }
+    Ok(agents)
+}
+
+fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause> {
+    let kind = match track.get("type")?.and_then(|t| t.as_text()) {
+        Some("VEHICLE") => AgentKind::Vehicle,
+        Some("PEDESTRIAN") => AgentKind::Pedestrian,
+        Some("CYCLIST") => AgentKind::Cyclist,
+        _ => AgentKind::Other,
+    };
+    let state = track.need("state")?;
+    let [position, heading, valid] = ["position", "heading", "valid"].map(|key| state.need(key));
+    let (position, heading) = (position?, heading?);
+    let at = rows(&position, 2, "x and y", window)?;
+    let headings = rows(&heading, 1, "an angle", window)?;
+    let valid = rows(&valid?, 1, "true or false", window)?;
+    let velocity = state.get("velocity")?;
+    let velocity = velocity.as_ref().map(|v| rows(v, 2, "x and y", window)).transpose()?;
+    let mut frames = Vec::with_capacity(FRAMES);
+    for f in window.recorded() {
+        if valid.at(f, 0) != 1.0 {
+            frames.push(None);
+            continue;
+        }
+        let number = |view: &View, v: f64| {
+            let field = || format!("{}[{f}]", view.path());
+            let expected =
+                "a finite number where `valid` is true; set `valid` to false where the agent is absent";
+            if v.is_finite() { Ok(v) } else { Err(Cause::value(field(), v, expected)) }
+        };
+        let moving = |c: usize| velocity.as_ref().map_or(f64::NAN, |v| v.at(f, c));
+        frames.push(Some(AgentState {
+            x: number(&position, at.at(f, 0))?,
+            y: number(&position, at.at(f, 1))?,
+            heading: number(&heading, headings.at(f, 0))?,
+            vx: moving(0),
+            vy: moving(1),
+        }));
+    }
+    frames.resize(FRAMES, None);
+    // As for Waymo records: the box at the current frame, else the first recorded one.
+    let seen =
+        if frames[CURRENT].is_some() { Some(CURRENT) } else { frames.iter().position(Option::is_some) };
+    let (mut length, mut width) = (0.0, 0.0);
+    if let Some(f) = seen.map(|f| window.first + f) {
+        (length, width) = match state.get("size")? {
+            Some(size) => {
+                let size = rows(&size, 2, "length, width and height", window)?;
+                (size.at(f, 0), size.at(f, 1))
+            }
+            None => {
+                let (length, width) = (state.need("length")?, state.need("width")?);
+                (rows(&length, 1, "a size", window)?.at(f, 0), rows(&width, 1, "a size", window)?.at(f, 0))
+            }
+        };
+    }
+    Ok(LoggedAgent { agent: Agent { id, kind, length, width }, track: frames })
+}
+
+/// Reads numbers with one row per frame and at least `columns` columns.
+fn rows<'a>(view: &View<'a>, columns: usize, what: &str, window: Window) -> Result<Grid<'a>, Cause> {
+    let grid = view.grid()?;
+    if grid.rows != window.length || grid.columns < columns {
+        return Err(view.wrong(format!("{what} for each of {} frames", window.length)));
+    }
+    Ok(grid)
+}

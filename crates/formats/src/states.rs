@@ -1,0 +1,132 @@
+//! Tracks in Parquet files of any program, and their coordinate frame.
+
+use std::ops::Range;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{AgentState, Frame};
+
+use super::error::Cause;
+use super::table::{FRAME, Leaf, TableReader, View};
+
+/// Returns the origin of a coordinate frame given by name: (0, 0) for world coordinates, `None` (the
+/// scenario's own origin) for scenario coordinates. `field` names the frame's field in errors.
+pub(super) fn origin(field: &str, frame: Option<&str>) -> Result<Option<Vec2>, Cause> {
+    match frame {
+        None | Some("world") => Ok(Some(Vec2::zeros())),
+        Some("scenario") => Ok(None),
+        Some(other) => Err(Cause::schema(field, format!("`{other}`"), "`world` or `scenario`")),
+    }
+}
+
+/// Like [`origin`], with the frame from a Parquet file's metadata.
+pub(super) fn table_origin(table: &TableReader) -> Result<Option<Vec2>, Cause> {
+    origin(&format!("`{FRAME}` in the file's metadata"), table.key(FRAME))
+}
+
+/// Translates a state with coordinates relative to `from` into the frame of a scenario with origin `to`.
+pub(super) fn translate(state: AgentState, from: Option<Vec2>, to: Vec2) -> AgentState {
+    match from {
+        // With equal origins the state stays bit-identical.
+        Some(from) if from != to => {
+            let by = from - to;
+            AgentState { x: state.x + by.x, y: state.y + by.y, ..state }
+        }
+        _ => state,
+    }
+}
+
+/// Columns x, y, heading and the optional vx, vy.
+pub(super) struct StateColumns {
+    views: [Option<View>; 5],
+}
+
+/// Names of the columns.
+const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
+
+impl StateColumns {
+    /// Finds the columns, as lists of nesting depth `depth`.
+    pub(super) fn find(batch: &arrow_array::RecordBatch, depth: usize) -> Result<Self, Cause> {
+        let mut views = [const { None }; 5];
+        for (k, view) in views.iter_mut().enumerate() {
+            *view = if k < 3 {
+                Some(View::need(batch, COLUMNS[k], Leaf::Number, depth)?)
+            } else {
+                View::find(batch, COLUMNS[k], Leaf::Number, depth)?
+            };
+        }
+        Ok(Self { views })
+    }
+
+    /// Returns the range that `find` gives for each column, `None` for missing columns.
+    pub(super) fn ranges(&self, find: impl Fn(&View) -> Range<usize>) -> [Option<Range<usize>>; 5] {
+        let mut ranges = [const { None }; 5];
+        for (range, view) in ranges.iter_mut().zip(&self.views) {
+            *range = view.as_ref().map(&find);
+        }
+        ranges
+    }
+
+    /// Returns the inner lists of a row, per column; there must be `expected` of them.
+    pub(super) fn inner(&self, row: usize, expected: usize) -> Result<Vec<[Option<Range<usize>>; 5]>, Cause> {
+        let outer = self.ranges(|v| v.range(0, row));
+        for (name, range) in COLUMNS.iter().zip(&outer) {
+            if let Some(range) = range.as_ref().filter(|r| r.len() != expected) {
+                let found = format!("{} tracks", range.len());
+                return Err(Cause::value(format!("`{name}`"), found, format!("{expected} tracks")));
+            }
+        }
+        let list = |i: usize| {
+            let mut ranges = [const { None }; 5];
+            for (k, range) in ranges.iter_mut().enumerate() {
+                *range = match (&self.views[k], &outer[k]) {
+                    (Some(view), Some(outer)) => Some(view.range(1, outer.start + i)),
+                    _ => None,
+                };
+            }
+            ranges
+        };
+        Ok((0..expected).map(list).collect())
+    }
+
+    /// Reads the frames in one list of each column; there must be `expected` of them. Null or NaN in x, y and
+    /// heading means absent; null or NaN in vx and vy means unknown.
+    pub(super) fn frames(
+        &self,
+        track: &str,
+        ranges: &[Option<Range<usize>>; 5],
+        expected: usize,
+    ) -> Result<Vec<Frame>, Cause> {
+        for (name, range) in COLUMNS.iter().zip(ranges) {
+            if let Some(range) = range.as_ref().filter(|r| r.len() != expected) {
+                let found = format!("{} steps", range.len());
+                return Err(Cause::value(format!("{track}{name}"), found, format!("{expected} steps")));
+            }
+        }
+        let mut frames = Vec::with_capacity(expected);
+        for f in 0..expected {
+            let value = |k: usize| match (&self.views[k], &ranges[k]) {
+                (Some(view), Some(range)) => view.number(range.start + f).unwrap_or(f64::NAN),
+                _ => f64::NAN,
+            };
+            frames.push(frame(track, f, [value(0), value(1), value(2), value(3), value(4)])?);
+        }
+        Ok(frames)
+    }
+}
+
+/// Builds the frame at index `f` from x, y, heading, vx, vy.
+pub(super) fn frame(track: &str, f: usize, values: [f64; 5]) -> Result<Frame, Cause> {
+    if let Some(k) = values.iter().position(|v| v.is_infinite()) {
+        let field = format!("{track}{} at step {}", COLUMNS[k], f + 1);
+        return Err(Cause::value(field, values[k], "a finite number"));
+    }
+    let [x, y, heading, vx, vy] = values;
+    match [x, y, heading].iter().filter(|v| v.is_nan()).count() {
+        0 => Ok(Some(AgentState { x, y, heading, vx, vy })),
+        3 => Ok(None),
+        _ => {
+            let field = format!("{track}x, y, heading at step {}", f + 1);
+            Err(Cause::value(field, "partly missing", "all three given or all three missing"))
+        }
+    }
+}

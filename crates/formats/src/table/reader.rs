@@ -1,0 +1,429 @@
+//! Reading of Parquet by row group. Every number of the footer is checked before it is used.
+
+use std::borrow::Cow;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow_array::RecordBatch;
+use bytes::Bytes;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
+use parquet::file::reader::{ChunkReader, Length};
+use reactsim_files::open_regular;
+
+use super::compact::{CompactReader, STRUCTURE};
+use super::{GROUP_CHECKSUMS, KIND, MAX_GROUP_ROWS, METADATA_CHECKSUM, VERSION, pages};
+use crate::error::{Cause, FormatError};
+
+/// Number of rows that are decoded at a time.
+const BATCH_SIZE: usize = 64;
+/// Maximum size of the footer in bytes.
+const MAX_FOOTER_SIZE: u64 = 1 << 28;
+/// Maximum memory in bytes for the decompressed pages of a row group, summed over its columns.
+const MAX_GROUP_MEMORY: u64 = 1 << 30;
+
+/// Reader of the row groups of a Parquet file.
+pub struct TableReader {
+    path: PathBuf,
+    file: Box<dyn Input>,
+    metadata: ArrowReaderMetadata,
+    groups: Vec<RowGroup>,
+    /// Index of the next row group.
+    next: usize,
+    /// Columns that are decoded; empty for all.
+    columns: &'static [&'static str],
+    batches: Option<ParquetRecordBatchReader>,
+    /// Number of rows left in the current row group.
+    rows: usize,
+}
+
+/// Source that a Parquet file can be read from.
+trait Input: Read + Seek + Send {}
+
+impl<T: Read + Seek + Send> Input for T {}
+
+/// Byte range, number of rows and checksum of a row group.
+struct RowGroup {
+    start: u64,
+    end: u64,
+    rows: usize,
+    checksum: Option<u32>,
+}
+
+impl TableReader {
+    /// Opens a file and checks its footer.
+    pub fn open(path: &Path) -> Result<Self, FormatError> {
+        let file = open_regular(path).map_err(|e| FormatError::file(path, Cause::read(e)))?;
+        Self::over(path, Box::new(file))
+    }
+
+    /// Like [`TableReader::open`], for content in memory; errors refer to it as `name`.
+    pub fn of_bytes(name: &Path, content: impl Into<Cow<'static, [u8]>>) -> Result<Self, FormatError> {
+        Self::over(name, Box::new(Cursor::new(content.into())))
+    }
+
+    fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
+        let refuse = |cause| FormatError::file(path, cause);
+        let (metadata, length) = footer(&mut *file).map_err(refuse)?;
+        let groups = groups(&metadata, length).map_err(refuse)?;
+        let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+        let metadata =
+            guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
+        let path = path.to_owned();
+        Ok(Self { path, file, metadata, groups, next: 0, columns: &[], batches: None, rows: 0 })
+    }
+
+    /// Returns a value of the file's metadata.
+    pub fn key(&self, key: &str) -> Option<&str> {
+        find(self.metadata.metadata(), key)
+    }
+
+    /// Refuses files of another kind or version, and files that this program did not write.
+    pub fn require(&self, kind: &str, version: u32) -> Result<(), FormatError> {
+        let version = version.to_string();
+        for (key, expected) in [(KIND, kind), (VERSION, version.as_str())] {
+            match self.key(key) {
+                Some(found) if found == expected => {}
+                found => {
+                    let found = found.map_or("missing".to_owned(), |f| format!("`{f}`"));
+                    let cause = Cause::schema(
+                        format!("`{key}` in the file's metadata"),
+                        found,
+                        format!("`{expected}`"),
+                    );
+                    return Err(FormatError::file(&self.path, cause));
+                }
+            }
+        }
+        if self.key(GROUP_CHECKSUMS).is_none() {
+            let cause =
+                Cause::schema(format!("`{GROUP_CHECKSUMS}` in the file's metadata"), "missing", "present");
+            return Err(FormatError::file(&self.path, cause));
+        }
+        self.check_metadata().map_err(|cause| FormatError::file(&self.path, cause))
+    }
+
+    /// Checks that the metadata match their checksum.
+    fn check_metadata(&self) -> Result<(), Cause> {
+        let Some(stated) = self.key(METADATA_CHECKSUM) else { return Ok(()) };
+        let keys = stated.split(' ').skip(1).map(|key| (key, self.key(key).unwrap_or_default()));
+        let found = super::metadata_checksum(keys);
+        if found == stated {
+            return Ok(());
+        }
+        let what = "the file's metadata";
+        Err(Cause::Checksum { what, found, expected: stated.to_owned() })
+    }
+
+    /// Like [`TableReader::require`], but accepts files of other programs, which have no kind and version.
+    pub(crate) fn expect(&self, kind: &str, version: u32) -> Result<(), FormatError> {
+        if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
+    }
+
+    /// Returns whether there is a column of this name.
+    pub(crate) fn has(&self, column: &str) -> bool {
+        let fields = self.metadata.parquet_schema().root_schema().get_fields();
+        fields.iter().any(|field| field.name() == column)
+    }
+
+    /// Restricts decoding to these columns; missing ones are ignored.
+    pub(crate) fn only(&mut self, columns: &'static [&'static str]) {
+        self.columns = columns;
+    }
+
+    /// Returns the next rows; `None` at the end and after an error.
+    pub fn next_batch(&mut self) -> Option<Result<RecordBatch, FormatError>> {
+        match self.advance() {
+            Ok(Some(batch)) => Some(Ok(batch)),
+            Ok(None) => None,
+            Err(cause) => {
+                self.end();
+                Some(Err(FormatError::file(&self.path, cause)))
+            }
+        }
+    }
+
+    /// Returns the number of row groups.
+    pub fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Passes over whole row groups, of at most `rows` rows together, and returns how many rows they have.
+    pub(crate) fn pass_over(&mut self, rows: usize) -> usize {
+        let mut passed = 0;
+        while let Some(group) = self.groups.get(self.next).filter(|group| passed + group.rows <= rows) {
+            passed += group.rows;
+            self.next += 1;
+        }
+        passed
+    }
+
+    /// Returns the number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.groups.iter().map(|group| group.rows).sum()
+    }
+
+    /// Reads one row group with these columns, or all if `columns` is empty. Missing columns are left out.
+    pub fn group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, FormatError> {
+        self.load_group(index, columns).map_err(|cause| FormatError::file(&self.path, cause))
+    }
+
+    fn load_group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, Cause> {
+        let group = &self.groups[index];
+        if group.rows > MAX_GROUP_ROWS {
+            let most = format!("at most {MAX_GROUP_ROWS}");
+            return Err(Cause::value("the number of rows of a row group", group.rows, most));
+        }
+        let data = load(&mut *self.file, group)?;
+        let metadata = self.metadata.clone();
+        let mask = mask(&metadata, columns);
+        data.check(&metadata, index, &mask)?;
+        let batch = guarded(|| {
+            let mut batches = ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
+                .with_row_groups(vec![index])
+                .with_projection(mask)
+                .with_batch_size(group.rows.max(1))
+                .build()?;
+            batches.next().transpose().map_err(ParquetError::from)
+        })?;
+        match batch {
+            Some(batch) if batch.num_rows() == group.rows => Ok(batch),
+            other => {
+                let found = other.map_or(0, |b| b.num_rows());
+                Err(Cause::Undecodable(format!("{} rows are missing", group.rows - found.min(group.rows))))
+            }
+        }
+    }
+
+    /// Stops reading.
+    pub(crate) fn end(&mut self) {
+        self.next = self.groups.len();
+        self.batches = None;
+        self.rows = 0;
+    }
+
+    fn advance(&mut self) -> Result<Option<RecordBatch>, Cause> {
+        loop {
+            if let Some(batches) = &mut self.batches {
+                match guarded(|| batches.next().transpose().map_err(ParquetError::from))? {
+                    Some(batch) => {
+                        self.rows = self.rows.saturating_sub(batch.num_rows());
+                        return Ok(Some(batch));
+                    }
+                    None if self.rows > 0 => {
+                        return Err(Cause::Undecodable(format!("{} rows are missing", self.rows)));
+                    }
+                    None => self.batches = None,
+                }
+            }
+            let Some(group) = self.groups.get(self.next) else { return Ok(None) };
+            let data = load(&mut *self.file, group)?;
+            let (metadata, index) = (self.metadata.clone(), self.next);
+            let mask = mask(&metadata, self.columns);
+            data.check(&metadata, index, &mask)?;
+            self.batches = Some(guarded(|| {
+                ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
+                    .with_row_groups(vec![index])
+                    .with_projection(mask)
+                    .with_batch_size(group.rows.clamp(1, BATCH_SIZE))
+                    .build()
+            })?);
+            self.rows = group.rows;
+            self.next += 1;
+        }
+    }
+}
+
+/// Returns the leaves of these columns, or all if `columns` is empty.
+fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
+    if columns.is_empty() {
+        return ProjectionMask::all();
+    }
+    ProjectionMask::columns(metadata.parquet_schema(), columns.iter().copied())
+}
+
+/// Returns the kind of a Parquet file from its metadata: `Ok(None)` if there is none, `Err` if the footer
+/// cannot be read.
+pub fn kind(path: &Path) -> Result<Option<String>, Cause> {
+    let (metadata, _) = footer(&mut open_regular(path).map_err(Cause::read)?)?;
+    Ok(find(&metadata, KIND).map(str::to_owned))
+}
+
+fn find<'a>(metadata: &'a ParquetMetaData, key: &str) -> Option<&'a str> {
+    let pairs = metadata.file_metadata().key_value_metadata()?;
+    pairs.iter().find(|p| p.key == key)?.value.as_deref()
+}
+
+/// Calls the Parquet library and turns panics into errors: the library does not check all of its input.
+fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause> {
+    match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(error)) => Err(Cause::Undecodable(error.to_string())),
+        Err(_) => Err(Cause::Undecodable("the Parquet data are inconsistent".into())),
+    }
+}
+
+fn footer(file: &mut dyn Input) -> Result<(ParquetMetaData, u64), Cause> {
+    let length = file.seek(SeekFrom::End(0)).map_err(Cause::read)?;
+    if length < 12 {
+        return Err(Cause::Truncated { what: "the Parquet file", found: length, expected: 12 });
+    }
+    let mut tail = [0; 8];
+    file.seek(SeekFrom::End(-8)).and_then(|_| file.read_exact(&mut tail)).map_err(Cause::read)?;
+    let [a, b, c, d, magic @ ..] = tail;
+    if &magic != b"PAR1" {
+        let why = "it does not end with the Parquet mark `PAR1`; the file may be truncated";
+        return Err(Cause::Undecodable(why.into()));
+    }
+    let bytes = u64::from(u32::from_le_bytes([a, b, c, d]));
+    if bytes > MAX_FOOTER_SIZE || bytes + 12 > length {
+        return Err(Cause::value("the length of the Parquet footer", bytes, "less than the file holds"));
+    }
+    let mut data = Vec::new();
+    file.seek(SeekFrom::End(-8 - bytes as i64)).map_err(Cause::read)?;
+    Read::take(file, bytes).read_to_end(&mut data).map_err(Cause::read)?;
+    // The library trusts the stated lengths of lists that it skips.
+    let valid = CompactReader::new(&data).skip(STRUCTURE);
+    valid.ok_or_else(|| Cause::Undecodable("the Parquet footer is damaged; fetch the file again".into()))?;
+    let metadata = guarded(|| ParquetMetaDataReader::decode_metadata(&data))?;
+    Ok((metadata, length - 8 - bytes))
+}
+
+/// Returns the row groups; every number is checked against the length of the data.
+fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
+    let wrong = |what: &str| Cause::Undecodable(format!("the footer is inconsistent: {what}"));
+    let mut groups = Vec::with_capacity(metadata.num_row_groups());
+    let mut total = 0i64;
+    for group in metadata.row_groups() {
+        let (mut first, mut last) = (u64::MAX, 0);
+        for column in group.columns() {
+            if column.file_path().is_some() {
+                return Err(wrong("a column is in another file"));
+            }
+            let begin = column.dictionary_page_offset().unwrap_or(i64::MAX).min(column.data_page_offset());
+            let (Ok(begin), Ok(size)) = (u64::try_from(begin), u64::try_from(column.compressed_size()))
+            else {
+                return Err(wrong("a column has a negative position"));
+            };
+            if column.num_values() < 0 || column.data_page_offset() < 0 {
+                return Err(wrong("a column has a negative number of values"));
+            }
+            let end = begin.checked_add(size).filter(|end| *end <= length);
+            let end = end.ok_or_else(|| wrong("a column ends after the data"))?;
+            (first, last) = (first.min(begin), last.max(end));
+        }
+        let rows = usize::try_from(group.num_rows()).map_err(|_| wrong("a negative number of rows"))?;
+        total = total.checked_add(group.num_rows()).ok_or_else(|| wrong("too many rows"))?;
+        groups.push(RowGroup { start: first.min(last), end: last, rows, checksum: None });
+    }
+    if metadata.file_metadata().num_rows() != total {
+        return Err(wrong("the row groups do not have the stated number of rows"));
+    }
+    let Some(sums) = find(metadata, GROUP_CHECKSUMS) else { return Ok(groups) };
+    let mut stated = sums.split(',').filter(|s| !s.is_empty());
+    for group in &mut groups {
+        let sum = stated.next().ok_or_else(|| wrong("fewer checksums than row groups"))?;
+        let parts: Vec<&str> = sum.split(':').collect();
+        let [start, end, rows, sum] = parts[..] else { return Err(wrong("a checksum is malformed")) };
+        let (Ok(start), Ok(end), Ok(rows), Ok(sum)) =
+            (start.parse::<u64>(), end.parse::<u64>(), rows.parse::<usize>(), u32::from_str_radix(sum, 16))
+        else {
+            return Err(wrong("a checksum is malformed"));
+        };
+        if rows != group.rows || start > group.start || end < group.end || end > length {
+            return Err(wrong(
+                "checksums and row groups differ; if another program rewrote the file, use the original, or \
+                 remove the metadata that begin with `reactsim.`",
+            ));
+        }
+        (group.start, group.end, group.checksum) = (start, end, Some(sum));
+    }
+    if stated.next().is_some() { Err(wrong("more checksums than row groups")) } else { Ok(groups) }
+}
+
+fn load(file: &mut dyn Input, group: &RowGroup) -> Result<RowGroupData, Cause> {
+    let expected = group.end - group.start;
+    let mut data = Vec::with_capacity(expected as usize);
+    file.seek(SeekFrom::Start(group.start)).map_err(Cause::read)?;
+    Read::take(file, expected).read_to_end(&mut data).map_err(Cause::read)?;
+    let found = data.len() as u64;
+    if found < expected {
+        return Err(Cause::Truncated { what: "a row group", found, expected });
+    }
+    if let Some(sum) = group.checksum {
+        let read = crc32c::crc32c(&data);
+        if read != sum {
+            let (found, expected) = (format!("{read:08x}"), format!("{sum:08x}"));
+            return Err(Cause::Checksum { what: "a row group", found, expected });
+        }
+    }
+    Ok(RowGroupData { start: group.start, data: data.into() })
+}
+
+/// Bytes of one row group, addressed by their offset in the file.
+struct RowGroupData {
+    start: u64,
+    data: Bytes,
+}
+
+impl RowGroupData {
+    /// Checks that the pages of these columns can be decompressed within bounds.
+    fn check(
+        &self,
+        metadata: &ArrowReaderMetadata,
+        index: usize,
+        mask: &ProjectionMask,
+    ) -> Result<(), Cause> {
+        let mut total = 0_u64;
+        for (leaf, column) in metadata.metadata().row_group(index).columns().iter().enumerate() {
+            if !mask.leaf_included(leaf) {
+                continue;
+            }
+            let (start, length) = column.byte_range();
+            let chunk = self.slice(start, length as usize).map_err(|e| Cause::Undecodable(e.to_string()))?;
+            total += pages::check(&chunk, &column.column_path().string(), column.compression())?;
+            if total > MAX_GROUP_MEMORY {
+                let (found, most) = (
+                    format!("more than {} MiB", MAX_GROUP_MEMORY >> 20),
+                    "smaller row groups: rewrite the file",
+                );
+                return Err(Cause::value("the decompressed pages of a row group", found, most));
+            }
+        }
+        Ok(())
+    }
+
+    fn slice(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        let begin = start.checked_sub(self.start).and_then(|b| usize::try_from(b).ok());
+        let range = begin.and_then(|b| Some(b..b.checked_add(length)?));
+        match range {
+            Some(range) if range.end <= self.data.len() => Ok(self.data.slice(range)),
+            _ => Err(ParquetError::EOF("a page is outside its row group".into())),
+        }
+    }
+}
+
+impl Length for RowGroupData {
+    fn len(&self) -> u64 {
+        self.start + self.data.len() as u64
+    }
+}
+
+impl ChunkReader for RowGroupData {
+    type T = Cursor<Bytes>;
+
+    fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
+        let rest = Length::len(self).saturating_sub(start);
+        Ok(Cursor::new(self.slice(start, rest as usize)?))
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        self.slice(start, length)
+    }
+}

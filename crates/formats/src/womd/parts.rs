@@ -1,0 +1,212 @@
+//! Conversion of a Waymo message to scenario parts.
+
+use std::collections::BTreeMap;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, HISTORY, LANE_HALF_WIDTH, LaneArea,
+    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge,
+    RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+};
+
+use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};
+use crate::error::Cause;
+
+/// One mile per hour in m/s.
+const MPH: f64 = 0.44704;
+
+/// Converts a message to scenario parts. Also returns the number of frames that are not recorded: the
+/// scenarios of the test split end at the current frame.
+pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> {
+    if proto.current_time_index != CURRENT as i32 {
+        return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
+    }
+    let frames = proto.timestamps_seconds.len();
+    if frames != FRAMES && frames != HISTORY {
+        let expected = "91 entries (9.1 s at 10 Hz), or 11 without the future";
+        return Err(Cause::value("timestamps_seconds", entries(frames), expected));
+    }
+    let last = proto.timestamps_seconds[frames - 1];
+    proto.timestamps_seconds.extend((frames..FRAMES).map(|f| last + (f + 1 - frames) as f64 * DT));
+    let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
+    let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
+    for (i, required) in proto.tracks_to_predict.iter().enumerate() {
+        let track =
+            index(&format!("tracks_to_predict[{i}].track_index"), required.track_index, &proto.tracks)?;
+        tracks_to_predict.push(proto.tracks[track].id.to_string());
+    }
+    let mut agents = Vec::with_capacity(proto.tracks.len());
+    for (i, track) in proto.tracks.iter().enumerate() {
+        agents.push(agent(i, track, frames)?);
+    }
+    let mut map = map(proto.map_features);
+    let lights = lights(&proto.dynamic_map_states, &map, frames)?;
+    map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
+    let parts = ScenarioParts {
+        id: proto.scenario_id,
+        source: "womd".into(),
+        origin: None,
+        timestamps: proto.timestamps_seconds,
+        av,
+        agents,
+        tracks_to_predict,
+        objects_of_interest: proto.objects_of_interest.iter().map(i32::to_string).collect(),
+        map,
+        lights,
+        deviation: None,
+    };
+    Ok((parts, (FRAMES - frames) as u32))
+}
+
+fn entries(count: usize) -> String {
+    format!("{count} entries")
+}
+
+fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
+    usize::try_from(value)
+        .ok()
+        .filter(|&i| i < tracks.len())
+        .ok_or_else(|| Cause::value(field, value, format!("the index of one of {} tracks", tracks.len())))
+}
+
+/// Converts a track of this many frames. Frames that are not recorded are absent.
+fn agent(i: usize, track: &Track, frames: usize) -> Result<LoggedAgent, Cause> {
+    if track.states.len() != frames {
+        let found = entries(track.states.len());
+        let expected = format!("{frames} entries, as in timestamps_seconds");
+        return Err(Cause::value(format!("tracks[{i}].states"), found, expected));
+    }
+    // The benchmark uses the box at the current frame; agents that are absent then have their first recorded
+    // box.
+    let sized = if track.states[CURRENT].valid {
+        Some(&track.states[CURRENT])
+    } else {
+        track.states.iter().find(|s| s.valid)
+    };
+    let (length, width) = sized.map_or((0.0, 0.0), |s| (f64::from(s.length), f64::from(s.width)));
+    let kind = match track.object_type {
+        1 => AgentKind::Vehicle,
+        2 => AgentKind::Pedestrian,
+        3 => AgentKind::Cyclist,
+        _ => AgentKind::Other,
+    };
+    let frame = |s: &super::message::ObjectState| {
+        // Data of invalid states have no meaning.
+        s.valid.then(|| AgentState {
+            x: s.center_x,
+            y: s.center_y,
+            heading: f64::from(s.heading),
+            vx: f64::from(s.velocity_x),
+            vy: f64::from(s.velocity_y),
+        })
+    };
+    let mut states: Vec<Option<AgentState>> = track.states.iter().map(frame).collect();
+    states.resize(FRAMES, None);
+    Ok(LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states })
+}
+
+fn point(p: &MapPoint) -> Vec2 {
+    Vec2::new(p.x, p.y)
+}
+
+fn points(line: &[MapPoint]) -> Vec<Vec2> {
+    line.iter().map(point).collect()
+}
+
+/// Returns the value of a code, which is its index in `all`; the first value (unknown) for codes that are not
+/// in the list.
+fn from_code<T: Copy>(all: &[T], code: i32) -> T {
+    usize::try_from(code).ok().and_then(|i| all.get(i).copied()).unwrap_or(all[0])
+}
+
+fn names(ids: &[i64]) -> Vec<String> {
+    ids.iter().map(i64::to_string).collect()
+}
+
+fn neighbors(all: &[LaneNeighbor]) -> Vec<NeighborParts> {
+    let at = |v: i32| u32::try_from(v).unwrap_or(0);
+    all.iter()
+        .map(|n| NeighborParts {
+            lane: n.feature_id.to_string(),
+            self_start: at(n.self_start_index),
+            self_end: at(n.self_end_index),
+            other_start: at(n.neighbor_start_index),
+            other_end: at(n.neighbor_end_index),
+        })
+        .collect()
+}
+
+fn map(features: Vec<MapFeature>) -> MapParts {
+    let mut map = MapParts::default();
+    for MapFeature { id, feature } in features {
+        let Some(feature) = feature else { continue };
+        match feature {
+            Feature::Lane(lane) => map.lanes.push(LaneParts {
+                id: id.to_string(),
+                // Waymo's lanes overlap at merges and junctions, as connectors do.
+                kind: LaneKind::Connector,
+                class: from_code(&LaneClass::ALL, lane.kind),
+                speed_limit: Some(lane.speed_limit_mph * MPH).filter(|v| *v != 0.0),
+                points: points(&lane.polyline),
+                // Waymo records no widths.
+                area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
+                successors: names(&lane.exit_lanes),
+                predecessors: names(&lane.entry_lanes),
+                left: neighbors(&lane.left_neighbors),
+                right: neighbors(&lane.right_neighbors),
+            }),
+            Feature::RoadLine(line) => map.road_lines.push(RoadLine {
+                paint: u8::try_from(line.kind).ok().filter(|p| *p <= 8).unwrap_or(0),
+                points: points(&line.polyline),
+            }),
+            Feature::RoadEdge(line) => map.road_edges.push(RoadEdge {
+                kind: from_code(&RoadEdgeKind::ALL, line.kind),
+                points: points(&line.polyline),
+            }),
+            Feature::StopSign(sign) => {
+                let Some(at) = sign.position.as_ref().map(point) else { continue };
+                let line = |lane: &i64| StopLineParts { kind: StopKind::Sign, lane: lane.to_string(), at };
+                map.stop_lines.extend(sign.lane.iter().map(line));
+            }
+            Feature::Crosswalk(c) => map.crosswalks.push(Crosswalk { outline: points(&c.polygon) }),
+            Feature::SpeedBump(c) => map.speed_bumps.push(Surface { outline: points(&c.polygon) }),
+            Feature::Driveway(c) => map.driveways.push(Surface { outline: points(&c.polygon) }),
+        }
+    }
+    map
+}
+
+/// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is
+/// placed at the start of its lane, where nearly all recorded stop points are. A light without a lane is
+/// dropped and counted later.
+fn lights(states: &[DynamicMapState], map: &MapParts, frames: usize) -> Result<Vec<LightParts>, Cause> {
+    if !states.is_empty() && states.len() != frames {
+        let expected = format!("{frames} entries, as in timestamps_seconds, or none");
+        return Err(Cause::value("dynamic_map_states", entries(states.len()), expected));
+    }
+    let (mut order, mut indices) = (Vec::new(), BTreeMap::new());
+    let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
+    for (f, frame) in states.iter().enumerate() {
+        for seen in &frame.lane_states {
+            let i = *indices.entry(seen.lane).or_insert_with(|| {
+                order.push(seen.lane);
+                lights.push((None, vec![None; FRAMES]));
+                order.len() - 1
+            });
+            let (stop, states) = &mut lights[i];
+            states[f] = Some(from_code(&LightState::ALL, seen.state));
+            *stop = stop.or_else(|| seen.stop_point.as_ref().map(point));
+        }
+    }
+    // The first of lanes with the same id; such a scenario is refused later.
+    let mut starts = BTreeMap::new();
+    for lane in &map.lanes {
+        starts.entry(lane.id.as_str()).or_insert_with(|| lane.points.first().copied());
+    }
+    let place = |(lane, (stop, states)): (i64, (Option<Vec2>, Vec<Option<LightState>>))| {
+        let lane = lane.to_string();
+        let start = || starts.get(lane.as_str()).copied().flatten();
+        LightParts { stop_point: stop.or_else(start).unwrap_or_default(), states, lane }
+    };
+    Ok(order.into_iter().zip(lights).map(place).collect())
+}

@@ -1,0 +1,219 @@
+//! Reading of recorded scenarios for the metrics of the challenge.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+use reactsim_scene::{
+    AgentKind, CURRENT,
+    wosac::{LaneSignal, SurfaceLane, WosacLog, WosacTrack},
+};
+
+use super::log_message::{Feature, MapPoint, Scenario, Track};
+use crate::error::{Cause, FormatError};
+use crate::womd::record::{MAX_RECORD_LENGTH, Records, source};
+use crate::womd::size;
+
+/// Code of lanes of surface streets.
+const SURFACE_STREET: i32 = 2;
+
+/// Iterator over the logs of a file, in file order. An error with [`FormatError::ends_file`] ends the file;
+/// other errors concern one record.
+pub struct WosacLogs {
+    path: PathBuf,
+    content: Content,
+    /// Index of the next record.
+    next: u64,
+}
+
+enum Content {
+    Records(Records),
+    /// A message without framing.
+    Message(Vec<u8>),
+    Ended,
+}
+
+impl WosacLogs {
+    /// Opens a file of the Waymo Open Motion Dataset: a TFRecord file, or one `Scenario` message without
+    /// framing. Either may be compressed with gzip or zstd.
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be read at all.
+    pub fn open(path: &Path) -> Result<Self, FormatError> {
+        let content = if Records::starts(path) {
+            Content::Records(Records::open(path)?)
+        } else {
+            Content::Message(read_message(path)?)
+        };
+        Ok(Self { path: path.to_owned(), content, next: 0 })
+    }
+}
+
+impl WosacLogs {
+    /// Passes over this many records without decoding them.
+    pub fn pass_over(&mut self, records: u64) {
+        for _ in 0..records {
+            self.next += 1;
+            let was_there = match &mut self.content {
+                Content::Records(records) => records.next().is_some(),
+                Content::Message(_) | Content::Ended => false,
+            };
+            if !was_there {
+                self.content = Content::Ended;
+                return;
+            }
+        }
+    }
+
+    /// Reads the scenario id of the next record, and the log if it is `wanted`.
+    pub fn next_if(
+        &mut self,
+        wanted: impl FnOnce(&str) -> bool,
+    ) -> Option<Result<(String, Option<WosacLog>), FormatError>> {
+        self.next_with(|path, record, payload| {
+            let id = decode_id(path, record, payload)?;
+            let log = wanted(&id).then(|| decode(path, record, payload)).transpose()?;
+            Ok((id, log))
+        })
+    }
+
+    /// Reads the next record with this function of path, index and message.
+    fn next_with<T>(
+        &mut self,
+        read: impl FnOnce(&Path, u64, &[u8]) -> Result<T, FormatError>,
+    ) -> Option<Result<T, FormatError>> {
+        let record = self.next;
+        self.next += 1;
+        match &mut self.content {
+            Content::Records(records) => {
+                let payload = records.next()?;
+                Some(payload.and_then(|payload| read(&self.path, record, payload)))
+            }
+            Content::Message(message) => {
+                let item = read(&self.path, record, message);
+                self.content = Content::Ended;
+                Some(item)
+            }
+            Content::Ended => None,
+        }
+    }
+}
+
+/// The id of a `Scenario` message; all other fields are passed over.
+#[derive(Clone, PartialEq, Message)]
+struct ScenarioId {
+    #[prost(string, tag = "5")]
+    scenario_id: String,
+}
+
+fn decode_id(path: &Path, record: u64, payload: &[u8]) -> Result<String, FormatError> {
+    let proto = ScenarioId::decode(payload)
+        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
+    Ok(proto.scenario_id)
+}
+
+/// Reads a file, decompressed, as a whole. Longer content than that of a record is refused.
+fn read_message(path: &Path) -> Result<Vec<u8>, FormatError> {
+    let refuse = |e| FormatError::file(path, Cause::read(e));
+    let mut message = Vec::new();
+    source(path).map_err(refuse)?.take(MAX_RECORD_LENGTH + 1).read_to_end(&mut message).map_err(refuse)?;
+    let expected = "at most 128 MiB of one `Scenario` message, or a TFRecord file";
+    let refuse = |found: &str| Err(FormatError::file(path, Cause::value("the content", found, expected)));
+    match message.len() as u64 {
+        0 => refuse("empty"),
+        length if length > MAX_RECORD_LENGTH => refuse("longer"),
+        _ => Ok(message),
+    }
+}
+
+impl Iterator for WosacLogs {
+    type Item = Result<WosacLog, FormatError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.next_with(decode)
+    }
+}
+
+fn decode(path: &Path, record: u64, payload: &[u8]) -> Result<WosacLog, FormatError> {
+    size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
+    let proto = Scenario::decode(payload)
+        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
+    let id = proto.scenario_id.clone();
+    let log = log(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
+    log.check().map_err(|e| FormatError::scene(path, record, e))?;
+    Ok(log)
+}
+
+/// Converts a message. Coordinates are rounded to single precision here, and only here.
+fn log(proto: Scenario) -> Result<WosacLog, Cause> {
+    if proto.current_time_index != CURRENT as i32 {
+        return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
+    }
+    let index = |field: &str, value: i32| {
+        let count = proto.tracks.len();
+        let expected = format!("the index of one of {count} tracks");
+        let index = usize::try_from(value).ok().filter(|&i| i < count);
+        index.ok_or_else(|| Cause::value(field, value, expected))
+    };
+    let av = index("sdc_track_index", proto.sdc_track_index)?;
+    let tracks_to_predict = proto
+        .tracks_to_predict
+        .iter()
+        .map(|required| index("tracks_to_predict.track_index", required.track_index))
+        .collect::<Result<_, _>>()?;
+    let (mut road_edges, mut surface_lanes) = (Vec::new(), Vec::new());
+    for map_feature in proto.map_features {
+        match map_feature.feature {
+            Some(Feature::RoadEdge(edge)) => road_edges.push(edge.polyline.iter().map(spatial).collect()),
+            Some(Feature::Lane(lane)) if lane.kind == SURFACE_STREET => surface_lanes
+                .push(SurfaceLane { id: map_feature.id, points: lane.polyline.iter().map(planar).collect() }),
+            _ => (),
+        }
+    }
+    let signals = proto.dynamic_map_states.iter().map(|frame| {
+        let signal = |seen: &super::log_message::TrafficSignalLaneState| LaneSignal {
+            lane: seen.lane,
+            state: seen.state,
+            stop_point: seen.stop_point.as_ref().map(planar).unwrap_or_default(),
+        };
+        frame.lane_states.iter().map(signal).collect()
+    });
+    Ok(WosacLog {
+        scenario_id: proto.scenario_id,
+        tracks: proto.tracks.iter().map(track).collect(),
+        av,
+        tracks_to_predict,
+        road_edges,
+        surface_lanes,
+        signals: signals.collect(),
+    })
+}
+
+fn planar(point: &MapPoint) -> [f32; 2] {
+    [point.x as f32, point.y as f32]
+}
+
+fn spatial(point: &MapPoint) -> [f32; 3] {
+    [point.x as f32, point.y as f32, point.z as f32]
+}
+
+fn track(track: &Track) -> WosacTrack {
+    let size = track.states.get(CURRENT).map_or([0.0; 3], |s| [s.length, s.width, s.height]);
+    WosacTrack {
+        id: track.id,
+        kind: match track.object_type {
+            1 => AgentKind::Vehicle,
+            2 => AgentKind::Pedestrian,
+            3 => AgentKind::Cyclist,
+            _ => AgentKind::Other,
+        },
+        length: size[0],
+        width: size[1],
+        height: size[2],
+        x: track.states.iter().map(|s| s.center_x as f32).collect(),
+        y: track.states.iter().map(|s| s.center_y as f32).collect(),
+        z: track.states.iter().map(|s| s.center_z as f32).collect(),
+        heading: track.states.iter().map(|s| s.heading).collect(),
+        valid: track.states.iter().map(|s| s.valid).collect(),
+    }
+}

@@ -1,0 +1,90 @@
+//! Generated scenarios: parametric maps with microscopic traffic, in which one of the drivers is the AV.
+//! They ship with the program, because recordings may not be redistributed, and small networks are trained
+//! on them.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+mod draw;
+mod in_order;
+mod layout;
+pub mod maps;
+pub mod realism;
+mod scenario;
+mod settings;
+pub mod traffic;
+
+pub use draw::Draw;
+pub use in_order::{Ending, in_order};
+pub use layout::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
+pub use settings::{GenerationSettings, Preset};
+
+use reactsim_scene::{Scenario, SceneError};
+
+/// Version of the generator, raised whenever the same settings and numbers produce other scenarios, or
+/// other deviated AVs, than before.
+pub const VERSION: u32 = 2;
+
+/// Reason why no scenario could be generated.
+#[derive(Debug, thiserror::Error)]
+pub enum GenerationError {
+    /// Unknown map type.
+    #[error("no map type `{name}`; available: {known}")]
+    UnknownMap {
+        /// Requested id.
+        name: String,
+        /// Ids of all map types, separated by commas.
+        known: String,
+    },
+    /// Density outside the allowed range.
+    #[error("density {0}: expected a number above 0 and at most 3")]
+    Density(f64),
+    /// No attempt produced a driver who can be the AV in traffic without accidents.
+    #[error(
+        "{id}: no accident-free traffic with a driver who can be the AV in {attempts} attempts; \
+         allow more map types or another density"
+    )]
+    AttemptsExhausted {
+        /// Id of the scenario.
+        id: String,
+        /// Number of attempts.
+        attempts: u32,
+    },
+    /// Generated parts that are not a valid scenario: a bug.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+/// Generator of scenarios by number.
+#[derive(Clone, Debug)]
+pub struct Generator {
+    settings: GenerationSettings,
+}
+
+impl Generator {
+    /// Checks the settings and creates a generator.
+    ///
+    /// # Errors
+    /// [`GenerationError`] if a map type does not exist or the density is not a positive number up to 3.
+    pub fn new(settings: GenerationSettings) -> Result<Self, GenerationError> {
+        let known = || maps::MAP_TYPES.iter().map(|m| m.id).collect::<Vec<_>>().join(", ");
+        for name in &settings.maps {
+            if !maps::MAP_TYPES.iter().any(|m| m.id == name) {
+                return Err(GenerationError::UnknownMap { name: name.clone(), known: known() });
+            }
+        }
+        match settings.density {
+            Some(density) if !(density > 0.0 && density <= 3.0) => Err(GenerationError::Density(density)),
+            _ => Ok(Self { settings }),
+        }
+    }
+
+    /// Generates the scenario with this number. It depends only on the settings and the number, so any
+    /// number of threads may share a generator.
+    ///
+    /// # Errors
+    /// [`GenerationError::AttemptsExhausted`] if no traffic on the allowed maps has a driver who can be the
+    /// AV; [`GenerationError::Scene`] would be a bug.
+    pub fn scenario(&self, number: u64) -> Result<Scenario, GenerationError> {
+        scenario::generate(&self.settings, number)
+    }
+}

@@ -1,0 +1,191 @@
+//! Generation of a scenario from settings and a number: a map, traffic on it, and one of its drivers as the
+//! AV.
+
+use reactsim_geometry::{rounded_distance, wrap};
+use reactsim_rollout::{Purpose, Stream, stream};
+use reactsim_scene::{
+    CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
+};
+
+use super::maps::MapType;
+use super::traffic::Recording;
+use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, traffic};
+
+/// Maximum number of draws of map and traffic until a driver can be the AV and nobody has an accident or
+/// runs a red light.
+const MAX_ATTEMPTS: u32 = 40;
+/// Sensor range, metres: agents that stay farther than this from the AV are not recorded.
+const SENSOR_RANGE: f64 = 75.0;
+/// Distance between boxes, metres, up to which they count as touching, to allow for rounding.
+const CONTACT_DISTANCE: f64 = 0.01;
+/// Corner rounding of boxes, as in the collision metrics.
+const CORNER_ROUNDING: f64 = 0.7;
+/// Distance, metres, within which agents around a driver make the driver a likely AV.
+const NEAR_DISTANCE: f64 = 40.0;
+/// Distance from the middle of the map, metres, beyond which drivers are seldom chosen as the AV.
+const CENTRAL_DISTANCE: f64 = 60.0;
+/// Heading change, radians, above which a driver is chosen as the AV more often: recordings are made on
+/// purpose where something happens.
+const TURN_ANGLE: f64 = 0.5;
+/// Minimum displacement of the AV of a benchmark, metres.
+const MIN_DISPLACEMENT: f64 = 10.0;
+/// Resolution of positions, metres: a power of two, finer than any sensor, which keeps files small.
+const POSITION_STEP: f64 = 1.0 / 8192.0;
+/// Resolution of headings, radians: a power of two, like that of positions.
+const HEADING_STEP: f64 = 1.0 / 16384.0;
+/// Resolution of velocities, m/s: a power of two, like that of positions.
+const VELOCITY_STEP: f64 = 1.0 / 4096.0;
+
+/// Generates the scenario with this number.
+pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Scenario, GenerationError> {
+    let id = settings.id(number);
+    for attempt in 0..MAX_ATTEMPTS {
+        let mut rng = stream(settings.seed, &id, attempt, Purpose::Map);
+        let (kind, layout) = draw_layout(settings, number, &mut rng);
+        let density = settings.density.unwrap_or_else(|| draw_density(settings.preset, &mut rng));
+        let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
+        let recording = traffic::record(&layout, density, &mut rng);
+        if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
+            let selected = select_agents(&recording, av);
+            let lawful = !selected.iter().any(|i| recording.offenders.contains(i));
+            if lawful && is_free_of_contacts(&recording, &selected) {
+                return Ok(Scenario::assemble(parts(id, kind, layout, &recording, &selected))?);
+            }
+        }
+    }
+    Err(GenerationError::AttemptsExhausted { id, attempts: MAX_ATTEMPTS })
+}
+
+/// Draws the map: benchmarks take the map types in turn, so that all occur; training sets draw them by
+/// weight.
+fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> (&'static MapType, Layout) {
+    let allowed = settings.map_types();
+    let which = match settings.preset {
+        Preset::Bench => (number % allowed.len() as u64) as usize,
+        Preset::Train => rng.weighted(&allowed.iter().map(|m| m.weight).collect::<Vec<_>>()),
+    };
+    (allowed[which], allowed[which].layout(rng))
+}
+
+/// Draws the traffic density, from almost nobody to a growing queue; benchmarks are never empty.
+fn draw_density(preset: Preset, rng: &mut Stream) -> f64 {
+    match preset {
+        Preset::Bench => rng.uniform(0.5, 1.5),
+        Preset::Train => rng.uniform(0.1, 1.6),
+    }
+}
+
+/// Chooses the AV among the eligible drivers. Drivers in the middle of the map, where junctions are, and
+/// drivers with others around them are more likely, since recordings are made where there is traffic. In
+/// benchmarks the AV always moves.
+fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<usize> {
+    let weight = |&i: &usize| {
+        let track = &recording.agents[i].1;
+        let (Some(now), Some(last)) = (track[CURRENT], track[FRAMES - 1]) else { return 0.0 };
+        let displacement = (last.position() - now.position()).norm();
+        let near =
+            |t: &[Frame]| t[CURRENT].is_some_and(|s| (s.position() - now.position()).norm() < NEAR_DISTANCE);
+        let others = recording.agents.iter().filter(|(_, t)| near(t)).count().saturating_sub(1) as f64;
+        let middle = 1.0
+            / (1.0 + {
+                let d = now.position().norm_squared() / (CENTRAL_DISTANCE * CENTRAL_DISTANCE);
+                d * d
+            });
+        let turned = wrap(last.heading - track[0].map_or(last.heading, |s| s.heading)).abs() > TURN_ANGLE;
+        let sets_off = last.speed() > now.speed() + 3.0;
+        let lively = if turned { 4.0 } else { 1.0 } * if sets_off { 1.5 } else { 1.0 };
+        match preset {
+            Preset::Bench if displacement < MIN_DISPLACEMENT => 0.0,
+            Preset::Bench => others * middle * lively,
+            Preset::Train => (1.0 + others) * middle * lively,
+        }
+    };
+    let weights: Vec<f64> = recording.drivers.iter().map(weight).collect();
+    if weights.iter().sum::<f64>() > 0.0 { Some(recording.drivers[rng.weighted(&weights)]) } else { None }
+}
+
+fn parts(
+    id: String,
+    kind: &MapType,
+    layout: Layout,
+    recording: &Recording,
+    selected: &[usize],
+) -> ScenarioParts {
+    let lights = layout.signals.iter().zip(&recording.lights);
+    ScenarioParts {
+        id,
+        source: kind.source(),
+        origin: None,
+        timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
+        av: 0,
+        agents: selected.iter().map(|&i| rounded(&recording.agents[i])).collect(),
+        lights: lights
+            .map(|(plan, states)| LightParts {
+                lane: plan.lane.clone(),
+                stop_point: plan.stop_point,
+                states: states.iter().copied().map(Some).collect(),
+            })
+            .collect(),
+        map: layout.map,
+        ..ScenarioParts::default()
+    }
+}
+
+/// Selects the agents of the scenario: the AV, the nearest agents that are present at the current frame and
+/// can take part, and agents that appear later.
+fn select_agents(recording: &Recording, av: usize) -> Vec<usize> {
+    let position = |i: usize, f: usize| recording.agents[i].1[f].map(|s| s.position());
+    let distance = |i: usize, f: usize| Some((position(i, f)? - position(av, f)?).norm());
+    let nearest = |i: usize| (0..FRAMES).filter_map(|f| distance(i, f)).fold(f64::INFINITY, f64::min);
+    let others = (0..recording.agents.len()).filter(|&i| i != av && nearest(i) <= SENSOR_RANGE);
+    let (mut now, mut later): (Vec<usize>, Vec<usize>) =
+        others.partition(|&i| recording.agents[i].1[CURRENT].is_some());
+    now.sort_by(|&a, &b| {
+        let key = |i| distance(i, CURRENT).unwrap_or(f64::INFINITY);
+        key(a).total_cmp(&key(b)).then(a.cmp(&b))
+    });
+    now.truncate(MAX_AGENTS - 1);
+    later.retain(|&i| recording.agents[i].1[HISTORY..].iter().any(Option::is_some));
+    [vec![av], now, later].concat()
+}
+
+/// Whether no agents touch each other. Accidents occur in this traffic as in real traffic, but logs with
+/// accidents cannot serve as a reference.
+fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
+    let agents: Vec<_> = selected.iter().map(|&i| &recording.agents[i]).collect();
+    let is_still = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];
+    let still: Vec<bool> = agents.iter().map(|a| is_still(&a.1)).collect();
+    for i in 0..agents.len() {
+        for j in 0..i {
+            let reach =
+                0.5 * (agents[i].0.length + agents[i].0.width + agents[j].0.length + agents[j].0.width);
+            let touch = |f: usize| {
+                let (Some(a), Some(b)) = (agents[i].1[f], agents[j].1[f]) else { return false };
+                (a.position() - b.position()).norm_squared() < reach * reach
+                    && rounded_distance(
+                        &a.footprint(&agents[i].0),
+                        &b.footprint(&agents[j].0),
+                        CORNER_ROUNDING,
+                    ) <= CONTACT_DISTANCE
+            };
+            let frames = if still[i] && still[j] { 1 } else { FRAMES };
+            if (0..frames).any(touch) {
+                return false;
+            }
+        }
+    }
+    true
+}
+
+fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>)) -> LoggedAgent {
+    let to = |value: f64, step: f64| (value / step).round() * step;
+    let round = |state: &Frame| {
+        state.map(|mut s| {
+            (s.x, s.y) = (to(s.x, POSITION_STEP), to(s.y, POSITION_STEP));
+            s.heading = to(s.heading, HEADING_STEP);
+            (s.vx, s.vy) = (to(s.vx, VELOCITY_STEP), to(s.vy, VELOCITY_STEP));
+            s
+        })
+    };
+    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect() }
+}

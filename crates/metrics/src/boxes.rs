@@ -1,0 +1,59 @@
+//! Overlap of rounded boxes, with a broad phase.
+
+use reactsim_geometry::{OrientedBox, rounded_distance};
+
+use super::motion::Motion;
+use super::{Case, Judgement};
+
+/// Returns whether two objects overlap at a frame: the signed distance of the rounded boxes is below 0.
+/// Absent objects overlap nothing.
+pub(super) fn overlap(motion: &Motion, a: usize, b: usize, frame: usize, rounding: f64) -> bool {
+    // NaN distances of absent objects fail the comparison.
+    motion.distance2(a, b, frame) <= motion.reach2(a, b)
+        && rounded_distance(&motion.footprint(a, frame), &motion.footprint(b, frame), rounding) < 0.0
+}
+
+/// Returns the frames from `first` on at which two objects overlap, in order.
+pub(super) fn overlapping_frames(
+    motion: &Motion,
+    a: usize,
+    b: usize,
+    first: usize,
+    rounding: f64,
+) -> impl Iterator<Item = usize> {
+    let touches =
+        move |f: &usize| rounded_distance(&motion.footprint(a, *f), &motion.footprint(b, *f), rounding) < 0.0;
+    motion.close_frames(a, b, first).filter(touches)
+}
+
+/// Overlaps with the AV, per object × frame.
+struct AvOverlaps(Vec<bool>);
+
+impl Judgement for AvOverlaps {
+    fn compute(case: &Case<'_>) -> Self {
+        let mut hits = vec![false; case.objects.len() * case.frames()];
+        if !case.present(case.av) {
+            return Self(hits);
+        }
+        for i in case.vehicles() {
+            let rounding = case.options.corner_rounding;
+            for f in overlapping_frames(&case.motion, i, case.av, case.current, rounding) {
+                hits[case.motion.at(i, f)] = true;
+            }
+        }
+        Self(hits)
+    }
+}
+
+/// Returns whether an object overlaps the AV, per object × frame. Only evaluated vehicles from the current
+/// frame on are filled in.
+pub(super) fn av_overlaps<'c>(case: &'c Case<'_>) -> &'c [bool] {
+    &case.judgement::<AvOverlaps>().0
+}
+
+/// Returns the signed distance of two sharp boxes, metres, for a test against `limit`: exact below the limit,
+/// possibly a lower bound above it.
+pub(super) fn sharp_distance(a: &OrientedBox, b: &OrientedBox, limit: f64) -> f64 {
+    let apart = (a.center - b.center).norm() - a.radius() - b.radius();
+    if apart > limit { apart } else { a.signed_distance(b) }
+}

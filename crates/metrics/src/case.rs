@@ -1,0 +1,155 @@
+//! The input of a metric: one scenario with one rollout.
+
+use reactsim_scene::{AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
+
+use super::cache::Cache;
+use super::motion::Motion;
+use super::object::{LoggedTrack, Object};
+use super::options::{DirTracking, Options};
+
+/// One scenario with one rollout, and the intermediate results that several metrics share.
+#[derive(Debug)]
+pub struct Case<'a> {
+    /// The map.
+    pub road: Road<'a>,
+    /// Every agent, including the AV.
+    pub objects: Vec<Object<'a>>,
+    /// Index of the AV in `objects`.
+    pub av: usize,
+    /// Variants of the metrics; `dir_tracking` is resolved, never `Auto`.
+    pub options: Options,
+    /// Index of the current frame.
+    pub current: usize,
+    /// The log, aligned with `objects`.
+    pub log: Option<Vec<LoggedTrack<'a>>>,
+    /// All rollouts of this scenario, each aligned with `objects`, future frames only; for metrics over
+    /// several rollouts.
+    pub rollouts: Vec<Vec<&'a [Frame]>>,
+    /// Responses with which the agents can avoid the AV of this case; `None` if unknown.
+    pub certificate: Option<&'a Certificate>,
+    pub(super) motion: Motion,
+    pub(super) cache: Cache,
+}
+
+impl<'a> Case<'a> {
+    /// Creates a case with the usual time axis: 91 frames, of which frame 10 is now. An `av` beyond the
+    /// objects means that there is no AV.
+    pub fn new(road: Road<'a>, objects: Vec<Object<'a>>, av: usize, options: Options) -> Self {
+        Self::with_current(road, objects, av, CURRENT, HISTORY + FUTURE, options)
+    }
+
+    /// Creates a case with another time axis: `frames` frames at 10 Hz, of which `current` is now.
+    pub fn with_current(
+        road: Road<'a>,
+        objects: Vec<Object<'a>>,
+        av: usize,
+        current: usize,
+        frames: usize,
+        mut options: Options,
+    ) -> Self {
+        options.dir_tracking = match options.dir_tracking {
+            DirTracking::Auto if is_waymo_like(&road) => DirTracking::Pointwise,
+            DirTracking::Auto => DirTracking::Route,
+            chosen => chosen,
+        };
+        let frames = frames.max(current + 1);
+        let motion = Motion::new(&objects, current, frames, &options);
+        Self {
+            road,
+            objects,
+            av,
+            options,
+            current,
+            log: None,
+            rollouts: Vec::new(),
+            certificate: None,
+            motion,
+            cache: Cache::default(),
+        }
+    }
+
+    /// Creates the case of one rollout of a scenario, with its log. `tracks`: 91 frames per agent, in the
+    /// order of the scenario.
+    pub fn of_rollout(scenario: &'a Scenario, tracks: Vec<Vec<Frame>>, options: Options) -> Self {
+        let start = &scenario.start;
+        let objects = start.agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track }).collect();
+        let log = start.history.iter().zip(&scenario.log_future.tracks);
+        let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
+        Self::new(start.road(), objects, 0, options).with_log(log.collect())
+    }
+
+    /// Adds the log, aligned with the objects. Missing entries are absent at every frame.
+    pub fn with_log(mut self, mut log: Vec<LoggedTrack<'a>>) -> Self {
+        log.resize(self.objects.len(), LoggedTrack { history: &[], future: &[], recorded_history: None });
+        self.log = Some(log);
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Adds all rollouts of the scenario: the frames after the current one, per rollout and object.
+    pub fn with_rollouts(mut self, mut rollouts: Vec<Vec<&'a [Frame]>>) -> Self {
+        for rollout in &mut rollouts {
+            rollout.resize(self.objects.len(), &[]);
+        }
+        self.rollouts = rollouts;
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Adds the certificate, if any, that the AV of this case can be avoided. The over-reaction metrics
+    /// compare with its responses.
+    pub fn with_certificate(mut self, certificate: Option<&'a Certificate>) -> Self {
+        self.certificate = certificate;
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Returns positions, boxes and velocities of all objects.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Returns the number of frames.
+    pub fn frames(&self) -> usize {
+        self.motion.frames
+    }
+
+    /// Returns the scored frames: those after the current one. The step of frame `f` is `f - current`.
+    pub fn future(&self) -> std::ops::Range<usize> {
+        self.current + 1..self.frames()
+    }
+
+    /// Returns whether an object takes part: it is valid at the current frame and its box has a positive
+    /// size.
+    pub fn present(&self, object: usize) -> bool {
+        self.motion.present.get(object).copied().unwrap_or(false)
+    }
+
+    /// Returns whether an object is evaluated: present, not the AV, and a vehicle, pedestrian or cyclist (the
+    /// set A).
+    pub fn evaluated(&self, object: usize) -> bool {
+        object != self.av && self.present(object) && self.objects[object].agent.kind != AgentKind::Other
+    }
+
+    /// Returns the indices of the evaluated objects.
+    pub fn agents(&self) -> impl Iterator<Item = usize> {
+        (0..self.objects.len()).filter(|&i| self.evaluated(i))
+    }
+
+    /// Returns the indices of the evaluated vehicles (the set V).
+    pub fn vehicles(&self) -> impl Iterator<Item = usize> {
+        self.agents().filter(|&i| self.objects[i].agent.kind == AgentKind::Vehicle)
+    }
+
+    /// Returns the id of an object.
+    pub fn id(&self, object: usize) -> String {
+        self.objects[object].agent.id.clone()
+    }
+}
+
+/// Returns whether the map has lanes recorded as centre lines and no drivable polygons. The lanes of such
+/// maps overlap at merges and junctions.
+fn is_waymo_like(road: &Road<'_>) -> bool {
+    road.map.drivable_area.is_none()
+        && road.map.lanes.iter().any(|l| matches!(l.area, LaneArea::Corridor { .. }))
+}

@@ -1,0 +1,193 @@
+//! Collisions of vehicles with the AV, and their fault (ReactSim-Bench, "Metric Computation Details").
+
+use reactsim_geometry::signed_angle_between;
+
+use super::boxes::av_overlaps;
+use super::options::FaultOrder;
+use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+
+/// Speed in m/s up to which an agent or the AV is stopped (nuPlan's stopped-speed threshold; the comparison
+/// is `<=`).
+pub const STOPPED_SPEED: f64 = 0.05;
+/// Angle between an agent's heading and the direction to the AV, in degrees, above which the AV is behind the
+/// agent.
+pub const BEHIND_DEGREES: f64 = 150.0;
+
+/// The circumstances of a collision, which decide whether the agent is at fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The agent is stopped: not its fault.
+    AgentStopped,
+    /// The AV is behind the agent: not the agent's fault.
+    AvBehind,
+    /// The AV is stopped: the agent's fault.
+    AvStopped,
+    /// The agent's front bumper intersects the AV: the agent's fault.
+    FrontBumper,
+    /// The agent is off the road: its fault.
+    AgentOffroad,
+    /// Any other contact: not the agent's fault.
+    Lateral,
+}
+
+impl Fault {
+    /// Returns the name used in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::AgentStopped => "agent_stopped",
+            Self::AvBehind => "av_behind",
+            Self::AvStopped => "av_stopped",
+            Self::FrontBumper => "front_bumper",
+            Self::AgentOffroad => "agent_offroad",
+            Self::Lateral => "lateral",
+        }
+    }
+
+    /// Returns whether the agent is at fault.
+    pub const fn at_fault(self) -> bool {
+        matches!(self, Self::AvStopped | Self::FrontBumper | Self::AgentOffroad)
+    }
+}
+
+/// The first contact of a vehicle with the AV.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Step, 1 to 80.
+    pub step: usize,
+    /// Last step of the same overlap.
+    pub last_step: usize,
+    /// Circumstances, which decide whether the contact counts.
+    pub fault: Fault,
+}
+
+/// First contacts of all objects.
+struct Contacts(Vec<Option<Contact>>);
+
+impl Judgement for Contacts {
+    fn compute(case: &Case<'_>) -> Self {
+        let overlaps = av_overlaps(case);
+        let mut contacts = vec![None; case.objects.len()];
+        for i in case.vehicles() {
+            contacts[i] = first_contact(case, i, overlaps);
+        }
+        Self(contacts)
+    }
+}
+
+/// Returns the first contact of every object with the AV; `None` for objects without a contact or that are
+/// not evaluated vehicles.
+pub(super) fn contacts<'c>(case: &'c Case<'_>) -> &'c [Option<Contact>] {
+    &case.judgement::<Contacts>().0
+}
+
+/// Returns the distance of a vehicle from its logged position at the step of a contact, metres; `None`
+/// without a log or if the logged state is absent.
+pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> Option<f64> {
+    let frame = case.current + contact.step;
+    let logged = case.log.as_ref()?[agent].at(frame)?;
+    let distance = (case.motion.position(agent, frame) - logged.position()).norm();
+    distance.is_finite().then_some(distance)
+}
+
+fn first_contact(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Option<Contact> {
+    let hits = &overlaps[case.motion.at(agent, 0)..][..case.frames()];
+    if case.options.exclude_initial_overlap && hits[case.current] {
+        return None;
+    }
+    let first = case.future().find(|&f| hits[f])?;
+    let last = (first..case.frames()).take_while(|&f| hits[f]).last().unwrap_or(first);
+    Some(Contact {
+        step: first - case.current,
+        last_step: last - case.current,
+        fault: fault_at(case, agent, first),
+    })
+}
+
+fn fault_at(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
+    let motion = &case.motion;
+    let (me, av) = (motion.at(agent, frame), motion.at(case.av, frame));
+    let p = motion.position(agent, frame);
+    // Unknown speeds are NaN and therefore never "stopped".
+    if motion.speed[me] <= STOPPED_SPEED {
+        return Fault::AgentStopped;
+    }
+    let to_av = motion.position(case.av, frame) - p;
+    let behind = signed_angle_between(motion.axis[me], to_av).abs() > BEHIND_DEGREES.to_radians();
+    let av_stopped = motion.speed[av] <= STOPPED_SPEED;
+    match case.options.fault_order {
+        FaultOrder::Paper if behind => return Fault::AvBehind,
+        _ if av_stopped => return Fault::AvStopped,
+        FaultOrder::Nuplan if behind => return Fault::AvBehind,
+        _ => {}
+    }
+    let [front_left, front_right, ..] = motion.footprint(agent, frame).corners();
+    if motion.footprint(case.av, frame).intersects_segment(front_left, front_right) {
+        return Fault::FrontBumper;
+    }
+    if case.road.drivable(p, &mut None) == Some(false) { Fault::AgentOffroad } else { Fault::Lateral }
+}
+
+/// Number of vehicles that collide with the AV and are at fault.
+#[derive(Debug)]
+pub(super) struct AtFault;
+
+impl Metric for AtFault {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "aav-collision",
+            title: "A-AV Coll.",
+            unit: Unit::Count,
+            scope: Scope::Rollout,
+            lower_is_better: true,
+            source: "ReactSim-Bench, Metric Computation Details: agent-AV collision count",
+        }
+    }
+
+    fn has_events(&self) -> bool {
+        true
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        let mut count = 0;
+        for (i, contact) in contacts(case).iter().enumerate() {
+            let Some(contact) = contact else { continue };
+            count += u64::from(contact.fault.at_fault());
+            let k = case.motion.at(i, case.current + contact.step);
+            let av = case.motion.at(case.av, case.current + contact.step);
+            let mut values = vec![("speed", case.motion.speed[k]), ("av_speed", case.motion.speed[av])];
+            values.extend(log_distance(case, i, contact).map(|d| ("log_distance", d)));
+            events.push(Event {
+                metric: self.spec().id,
+                step: contact.step,
+                last_step: contact.last_step,
+                agent: case.id(i),
+                partner: Some(case.id(case.av)),
+                reason: Some(contact.fault.name()),
+                counted: contact.fault.at_fault(),
+                values,
+            });
+        }
+        Some(Score::Count(count))
+    }
+}
+
+/// Number of vehicles that overlap the AV, regardless of fault.
+#[derive(Debug)]
+pub(super) struct AnyOverlap;
+
+impl Metric for AnyOverlap {
+    fn spec(&self) -> &'static MetricSpec {
+        &MetricSpec {
+            id: "aav-overlap",
+            title: "A-AV Overlap",
+            unit: Unit::Count,
+            scope: Scope::Rollout,
+            lower_is_better: true,
+            source: "beside A-AV Coll.: the same first contacts, without the test of fault",
+        }
+    }
+
+    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
+        Some(Score::Count(contacts(case).iter().flatten().count() as u64))
+    }
+}

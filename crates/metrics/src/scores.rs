@@ -1,0 +1,169 @@
+//! The list of metrics, and all scores of one rollout.
+
+use reactsim_scene::{Frame, HISTORY, Scenario};
+
+use super::ade::{self, Displacement};
+use super::agent_agent::{self, Overlaps};
+use super::collision::{self, Contact};
+use super::deviation::{self, DeviationStats};
+use super::direction::{self, WrongWay};
+use super::kinematics::{self, InfeasibleMotion};
+use super::likelihood::{self, KinematicLikelihood};
+use super::log_clinging;
+use super::offroad::{self, OffRoadSteps};
+use super::over_reaction;
+use super::progress;
+use super::ttc::{self, Approach};
+use super::undisturbed;
+use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Scope, Score};
+
+/// Every metric: the paper's seven in its column order, then the additional ones.
+pub const METRICS: &[&dyn Metric] = &[
+    &collision::AtFault,
+    &ttc::Risky,
+    &agent_agent::AgentAgent,
+    &offroad::OffRoad,
+    &direction::Direction,
+    &kinematics::Acceleration,
+    &kinematics::Curvature,
+    &kinematics::CurvatureVelocity,
+    &collision::AnyOverlap,
+    &ade::Ade,
+    &ade::MinAde,
+    &progress::Progress,
+    &over_reaction::OverReaction,
+    &over_reaction::OverBraking,
+    &undisturbed::UndisturbedLoss,
+    &log_clinging::LogClinging,
+    &likelihood::Likelihood,
+];
+
+/// Returns the metric with this id.
+pub fn metric(id: &str) -> Option<&'static dyn Metric> {
+    METRICS.iter().copied().find(|m| m.spec().id == id)
+}
+
+/// The scores of every metric for one case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scores {
+    /// Score of each metric, in the order of [`METRICS`]; `None` if nothing could be evaluated.
+    pub values: Vec<(&'static MetricSpec, Option<Score>)>,
+    /// All counted events, and contacts that do not count.
+    pub events: Vec<Event>,
+    /// Deviation of the evaluated AV from the logged AV; `None` without a log.
+    pub deviation: Option<DeviationStats>,
+    /// All displacement statistics; `None` without a log.
+    pub displacement: Option<Displacement>,
+    /// Kinematic likelihood by feature; `None` without a log and rollouts.
+    pub likelihood: Option<KinematicLikelihood>,
+    /// Method by which lanes were assigned (`Auto` resolved).
+    pub dir_tracking: DirTracking,
+}
+
+impl Scores {
+    /// Returns the score of the metric with this id.
+    pub fn score(&self, id: &str) -> Option<Score> {
+        self.values.iter().find(|v| v.0.id == id)?.1
+    }
+
+    /// Returns the value of the metric with this id; `None` if it is undefined.
+    pub fn value(&self, id: &str) -> Option<f64> {
+        self.score(id)?.value()
+    }
+}
+
+/// Computes every metric for one case.
+pub fn score_case(case: &Case<'_>) -> Scores {
+    let mut events = Vec::new();
+    let values = METRICS.iter().map(|m| (m.spec(), m.score(case, &mut events))).collect();
+    Scores {
+        values,
+        events,
+        deviation: deviation::deviation(case),
+        displacement: ade::displacement(case).cloned(),
+        likelihood: likelihood::likelihood(case),
+        dir_tracking: case.options.dir_tracking,
+    }
+}
+
+/// The metrics over all rollouts of one scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RolloutScores {
+    /// Score of each metric with [`Scope::Scenario`], in the order of [`METRICS`]; `None` if nothing could be
+    /// evaluated.
+    pub values: Vec<(&'static MetricSpec, Option<Score>)>,
+    /// Displacement over all rollouts; `None` if no agent has a logged step.
+    pub displacement: Option<Displacement>,
+    /// Kinematic likelihood by feature.
+    pub likelihood: Option<KinematicLikelihood>,
+}
+
+/// Computes the metrics over several rollouts of a scenario: ADE, minADE and the kinematic likelihood.
+///
+/// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
+pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: Options) -> RolloutScores {
+    let future = |track: &'_ [Frame]| -> std::ops::Range<usize> { HISTORY.min(track.len())..track.len() };
+    let metrics = METRICS.iter().filter(|m| m.spec().scope == Scope::Scenario);
+    let Some(first) = rollouts.first() else {
+        let values = metrics.map(|m| (m.spec(), None)).collect();
+        return RolloutScores { values, displacement: None, likelihood: None };
+    };
+    // Presence is decided at the current frame, which all rollouts share.
+    let case = Case::of_rollout(scenario, first.to_vec(), options)
+        .with_rollouts(rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect());
+    RolloutScores {
+        values: metrics.map(|m| (m.spec(), m.score(&case, &mut Vec::new()))).collect(),
+        displacement: ade::displacement(&case).cloned(),
+        likelihood: likelihood::likelihood(&case),
+    }
+}
+
+/// The metric results of one object, for reports that list agents.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AgentScores<'c> {
+    /// Collisions with other agents.
+    pub overlaps: &'c Overlaps,
+    /// First contact with the AV.
+    pub contact: Option<Contact>,
+    /// Approach to the AV; `None` for objects that are not evaluated vehicles.
+    pub approach: Option<Approach>,
+    /// Steps off the road.
+    pub off_road: &'c OffRoadSteps,
+    /// Driving direction.
+    pub direction: &'c WrongWay,
+    /// Accelerations and curvatures.
+    pub infeasible: &'c InfeasibleMotion,
+}
+
+impl Case<'_> {
+    /// Returns the deviation of the evaluated AV from the logged AV; `None` without a log.
+    pub fn deviation(&self) -> Option<DeviationStats> {
+        deviation::deviation(self)
+    }
+
+    /// Returns the first contact of every object with the AV; `None` for objects without a contact or that
+    /// are not evaluated vehicles.
+    pub fn contacts(&self) -> &[Option<Contact>] {
+        collision::contacts(self)
+    }
+
+    /// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
+    pub fn approaches(&self) -> &[Option<Approach>] {
+        ttc::approaches(self)
+    }
+
+    /// Returns the metric results of one object.
+    ///
+    /// # Panics
+    /// Panics if there is no such object.
+    pub fn agent_scores(&self, object: usize) -> AgentScores<'_> {
+        AgentScores {
+            overlaps: &agent_agent::overlaps(self)[object],
+            contact: collision::contacts(self)[object],
+            approach: ttc::approaches(self)[object],
+            off_road: &offroad::off_road_steps(self)[object],
+            direction: &direction::directions(self)[object],
+            infeasible: &kinematics::infeasible(self)[object],
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The simulated objects of a scenario, evaluated ones first, and their motion in the log or in a rollout.
+
+use reactsim_scene::{
+    CURRENT, FRAMES, FUTURE, HISTORY,
+    wosac::{ObjectTrajectory, WosacLog, WosacTrack},
+};
+
+use super::error::WosacError;
+
+/// The simulated objects in the order of the metrics: the evaluated ones by id, then the others in file
+/// order.
+pub(super) struct Objects<'a> {
+    /// The tracks.
+    pub(super) tracks: Vec<&'a WosacTrack>,
+    /// Number of evaluated objects, which are the first ones.
+    pub(super) evaluated: usize,
+    /// Position of each object in [`WosacLog::simulated`].
+    order: Vec<usize>,
+}
+
+impl<'a> Objects<'a> {
+    pub(super) fn new(log: &'a WosacLog) -> Result<Self, WosacError> {
+        let simulated: Vec<&WosacTrack> = log.simulated().collect();
+        let mut order = Vec::with_capacity(simulated.len());
+        for id in log.evaluated() {
+            let found = simulated.iter().position(|track| track.id == id);
+            order.push(found.ok_or_else(|| WosacError::EvaluatedAbsent {
+                scenario: log.scenario_id.clone(),
+                object: id,
+            })?);
+        }
+        let evaluated = order.len();
+        let others: Vec<usize> = (0..simulated.len()).filter(|i| !order.contains(i)).collect();
+        order.extend(others);
+        Ok(Self { tracks: order.iter().map(|&i| simulated[i]).collect(), evaluated, order })
+    }
+
+    /// Returns the logged motion.
+    pub(super) fn logged(&self) -> Motion<'a> {
+        let future = |track: &&'a WosacTrack| Future {
+            x: future(&track.x[HISTORY..]),
+            y: future(&track.y[HISTORY..]),
+            z: future(&track.z[HISTORY..]),
+            heading: future(&track.heading[HISTORY..]),
+        };
+        let valid = |track: &&'a WosacTrack| &track.valid[HISTORY..];
+        Motion {
+            tracks: self.tracks.clone(),
+            futures: self.tracks.iter().map(future).collect(),
+            valid: Some(self.tracks.iter().map(valid).collect()),
+            evaluated: self.evaluated,
+        }
+    }
+
+    /// Returns the motion in a rollout, whose trajectories are in the order of [`WosacLog::simulated`].
+    pub(super) fn simulated<'b>(&self, rollout: &[&'b ObjectTrajectory]) -> Motion<'b>
+    where
+        'a: 'b,
+    {
+        let future = |&i: &usize| Future {
+            x: future(&rollout[i].x),
+            y: future(&rollout[i].y),
+            z: future(&rollout[i].z),
+            heading: future(&rollout[i].heading),
+        };
+        Motion {
+            tracks: self.tracks.clone(),
+            futures: self.order.iter().map(future).collect(),
+            valid: None,
+            evaluated: self.evaluated,
+        }
+    }
+}
+
+fn future(values: &[f32]) -> &[f32; FUTURE] {
+    values.try_into().expect("lengths were checked")
+}
+
+/// The motion of all simulated objects: in the log, or in a rollout that continues its history.
+pub(super) struct Motion<'a> {
+    tracks: Vec<&'a WosacTrack>,
+    /// States at the frames 11 to 90, by object.
+    pub(super) futures: Vec<Future<'a>>,
+    /// Validity at the frames 11 to 90, by object; `None` if all are valid (rollouts).
+    valid: Option<Vec<&'a [bool]>>,
+    /// Number of evaluated objects, which are the first ones.
+    pub(super) evaluated: usize,
+}
+
+/// The states of an object at the frames 11 to 90.
+#[derive(Clone, Copy)]
+pub(super) struct Future<'a> {
+    pub(super) x: &'a [f32; FUTURE],
+    pub(super) y: &'a [f32; FUTURE],
+    pub(super) z: &'a [f32; FUTURE],
+    pub(super) heading: &'a [f32; FUTURE],
+}
+
+impl<'a> Motion<'a> {
+    /// Returns the tracks of all objects.
+    pub(super) fn tracks(&self) -> &[&'a WosacTrack] {
+        &self.tracks
+    }
+
+    /// Returns whether an object is valid at a future step (counted from 0).
+    pub(super) fn is_valid(&self, object: usize, step: usize) -> bool {
+        self.valid.as_ref().is_none_or(|valid| valid[object][step])
+    }
+
+    /// Returns whether all objects are valid at all steps.
+    pub(super) fn is_all_valid(&self) -> bool {
+        self.valid.is_none()
+    }
+
+    /// Returns the values of a column over all 91 frames.
+    pub(super) fn frames(history: &[f32], future: &[f32; FUTURE]) -> [f32; FRAMES] {
+        let mut frames = [0.0; FRAMES];
+        frames[..HISTORY].copy_from_slice(&history[..HISTORY]);
+        frames[HISTORY..].copy_from_slice(future);
+        frames
+    }
+
+    /// Returns the position of an object at the frame before a future step (counted from 0).
+    pub(super) fn before(&self, object: usize, step: usize) -> [f32; 2] {
+        match step.checked_sub(1) {
+            Some(step) => [self.futures[object].x[step], self.futures[object].y[step]],
+            None => [self.tracks[object].x[CURRENT], self.tracks[object].y[CURRENT]],
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Counts over all rollouts of a scenario: histograms, events, displacements.
+
+use reactsim_scene::FUTURE;
+
+use super::config::{Bins, Config, Estimator};
+use super::feature::Feature;
+use super::histogram::Edges;
+use super::masks::Masks;
+use super::steps::StepFeatures;
+
+/// The features that are events, in the order of the counts of events.
+pub(super) const EVENTS: [Feature; 3] =
+    [Feature::CollisionIndication, Feature::OffroadIndication, Feature::TrafficLightViolation];
+
+/// Counts of one scenario, for all configurations at once.
+pub(super) struct Tally {
+    /// The different histograms of the configurations.
+    pub(super) histograms: Vec<Histograms>,
+    /// Number of rollouts in which an event occurs at a valid step, by event and object.
+    pub(super) events: [Vec<u32>; EVENTS.len()],
+    /// Mean displacement by rollout and object, metres.
+    pub(super) displacements: Vec<Vec<f64>>,
+}
+
+/// The histograms of all evaluated objects for one feature and range.
+pub(super) struct Histograms {
+    pub(super) feature: Feature,
+    pub(super) bins: Bins,
+    pub(super) edges: Edges,
+    /// Counts by object and bin, one object after another.
+    counts: Vec<u32>,
+}
+
+impl Histograms {
+    fn add(&mut self, object: usize, values: &[f32; FUTURE]) {
+        let bins = self.edges.bins();
+        let counts = &mut self.counts[object * bins..(object + 1) * bins];
+        for &value in values {
+            counts[self.edges.bin(value)] += 1;
+        }
+    }
+
+    /// Returns the counts of an object.
+    pub(super) fn counts(&self, object: usize) -> &[u32] {
+        let bins = self.edges.bins();
+        &self.counts[object * bins..(object + 1) * bins]
+    }
+}
+
+impl Tally {
+    pub(super) fn new(configs: &[Config], objects: usize) -> Self {
+        let mut histograms: Vec<Histograms> = Vec::new();
+        for config in configs {
+            for (feature, estimator) in Feature::ALL.into_iter().zip(config.estimators) {
+                let Estimator::Histogram(bins) = estimator else { continue };
+                if !histograms.iter().any(|h| h.feature == feature && h.bins == bins) {
+                    let counts = vec![0; objects * bins.count];
+                    histograms.push(Histograms { feature, bins, edges: Edges::new(bins), counts });
+                }
+            }
+        }
+        Self { histograms, events: std::array::from_fn(|_| vec![0; objects]), displacements: Vec::new() }
+    }
+
+    /// Counts the features of an object in one rollout. All steps enter the histograms; events count at the
+    /// steps that are valid in the log.
+    pub(super) fn add(&mut self, object: usize, features: &StepFeatures, masks: &Masks) {
+        for histograms in &mut self.histograms {
+            if let Some(values) = features.values(histograms.feature) {
+                histograms.add(object, values);
+            }
+        }
+        for (event, counts) in EVENTS.into_iter().zip(&mut self.events) {
+            counts[object] += u32::from(has_event(features, event, masks));
+        }
+    }
+
+    /// Returns the histograms of a feature with this range.
+    pub(super) fn histograms(&self, feature: Feature, bins: Bins) -> Option<&Histograms> {
+        self.histograms.iter().find(|h| h.feature == feature && h.bins == bins)
+    }
+}
+
+/// Returns whether an event occurs at a step that is valid in the log.
+pub(super) fn has_event(features: &StepFeatures, event: Feature, masks: &Masks) -> bool {
+    (0..FUTURE).any(|k| masks.states[k] && features.has_event(event, k))
+}

@@ -1,0 +1,5 @@
+mod attack;
+mod fixture;
+mod golden;
+mod pruning;
+mod quirks;

@@ -1,0 +1,197 @@
+//! Scenes and rollouts from above, as an animated GIF: for papers, talks and READMEs.
+//!
+//! Panels are side by side and show the same step of one scenario. They are drawn like the stills of
+//! [`birdseye`](super::birdseye); a bar below each shows the time, with ticks at events. The animation
+//! runs in real time, holds the last step for a second and repeats.
+//!
+//! Files stay small: all steps share one palette of few colours, nothing is dithered, and of each step
+//! only the rectangle that changed is written, with unchanged pixels transparent. The same input gives
+//! the same bytes.
+
+mod camera;
+mod difference;
+mod letters;
+mod palette;
+mod picture;
+
+use std::collections::BTreeMap;
+
+use gif::{DisposalMethod, Encoder, Repeat};
+use reactsim_scene::{CURRENT, FUTURE, Frame, Scenario};
+use resvg::usvg;
+
+use self::camera::Camera;
+use self::difference::change;
+use self::palette::{Colour, Palette};
+use self::picture::Stage;
+use super::birdseye::{Mark, View, moving::StepRenderer};
+
+/// Number of colours of an animation, apart from the transparent one. Few colours give long runs of equal
+/// pixels, which compress well.
+const PALETTE_SIZE: usize = 95;
+/// Display time of the last step, hundredths of a second.
+const LAST_DELAY: u16 = 100;
+/// Stride, in shown steps, of the samples for the palette. The last step, and steps at which a light
+/// changes, are sampled too.
+const PALETTE_STRIDE: usize = 8;
+
+/// Content of one panel.
+#[derive(Clone, Debug, Default)]
+pub struct Panel<'a> {
+    /// Title. Latin letters, digits and a few signs are supported, all shown in lower case.
+    pub title: String,
+    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is shown.
+    pub rollout: Option<&'a [Vec<Frame>]>,
+    /// Events of the rollout. They are shown from their step on.
+    pub marks: Vec<Mark>,
+}
+
+/// An animation of one scenario.
+#[derive(Clone, Debug)]
+pub struct Animation<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// Panels side by side, four per row; if empty, the log.
+    pub panels: Vec<Panel<'a>>,
+    /// Half of the side of a panel, metres, at least 5. `None`: enough for the AV's whole path, or 40 m
+    /// if the camera follows it.
+    pub radius: Option<f64>,
+    /// Side of a panel, pixels, 100 to 1200.
+    pub size: u32,
+    /// Stride between shown steps, at least 1. The last step is always shown.
+    pub every: usize,
+    /// Whether the camera follows the AV. A fixed camera gives far smaller files.
+    pub follow: bool,
+}
+
+/// Error of an animation.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnimationError {
+    /// More pixels than the format can hold.
+    #[error(
+        "an animation of {width} x {height} pixels is too large: a side has at most 65535; \
+         take smaller or fewer panels"
+    )]
+    TooLarge {
+        /// Width, pixels.
+        width: usize,
+        /// Height, pixels.
+        height: usize,
+    },
+    /// The renderer failed.
+    #[error("step {step} of `{scenario}` could not be drawn")]
+    Draw {
+        /// The scenario.
+        scenario: String,
+        /// The step.
+        step: usize,
+        /// Error of the renderer.
+        source: usvg::Error,
+    },
+    /// The encoder failed.
+    #[error("the animation of `{scenario}` could not be encoded")]
+    Encode {
+        /// The scenario.
+        scenario: String,
+        /// Error of the encoder.
+        source: gif::EncodingError,
+    },
+}
+
+impl<'a> Animation<'a> {
+    /// Creates an animation of these panels: every step, 480 pixels, a fixed camera.
+    pub fn new(scenario: &'a Scenario, panels: Vec<Panel<'a>>) -> Self {
+        Self { scenario, panels, radius: None, size: 480, every: 1, follow: false }
+    }
+
+    /// Returns the shown steps, 0 to 80.
+    fn steps(&self) -> Vec<usize> {
+        let mut steps: Vec<usize> = (0..FUTURE).step_by(self.every.max(1)).collect();
+        steps.push(FUTURE);
+        steps
+    }
+
+    /// Encodes the animation as a GIF.
+    ///
+    /// # Errors
+    /// [`AnimationError`] for too many pixels, or if the renderer or the encoder fails.
+    pub fn encode(&self) -> Result<Vec<u8>, AnimationError> {
+        let log = [Panel { title: self.scenario.id.clone(), ..Panel::default() }];
+        let panels = if self.panels.is_empty() { &log[..] } else { &self.panels };
+        let size = self.size.clamp(100, 1200);
+        let mut views: Vec<View<'_>> = panels
+            .iter()
+            .map(|p| View {
+                rollout: p.rollout,
+                marks: p.marks.clone(),
+                size: f64::from(size),
+                ..View::default()
+            })
+            .collect();
+        let camera = Camera::new(self, &views, f64::from(size));
+        views.iter_mut().for_each(|v| v.radius = camera.radius);
+        let renderers = views.iter().map(|view| StepRenderer::new(self.scenario, view)).collect();
+        let mut stage = Stage::new(panels, renderers, camera, size as usize);
+        let (width, height) = (stage.width(), stage.height());
+        let (Ok(wide), Ok(high)) = (u16::try_from(width), u16::try_from(height)) else {
+            return Err(AnimationError::TooLarge { width, height });
+        };
+
+        let steps = self.steps();
+        let mut draw = |step: usize| {
+            let picture = stage.draw(step);
+            picture.map_err(|source| AnimationError::Draw {
+                scenario: self.scenario.id.clone(),
+                step,
+                source,
+            })
+        };
+        let mut counts: BTreeMap<Colour, u64> = BTreeMap::new();
+        for (i, &step) in steps.iter().enumerate() {
+            if i % PALETTE_STRIDE == 0
+                || i + 1 == steps.len()
+                || self.lights_change(i.checked_sub(1).map(|k| steps[k]), step)
+            {
+                draw(step)?.pixels.iter().for_each(|c| *counts.entry(*c).or_default() += 1);
+            }
+        }
+        let mut palette = Palette::new(&counts, PALETTE_SIZE);
+
+        let failed = |source| AnimationError::Encode { scenario: self.scenario.id.clone(), source };
+        let mut encoder = Encoder::new(Vec::new(), wide, high, &palette.table()).map_err(failed)?;
+        encoder.set_repeat(Repeat::Infinite).map_err(failed)?;
+        let mut before: Option<Vec<u8>> = None;
+        for (i, &step) in steps.iter().enumerate() {
+            let after = palette.indices(&draw(step)?.pixels);
+            let part = change(before.as_deref(), &after, width);
+            let frame = gif::Frame {
+                // Hundredths of a second: a step has ten.
+                delay: steps.get(i + 1).map_or(LAST_DELAY, |next| 10 * (next - step) as u16),
+                dispose: DisposalMethod::Keep,
+                transparent: Some(palette::TRANSPARENT),
+                left: part.left as u16,
+                top: part.top as u16,
+                width: part.width as u16,
+                height: part.height as u16,
+                buffer: part.pixels.into(),
+                ..gif::Frame::default()
+            };
+            encoder.write_frame(&frame).map_err(failed)?;
+            before = Some(after);
+        }
+        encoder.into_inner().map_err(failed)
+    }
+
+    /// Returns whether a light changes between an earlier step and this one.
+    fn lights_change(&self, before: Option<usize>, step: usize) -> bool {
+        let Some(before) = before else { return false };
+        (0..self.scenario.start.lights.len()).any(|i| {
+            let states = self.scenario.light_states(i);
+            states.get(CURRENT + before) != states.get(CURRENT + step)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

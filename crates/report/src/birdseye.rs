@@ -1,0 +1,250 @@
+//! Scenes and rollouts from above, as SVG.
+//!
+//! A picture shows the map, the agents as boxes with their headings and trails, the AV in its own
+//! colour, and the lights at the drawn step. With a rollout, realised tracks are solid and logged ones
+//! thin dashed ghosts. North is up; nothing outside the view is written. Colours are those of Okabe and
+//! Ito, which most colour-blind people can distinguish; important elements also differ in shape.
+
+mod agents;
+mod canvas;
+mod clip;
+mod ground;
+pub(super) mod moving;
+pub(super) mod palette;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{CURRENT, DT, FUTURE, Frame, Scenario};
+
+use self::canvas::{Canvas, Window};
+
+/// Centre of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Middle {
+    /// The AV at the drawn step.
+    Av,
+    /// A point in the scenario frame, metres.
+    Point(Vec2),
+}
+
+/// Arrangement of several drawn steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// One panel per step, side by side, four to a row.
+    Strip,
+    /// All steps in one panel, earlier ones paler; the centre and the lights are those of the last step.
+    Overlay,
+}
+
+/// An event to mark in a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Id of the agent; marks of unknown agents are ignored.
+    pub agent: String,
+    /// Step of the event, 1 to 80.
+    pub step: usize,
+    /// Kind of event.
+    pub kind: MarkKind,
+}
+
+/// Kind of event that a [`Mark`] shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MarkKind {
+    /// A collision at fault: a thick ring.
+    AtFault,
+    /// A collision without fault or among agents: a dashed ring.
+    Contact,
+    /// A risky time to collision: a triangle.
+    Risky,
+    /// Off the road: a cross.
+    OffRoad,
+}
+
+/// Settings of a picture.
+#[derive(Clone, Debug)]
+pub struct View<'a> {
+    /// Centre of the picture.
+    pub middle: Middle,
+    /// Half of the side of a panel, metres; at least 5.
+    pub radius: f64,
+    /// Steps to draw, 0 (the current frame) to 80; larger ones are clamped to 80. If empty, step 0.
+    pub steps: Vec<usize>,
+    /// Arrangement of the steps.
+    pub layout: Layout,
+    /// Side of a panel, pixels; at least 100.
+    pub size: f64,
+    /// Title; by default the id of the scenario.
+    pub title: Option<String>,
+    /// Whether to write ids next to agents.
+    pub ids: bool,
+    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is drawn.
+    pub rollout: Option<&'a [Vec<Frame>]>,
+    /// Events of the rollout.
+    pub marks: Vec<Mark>,
+}
+
+impl Default for View<'_> {
+    fn default() -> Self {
+        Self {
+            middle: Middle::Av,
+            radius: 60.0,
+            steps: vec![0],
+            layout: Layout::Strip,
+            size: 720.0,
+            title: None,
+            ids: true,
+            rollout: None,
+            marks: Vec::new(),
+        }
+    }
+}
+
+/// Panels per row of a strip.
+const PANELS_PER_ROW: usize = 4;
+/// Height of the title, pixels.
+const TITLE_HEIGHT: f64 = 40.0;
+/// Height of the legend, pixels.
+const LEGEND_HEIGHT: f64 = 34.0;
+/// Space around panels, pixels.
+const PANEL_GAP: f64 = 12.0;
+
+/// Input of the drawing functions.
+struct Scene<'a> {
+    scenario: &'a Scenario,
+    view: &'a View<'a>,
+    /// The 91 logged frames of each agent.
+    logged: Vec<Vec<Frame>>,
+}
+
+impl<'a> Scene<'a> {
+    fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
+        let agents = scenario.start.agents.len();
+        Self { scenario, view, logged: (0..agents).map(|i| scenario.logged(i)).collect() }
+    }
+
+    /// Returns the tracks that are drawn solid.
+    fn tracks(&self) -> &[Vec<Frame>] {
+        self.view.rollout.unwrap_or(&self.logged)
+    }
+
+    /// Returns a state of a drawn track; `None` if it is absent or the track is too short.
+    fn state(&self, agent: usize, step: usize) -> Frame {
+        let frame = self.tracks().get(agent)?.get(CURRENT + step).copied().flatten();
+        frame.filter(|s| s.is_finite())
+    }
+}
+
+/// Draws a scenario, or a rollout of it, as an SVG document.
+pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
+    let scene = Scene::new(scenario, view);
+    let mut steps: Vec<usize> = view.steps.iter().map(|s| (*s).min(FUTURE)).collect();
+    if steps.is_empty() {
+        steps.push(0);
+    }
+    let panels: Vec<Vec<usize>> = match view.layout {
+        Layout::Strip => steps.into_iter().map(|s| vec![s]).collect(),
+        Layout::Overlay => {
+            steps.sort_unstable();
+            vec![steps]
+        }
+    };
+    let size = if view.size.is_finite() { view.size.max(100.0) } else { 720.0 };
+    let (columns, rows) = (panels.len().min(PANELS_PER_ROW), panels.len().div_ceil(PANELS_PER_ROW));
+    let width = PANEL_GAP + columns as f64 * (size + PANEL_GAP);
+    let height = TITLE_HEIGHT + rows as f64 * (size + PANEL_GAP) + LEGEND_HEIGHT;
+    let mut canvas = Canvas::new(width, height);
+    let title = view.title.as_deref().unwrap_or(&scenario.id);
+    canvas.text(Vec2::new(PANEL_GAP, 26.0), title, "font-size=\"17\" font-weight=\"600\" fill=\"#22252b\"");
+    for (i, steps) in panels.iter().enumerate() {
+        let (column, row) = (i % PANELS_PER_ROW, i / PANELS_PER_ROW);
+        let corner = Vec2::new(
+            PANEL_GAP + column as f64 * (size + PANEL_GAP),
+            TITLE_HEIGHT + row as f64 * (size + PANEL_GAP),
+        );
+        panel(&mut canvas, &scene, steps, corner, size, i);
+    }
+    legend(&mut canvas, &scene, height - LEGEND_HEIGHT + 12.0, width);
+    canvas.finish()
+}
+
+/// Draws one panel: the map, and the agents at the given steps, most prominently at the last one.
+fn panel(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize], corner: Vec2, size: f64, number: usize) {
+    let last = steps[steps.len() - 1];
+    let middle = match scene.view.middle {
+        Middle::Point(p) if p.x.is_finite() && p.y.is_finite() => p,
+        _ => {
+            let av = scene.state(0, last).unwrap_or_else(|| scene.scenario.start.now(0));
+            av.position()
+        }
+    };
+    let radius = if scene.view.radius.is_finite() { scene.view.radius.max(5.0) } else { 60.0 };
+    canvas.open_window(Window { middle, radius, corner, size }, number);
+    ground::draw(canvas, scene.scenario, CURRENT + last);
+    agents::draw(canvas, scene, steps);
+    scale_bar(canvas, corner, size, radius);
+    let time = last as f64 * DT;
+    let label = match steps {
+        [_] => format!("step {last} · {time:.1} s"),
+        _ => format!("steps {} to {last} · {:.1} to {time:.1} s", steps[0], steps[0] as f64 * DT),
+    };
+    canvas.label(corner + Vec2::new(10.0, 22.0), &label);
+    canvas.close_window();
+}
+
+/// Draws a scale bar of a round length at the bottom left.
+fn scale_bar(canvas: &mut Canvas, corner: Vec2, size: f64, radius: f64) {
+    let lengths = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
+    let metres = lengths.into_iter().rfind(|l| *l <= radius / 2.0).unwrap_or(1.0);
+    let pixels = metres * size / (2.0 * radius);
+    let (x, y) = (corner.x + 12.0, corner.y + size - 14.0);
+    canvas.raw(&format!(
+        "<path d=\"M{x:.1} {:.1}v6h{pixels:.1}v-6\" fill=\"none\" stroke=\"#22252b\" stroke-width=\"1.5\"/>",
+        y - 6.0
+    ));
+    canvas.label(Vec2::new(x + pixels + 6.0, y), &format!("{metres} m"));
+}
+
+/// Draws the legend of the colours and signs that can occur in the picture.
+fn legend(canvas: &mut Canvas, scene: &Scene<'_>, y: f64, width: f64) {
+    let mut x = PANEL_GAP;
+    let mut entry = |canvas: &mut Canvas, sign: &str, text: &str| {
+        let space = 30.0 + 6.6 * text.chars().count() as f64;
+        if x + space > width {
+            return;
+        }
+        canvas.raw(&format!("<g transform=\"translate({:.1} {y:.1})\">{sign}</g>", x + 8.0));
+        canvas.text(Vec2::new(x + 21.0, y + 4.0), text, "font-size=\"12\" fill=\"#22252b\"");
+        x += space;
+    };
+    let square = |c: &palette::Paint| {
+        let (fill, line) = (c.fill, c.line);
+        format!("<rect x=\"-7\" y=\"-4\" width=\"14\" height=\"8\" fill=\"{fill}\" stroke=\"{line}\"/>")
+    };
+    entry(canvas, &square(&palette::AV), "AV");
+    for kind in reactsim_scene::AgentKind::ALL {
+        let has = scene.scenario.start.agents.iter().skip(1).any(|a| a.kind == kind);
+        let context = kind == reactsim_scene::AgentKind::Other && !scene.scenario.start.obstacles.is_empty();
+        if has || context {
+            entry(canvas, &square(palette::of(kind)), kind.name());
+        }
+    }
+    if scene.view.rollout.is_some() || scene.scenario.deviation.is_some() {
+        let what = if scene.view.rollout.is_some() { "in the log" } else { "deviated AV" };
+        let line = if scene.view.rollout.is_some() { palette::GHOST } else { palette::AV.line };
+        let sign =
+            format!("<path d=\"M-8 0h16\" stroke=\"{line}\" stroke-width=\"1.5\" stroke-dasharray=\"4 3\"/>");
+        entry(canvas, &sign, what);
+    }
+    for (kind, text) in [
+        (MarkKind::AtFault, "collision at fault"),
+        (MarkKind::Contact, "other collision"),
+        (MarkKind::Risky, "risky"),
+        (MarkKind::OffRoad, "off-road"),
+    ] {
+        if scene.view.marks.iter().any(|m| m.kind == kind) {
+            entry(canvas, &agents::sign(kind, 7.0), text);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,130 @@
+//! Frames of an animation: like stills, but without text, and with small changes between frames.
+//!
+//! A still shows the whole past and future. An animation shows them over time: agents have a short tail,
+//! only the paths of the AV (driven and logged) are shown completely, and only agents that currently
+//! deviate from the log have a ghost.
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{AgentKind, CURRENT, FRAMES, FUTURE, Frame, Scenario};
+
+use super::agents::{self, body, figure, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
+use super::canvas::{Canvas, PathData, Window};
+use super::{Scene, View, ground, palette};
+
+/// Number of frames per stretch of a tail.
+const TAIL_STRETCH_FRAMES: usize = 5;
+/// Number of stretches of a tail.
+const TAIL_STRETCHES: usize = 4;
+
+/// Renderer of single steps of a scenario or of a rollout of it.
+pub(crate) struct StepRenderer<'a> {
+    scene: Scene<'a>,
+}
+
+impl<'a> StepRenderer<'a> {
+    /// Creates a renderer; it uses the rollout, marks, radius (metres) and size (pixels) of the view.
+    pub(crate) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
+        Self { scene: Scene::new(scenario, view) }
+    }
+
+    /// Returns the AV's state at a step, 0 to 80.
+    pub(crate) fn av(&self, step: usize) -> Frame {
+        self.scene.state(0, step)
+    }
+
+    /// Returns the positions of the marked events.
+    pub(crate) fn mark_positions(&self) -> impl Iterator<Item = Vec2> {
+        self.scene.view.marks.iter().filter_map(|mark| agents::place(&self.scene, mark))
+    }
+
+    /// Draws the background as an SVG document: the map with the lights of this step, and the paths of
+    /// the AV. `middle`: centre, metres.
+    pub(crate) fn background(&self, step: usize, middle: Vec2) -> String {
+        let mut canvas = self.canvas(middle);
+        canvas.background();
+        ground::draw(&mut canvas, self.scene.scenario, CURRENT + step.min(FUTURE));
+        av_paths(&mut canvas, &self.scene);
+        canvas.finish()
+    }
+
+    /// Draws the agents and the events so far as a transparent SVG document of the same size.
+    pub(crate) fn foreground(&self, step: usize, middle: Vec2) -> String {
+        let mut canvas = self.canvas(middle);
+        draw_agents(&mut canvas, &self.scene, step.min(FUTURE));
+        canvas.finish()
+    }
+
+    fn canvas(&self, middle: Vec2) -> Canvas {
+        let View { radius, size, .. } = *self.scene.view;
+        Canvas::bare(Window { middle, radius, corner: Vec2::zeros(), size })
+    }
+}
+
+/// Draws static obstacles and the AV's paths, which are the same throughout an animation.
+fn av_paths(canvas: &mut Canvas, scene: &Scene<'_>) {
+    canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
+    for obstacle in &scene.scenario.start.obstacles {
+        body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
+    }
+    if scene.view.rollout.is_some() && (0..=FUTURE).any(|k| is_displaced(scene, 0, k)) {
+        let mut path = PathData::new(canvas.window());
+        stretch(&mut path, &scene.logged[0], CURRENT, FRAMES - 1);
+        canvas.path(&path, &ghost_style());
+    }
+    if let Some(track) = scene.tracks().first() {
+        let mut path = PathData::new(canvas.window());
+        stretch(&mut path, track, CURRENT, FRAMES - 1);
+        let colour = palette::AV.line;
+        canvas.path(
+            &path,
+            &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-opacity=\"0.5\""),
+        );
+    }
+    canvas.raw("</g>");
+}
+
+/// Draws all agents at one step, with tails, ghosts and the events so far.
+fn draw_agents(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
+    let order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
+    canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
+    let mut ghosts = PathData::new(canvas.window());
+    for &agent in &order {
+        tail(canvas, scene, agent, step);
+        if scene.view.rollout.is_some() && is_displaced(scene, agent, step) {
+            ghost_box(&mut ghosts, scene, agent, step);
+        }
+    }
+    canvas.path(&ghosts, &ghost_style());
+    for &agent in &order {
+        if let Some(state) = scene.state(agent, step) {
+            figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), 1.0);
+        }
+    }
+    canvas.raw("</g>");
+    marks(canvas, scene, step, false);
+}
+
+/// Draws the track of the last frames, paler with age. Stretches begin at fixed frames, so that their
+/// pixels stay the same between steps.
+fn tail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
+    let Some(track) = scene.tracks().get(agent) else { return };
+    let now = CURRENT + step;
+    if scene.state(agent, step).is_none() {
+        return;
+    }
+    let width = if agent == 0 { 2.4 } else { 1.6 };
+    let last = now / TAIL_STRETCH_FRAMES;
+    for k in last.saturating_sub(TAIL_STRETCHES - 1)..=last {
+        let mut path = PathData::new(canvas.window());
+        stretch(&mut path, track, k * TAIL_STRETCH_FRAMES, now.min((k + 1) * TAIL_STRETCH_FRAMES));
+        let opacity = 0.75 * (k + TAIL_STRETCHES - last) as f64 / TAIL_STRETCHES as f64;
+        let colour = paint(scene, agent).line;
+        canvas.path(
+            &path,
+            &format!(
+                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+                 stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
+            ),
+        );
+    }
+}

@@ -1,0 +1,207 @@
+use reactsim_geometry::Polygon;
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, Crosswalk, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LightParts,
+    LightState, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
+};
+
+use super::*;
+
+/// Checks the XML that this module writes: one root, matching tags, quoted attributes without markup,
+/// known entities.
+fn well_formed(text: &str) -> Result<(), String> {
+    let mut open: Vec<String> = Vec::new();
+    let mut rest = text.trim_end();
+    while let Some(start) = rest.find('<') {
+        entities(&rest[..start])?;
+        if start > 0 && open.is_empty() {
+            return Err(format!("text outside the root: {}", &rest[..start]));
+        }
+        let mut quoted = false;
+        let end = rest[start..].find(|c| {
+            quoted ^= c == '"';
+            c == '>' && !quoted
+        });
+        let tag = &rest[start + 1..start + end.ok_or("a tag without end")?];
+        rest = &rest[start + tag.len() + 2..];
+        if let Some(name) = tag.strip_prefix('/') {
+            if open.pop().as_deref() != Some(name) {
+                return Err(format!("</{name}> closes nothing"));
+            }
+            if open.is_empty() && !rest.is_empty() {
+                return Err("more than one root".into());
+            }
+            continue;
+        }
+        let body = tag.strip_suffix('/').unwrap_or(tag);
+        let (name, attributes) = body.split_once(' ').unwrap_or((body, ""));
+        let parts: Vec<&str> = attributes.split('"').collect();
+        if parts.len().is_multiple_of(2) {
+            return Err(format!("odd quotes in <{tag}>"));
+        }
+        for (i, part) in parts.iter().enumerate() {
+            if i % 2 == 1 {
+                entities(part)?;
+            }
+            if part.contains('<') || (i % 2 == 0 && i + 1 < parts.len() && !part.ends_with('=')) {
+                return Err(format!("bad attributes in <{tag}>"));
+            }
+        }
+        if !tag.ends_with('/') {
+            open.push(name.into());
+        }
+    }
+    if open.is_empty() && rest.is_empty() { Ok(()) } else { Err(format!("left open: {open:?} {rest}")) }
+}
+
+fn entities(text: &str) -> Result<(), String> {
+    for (at, _) in text.match_indices('&') {
+        if !["&amp;", "&lt;", "&gt;", "&quot;", "&apos;"].iter().any(|e| text[at..].starts_with(e)) {
+            return Err(format!("a bare & in {text}"));
+        }
+    }
+    if text.chars().any(|c| c < ' ' && c != '\n') { Err("a control character".into()) } else { Ok(()) }
+}
+
+fn moving(id: &str, kind: AgentKind, from: Vec2, speed: f64) -> LoggedAgent {
+    let state = |k: usize| {
+        let x = from.x + speed * DT * (k as f64 - CURRENT as f64);
+        Some(AgentState { x, y: from.y, heading: 0.0, vx: speed, vy: 0.0 })
+    };
+    LoggedAgent {
+        agent: Agent { id: id.into(), kind, length: 4.0, width: 2.0 },
+        track: (0..FRAMES).map(state).collect(),
+    }
+}
+
+fn tiny() -> ScenarioParts {
+    let lane = LaneParts {
+        id: "east".into(),
+        kind: LaneKind::Lane,
+        class: LaneClass::SurfaceStreet,
+        speed_limit: None,
+        points: vec![Vec2::new(-900.0, 0.0), Vec2::new(900.0, 0.0)],
+        area: LaneArea::Corridor { half_width: 1.75 },
+        successors: Vec::new(),
+        predecessors: Vec::new(),
+        left: Vec::new(),
+        right: Vec::new(),
+    };
+    ScenarioParts {
+        id: "tiny".into(),
+        agents: vec![
+            moving("ego", AgentKind::Vehicle, Vec2::zeros(), 5.0),
+            moving("walker", AgentKind::Pedestrian, Vec2::new(8.0, 4.0), 1.0),
+            moving("far", AgentKind::Vehicle, Vec2::new(500.0, 0.0), 1.0),
+        ],
+        map: MapParts {
+            lanes: vec![lane],
+            road_edges: vec![RoadEdge {
+                kind: RoadEdgeKind::Boundary,
+                points: vec![Vec2::new(-900.0, -1.75), Vec2::new(900.0, -1.75)],
+            }],
+            crosswalks: vec![Crosswalk {
+                outline: vec![
+                    Vec2::new(10.0, -2.0),
+                    Vec2::new(13.0, -2.0),
+                    Vec2::new(13.0, 2.0),
+                    Vec2::new(10.0, 2.0),
+                ],
+            }],
+            ..MapParts::default()
+        },
+        lights: vec![LightParts {
+            lane: "east".into(),
+            stop_point: Vec2::new(9.0, 0.0),
+            states: vec![Some(LightState::Stop); FRAMES],
+        }],
+        ..ScenarioParts::default()
+    }
+}
+
+fn view() -> View<'static> {
+    View { radius: 20.0, size: 200.0, ..View::default() }
+}
+
+#[test]
+fn a_tiny_scene_looks_as_agreed() {
+    let scenario = Scenario::assemble(tiny()).unwrap();
+    let svg = draw(&scenario, &view());
+    well_formed(&svg).unwrap();
+    assert!(!svg.contains("far"), "agents outside the view are not written");
+    insta::assert_snapshot!(svg);
+}
+
+#[test]
+fn hostile_names_are_escaped() {
+    let mut parts = tiny();
+    parts.id = "a<b>&\"c']]>".into();
+    parts.agents[1].agent.id = "</text><script>alert('&')</script>".into();
+    let scenario = Scenario::assemble(parts).unwrap();
+    let svg = draw(&scenario, &view());
+    well_formed(&svg).unwrap();
+    assert!(!svg.contains("<script"));
+    let title = Some("<![CDATA[ & \u{0}\u{1b}]]>".to_owned());
+    well_formed(&draw(&scenario, &View { title, ..view() })).unwrap();
+}
+
+#[test]
+fn an_empty_map_and_a_lonely_av_are_drawn() {
+    let mut parts = tiny();
+    (parts.map, parts.lights) = (MapParts::default(), Vec::new());
+    parts.agents.truncate(1);
+    let scenario = Scenario::assemble(parts).unwrap();
+    for steps in [vec![], vec![0], vec![0, 20, 40, 60, 80], vec![900]] {
+        for layout in [Layout::Strip, Layout::Overlay] {
+            well_formed(&draw(&scenario, &View { steps: steps.clone(), layout, ..view() })).unwrap();
+        }
+    }
+    let odd = View {
+        radius: f64::NAN,
+        size: f64::INFINITY,
+        middle: Middle::Point(Vec2::new(f64::NAN, 0.0)),
+        ..view()
+    };
+    let svg = draw(&scenario, &odd);
+    well_formed(&svg).unwrap();
+    assert!(!svg.contains("NaN") && !svg.contains("inf"));
+}
+
+#[test]
+fn a_rollout_shows_ghosts_and_marks() {
+    let mut parts = tiny();
+    parts.map.drivable_area = Some(vec![Polygon {
+        exterior: vec![
+            Vec2::new(-50.0, -9.0),
+            Vec2::new(90.0, -9.0),
+            Vec2::new(90.0, 9.0),
+            Vec2::new(-50.0, 9.0),
+        ],
+        holes: vec![vec![Vec2::new(0.0, 5.0), Vec2::new(3.0, 5.0), Vec2::new(3.0, 7.0)]],
+    }]);
+    let scenario = Scenario::assemble(parts).unwrap();
+    let mut tracks: Vec<Vec<Frame>> = (0..3).map(|i| scenario.logged(i)).collect();
+    let before = draw(&scenario, &View { rollout: Some(&tracks), steps: vec![30], ..view() });
+    tracks[1].iter_mut().skip(CURRENT + 1).flatten().for_each(|s| s.y += 2.0);
+    tracks[2].truncate(CURRENT + 5);
+    let marks = [MarkKind::AtFault, MarkKind::Contact, MarkKind::Risky, MarkKind::OffRoad];
+    let mark = |kind| Mark { agent: "walker".into(), step: 20, kind };
+    let mut marks: Vec<Mark> = marks.into_iter().map(mark).collect();
+    marks.push(Mark { agent: "nobody".into(), step: 20, kind: MarkKind::Risky });
+    let after = draw(&scenario, &View { rollout: Some(&tracks), steps: vec![30], marks, ..view() });
+    well_formed(&before).unwrap();
+    well_formed(&after).unwrap();
+    let dashed = |svg: &str| svg.matches("stroke-dasharray").count();
+    assert!(dashed(&after) > dashed(&before), "a ghost appears where the rollout leaves the log");
+    assert!(after.contains("#ffd34d"), "a risky moment is marked");
+}
+
+#[test]
+fn nothing_outside_the_view_is_written() {
+    let scenario = Scenario::assemble(tiny()).unwrap();
+    let svg = draw(&scenario, &view());
+    let numbers = svg.split("d=\"M").skip(1).filter_map(|d| d.split('"').next());
+    for number in numbers.flat_map(|d| d.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))) {
+        let Ok(value) = number.parse::<f64>() else { continue };
+        assert!((-60.0..400.0).contains(&value), "{value}");
+    }
+}

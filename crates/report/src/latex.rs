@@ -1,0 +1,152 @@
+//! LaTeX with booktabs, in the layout of the paper's main table.
+
+use std::io::{self, Write};
+
+use reactsim_evaluation::{Access, Estimate};
+
+use super::table::{self, Column, Line};
+use super::{Exporter, Run, TableStyle};
+
+/// The LaTeX format.
+pub(super) struct Latex;
+
+impl Exporter for Latex {
+    fn id(&self) -> &'static str {
+        "latex"
+    }
+
+    fn title(&self) -> &'static str {
+        "the paper's main table; needs \\usepackage{booktabs}"
+    }
+
+    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+        let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
+        let columns = style.columns_of(&summaries);
+        let lines = table::lines(runs);
+        let best: Vec<Vec<bool>> = columns.iter().map(|column| table::best(column, &lines)).collect();
+        let several = runs.len() > 1;
+        let comments = runs.iter().map(|run| {
+            let name = if several { format!("{}: ", run.name) } else { String::new() };
+            format!("{name}{}", table::provenance(run))
+        });
+        let caption = style.caption.map_or_else(|| caption(&lines, style.bold), escape);
+        begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
+        let texts = if several { "ll" } else { "l" };
+        writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(columns.len()))?;
+        let heads: Vec<String> = columns.iter().map(column_head).collect();
+        let first = if several { "Run & Method" } else { "Method" };
+        writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
+        for (i, line) in lines.iter().enumerate() {
+            // The paper separates the oracles.
+            if i > 0 && lines[i - 1].access == Access::Oracle && line.access != Access::Oracle {
+                writeln!(out, "    \\midrule")?;
+            }
+            let best: Vec<bool> = best.iter().map(|column| style.bold && column[i]).collect();
+            writeln!(out, "    {} \\\\", row(&columns, line, &best))?;
+        }
+        writeln!(out, "    \\bottomrule\n  \\end{{tabular}}\n\\end{{table}}")
+    }
+}
+
+/// Begins a table with comments, caption and label.
+pub(super) fn begin_table(
+    comments: &[String],
+    caption: &str,
+    label: Option<&str>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    writeln!(out, "\\begin{{table}}[t]")?;
+    for comment in comments {
+        writeln!(out, "  % {}", escape(comment))?;
+    }
+    writeln!(out, "  \\caption{{{caption}}}")?;
+    if let Some(label) = label {
+        writeln!(out, "  \\label{{{}}}", label_text(label))?;
+    }
+    writeln!(out, "  \\centering\n  \\small")
+}
+
+/// Returns the head of a column: title, arrow towards better values, unit.
+pub(super) fn column_head(column: &Column) -> String {
+    let arrow = if column.kind().1 { "$\\downarrow$" } else { "$\\uparrow$" };
+    let unit = column.unit().map(|u| format!(" ({})", escape(u))).unwrap_or_default();
+    format!("{} {arrow}{unit}", escape(column.title()))
+}
+
+/// Returns the usual caption, with the meaning of the marks that occur.
+fn caption(lines: &[Line<'_>], bold: bool) -> String {
+    let mut text = "Results with half widths of 95\\,\\% bootstrap intervals over scenarios.".to_owned();
+    if bold {
+        text.push_str(" Bold: the best simulator among comparable runs, oracles excepted.");
+    }
+    text.push_str(&meanings(lines.iter().map(|line| line.access)));
+    text
+}
+
+/// Returns the meaning of the marks of these simulators, as sentences.
+pub(super) fn meanings(of: impl Iterator<Item = Access>) -> String {
+    let found: Vec<Access> = of.collect();
+    let marked = Access::MARKED.into_iter().filter(|access| found.contains(access));
+    marked.map(|access| format!(" {} {}.", mark(access), escape(access.meaning()))).collect()
+}
+
+/// Returns the characters of a label that LaTeX takes: letters, digits and a few signs.
+fn label_text(label: &str) -> String {
+    label.chars().filter(|c| c.is_ascii_alphanumeric() || "-_:.+/".contains(*c)).collect()
+}
+
+/// Returns the mark of what a simulator can know.
+pub(super) fn mark(access: Access) -> &'static str {
+    match access {
+        Access::Blind => "",
+        Access::BlindByMessage => "$^\\ddagger$",
+        Access::Ids => "$^\\S$",
+        Access::Oracle => "$^\\dagger$",
+    }
+}
+
+/// Returns the cells of a line; `best` says which of its numbers are bold.
+fn row(columns: &[Column], line: &Line<'_>, best: &[bool]) -> String {
+    let mut cells: Vec<String> = line.run.map(escape).into_iter().collect();
+    cells.push(format!("{}{}", escape(line.title), mark(line.access)));
+    cells.extend(columns.iter().zip(best).map(|(column, best)| {
+        let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {
+            return "--".to_owned();
+        };
+        let half = low.zip(*high).map(|(low, high)| column.number((high - low) / 2.0));
+        number(&column.number(*mean), half.as_deref(), *best)
+    }));
+    cells.join(" & ")
+}
+
+/// Returns a number with the half width of its interval, if it has one.
+pub(super) fn number(mean: &str, half: Option<&str>, is_bold: bool) -> String {
+    let mean = if is_bold { format!("\\textbf{{{mean}}}") } else { mean.to_owned() };
+    half.map_or(mean.clone(), |half| format!("{mean} {{\\scriptsize $\\pm${half}}}"))
+}
+
+/// Escapes text for LaTeX.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' | '%' | '$' | '#' | '_' | '{' | '}' => out.extend(['\\', c]),
+            '\\' => out.push_str("\\textbackslash{}"),
+            '~' => out.push_str("\\textasciitilde{}"),
+            '^' => out.push_str("\\textasciicircum{}"),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_printed_as_they_are() {
+        assert_eq!(escape("my_model & 50%"), "my\\_model \\& 50\\%");
+    }
+}

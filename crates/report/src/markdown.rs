@@ -1,0 +1,166 @@
+//! Markdown tables, aligned for terminals.
+
+use std::collections::BTreeSet;
+use std::io::{self, Write};
+
+use reactsim_evaluation::{Access, Estimate};
+
+use super::table::{self, Column, Division, Line};
+use super::{Exporter, Run, TableStyle};
+
+/// The Markdown format.
+pub(super) struct Markdown;
+
+impl Exporter for Markdown {
+    fn id(&self) -> &'static str {
+        "markdown"
+    }
+
+    fn title(&self) -> &'static str {
+        "tables for people, in terminals and documents"
+    }
+
+    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+        let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
+        let columns = style.columns_of(&summaries);
+        let lines = table::lines(runs);
+        write_table(out, &columns, &lines, style.bold)?;
+        for division in Division::ALL {
+            for part in division.parts(runs) {
+                let lines = table::part_lines(runs, division, &part);
+                let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
+                let title = capital(&escape(&division.title(&part)));
+                writeln!(out, "\n{title} ({}):\n", table::count(n, "scenario"))?;
+                write_table(out, &columns, &lines, style.bold)?;
+            }
+        }
+        writeln!(out)?;
+        legend(out, lines.iter().map(|l| l.access))?;
+        for run in runs {
+            let name = if runs.len() > 1 { format!("{}: ", escape(run.name)) } else { String::new() };
+            writeln!(out, "{name}{}.", escape(&table::provenance(run)))?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes a table with the heads of its columns; the best numbers are bold on request.
+pub(super) fn write_table(
+    out: &mut dyn Write,
+    columns: &[Column],
+    lines: &[Line<'_>],
+    bold: bool,
+) -> io::Result<()> {
+    let with_run = lines.iter().any(|l| l.run.is_some());
+    let with_failed = lines.iter().any(|l| l.failed > 0);
+    let mut head: Vec<String> = Vec::new();
+    head.extend(with_run.then(|| "Run".to_owned()));
+    head.push("Method".to_owned());
+    head.extend(columns.iter().map(Column::head));
+    head.extend(with_failed.then(|| "Failed".to_owned()));
+    let texts = 1 + usize::from(with_run);
+    let mut rows = vec![head];
+    let best: Vec<Vec<bool>> = columns.iter().map(|column| table::best(column, lines)).collect();
+    for (i, line) in lines.iter().enumerate() {
+        let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
+        row.push(method(line.title, line.access));
+        row.extend(columns.iter().zip(&best).map(|(column, best)| {
+            let text = cell(column, line.metrics.get(column.metric));
+            if bold && best[i] { format!("**{text}**") } else { text }
+        }));
+        row.extend(with_failed.then(|| line.failed.to_string()));
+        rows.push(row);
+    }
+    write_aligned(out, &rows, texts)
+}
+
+/// Writes the explanation of the marks of a table.
+pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Access>) -> io::Result<()> {
+    for text in marks(of) {
+        writeln!(out, "{text}.")?;
+    }
+    writeln!(
+        out,
+        "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
+    )
+}
+
+/// Returns the marks of these simulators with their explanations.
+pub(super) fn marks(of: impl IntoIterator<Item = Access>) -> Vec<String> {
+    let found: BTreeSet<Access> = of.into_iter().collect();
+    let used = Access::MARKED.into_iter().filter(|access| found.contains(access));
+    used.map(|access| format!("{} {}", access.mark(), access.meaning())).collect()
+}
+
+/// Returns the name of a simulator with the mark of what it can know.
+pub(super) fn method(title: &str, access: Access) -> String {
+    format!("{} {}", escape(title), access.mark()).trim_end().to_owned()
+}
+
+/// Writes rows of equal length as a table; the first row is the head. The first `texts` columns hold text
+/// and are left-aligned, the others numbers.
+pub(super) fn write_aligned(out: &mut dyn Write, rows: &[Vec<String>], texts: usize) -> io::Result<()> {
+    let widths: Vec<usize> =
+        (0..rows[0].len()).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
+    for (i, row) in rows.iter().enumerate() {
+        let cells: Vec<String> = row.iter().enumerate().map(|(c, t)| pad(t, widths[c], c >= texts)).collect();
+        writeln!(out, "| {} |", cells.join(" | "))?;
+        if i == 0 {
+            let rule = |(c, w): (usize, &usize)| {
+                if c >= texts { format!("{}:", "-".repeat(w + 1)) } else { "-".repeat(w + 2) }
+            };
+            writeln!(out, "|{}|", widths.iter().enumerate().map(rule).collect::<Vec<_>>().join("|"))?;
+        }
+    }
+    Ok(())
+}
+
+fn pad(text: &str, width: usize, right: bool) -> String {
+    let space = " ".repeat(width - text.chars().count());
+    if right { format!("{space}{text}") } else { format!("{text}{space}") }
+}
+
+/// Formats a mean with half the width of its interval, if it has one; a dash if no scenario has a value.
+pub(super) fn cell(column: &Column, estimate: Option<&Estimate>) -> String {
+    estimate_text(estimate, |value| column.number(value))
+}
+
+/// As [`cell`], with numbers formatted by `number`.
+pub(super) fn estimate_text(estimate: Option<&Estimate>, number: impl Fn(f64) -> String) -> String {
+    match estimate {
+        Some(Estimate { mean: Some(mean), low: Some(low), high: Some(high), .. }) => {
+            format!("{} ±{}", number(*mean), number((high - low) / 2.0))
+        }
+        Some(Estimate { mean: Some(mean), .. }) => number(*mean),
+        _ => "–".to_owned(),
+    }
+}
+
+pub(super) fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
+}
+
+/// Escapes text for Markdown.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '\\' | '`' | '*' | '|' | '<' | '>' | '[' | ']' => out.extend(['\\', c]),
+            // Underscores inside words are no emphasis; names of runs and simulators stay readable.
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_break_the_table() {
+        assert_eq!(escape("a|b\nc*"), "a\\|b c\\*");
+    }
+}

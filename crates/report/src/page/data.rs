@@ -1,0 +1,256 @@
+//! The numbers of a page, as JSON.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use reactsim_evaluation::{Access, Entry, Summary, program_commit, program_version};
+use reactsim_metrics::{EVENT_UNITS, METRICS};
+use serde::Serialize;
+use serde_json::value::RawValue;
+
+use super::PageError;
+use super::gallery::{Gallery, GalleryScenario};
+use crate::table::{self, Column};
+use crate::wosac_tables::{AGGREGATES, Aggregate};
+use crate::{Run, TableStyle, exporter, study_tables};
+
+/// Formats and file names of the results that the page offers for download.
+const DOWNLOADS: [(&str, &str); 3] =
+    [("csv", "results.csv"), ("json", "results.json"), ("latex", "results.tex")];
+
+/// All numbers of a page.
+#[derive(Serialize)]
+pub(super) struct Data<'a> {
+    version: &'static str,
+    commit: &'static str,
+    /// Whether scenes are requested from a server; otherwise they are embedded in the page.
+    live: bool,
+    /// Reasons why scenes are unavailable.
+    lacks: Vec<String>,
+    metrics: Vec<MetricData>,
+    /// Metrics of the main table.
+    columns: Vec<&'static str>,
+    /// Columns of the realism metrics of the Sim Agents challenge.
+    aggregates: [Aggregate; AGGREGATES.len()],
+    /// Units of the values of events, by name.
+    event_units: BTreeMap<&'static str, &'static str>,
+    runs: Vec<RunData<'a>>,
+    subjects: Vec<SubjectData<'a>>,
+    scenarios: ScenarioData<'a>,
+    studies: Vec<StudyData<'a>>,
+    downloads: Vec<Download>,
+}
+
+#[derive(Serialize)]
+struct StudyData<'a> {
+    name: &'a str,
+    /// Numbers of its tables ([`study_tables::write_json`]).
+    numbers: Box<RawValue>,
+}
+
+#[derive(Serialize)]
+struct MetricData {
+    id: &'static str,
+    title: &'static str,
+    unit: &'static str,
+    lower_is_better: bool,
+    source: &'static str,
+}
+
+#[derive(Serialize)]
+struct RunData<'a> {
+    name: &'a str,
+    /// Name of its study, and its label there.
+    study: &'a Option<(String, String)>,
+    /// Number of the group of runs with which its numbers can be compared.
+    group: usize,
+    /// Provenance in one line.
+    about: String,
+    summary: &'a Summary,
+}
+
+#[derive(Serialize)]
+struct SubjectData<'a> {
+    run: usize,
+    id: &'a str,
+    title: &'a str,
+    oracle: bool,
+    mark: &'static str,
+    meaning: &'static str,
+}
+
+/// The scenarios, column by column.
+#[derive(Serialize)]
+struct ScenarioData<'a> {
+    id: Vec<&'a str>,
+    /// Category of the deviation in the first run that states one.
+    category: Vec<Option<&'a str>>,
+    difficulty: Vec<Option<&'a str>>,
+    /// Per run: category of the deviation.
+    categories: Vec<Vec<Option<&'a str>>>,
+    /// Per run: difficulty of the conflict.
+    difficulties: Vec<Vec<Option<&'a str>>>,
+    /// Whether there is a scene, as 0 or 1.
+    scene: Vec<u8>,
+    /// Per run: statistics of the deviation from the log, by name.
+    deviation: Vec<BTreeMap<&'a str, Vec<Option<f64>>>>,
+    /// Per subject and metric, in order; empty for a metric without any value.
+    values: Vec<Vec<Vec<Option<f64>>>>,
+    /// Per subject and metric: number of counted events in all rollouts; empty if there are none.
+    events: Vec<Vec<Vec<u32>>>,
+}
+
+#[derive(Serialize)]
+struct Download {
+    name: &'static str,
+    text: String,
+}
+
+/// Rounds a value to six significant digits; the summary has all of them.
+fn short(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
+impl Gallery {
+    /// Returns the data of the page. `scenes`: numbers of the scenarios that have a scene.
+    pub(super) fn data(&self, scenes: &BTreeSet<usize>, live: bool) -> Result<Data<'_>, PageError> {
+        let runs: Vec<Run<'_>> =
+            self.runs.iter().map(|r| Run { name: &r.name, summary: r.finished.summary() }).collect();
+        let summaries: Vec<&Summary> = runs.iter().map(|r| r.summary).collect();
+        let mut downloads = Vec::new();
+        for (form, name) in DOWNLOADS {
+            let mut text = Vec::new();
+            if let Some(exporter) = exporter(form) {
+                exporter.export(&runs, TableStyle::default(), &mut text)?;
+            }
+            downloads.push(Download { name, text: String::from_utf8_lossy(&text).into_owned() });
+        }
+        Ok(Data {
+            version: program_version(),
+            commit: program_commit(),
+            live,
+            lacks: self.missing_for_scenes(),
+            metrics: METRICS
+                .iter()
+                .map(|m| m.spec())
+                .map(|spec| MetricData {
+                    id: spec.id,
+                    title: spec.title,
+                    unit: spec.unit.name(),
+                    lower_is_better: spec.lower_is_better,
+                    source: spec.source,
+                })
+                .collect(),
+            columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
+            aggregates: AGGREGATES,
+            event_units: EVENT_UNITS.iter().copied().collect(),
+            runs: self
+                .runs
+                .iter()
+                .zip(&runs)
+                .zip(table::groups(&runs))
+                .map(|((member, run), group)| RunData {
+                    name: &member.name,
+                    study: &member.study,
+                    group,
+                    about: table::provenance(run),
+                    summary: run.summary,
+                })
+                .collect(),
+            subjects: self
+                .subjects
+                .iter()
+                .map(|s| SubjectData {
+                    run: s.run,
+                    id: &s.id,
+                    title: &s.title,
+                    oracle: s.access == Access::Oracle,
+                    mark: s.access.mark(),
+                    meaning: s.access.meaning(),
+                })
+                .collect(),
+            scenarios: self.scenario_data(scenes),
+            studies: self.study_data()?,
+            downloads,
+        })
+    }
+
+    fn study_data(&self) -> Result<Vec<StudyData<'_>>, PageError> {
+        let numbers = self.studies.iter().map(|(name, results)| {
+            let mut text = Vec::new();
+            study_tables::write_json(results, TableStyle::default(), &mut text)?;
+            let text = String::from_utf8_lossy(&text).trim().to_owned();
+            Ok(StudyData { name, numbers: RawValue::from_string(text)? })
+        });
+        numbers.collect()
+    }
+
+    fn scenario_data(&self, scenes: &BTreeSet<usize>) -> ScenarioData<'_> {
+        let entry = |run: usize, place| self.runs[run].finished.tally().entries.get(&place);
+        let deviation = (0..self.runs.len()).map(|run| {
+            let mut columns: BTreeMap<&str, Vec<Option<f64>>> = BTreeMap::new();
+            for (i, scenario) in self.scenarios.iter().enumerate() {
+                let Some(entry) = scenario.places[run].and_then(|place| entry(run, place)) else { continue };
+                for (name, value) in &entry.deviation {
+                    let column = columns.entry(name).or_insert_with(|| vec![None; self.scenarios.len()]);
+                    column[i] = Some(short(*value));
+                }
+            }
+            columns
+        });
+        let values = self.subjects.iter().map(|subject| {
+            let metrics = METRICS.iter().enumerate().map(|(m, _)| {
+                let column: Vec<Option<f64>> = self
+                    .scenarios
+                    .iter()
+                    .map(|scenario| {
+                        let entry = entry(subject.run, scenario.places[subject.run]?)?;
+                        entry.cells[subject.simulator].as_ref()?.values[m].map(short)
+                    })
+                    .collect();
+                if column.iter().all(Option::is_none) { Vec::new() } else { column }
+            });
+            metrics.collect()
+        });
+        let events = self.subjects.iter().map(|subject| {
+            let finished = &self.runs[subject.run].finished;
+            let metrics = METRICS.iter().map(|metric| {
+                let count = |place| finished.counted(place, subject.simulator, metric.spec().id);
+                let column: Vec<u32> =
+                    self.scenarios.iter().map(|s| s.places[subject.run].map_or(0, count)).collect();
+                if column.iter().all(|n| *n == 0) { Vec::new() } else { column }
+            });
+            metrics.collect()
+        });
+        let per_run = |of: fn(&Entry) -> Option<&str>| -> Vec<Vec<Option<&str>>> {
+            let column = |run: usize| {
+                let own =
+                    |s: &GalleryScenario| s.places[run].and_then(|place| entry(run, place)).and_then(of);
+                self.scenarios.iter().map(own).collect()
+            };
+            (0..self.runs.len()).map(column).collect()
+        };
+        ScenarioData {
+            categories: per_run(|entry| entry.category.as_deref()),
+            difficulties: per_run(|entry| entry.difficulty.as_deref()),
+            id: self.scenarios.iter().map(|s| s.id.as_str()).collect(),
+            category: self.scenarios.iter().map(|s| s.category.as_deref()).collect(),
+            difficulty: self.scenarios.iter().map(|s| s.difficulty.as_deref()).collect(),
+            scene: (0..self.scenarios.len()).map(|i| u8::from(scenes.contains(&i))).collect(),
+            deviation: deviation.collect(),
+            values: values.collect(),
+            events: events.collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn six_digits_are_kept() {
+        assert_eq!(short(0.123_456_789), 0.123_457);
+        assert_eq!(short(-1_234_567.0), -1_234_570.0);
+        assert_eq!(short(0.0), 0.0);
+    }
+}

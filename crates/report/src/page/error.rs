@@ -1,0 +1,30 @@
+//! Errors of the page.
+
+use std::io;
+
+use reactsim_evaluation::EvaluationError;
+use reactsim_web::ServeError;
+
+/// Error in creating or serving a page.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PageError {
+    /// A run cannot be read.
+    #[error(transparent)]
+    Run(#[from] EvaluationError),
+    /// Two runs have the same name.
+    #[error("two runs are named `{0}`: give each once")]
+    SameRun(String),
+    /// A requested scenario is in none of the runs.
+    #[error("no run has a scenario `{0}`; `rows.jsonl` of a run folder lists its scenarios")]
+    UnknownScenario(String),
+    /// The data cannot be represented as JSON.
+    #[error("could not write the data of the page as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The page cannot be written.
+    #[error("could not write the page: {0}")]
+    Write(#[from] io::Error),
+    /// The page cannot be served.
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+}

@@ -1,0 +1,231 @@
+//! Tables of studies: simulators by replan interval, by protocol, or by variant.
+
+mod json;
+mod latex;
+mod markdown;
+
+use super::TableStyle;
+use super::table::{Column, MAIN_COLUMNS, best_number};
+use reactsim_evaluation::{Access, Difference, Estimate, Member, StudyKind, StudyResults, Summary};
+
+pub use json::write_json;
+pub use latex::write_latex;
+pub use markdown::{write_document, write_markdown};
+
+/// Metrics of the interaction with the AV, as in the paper's studies.
+const REACTION_METRICS: &[&str] = &["aav-collision", "aav-ttc"];
+/// Metrics of the realism protocol: those of the paper's table 2, and the smallest displacement over
+/// rollouts.
+const REALISM_METRICS: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
+
+/// Metrics of the motion itself, without the AV.
+const MOTION_METRICS: &[&str] =
+    &["acceleration", "curvature", "curvature-velocity", "aa-collision", "offroad", "direction", "ade"];
+
+/// A table of a study.
+struct StudyTable<'a> {
+    title: Title,
+    /// Whether rows name the variant of their simulator.
+    with_variants: bool,
+    heads: Vec<Head>,
+    rows: Vec<StudyRow<'a>>,
+}
+
+/// The title of a table.
+enum Title {
+    /// The table shows the study.
+    None,
+    /// It shows this metric by replan interval.
+    ByInterval(Column),
+    /// It shows differences between variants and the unchanged simulator.
+    Differences,
+}
+
+/// The head of a column of numbers.
+enum Head {
+    /// Number of steps between two plans.
+    Interval(usize),
+    /// A metric, in a protocol if there are several.
+    Metric { protocol: Option<String>, column: Column },
+}
+
+/// The numbers of a simulator.
+struct StudyRow<'a> {
+    title: &'a str,
+    access: Access,
+    variant: Option<&'a str>,
+    cells: Vec<StudyCell>,
+}
+
+/// A number of a simulator.
+struct StudyCell {
+    column: Column,
+    estimate: Option<Estimate>,
+    /// Whether it is a difference to the unchanged simulator.
+    is_difference: bool,
+    /// Whether it is the best of its column: among all simulators, or among the variants of its own. Oracles
+    /// are not ranked.
+    is_best: bool,
+}
+
+impl StudyCell {
+    fn of(summary: &Summary, simulator: &str, column: Column) -> Self {
+        let estimates = summary.simulators.get(simulator).map(|s| &s.metrics);
+        let estimate = estimates.and_then(|metrics| metrics.get(column.metric)).copied();
+        Self { column, estimate, is_difference: false, is_best: false }
+    }
+
+    /// Returns the mean with the half width of its interval, if there are any.
+    fn numbers(&self) -> Option<(f64, Option<f64>)> {
+        let Estimate { mean, low, high, .. } = self.estimate?;
+        Some((mean?, low.zip(high).map(|(low, high)| (high - low) / 2.0)))
+    }
+
+    /// Returns whether it is a difference whose interval leaves out 0.
+    fn is_significant(&self) -> bool {
+        let excludes_zero = |estimate: Estimate| {
+            estimate.low.is_some_and(|low| low > 0.0) || estimate.high.is_some_and(|high| high < 0.0)
+        };
+        self.is_difference && self.estimate.is_some_and(excludes_zero)
+    }
+}
+
+/// Returns the tables of a study.
+fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
+    let mut tables = match results.study.kind {
+        StudyKind::Replan => by_interval(results, style),
+        StudyKind::Realism => by_protocol(results, style),
+        StudyKind::Guards | StudyKind::Vocabulary => by_variant(results, style),
+    };
+    if style.bold {
+        tables.iter_mut().for_each(mark_best);
+    }
+    tables
+}
+
+/// Returns the columns of a member of a study.
+fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Column> {
+    let of = |ids: &[&'static str]| ids.iter().map(|metric| Column { metric }).collect();
+    let usual = match kind {
+        _ if !style.columns.is_empty() => style.columns.to_vec(),
+        StudyKind::Replan | StudyKind::Realism if member.protocol.as_deref() == Some("realism") => {
+            of(REALISM_METRICS)
+        }
+        StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
+        StudyKind::Guards => MAIN_COLUMNS.to_vec(),
+        StudyKind::Vocabulary => of(MOTION_METRICS),
+    };
+    Column::with(usual, style.also)
+}
+
+/// Returns the members of a study with their results.
+fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> {
+    results.study.members.iter().zip(&results.summaries)
+}
+
+/// One table per metric: simulators by replan interval.
+fn by_interval<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
+    let Some((member, first)) = members(results).next() else { return Vec::new() };
+    let table = |column: Column| StudyTable {
+        title: Title::ByInterval(column),
+        with_variants: false,
+        heads: members(results).map(|(m, _)| Head::Interval(m.replan_steps.unwrap_or_default())).collect(),
+        rows: first
+            .order()
+            .map(|(id, title, simulator)| StudyRow {
+                title,
+                access: simulator.access(),
+                variant: None,
+                cells: results.summaries.iter().map(|s| StudyCell::of(s, id, column)).collect(),
+            })
+            .collect(),
+    };
+    columns(results.study.kind, member, style).into_iter().map(table).collect()
+}
+
+/// One table: simulators by metrics of both protocols.
+fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
+    let Some(first) = results.summaries.first() else { return Vec::new() };
+    let columns_of = |member: &Member| columns(results.study.kind, member, style);
+    let heads = members(results).flat_map(|(member, _)| {
+        columns_of(member)
+            .into_iter()
+            .map(|column| Head::Metric { protocol: member.protocol.clone(), column })
+    });
+    let row = |(id, title, simulator): (&str, &'a str, &reactsim_evaluation::SimulatorSummary)| {
+        let cells = members(results).flat_map(|(member, summary)| {
+            columns_of(member).into_iter().map(move |column| StudyCell::of(summary, id, column))
+        });
+        StudyRow { title, access: simulator.access(), variant: None, cells: cells.collect() }
+    };
+    vec![StudyTable {
+        title: Title::None,
+        with_variants: false,
+        heads: heads.collect(),
+        rows: first.order().map(row).collect(),
+    }]
+}
+
+/// Two tables: the metrics of all variants, and their differences from the unchanged simulators.
+fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
+    let Some((member, first)) = members(results).next() else { return Vec::new() };
+    let columns = columns(results.study.kind, member, style);
+    let (mut values, mut differences) = (Vec::new(), Vec::new());
+    for (original, title, simulator) in first.order() {
+        for (i, (member, summary)) in members(results).enumerate() {
+            for (id, _) in member.originals.iter().filter(|(_, of)| *of == original) {
+                let row = |cells: Vec<StudyCell>| StudyRow {
+                    title,
+                    access: simulator.access(),
+                    variant: Some(member.label.as_str()),
+                    cells,
+                };
+                values.push(row(columns.iter().map(|column| StudyCell::of(summary, id, *column)).collect()));
+                let Some(found) = difference(results, i, id) else { continue };
+                let cell = |column: &Column| {
+                    let paired = found.comparison.as_ref().and_then(|c| c.metrics.get(column.metric));
+                    let estimate = paired.map(|paired| paired.difference);
+                    StudyCell { column: *column, estimate, is_difference: true, is_best: false }
+                };
+                differences.push(row(columns.iter().map(cell).collect()));
+            }
+        }
+    }
+    let table = |title, rows| {
+        let heads = columns.iter().map(|column| Head::Metric { protocol: None, column: *column });
+        StudyTable { title, with_variants: true, heads: heads.collect(), rows }
+    };
+    let mut tables = vec![table(Title::None, values)];
+    if !differences.is_empty() {
+        tables.push(table(Title::Differences, differences));
+    }
+    tables
+}
+
+fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> Option<&'a Difference> {
+    results.differences.iter().find(|d| d.member == member && d.simulator == simulator)
+}
+
+/// Marks the best numbers of every column.
+fn mark_best(table: &mut StudyTable<'_>) {
+    for c in 0..table.heads.len() {
+        let ranked = |row: &StudyRow<'_>| {
+            row.cells[c].numbers().filter(|_| row.access != Access::Oracle && !row.cells[c].is_difference)
+        };
+        let best: Vec<bool> = table
+            .rows
+            .iter()
+            .map(|row| {
+                // Variants compete with those of their own simulator.
+                let rivals = table.rows.iter().filter(|r| !table.with_variants || r.title == row.title);
+                let numbers: Vec<f64> = rivals.filter_map(ranked).map(|(mean, _)| mean).collect();
+                let column = &row.cells[c].column;
+                let own = ranked(row).map(|(mean, _)| column.number(mean));
+                own.is_some() && own == best_number(column, &numbers)
+            })
+            .collect();
+        for (row, is_best) in table.rows.iter_mut().zip(best) {
+            row.cells[c].is_best = is_best;
+        }
+    }
+}

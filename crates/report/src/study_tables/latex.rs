@@ -1,0 +1,98 @@
+//! Studies as LaTeX.
+
+use std::io::{self, Write};
+
+use reactsim_evaluation::{Access, StudyResults};
+
+use super::{Head, StudyCell, StudyTable, Title, members, tables};
+use crate::comparison::signed;
+use crate::latex::{begin_table, column_head, escape, mark, meanings, number};
+use crate::table::provenance;
+use crate::{Run, TableStyle};
+
+/// Writes the tables of a study as LaTeX, one below the other in one `table`; needs `\usepackage{booktabs}`.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let comments = members(results).map(|(member, summary)| {
+        let run = Run { name: &member.folder, summary };
+        format!("{}: {}", member.folder, provenance(&run))
+    });
+    let tables = tables(results, style);
+    begin_table(&comments.collect::<Vec<_>>(), &caption(&tables, style), style.label, out)?;
+    for (i, table) in tables.iter().enumerate() {
+        if i > 0 {
+            writeln!(out, "\n  \\medskip")?;
+        }
+        match table.title {
+            Title::None => {}
+            Title::ByInterval(column) => {
+                writeln!(out, "  {} by steps (of 0.1\\,s) between two plans\\\\[2pt]", column_head(&column))?;
+            }
+            Title::Differences => writeln!(out, "  Difference to the same simulator as it is\\\\[2pt]")?,
+        }
+        write_table(table, out)?;
+    }
+    writeln!(out, "\\end{{table}}")
+}
+
+fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let texts = if table.with_variants { "ll" } else { "l" };
+    writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(table.heads.len()))?;
+    let first = if table.with_variants { "Method & Variant" } else { "Method" };
+    let heads: Vec<String> = table.heads.iter().map(head).collect();
+    writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
+    for (i, row) in table.rows.iter().enumerate() {
+        let before = i.checked_sub(1).map(|before| &table.rows[before]);
+        // Simulators with several variants are separated, and so are oracles from the others.
+        if before.is_some_and(|before| match table.with_variants {
+            true => before.title != row.title,
+            false => before.access == Access::Oracle && row.access != Access::Oracle,
+        }) {
+            writeln!(out, "    \\midrule")?;
+        }
+        let method = format!("{}{}", escape(row.title), mark(row.access));
+        let texts = std::iter::once(method).chain(row.variant.map(escape));
+        let cells: Vec<String> = texts.chain(row.cells.iter().map(cell)).collect();
+        writeln!(out, "    {} \\\\", cells.join(" & "))?;
+    }
+    writeln!(out, "    \\bottomrule\n  \\end{{tabular}}")
+}
+
+fn head(head: &Head) -> String {
+    match head {
+        Head::Interval(steps) => steps.to_string(),
+        Head::Metric { protocol: Some(protocol), column } => {
+            format!("{} ({})", column_head(column), escape(protocol))
+        }
+        Head::Metric { protocol: None, column } => column_head(column),
+    }
+}
+
+fn cell(cell: &StudyCell) -> String {
+    let Some((mean, half)) = cell.numbers() else { return "--".to_owned() };
+    let mean = if cell.is_difference {
+        format!("${}$", signed(&cell.column, mean))
+    } else {
+        cell.column.number(mean)
+    };
+    number(&mean, half.map(|half| cell.column.number(half)).as_deref(), cell.is_best || cell.is_significant())
+}
+
+/// Returns the requested caption, or the usual one with the meaning of the marks that occur.
+fn caption(tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
+    if let Some(caption) = style.caption {
+        return escape(caption);
+    }
+    let mut text = "Means with half widths of 95\\,\\% bootstrap intervals over scenarios.".to_owned();
+    if style.bold {
+        text.push_str(" Bold: the best number of a column, oracles excepted.");
+    }
+    if tables.iter().any(|table| matches!(table.title, Title::Differences)) {
+        text.push_str(" Differences are paired; bold where the interval leaves 0 out.");
+    }
+    let rows = tables.iter().flat_map(|table| &table.rows);
+    text.push_str(&meanings(rows.map(|row| row.access)));
+    text
+}

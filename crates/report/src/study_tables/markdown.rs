@@ -1,0 +1,99 @@
+//! Studies as Markdown.
+
+use std::io::{self, Write};
+
+use reactsim_evaluation::{SimulatorSummary, StudyResults};
+
+use super::{Head, StudyCell, StudyTable, Title, members, tables};
+use crate::comparison::signed;
+use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
+use crate::table::{count, program, provenance};
+use crate::{Run, TableStyle, wosac_tables};
+
+/// Writes the tables of a study as Markdown.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_markdown(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    write_tables(results, style, out)?;
+    writeln!(out)?;
+    for (member, summary) in members(results) {
+        let run = Run { name: &member.folder, summary };
+        writeln!(out, "- `{}`: {}", member.folder, escape(&provenance(&run)))?;
+    }
+    Ok(())
+}
+
+/// Writes the tables of a study for a document, with benchmark, number of scenarios and program below them.
+///
+/// # Errors
+/// When `out` cannot be written.
+pub fn write_document(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    write_tables(results, TableStyle::default(), out)?;
+    let Some(summary) = results.summaries.first() else { return Ok(()) };
+    let run = &summary.provenance.run;
+    let benchmark = run.benchmark.as_ref().map(|b| format!("{b}, ")).unwrap_or_default();
+    let scenarios = count(summary.provenance.scenarios, "scenario");
+    writeln!(out, "\n{}.", escape(&format!("{benchmark}{scenarios}, {}", program(run))))
+}
+
+/// Writes the tables and their legend.
+fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    for (i, table) in tables(results, style).iter().enumerate() {
+        let gap = if i > 0 { "\n" } else { "" };
+        match table.title {
+            Title::None => write!(out, "{gap}")?,
+            Title::ByInterval(column) => {
+                writeln!(out, "{gap}{} by steps (of 0.1 s) between two plans:\n", column.head())?;
+            }
+            Title::Differences => writeln!(out, "{gap}Difference to the same simulator as it is:\n")?,
+        }
+        write_table(table, out)?;
+    }
+    let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
+    writeln!(out)?;
+    legend(out, all().map(SimulatorSummary::access))?;
+    if results.study.kind.has_variants() {
+        writeln!(
+            out,
+            "Differences are paired, scenario by scenario; bold where the interval, which need not be \
+             symmetric, leaves 0 out."
+        )?;
+    }
+    if !results.realism.is_empty() {
+        writeln!(out)?;
+        wosac_tables::write_simulators(&results.realism, out)?;
+    }
+    Ok(())
+}
+
+fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let variant = table.with_variants.then(|| "Variant".to_owned());
+    let head = std::iter::once("Method".to_owned()).chain(variant).chain(table.heads.iter().map(head));
+    let mut rows: Vec<Vec<String>> = vec![head.collect()];
+    for row in &table.rows {
+        let texts = std::iter::once(method(row.title, row.access)).chain(row.variant.map(str::to_owned));
+        rows.push(texts.chain(row.cells.iter().map(text)).collect());
+    }
+    write_aligned(out, &rows, 1 + usize::from(table.with_variants))
+}
+
+fn head(head: &Head) -> String {
+    match head {
+        Head::Interval(steps) => steps.to_string(),
+        Head::Metric { protocol: Some(protocol), column } => {
+            format!("{}: {}", capital(protocol), column.head())
+        }
+        Head::Metric { protocol: None, column } => column.head(),
+    }
+}
+
+fn text(number: &StudyCell) -> String {
+    let StudyCell { column, estimate, is_difference, is_best } = number;
+    let text = match (is_difference, number.numbers()) {
+        (true, Some((mean, Some(half)))) => format!("{} ±{}", signed(column, mean), column.number(half)),
+        (true, Some((mean, None))) => signed(column, mean),
+        _ => cell(column, estimate.as_ref()),
+    };
+    if *is_best || number.is_significant() { format!("**{text}**") } else { text }
+}

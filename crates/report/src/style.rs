@@ -1,0 +1,35 @@
+//! The content and the appearance of a table.
+
+use reactsim_evaluation::Summary;
+
+use super::table::Column;
+
+/// Choice of columns and presentation, for all formats that have them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TableStyle<'a> {
+    /// The columns; empty for the usual ones.
+    pub columns: &'a [Column],
+    /// Columns in addition.
+    pub also: &'a [Column],
+    /// Whether the best numbers among comparable runs are bold.
+    pub bold: bool,
+    /// Caption of a LaTeX table; `None` for the usual one.
+    pub caption: Option<&'a str>,
+    /// Label of a LaTeX table.
+    pub label: Option<&'a str>,
+}
+
+impl TableStyle<'_> {
+    /// Returns the columns of a table over these results.
+    pub(super) fn columns_of(&self, summaries: &[&Summary]) -> Vec<Column> {
+        match self.columns {
+            [] => Column::used(summaries, self.also),
+            chosen => Column::with(chosen.to_vec(), self.also),
+        }
+    }
+
+    /// Returns whether a metric was chosen, for formats that otherwise hold every metric.
+    pub(super) fn has(&self, metric: &str) -> bool {
+        self.columns.is_empty() || self.columns.iter().chain(self.also).any(|c| c.metric == metric)
+    }
+}

@@ -1,0 +1,310 @@
+//! Common parts of all tables: columns in the paper's order, and formatted numbers.
+
+use std::collections::BTreeMap;
+
+use reactsim_evaluation::{
+    Access, CategorySummary, Condition, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary,
+    changed_options,
+};
+use reactsim_metrics as metrics;
+use reactsim_metrics::Unit;
+use reactsim_scene::Difficulty;
+
+/// A column of the tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Id of the metric.
+    pub metric: &'static str,
+}
+
+/// All columns: those of the paper (ReactSim-Bench, table 1) in its order, then additional ones.
+pub const COLUMNS: &[Column] = &[
+    Column { metric: "aav-collision" },
+    Column { metric: "aav-ttc" },
+    Column { metric: "aa-collision" },
+    Column { metric: "offroad" },
+    Column { metric: "direction" },
+    Column { metric: "acceleration" },
+    Column { metric: "curvature" },
+    Column { metric: "curvature-velocity" },
+    Column { metric: "ade" },
+    Column { metric: "min-ade" },
+    Column { metric: "progress" },
+    Column { metric: "over-reaction" },
+    Column { metric: "undisturbed-loss" },
+    Column { metric: "kinematic-likelihood" },
+];
+
+/// The columns of the paper's main table.
+pub const MAIN_COLUMNS: &[Column] = COLUMNS.split_at(7).0;
+
+/// Test of the settings of a run.
+type SettingsTest = fn(&SettingsRecord) -> bool;
+
+/// Columns that apply only to runs with certain settings.
+const CONDITIONS: &[(&str, SettingsTest)] = &[
+    // The likelihood of the log is a measure of realism (the paper's second table).
+    ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
+    ("min-ade", |settings| settings.rollouts != 1),
+];
+
+impl Column {
+    /// Returns the column of the metric with this id.
+    pub fn of(metric: &str) -> Option<Self> {
+        metrics::metric(metric).map(|m| Self { metric: m.spec().id })
+    }
+
+    /// Appends the columns of `also` that are not yet among these.
+    pub(super) fn with(mut columns: Vec<Self>, also: &[Self]) -> Vec<Self> {
+        for column in also {
+            if !columns.contains(column) {
+                columns.push(*column);
+            }
+        }
+        columns
+    }
+
+    /// Returns the title of the column.
+    pub(super) fn title(&self) -> &'static str {
+        metrics::metric(self.metric).map_or(self.metric, |m| m.spec().title)
+    }
+
+    /// Returns the unit of the metric, and whether lower is better.
+    pub(super) fn kind(&self) -> (Unit, bool) {
+        let spec = metrics::metric(self.metric).map(|m| m.spec());
+        spec.map_or((Unit::Plain, true), |s| (s.unit, s.lower_is_better))
+    }
+
+    /// Returns the unit to print in the head of the column.
+    pub(super) fn unit(&self) -> Option<&'static str> {
+        match self.kind().0 {
+            Unit::Rate => Some("%"),
+            Unit::Metres => Some("m"),
+            Unit::MetresPerSecondSquared => Some("m/s²"),
+            Unit::Count | Unit::Plain => None,
+        }
+    }
+
+    /// Returns the head of the column: title, unit, and an arrow towards better values.
+    pub(super) fn head(&self) -> String {
+        let arrow = if self.kind().1 { '↓' } else { '↑' };
+        format!("{}{} {arrow}", self.title(), self.unit().map(|u| format!(" ({u})")).unwrap_or_default())
+    }
+
+    /// Formats a number of this column: rates in percent; two or three decimals.
+    pub fn number(&self, value: f64) -> String {
+        match self.kind().0 {
+            Unit::Rate => format!("{:.2}", 100.0 * value),
+            Unit::Metres | Unit::MetresPerSecondSquared => format!("{value:.2}"),
+            Unit::Count | Unit::Plain => format!("{value:.3}"),
+        }
+    }
+
+    /// Returns the columns for which at least one simulator has a number, and those of `also`.
+    pub(super) fn used(summaries: &[&Summary], also: &[Self]) -> Vec<Self> {
+        let any =
+            |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
+        let has = |c: &&Self| {
+            let applies = CONDITIONS.iter().filter(|(id, _)| *id == c.metric).all(|(_, holds)| any(*holds));
+            if !applies {
+                return false;
+            }
+            let simulators = summaries.iter().flat_map(|s| s.simulators.values());
+            simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())
+        };
+        Self::with(COLUMNS.iter().filter(has).copied().collect(), also)
+    }
+}
+
+/// A line of a table: a simulator and its numbers.
+pub(super) struct Line<'a> {
+    /// Name of the run, if the table has several runs.
+    pub(super) run: Option<&'a str>,
+    /// Number of the group of runs with which its numbers can be compared.
+    pub(super) group: usize,
+    pub(super) title: &'a str,
+    pub(super) access: Access,
+    pub(super) scenarios: usize,
+    pub(super) failed: usize,
+    pub(super) metrics: &'a BTreeMap<String, Estimate>,
+}
+
+/// Returns the lines of a table over runs, in the order of their simulators.
+pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
+    let several = runs.len() > 1;
+    let of = move |(run, group): (&'a super::Run<'a>, usize)| {
+        run.summary.order().map(move |(_, title, s)| Line {
+            run: several.then_some(run.name),
+            group,
+            title,
+            access: s.access(),
+            scenarios: s.scenarios,
+            failed: s.failed,
+            metrics: &s.metrics,
+        })
+    };
+    runs.iter().zip(groups(runs)).flat_map(of).collect()
+}
+
+/// Returns the number of the group of every run: runs of one group have the same scenarios and differ in no
+/// [`Condition`].
+pub(super) fn groups(runs: &[super::Run<'_>]) -> Vec<usize> {
+    let same = |a: &super::Run<'_>, b: &super::Run<'_>| {
+        let (a, b) = (&a.summary.provenance, &b.summary.provenance);
+        a.scenarios_blake3 == b.scenarios_blake3 && Condition::differences(&a.run, &b.run).is_empty()
+    };
+    let first = |run| runs.iter().position(|earlier| same(earlier, run)).unwrap_or_default();
+    runs.iter().map(first).collect()
+}
+
+/// Returns for every line whether its number in a column is the best of its group, as printed, so that equal
+/// numbers tie. Oracles are not ranked, and one simulator alone is not the best.
+pub(super) fn best(column: &Column, lines: &[Line<'_>]) -> Vec<bool> {
+    let value = |line: &Line<'_>| line.metrics.get(column.metric).and_then(|estimate| estimate.mean);
+    let of = |line: &Line<'_>| {
+        let ranked = lines.iter().filter(|l| l.group == line.group && l.access != Access::Oracle);
+        let ranked: Vec<f64> = ranked.filter_map(value).collect();
+        let own = value(line).filter(|_| line.access != Access::Oracle).map(|value| column.number(value));
+        own.is_some() && own == best_number(column, &ranked)
+    };
+    lines.iter().map(of).collect()
+}
+
+/// Returns the best of the numbers of a column, as printed; `None` if there are fewer than two.
+pub(super) fn best_number(column: &Column, numbers: &[f64]) -> Option<String> {
+    let better = if column.kind().1 { f64::min } else { f64::max };
+    numbers.iter().copied().reduce(better).filter(|_| numbers.len() > 1).map(|best| column.number(best))
+}
+
+/// A division of the scenarios into parts with separate tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Division {
+    /// Division by category of deviation.
+    Category,
+    /// Division by difficulty of the deviation.
+    Difficulty,
+}
+
+impl Division {
+    /// All divisions, in the order of their tables.
+    pub const ALL: [Self; 2] = [Self::Category, Self::Difficulty];
+
+    /// Returns the results of a simulator by part.
+    pub(super) fn of(self, simulator: &SimulatorSummary) -> &BTreeMap<String, CategorySummary> {
+        match self {
+            Self::Category => &simulator.by_category,
+            Self::Difficulty => &simulator.by_difficulty,
+        }
+    }
+
+    /// Returns the parts that occur in the runs: categories by name, difficulties from easy to hard.
+    pub(super) fn parts(self, runs: &[super::Run<'_>]) -> Vec<String> {
+        let simulators = runs.iter().flat_map(|r| r.summary.simulators.values());
+        let mut names: Vec<String> = simulators.flat_map(|s| self.of(s).keys().cloned()).collect();
+        names.sort_by_cached_key(|name| (Difficulty::from_name(name), name.clone()));
+        names.dedup();
+        names
+    }
+
+    /// Returns the name of the scenarios of a part, such as `lateral deviations`.
+    pub(super) fn title(self, part: &str) -> String {
+        match self {
+            Self::Category => format!("{part} deviations"),
+            Self::Difficulty => format!("{part} conflicts"),
+        }
+    }
+}
+
+/// Returns the lines of a table over one part of the scenarios of runs.
+pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, part: &str) -> Vec<Line<'a>> {
+    let several = runs.len() > 1;
+    let all = runs.iter().zip(groups(runs));
+    let all = all.flat_map(|(run, group)| run.summary.order().map(move |simulator| (run, group, simulator)));
+    let lines = all.filter_map(|(run, group, (_, title, simulator))| {
+        let part = division.of(simulator).get(part)?;
+        Some(Line {
+            run: several.then_some(run.name),
+            group,
+            title,
+            access: simulator.access(),
+            scenarios: part.scenarios,
+            failed: 0,
+            metrics: &part.metrics,
+        })
+    });
+    lines.collect()
+}
+
+/// Describes the provenance of a run in one line.
+pub(super) fn provenance(run: &super::Run<'_>) -> String {
+    let p = &run.summary.provenance;
+    let s = &p.run.settings;
+    let mut parts: Vec<String> = p.run.benchmark.iter().map(ToString::to_string).collect();
+    parts.push(count(p.scenarios, "scenario"));
+    if !p.failures.is_empty() {
+        parts.push(count(p.failures.len(), "failure"));
+    }
+    if p.passed_over > 0 {
+        parts.push(format!("{} passed over", p.passed_over));
+    }
+    if p.unselected > 0 {
+        parts.push(format!("{} not selected", p.unselected));
+    }
+    if p.run.is_recorded() {
+        parts.push("recorded elsewhere".to_owned());
+        parts.push(count(s.rollouts as usize, "rollout"));
+        let allowed =
+            p.allowed.iter().map(|(name, n)| format!("{} allowed as {name}", count(*n, "exception")));
+        parts.extend(allowed);
+    } else {
+        protocol(s, &mut parts);
+    }
+    let changed = changed_options(&p.run);
+    if !changed.is_empty() {
+        parts.push(format!("metric options {}", changed.join(" ")));
+    }
+    for simulator in &p.run.simulators {
+        let mut details = Vec::new();
+        if let Some(weights) = &simulator.weights {
+            // A prefix of the digest suffices to identify files; the provenance has all of it.
+            details.push(format!("{} ({:.12})", weights.name, weights.sha256));
+        }
+        details.extend(simulator.parameters.iter().map(|(key, value)| format!("{key}={value}")));
+        if !details.is_empty() {
+            parts.push(format!("{} with {}", simulator.id, details.join(" ")));
+        }
+    }
+    parts.push(program(&p.run));
+    parts.join(", ")
+}
+
+/// Returns version and commit of the program.
+pub(super) fn program(run: &Provenance) -> String {
+    let commit = if run.commit == "unknown" { "" } else { &run.commit };
+    let plus = if commit.ends_with('+') { "+" } else { "" };
+    let short: String = commit.chars().take(9).collect();
+    let version = &run.version;
+    match short.is_empty() {
+        true => format!("reactsim {version}"),
+        false => format!("reactsim {version} ({}{plus})", short.trim_end_matches('+')),
+    }
+}
+
+/// Adds the settings of the rollouts to `parts`.
+pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
+    parts.push(format!("{} protocol", s.protocol));
+    if s.protocol == "reactive" {
+        parts.push(format!("AV {}", s.av));
+        if !s.av_lookahead {
+            parts.push("AV lookahead 0".to_owned());
+        }
+    }
+    parts.push(format!("replan every {}", count(s.replan_steps, "step")));
+    parts.push(count(s.rollouts as usize, "rollout"));
+    parts.push(format!("seed {}", s.seed));
+}
+
+/// Returns a count with its noun in singular or plural.
+pub(super) fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}

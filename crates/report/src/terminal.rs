@@ -1,0 +1,171 @@
+//! Tables for terminals: as wide as the window, with the best values highlighted.
+
+use std::io::{self, Write};
+
+use reactsim_evaluation::{Estimate, Summary};
+
+use super::table::{self, Column, Division, Line, MAIN_COLUMNS};
+use super::wrap::wrapped;
+use super::{Run, TableStyle, markdown};
+
+/// Settings of a table for a terminal.
+#[derive(Clone, Copy, Debug)]
+pub struct TerminalStyle<'a> {
+    /// Width of the window, in characters.
+    pub width: usize,
+    /// Whether the best values are highlighted.
+    pub coloured: bool,
+    /// Division of the scenarios whose parts get tables of their own.
+    pub by: Option<Division>,
+    /// The columns.
+    pub table: TableStyle<'a>,
+}
+
+/// Largest width of the names of simulators; longer ones are cut.
+const MAX_NAME: usize = 34;
+/// Space between two columns.
+const GAP: usize = 2;
+
+/// Starts a highlighted value: bold and green.
+const HIGHLIGHT: &str = "\x1b[1;32m";
+/// Ends it.
+const PLAIN: &str = "\x1b[0m";
+
+/// Writes the results of runs.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let lines = table::lines(runs);
+    write_table(runs, &lines, style, out)?;
+    if let Some(division) = style.by {
+        for part in division.parts(runs) {
+            let lines = table::part_lines(runs, division, &part);
+            let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
+            let title = markdown::capital(&division.title(&part));
+            writeln!(out, "\n{title} ({})\n", table::count(n, "scenario"))?;
+            write_table(runs, &lines, style, out)?;
+        }
+    }
+    writeln!(out)?;
+    for text in markdown::marks(lines.iter().map(|l| l.access)) {
+        write_wrapped(&format!("{text}."), style.width, out)?;
+    }
+    for run in runs {
+        let name = if runs.len() > 1 { format!("{}: ", run.name) } else { String::new() };
+        write_wrapped(&format!("{name}{}.", table::provenance(run)), style.width, out)?;
+    }
+    Ok(())
+}
+
+/// Writes one table: heads of several lines, then a row per simulator.
+fn write_table(
+    runs: &[Run<'_>],
+    lines: &[Line<'_>],
+    style: TerminalStyle<'_>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let names: Vec<String> = lines.iter().map(name).collect();
+    let name_width = names.iter().map(|name| length(name)).max().unwrap_or(0);
+    let columns = columns(runs, lines, style, style.width.saturating_sub(name_width));
+    let heads = columns.iter().map(|column| column.head.len()).max().unwrap_or(0);
+    for i in 0..heads {
+        // Heads end in the same line.
+        let parts = columns.iter().map(|column| {
+            let own = (i + column.head.len()).checked_sub(heads);
+            own.map_or("", |own| column.head[own].as_str())
+        });
+        let text: String = columns.iter().zip(parts).map(|(column, part)| column.padded(part)).collect();
+        writeln!(out, "{}{text}", " ".repeat(name_width))?;
+    }
+    for (row, name) in names.iter().enumerate() {
+        write!(out, "{name}{}", " ".repeat(name_width - length(name)))?;
+        for column in &columns {
+            let text = column.padded(&column.cells[row]);
+            match style.coloured && column.best[row] {
+                true => write!(out, "{HIGHLIGHT}{text}{PLAIN}")?,
+                false => write!(out, "{text}")?,
+            }
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// A column with its texts.
+struct TextColumn {
+    head: Vec<String>,
+    cells: Vec<String>,
+    /// Whether the value of a row is highlighted.
+    best: Vec<bool>,
+    /// Characters of the widest text and the gap to its left.
+    width: usize,
+}
+
+impl TextColumn {
+    fn new(column: &Column, lines: &[Line<'_>], with_interval: bool) -> Self {
+        let cell = |line: &Line<'_>| match line.metrics.get(column.metric) {
+            estimate if with_interval => markdown::cell(column, estimate),
+            Some(Estimate { mean: Some(mean), .. }) => column.number(*mean),
+            _ => "–".to_owned(),
+        };
+        let cells: Vec<String> = lines.iter().map(cell).collect();
+        let head: Vec<String> = column.head().split(' ').map(str::to_owned).collect();
+        let widest = head.iter().chain(&cells).map(|text| length(text)).max().unwrap_or(0);
+        Self { head, best: table::best(column, lines), cells, width: widest + GAP }
+    }
+
+    /// Returns a text aligned to the right.
+    fn padded(&self, text: &str) -> String {
+        format!("{}{text}", " ".repeat(self.width - length(text)))
+    }
+}
+
+/// Returns the columns that fit: the main ones and the requested ones in any case, with intervals if the main
+/// ones fit with them.
+fn columns(
+    runs: &[Run<'_>],
+    lines: &[Line<'_>],
+    style: TerminalStyle<'_>,
+    mut left: usize,
+) -> Vec<TextColumn> {
+    let summaries: Vec<&Summary> = runs.iter().map(|run| run.summary).collect();
+    let used = style.table.columns_of(&summaries);
+    let chosen = |column: &Column| style.table.columns.contains(column) || style.table.also.contains(column);
+    let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS.len() || chosen(column);
+    let required = used.iter().enumerate().filter(|(i, column)| is_required(*i, column));
+    let wide = required.map(|(_, column)| TextColumn::new(column, lines, true).width).sum::<usize>();
+    let with_interval = wide <= left;
+    let mut columns = Vec::new();
+    for (i, column) in used.iter().enumerate() {
+        let text = TextColumn::new(column, lines, with_interval);
+        if is_required(i, column) || text.width <= left {
+            left = left.saturating_sub(text.width);
+            columns.push(text);
+        }
+    }
+    columns
+}
+
+/// Returns the name of a simulator with its mark, and its run if there are several.
+fn name(line: &Line<'_>) -> String {
+    let run = line.run.map(|run| format!("{run}: ")).unwrap_or_default();
+    let mark = line.access.mark();
+    let name = format!("{run}{}", line.title);
+    let room = MAX_NAME - if mark.is_empty() { 0 } else { length(mark) + 1 };
+    let name = match length(&name) > room {
+        true => format!("{}…", name.chars().take(room - 1).collect::<String>()),
+        false => name,
+    };
+    let name: String = name.chars().filter(|c| !c.is_control()).collect();
+    format!("{name} {mark}").trim_end().to_owned()
+}
+
+/// Writes a text in lines of the width of the window.
+fn write_wrapped(text: &str, width: usize, out: &mut dyn Write) -> io::Result<()> {
+    wrapped(text, width).iter().try_for_each(|line| writeln!(out, "{line}"))
+}
+
+fn length(text: &str) -> usize {
+    text.chars().count()
+}

@@ -1,0 +1,203 @@
+//! Tables of the realism metrics of the Sim Agents challenge.
+
+use std::io::{self, Write};
+
+use reactsim_evaluation::{
+    Estimate,
+    realism::{RealismScores, RealismSummary},
+};
+use reactsim_metrics::wosac::Feature;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::table::count;
+use super::{csv, markdown};
+
+/// An aggregate of the leaderboard as a column of tables.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Aggregate {
+    /// Name in the official message.
+    pub id: &'static str,
+    /// Title.
+    pub title: &'static str,
+    /// `m`, `likelihood` or `share`.
+    pub unit: &'static str,
+    /// Whether smaller values are better.
+    pub lower_is_better: bool,
+}
+
+impl Aggregate {
+    const fn likelihood(id: &'static str, title: &'static str) -> Self {
+        Self { id, title, unit: "likelihood", lower_is_better: false }
+    }
+
+    const fn cost(id: &'static str, title: &'static str, unit: &'static str) -> Self {
+        Self { id, title, unit, lower_is_better: true }
+    }
+
+    fn heading(&self) -> String {
+        let unit = if self.unit == "m" { " (m)" } else { "" };
+        format!("{}{unit} {}", self.title, if self.lower_is_better { "↓" } else { "↑" })
+    }
+}
+
+/// The aggregates of the leaderboard, in the order of
+/// [`BucketMetrics::fields`](reactsim_metrics::wosac::BucketMetrics::fields).
+pub const AGGREGATES: [Aggregate; 8] = [
+    Aggregate::likelihood("realism_meta_metric", "Realism"),
+    Aggregate::likelihood("kinematic_metrics", "Kinematic"),
+    Aggregate::likelihood("interactive_metrics", "Interactive"),
+    Aggregate::likelihood("map_based_metrics", "Map-based"),
+    Aggregate::cost("min_ade", "minADE", "m"),
+    Aggregate::cost("simulated_collision_rate", "Collision", "share"),
+    Aggregate::cost("simulated_offroad_rate", "Offroad", "share"),
+    Aggregate::cost("simulated_traffic_light_violation_rate", "Red light", "share"),
+];
+
+/// Writes the tables of a set of rollouts as Markdown: the aggregates of the leaderboard and the likelihoods,
+/// one row per configuration.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
+    let titled = |i: usize, cells: Vec<String>| {
+        std::iter::once(scores.configs[i].title.to_owned()).chain(cells).collect::<Vec<_>>()
+    };
+    let configs = || 0..scores.configs.len();
+    let aggregates =
+        |i| titled(i, scores.aggregates(i).into_iter().map(|(_, estimate)| cell(Some(&estimate))).collect());
+    let rows: Vec<_> = std::iter::once(head("Configuration")).chain(configs().map(aggregates)).collect();
+    markdown::write_aligned(out, &rows, 1)?;
+
+    writeln!(out, "\nLikelihoods:\n")?;
+    let features = Feature::ALL.map(|feature| feature.name().replace('_', " "));
+    let features = std::iter::once("Configuration".to_owned()).chain(features).collect();
+    let likelihoods = |i: usize| {
+        let of = |feature: Feature| {
+            cell(Some(&scores.estimate(feature.name(), |row| row.metrics[i].likelihood(feature))))
+        };
+        titled(i, Feature::ALL.map(of).to_vec())
+    };
+    let rows: Vec<_> = std::iter::once(features).chain(configs().map(likelihoods)).collect();
+    markdown::write_aligned(out, &rows, 1)?;
+
+    let rollouts = || scores.rows.iter().map(|row| row.rollouts);
+    let rollouts = match (rollouts().min(), rollouts().max()) {
+        (Some(least), Some(most)) if least != most => format!("{least} to {most}"),
+        (least, _) => least.unwrap_or_default().to_string(),
+    };
+    let method = if scores.method.is_empty() { "" } else { ", " };
+    writeln!(
+        out,
+        "\nMeans over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is.\n\
+         {}, {rollouts} rollouts each{method}{}.",
+        count(scores.rows.len(), "scenario"),
+        markdown::escape(&scores.method)
+    )
+}
+
+/// Writes the simulators of a study as a table in Markdown: the aggregates of the leaderboard, one row per
+/// simulator.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub(super) fn write_simulators(simulators: &[RealismSummary], out: &mut dyn Write) -> io::Result<()> {
+    let config = simulators.first().map_or("", |simulator| simulator.config.as_str());
+    writeln!(out, "Realism metrics of the Sim Agents challenge {config}:\n")?;
+    let row = |simulator: &RealismSummary| {
+        let cells = AGGREGATES.map(|column| cell(simulator.aggregates.get(column.id)));
+        std::iter::once(markdown::escape(&simulator.title)).chain(cells).collect()
+    };
+    let rows: Vec<_> = std::iter::once(head("Method")).chain(simulators.iter().map(row)).collect();
+    markdown::write_aligned(out, &rows, 1)?;
+    writeln!(out, "\nMeans over scenarios ± half the width of the 95 % bootstrap interval.")
+}
+
+/// Returns the head of a table of aggregates.
+fn head(first: &str) -> Vec<String> {
+    std::iter::once(first.to_owned()).chain(AGGREGATES.map(|column| column.heading())).collect()
+}
+
+/// Writes the scores as JSON, with the field names of the official messages.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_json(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
+    let mut configs = Map::new();
+    for (i, (config, mean)) in scores.means().into_iter().enumerate() {
+        let fields = |fields: Vec<(&'static str, Option<f64>)>| -> Map<String, Value> {
+            fields.into_iter().filter_map(|(name, value)| Some((name.to_owned(), json!(value?)))).collect()
+        };
+        let buckets = mean.buckets(config).fields();
+        let intervals: Map<String, Value> = scores
+            .aggregates(i)
+            .into_iter()
+            .filter_map(|(name, estimate)| Some((name.to_owned(), json!([estimate.low?, estimate.high?]))))
+            .collect();
+        let entry = json!({
+            "metrics": fields(mean.fields()),
+            "buckets": fields(buckets.to_vec()),
+            "intervals_95": intervals,
+        });
+        configs.insert(config.id.to_owned(), entry);
+    }
+    let all = json!({
+        "method": scores.method,
+        "scenarios": scores.rows.len(),
+        "configs": configs,
+        "missing": scores.missing,
+        "failures": scores.failures.iter().map(|failure| &failure.error).collect::<Vec<_>>(),
+    });
+    serde_json::to_writer_pretty(&mut *out, &all)?;
+    writeln!(out)
+}
+
+/// Writes the scores of every scenario as JSON lines, one per scenario and configuration.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_rows(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
+    for row in &scores.rows {
+        for (config, metrics) in scores.configs.iter().zip(&row.metrics) {
+            let mut line = Map::new();
+            line.insert("scenario_id".to_owned(), row.scenario_id.as_str().into());
+            line.insert("method".to_owned(), scores.method.as_str().into());
+            line.insert("config".to_owned(), config.id.into());
+            line.insert("rollouts".to_owned(), row.rollouts.into());
+            line.extend(
+                metrics.fields().into_iter().filter_map(|(name, v)| Some((name.to_owned(), v?.into()))),
+            );
+            writeln!(out, "{}", Value::Object(line))?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the scores of every scenario as CSV, one line per scenario and configuration.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_csv(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
+    let likelihoods = Feature::ALL.map(|feature| feature.likelihood_name());
+    let fixed = ["metametric", "average_displacement_error", "min_average_displacement_error"];
+    let rates =
+        ["simulated_collision_rate", "simulated_offroad_rate", "simulated_traffic_light_violation_rate"];
+    let columns: Vec<&str> = fixed.into_iter().chain(likelihoods).chain(rates).collect();
+    writeln!(out, "scenario_id,config,rollouts,{}", columns.join(","))?;
+    for row in &scores.rows {
+        for (config, metrics) in scores.configs.iter().zip(&row.metrics) {
+            write!(out, "{},{},{}", csv::quote(&row.scenario_id), config.id, row.rollouts)?;
+            let fields = metrics.fields();
+            for column in &columns {
+                let value = fields.iter().find(|(name, _)| name == column).and_then(|(_, value)| *value);
+                write!(out, ",{}", value.map_or_else(String::new, |v| v.to_string()))?;
+            }
+            writeln!(out)?;
+        }
+    }
+    Ok(())
+}
+
+fn cell(estimate: Option<&Estimate>) -> String {
+    markdown::estimate_text(estimate, |value| format!("{value:.4}"))
+}

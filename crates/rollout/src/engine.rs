@@ -1,0 +1,302 @@
+//! Algorithms 1 and 2: the loop that computes the realised states.
+
+use std::collections::BTreeMap;
+
+use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
+
+use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError};
+use super::{AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
+
+/// Request for one rollout.
+pub struct Request<'a> {
+    /// Scenario to roll out.
+    pub scenario: &'a Scenario,
+    /// Policy that moves the AV; unused in the realism protocol.
+    pub av: Box<dyn AvPolicy>,
+    /// Index among the rollouts of this scenario: part of the names of its random streams.
+    pub rollout: u32,
+}
+
+/// The realised states of one scenario: history, then 80 steps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rollout {
+    /// The 91 frames of each agent, in the order of the scenario.
+    ///
+    /// Velocities of the steps are position differences over 0.1 s, so that no simulator can state one
+    /// speed and drive another. A replayed recording (an oracle, or the logged AV) keeps its recorded
+    /// velocities where they are finite. The first state after a gap keeps its stated velocity.
+    pub tracks: Vec<Vec<Frame>>,
+    /// Counts of how parts of the plans ended, by outcome.
+    pub outcomes: BTreeMap<&'static str, u64>,
+}
+
+/// Reason why one rollout failed; the others of its batch continue.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RolloutError {
+    /// The simulator returned no plan.
+    #[error("scenario `{scenario}`: no plan at step {step}: {source}")]
+    Plan {
+        /// Id of the scenario.
+        scenario: String,
+        /// Realised steps before the plan.
+        step: usize,
+        /// Reason.
+        source: PlanError,
+    },
+    /// The simulator planned a state that is not finite.
+    #[error("scenario `{scenario}`: the planned state of agent `{agent}` is not finite at step {step}")]
+    NotFinite {
+        /// Id of the scenario.
+        scenario: String,
+        /// Id of the agent.
+        agent: String,
+        /// Step 1 to 80.
+        step: usize,
+    },
+    /// The AV policy returned no state.
+    #[error("scenario `{scenario}`: {source}")]
+    Av {
+        /// Id of the scenario.
+        scenario: String,
+        /// Reason.
+        source: AvError,
+    },
+}
+
+/// State of one scenario of a batch during the rollout.
+struct ScenarioRollout<'a> {
+    scenario: &'a Scenario,
+    av: Box<dyn AvPolicy>,
+    /// Whether planned states come from a recording.
+    replayed: bool,
+    tracks: Vec<Vec<Frame>>,
+    lights: Vec<Vec<Option<LightState>>>,
+    memory: Memory,
+    stream: Stream,
+    outcomes: BTreeMap<&'static str, u64>,
+    av_next: Option<AgentState>,
+    plan: JointPlan,
+    failed: Option<RolloutError>,
+}
+
+/// Outcome of an episode of a batch that the simulator broke off twice, so that it was rolled out alone.
+const PLANNED_ALONE: &str = "planned-alone";
+
+/// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
+/// the batch, unless the simulator breaks off the whole batch ([`PlanError::BrokenOff`]): then the batch is
+/// repeated once, and after that its scenarios are rolled out singly.
+pub fn roll_out(
+    batch: Vec<Request<'_>>,
+    controller: &Controller,
+    settings: &Settings,
+) -> Vec<Result<Rollout, RolloutError>> {
+    let first = attempt(&batch, controller, settings);
+    if !is_broken_off(&first) {
+        return first;
+    }
+    let second = attempt(&batch, controller, settings);
+    if batch.len() == 1 || !is_broken_off(&second) {
+        return second;
+    }
+    let alone = |request| {
+        let mut result = attempt(std::slice::from_ref(request), controller, settings).remove(0);
+        if let Ok(rollout) = &mut result {
+            *rollout.outcomes.entry(PLANNED_ALONE).or_default() += 1;
+        }
+        result
+    };
+    batch.iter().map(alone).collect()
+}
+
+fn is_broken_off(results: &[Result<Rollout, RolloutError>]) -> bool {
+    let broken = |r: &_| matches!(r, Err(RolloutError::Plan { source: PlanError::BrokenOff(_), .. }));
+    results.iter().any(broken)
+}
+
+/// Rolls out a batch once.
+fn attempt(
+    batch: &[Request<'_>],
+    controller: &Controller,
+    settings: &Settings,
+) -> Vec<Result<Rollout, RolloutError>> {
+    let mut running = begin(batch, controller, settings);
+    let mut step = 0;
+    while step < FUTURE && running.iter().any(|r| r.failed.is_none()) {
+        let steps = settings.replan.steps().min(FUTURE - step);
+        plan_all(&mut running, controller, settings, steps);
+        for k in 0..steps {
+            for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
+                scenario.failed = scenario.advance(settings, k).err();
+            }
+        }
+        step += steps;
+    }
+    if let Controller::Fair(simulator) = controller {
+        let memories = running.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect();
+        simulator.end_batch(memories);
+    }
+    running
+        .into_iter()
+        .map(|r| match r.failed {
+            Some(error) => Err(error),
+            None => Ok(Rollout { tracks: r.tracks, outcomes: r.outcomes }),
+        })
+        .collect()
+}
+
+/// Begins the episodes of a batch.
+fn begin<'a>(
+    batch: &[Request<'a>],
+    controller: &Controller,
+    settings: &Settings,
+) -> Vec<ScenarioRollout<'a>> {
+    let mut running: Vec<_> = batch.iter().map(|r| ScenarioRollout::new(r, controller, settings)).collect();
+    let simulator = match controller {
+        Controller::Fair(simulator) => simulator,
+        Controller::Oracle(oracle) => {
+            running.iter_mut().for_each(|r| r.memory = oracle.begin(r.scenario));
+            return running;
+        }
+    };
+    let mut episodes: Vec<Beginning<'_>> = batch
+        .iter()
+        .map(|&Request { scenario, rollout, .. }| Beginning {
+            start: &scenario.start,
+            stream: stream(settings.seed, &scenario.id, rollout, Purpose::Begin),
+            moves_av: settings.protocol == Protocol::Realism,
+            steps: settings.replan.steps(),
+            identity: simulator.wants_identity().then_some(Identity {
+                scenario: &scenario.id,
+                origin: scenario.origin,
+                rollout,
+            }),
+            memory: Memory::NONE,
+        })
+        .collect();
+    let begun = simulator.begin_batch(&mut episodes);
+    let memories: Vec<Memory> = episodes.into_iter().map(|e| e.memory).collect();
+    for (scenario, memory) in running.iter_mut().zip(memories) {
+        scenario.memory = memory;
+        scenario.failed = begun.as_ref().err().map(|error| scenario.plan_error(error.for_each_episode()));
+    }
+    running
+}
+
+/// Calls the controller once for the plans of all scenarios that have not failed.
+fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settings: &Settings, steps: usize) {
+    for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
+        scenario.failed = scenario.look_ahead(settings).err();
+    }
+    let mut active: Vec<&mut ScenarioRollout<'_>> =
+        running.iter_mut().filter(|r| r.failed.is_none()).collect();
+    let mut episodes: Vec<Episode<'_>> = Vec::with_capacity(active.len());
+    for scenario in &mut active {
+        let agents = scenario.tracks.len();
+        episodes.push(Episode {
+            seen: Observation::new(
+                &scenario.scenario.start,
+                &scenario.tracks,
+                &scenario.lights,
+                if settings.av_lookahead { scenario.av_next } else { None },
+            ),
+            memory: &mut scenario.memory,
+            stream: &mut scenario.stream,
+            moves_av: settings.protocol == Protocol::Realism,
+            plan: JointPlan::new(agents, steps),
+            outcomes: std::mem::take(&mut scenario.outcomes),
+            error: None,
+        });
+    }
+    let batch_error = match controller {
+        Controller::Fair(simulator) => simulator.plan(&mut episodes),
+        Controller::Oracle(oracle) => oracle.plan(&mut episodes),
+    };
+    let done: Vec<_> = episodes.into_iter().map(|e| (e.plan, e.outcomes, e.error)).collect();
+    for (scenario, (plan, outcomes, error)) in active.into_iter().zip(done) {
+        scenario.plan = plan;
+        scenario.outcomes = outcomes;
+        let of_batch = batch_error.as_ref().err().map(PlanError::for_each_episode);
+        // The failure of the batch decides whether it is repeated.
+        scenario.failed = of_batch.or(error).map(|source| scenario.plan_error(source));
+    }
+}
+
+impl<'a> ScenarioRollout<'a> {
+    fn new(request: &Request<'a>, controller: &Controller, settings: &Settings) -> Self {
+        let scenario = request.scenario;
+        let with_room = |history: &Vec<Frame>| {
+            let mut track = Vec::with_capacity(FRAMES);
+            track.extend_from_slice(history);
+            track
+        };
+        Self {
+            tracks: scenario.start.history.iter().map(with_room).collect(),
+            lights: scenario.start.light_history.clone(),
+            memory: Memory::NONE,
+            stream: stream(settings.seed, &scenario.id, request.rollout, Purpose::Plan),
+            outcomes: BTreeMap::new(),
+            av_next: None,
+            plan: JointPlan::new(0, 0),
+            failed: None,
+            replayed: controller.is_oracle(),
+            av: request.av.copy(),
+            scenario,
+        }
+    }
+
+    fn plan_error(&self, source: PlanError) -> RolloutError {
+        let step = self.tracks[0].len() - 1 - CURRENT;
+        RolloutError::Plan { scenario: self.scenario.id.clone(), step, source }
+    }
+
+    /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
+    /// only.
+    fn look_ahead(&mut self, settings: &Settings) -> Result<(), RolloutError> {
+        if settings.protocol == Protocol::Realism || self.av_next.is_some() {
+            return Ok(());
+        }
+        let seen = Observation::new(&self.scenario.start, &self.tracks, &self.lights, None);
+        let next = self.av.next(&seen);
+        let next = next.map_err(|source| RolloutError::Av { scenario: self.scenario.id.clone(), source })?;
+        self.av_next = Some(next);
+        Ok(())
+    }
+
+    /// Realises one step: the AV by its policy (or by the plan), the agents by step `k` of the plan.
+    fn advance(&mut self, settings: &Settings, k: usize) -> Result<(), RolloutError> {
+        self.look_ahead(settings)?;
+        let step = self.tracks[0].len() - CURRENT;
+        let external = self.av_next.take();
+        for agent in 0..self.tracks.len() {
+            let (planned, replayed) = if agent == 0 && external.is_some() {
+                (external, self.av.replays_recording())
+            } else {
+                (self.plan.get(agent, k), self.replayed)
+            };
+            if planned.is_some_and(|s| !s.is_finite()) {
+                return Err(RolloutError::NotFinite {
+                    scenario: self.scenario.id.clone(),
+                    agent: self.scenario.start.agents[agent].id.clone(),
+                    step,
+                });
+            }
+            let before = self.tracks[agent].last().copied().flatten();
+            self.tracks[agent].push(planned.map(|state| with_velocity(before, state, replayed)));
+        }
+        for (seen, future) in self.lights.iter_mut().zip(&self.scenario.log_future.lights) {
+            seen.push(future[step - 1]);
+        }
+        Ok(())
+    }
+}
+
+/// Returns the state with its realised velocity: the recorded one if a recording is replayed and its
+/// velocity is finite, else the position difference. After a gap the state keeps its own velocity.
+fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState {
+    match before {
+        Some(_) if replayed && state.velocity().is_some_and(|v| v.x.is_finite() && v.y.is_finite()) => state,
+        Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
+        None => state,
+    }
+}

@@ -1,0 +1,274 @@
+//! The simulator interface: traits, and the data that simulators receive and return.
+
+use std::any::Any;
+use std::collections::BTreeMap;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{Frame, Scenario, Start};
+
+use super::{Observation, Stream};
+
+/// Data that a simulator keeps between the plans of one episode, such as routes and caches.
+pub struct Memory(Option<Box<dyn Any + Send>>);
+
+impl Memory {
+    /// Empty memory.
+    pub const NONE: Self = Self(None);
+
+    /// Stores a value.
+    pub fn new<T: Any + Send>(value: T) -> Self {
+        Self(Some(Box::new(value)))
+    }
+
+    /// Returns the value if it has this type.
+    pub fn get<T: Any>(&mut self) -> Option<&mut T> {
+        self.0.as_mut()?.downcast_mut()
+    }
+
+    /// Takes the value out if it has this type.
+    pub fn take<T: Any>(&mut self) -> Option<T> {
+        match self.0.take()?.downcast() {
+            Ok(value) => Some(*value),
+            Err(other) => {
+                self.0 = Some(other);
+                None
+            }
+        }
+    }
+}
+
+/// Planned states of all agents over several steps. Slot 0 is executed only if the simulator moves the
+/// AV.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointPlan {
+    agents: usize,
+    steps: usize,
+    states: Vec<Frame>,
+}
+
+impl JointPlan {
+    /// Creates a plan in which every agent is absent.
+    pub fn new(agents: usize, steps: usize) -> Self {
+        Self { agents, steps, states: vec![None; agents * steps] }
+    }
+
+    /// Returns the number of agents.
+    pub fn agents(&self) -> usize {
+        self.agents
+    }
+
+    /// Returns the number of steps.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// Sets the state of an agent after `step` + 1 steps. The engine recomputes velocities from the
+    /// positions.
+    pub fn set(&mut self, agent: usize, step: usize, state: Frame) {
+        self.states[agent * self.steps + step] = state;
+    }
+
+    /// Returns the planned state of an agent after `step` + 1 steps.
+    pub fn get(&self, agent: usize, step: usize) -> Frame {
+        self.states[agent * self.steps + step]
+    }
+}
+
+/// Reason why planning failed for one episode.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// The simulator found no plan; the text gives the subject and the reason.
+    #[error("{0}")]
+    Failed(String),
+    /// The simulator broke off the whole batch, for instance because its process crashed. The engine
+    /// repeats the batch once, then rolls out its episodes singly, so that only those fail that cause it.
+    #[error("{0}")]
+    BrokenOff(String),
+    /// The simulator received an episode that it had not begun.
+    #[error("simulator `{0}` received the memory of another simulator")]
+    ForeignMemory(&'static str),
+}
+
+impl PlanError {
+    /// Returns the failure of one episode of a batch that failed as a whole.
+    pub(super) fn for_each_episode(&self) -> Self {
+        match self {
+            Self::BrokenOff(text) => Self::BrokenOff(text.clone()),
+            other => Self::Failed(other.to_string()),
+        }
+    }
+}
+
+/// One scenario during a rollout, as passed to a simulator.
+pub struct Episode<'a> {
+    /// The observation available for planning.
+    pub seen: Observation<'a>,
+    /// The simulator's data for this episode.
+    pub memory: &'a mut Memory,
+    /// Random stream of this episode for choices during planning.
+    pub stream: &'a mut Stream,
+    /// Whether the simulator moves the AV too (realism protocol).
+    pub moves_av: bool,
+    /// The plan to fill in.
+    pub plan: JointPlan,
+    /// Counts of how parts of the plan ended, by outcome (a fallback, a solve that only nearly
+    /// converged).
+    pub outcomes: BTreeMap<&'static str, u64>,
+    /// Set if planning failed; only this episode fails.
+    pub error: Option<PlanError>,
+}
+
+/// An episode that begins.
+pub struct Beginning<'a> {
+    /// The information known at the current frame.
+    pub start: &'a Start,
+    /// Random stream for choices made once per episode.
+    pub stream: Stream,
+    /// Whether the simulator will move the AV too (realism protocol).
+    pub moves_av: bool,
+    /// Number of steps between two plans.
+    pub steps: usize,
+    /// Names of the episode, for simulators that ask for them with [`Simulator::wants_identity`].
+    pub identity: Option<Identity<'a>>,
+    /// The memory to fill in.
+    pub memory: Memory,
+}
+
+/// Names of an episode, which simulators normally do not receive.
+#[derive(Clone, Copy, Debug)]
+pub struct Identity<'a> {
+    /// Id of the scenario.
+    pub scenario: &'a str,
+    /// World point that is the origin of the scenario's coordinates, metres.
+    pub origin: Vec2,
+    /// Index among the rollouts of the scenario.
+    pub rollout: u32,
+}
+
+/// A simulator: moves every agent except the AV (in the realism protocol, the AV too).
+pub trait Simulator: Send + Sync {
+    /// Creates the memory of an episode; called once before its first plan.
+    fn begin(&self, _start: &Start, _stream: &mut Stream) -> Memory {
+        Memory::NONE
+    }
+
+    /// Creates the memories of a batch of episodes that are planned together.
+    ///
+    /// # Errors
+    /// Only for failures of the whole batch.
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        for episode in batch {
+            episode.memory = self.begin(episode.start, &mut episode.stream);
+        }
+        Ok(())
+    }
+
+    /// Returns whether [`Beginning::identity`] is to be filled in. A simulator that needs names of
+    /// scenarios, for instance for caches, must say so in its results.
+    fn wants_identity(&self) -> bool {
+        false
+    }
+
+    /// Takes the memories of a batch back when its episodes are over, however they ended.
+    fn end_batch(&self, _memories: Vec<Memory>) {}
+
+    /// Fills the plan of every episode in the batch. An episode's plan may depend on this episode only.
+    ///
+    /// # Errors
+    /// Only for failures of the whole batch; the failure of one episode goes into its `error`.
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError>;
+}
+
+/// A simulator that plans one episode at a time; the batch interface is derived from it.
+pub trait SingleEpisode: Send + Sync {
+    /// Data kept between plans.
+    type Memory: Any + Send;
+
+    /// Returns the simulator's id, for messages.
+    fn id(&self) -> &'static str;
+
+    /// Creates the memory of an episode; called once before its first plan.
+    fn begin(&self, start: &Start, stream: &mut Stream) -> Self::Memory;
+
+    /// Fills the plan of one episode.
+    ///
+    /// # Errors
+    /// [`PlanError`] when planning fails for this episode.
+    fn plan_one(&self, memory: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError>;
+}
+
+/// Outcome of a plan of an agent whose model found no finite numbers: the agent goes on as before.
+pub const NOT_FINITE: &str = "not-finite";
+
+/// Input and output of [`SingleEpisode::plan_one`]: an [`Episode`] without its memory.
+pub struct Planning<'a, 'b> {
+    /// The observation available for planning.
+    pub seen: Observation<'a>,
+    /// Random stream of this episode for choices during planning.
+    pub stream: &'b mut Stream,
+    /// Whether the simulator moves the AV too (realism protocol).
+    pub moves_av: bool,
+    /// The plan to fill in.
+    pub plan: &'b mut JointPlan,
+    /// Counts of how parts of the plan ended, by outcome.
+    pub outcomes: &'b mut BTreeMap<&'static str, u64>,
+}
+
+impl Planning<'_, '_> {
+    /// Counts an outcome of a part of the plan.
+    pub fn count(&mut self, outcome: &'static str) {
+        *self.outcomes.entry(outcome).or_default() += 1;
+    }
+}
+
+impl<S: SingleEpisode> Simulator for S {
+    fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
+        Memory::new(SingleEpisode::begin(self, start, stream))
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        for episode in batch {
+            let Some(memory) = episode.memory.get::<S::Memory>() else {
+                episode.error = Some(PlanError::ForeignMemory(self.id()));
+                continue;
+            };
+            let mut planning = Planning {
+                seen: episode.seen,
+                stream: &mut *episode.stream,
+                moves_av: episode.moves_av,
+                plan: &mut episode.plan,
+                outcomes: &mut episode.outcomes,
+            };
+            episode.error = self.plan_one(memory, &mut planning).err();
+        }
+        Ok(())
+    }
+}
+
+/// A simulator with access to the log's future (log replay). Marked † in every table.
+pub trait Oracle: Send + Sync {
+    /// Creates the memory of an episode from the whole scenario, its future included.
+    fn begin(&self, scenario: &Scenario) -> Memory;
+
+    /// Fills the plan of every episode in the batch, like [`Simulator::plan`].
+    ///
+    /// # Errors
+    /// As for [`Simulator::plan`].
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError>;
+}
+
+/// The simulator that moves the agents.
+pub enum Controller {
+    /// A simulator without access to the log's future.
+    Fair(Box<dyn Simulator>),
+    /// A simulator with access to the log's future.
+    Oracle(Box<dyn Oracle>),
+}
+
+impl Controller {
+    /// Returns whether the simulator has access to the log's future.
+    pub fn is_oracle(&self) -> bool {
+        matches!(self, Self::Oracle(_))
+    }
+}

@@ -1,0 +1,21 @@
+//! The rollout protocol: what each participant observes, and when (ReactSim-Bench, Algorithms 1 and 2).
+//! Depends on scenes, but on no particular simulator.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+mod av;
+mod engine;
+mod episode;
+mod observation;
+mod settings;
+mod stream;
+
+pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
+pub use engine::{Request, Rollout, RolloutError, roll_out};
+pub use episode::{
+    Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,
+    Simulator, SingleEpisode,
+};
+pub use observation::Observation;
+pub use settings::{ParseReplanError, Protocol, Replan, Settings};
+pub use stream::{Purpose, Stream, stream};

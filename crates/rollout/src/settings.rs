@@ -1,0 +1,118 @@
+//! Settings of the protocol.
+
+use std::fmt;
+use std::str::FromStr;
+
+use reactsim_scene::FUTURE;
+
+/// The two protocols of the benchmark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// Algorithm 1: the AV is an external input.
+    Reactive,
+    /// Algorithm 2: the simulator moves the AV too.
+    Realism,
+}
+
+impl Protocol {
+    /// Returns the name used on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Reactive => "reactive",
+            Self::Realism => "realism",
+        }
+    }
+}
+
+/// Number of steps between two plans of the simulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Replan {
+    steps: usize,
+}
+
+/// Error for a text that is not a replan interval.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not a replan interval: expected 1 to 80 steps, such as `5steps`, or a rate, such as `2hz`")]
+pub struct ParseReplanError(String);
+
+impl Replan {
+    /// Creates a replan interval of 1 to 80 steps; `None` outside this range.
+    pub fn every(steps: usize) -> Option<Self> {
+        (1..=FUTURE).contains(&steps).then_some(Self { steps })
+    }
+
+    /// Returns the number of steps between two plans.
+    pub const fn steps(self) -> usize {
+        self.steps
+    }
+}
+
+impl Default for Replan {
+    /// 2 Hz, as in the paper's main table.
+    fn default() -> Self {
+        Self { steps: 5 }
+    }
+}
+
+impl fmt::Display for Replan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}steps", self.steps)
+    }
+}
+
+impl FromStr for Replan {
+    type Err = ParseReplanError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let refuse = || ParseReplanError(text.to_owned());
+        let lower = text.trim().to_ascii_lowercase();
+        let steps = if let Some(rate) = lower.strip_suffix("hz") {
+            let rate: f64 = rate.trim().parse().map_err(|_| refuse())?;
+            let steps = 10.0 / rate;
+            if !(steps.is_finite() && (steps - steps.round()).abs() < 1e-9) {
+                return Err(refuse());
+            }
+            steps.round() as usize
+        } else {
+            let digits = lower.strip_suffix("steps").or_else(|| lower.strip_suffix("step")).unwrap_or(&lower);
+            digits.trim().parse().map_err(|_| refuse())?
+        };
+        Self::every(steps).ok_or_else(refuse)
+    }
+}
+
+/// Settings of a rollout other than the scenario, the simulator and the AV.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The protocol.
+    pub protocol: Protocol,
+    /// Replan interval.
+    pub replan: Replan,
+    /// Whether agents at t+1 see the AV at t+1 (Algorithm 1) or only up to t (the formula of section
+    /// 3.1).
+    pub av_lookahead: bool,
+    /// Seed of all random streams.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { protocol: Protocol::Reactive, replan: Replan::default(), av_lookahead: true, seed: 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_rates_and_steps() {
+        assert_eq!("2hz".parse::<Replan>().unwrap().steps(), 5);
+        assert_eq!("10Hz".parse::<Replan>().unwrap().steps(), 1);
+        assert_eq!("0.125hz".parse::<Replan>().unwrap().steps(), 80);
+        assert_eq!("7steps".parse::<Replan>().unwrap().steps(), 7);
+        for bad in ["3hz", "0", "81", "-2hz", "nanhz", "fast", "", "0hz"] {
+            assert!(bad.parse::<Replan>().is_err(), "{bad}");
+        }
+    }
+}

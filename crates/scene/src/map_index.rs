@@ -1,0 +1,253 @@
+//! The spatial index of a map, built once per scenario, and its queries.
+
+use reactsim_geometry::{
+    Bounds, Grid, NearestEdge, OrientedEdges, PolygonIndex, Projection, Vec2, point_in_ring, point_segment,
+};
+
+use super::{Lane, LaneArea, RoadMap};
+
+/// A lane found at or near a point, with the projection of the point onto its baseline.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaneHit {
+    /// Index of the lane.
+    pub lane: usize,
+    /// Projection onto the baseline.
+    pub projection: Projection,
+}
+
+/// Spatial indices of lanes, edges and areas.
+#[derive(Clone, Debug)]
+pub struct MapIndex {
+    pieces: Vec<Piece>,
+    piece_grid: Grid,
+    polygon_lanes: Vec<usize>,
+    polygon_grid: Grid,
+    edges: OrientedEdges,
+    area_grid: Grid,
+    areas: Vec<PolygonIndex>,
+    intersection_grid: Grid,
+}
+
+/// Successive segments of a lane's baseline.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    lane: u32,
+    first: u32,
+    last: u32,
+}
+
+/// Number of segments per piece: about 4 m of a Waymo lane.
+const PIECE_SEGMENTS: usize = 8;
+/// Cell size of the grids, metres.
+const CELL_SIZE: f64 = 6.0;
+
+impl MapIndex {
+    /// Builds the index.
+    pub fn new(map: &RoadMap) -> Self {
+        let (mut pieces, mut bounds) = (Vec::new(), Vec::new());
+        let (mut polygon_lanes, mut polygon_bounds) = (Vec::new(), Vec::new());
+        for (i, lane) in map.lanes.iter().enumerate() {
+            let reach = match &lane.area {
+                LaneArea::Corridor { half_width } => *half_width,
+                LaneArea::Polygon(ring) => {
+                    polygon_lanes.push(i);
+                    polygon_bounds.push(Bounds::of(ring.iter().copied()));
+                    0.0
+                }
+            };
+            let mut first = 0;
+            while first < lane.baseline.segments() {
+                let last = (first + PIECE_SEGMENTS).min(lane.baseline.segments());
+                pieces.push(Piece { lane: i as u32, first: first as u32, last: last as u32 });
+                bounds.push(Bounds::of(lane.baseline.points()[first..=last].iter().copied()).inflated(reach));
+                first = last;
+            }
+        }
+        let area = map.drivable_area.iter().flatten();
+        let intersections = map.intersections.iter();
+        Self {
+            piece_grid: Grid::new(&bounds, CELL_SIZE),
+            pieces,
+            polygon_lanes,
+            polygon_grid: Grid::new(&polygon_bounds, CELL_SIZE),
+            edges: OrientedEdges::new(map.road_edges.iter().map(|e| e.points.as_slice())),
+            areas: area.clone().map(PolygonIndex::new).collect(),
+            area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL_SIZE),
+            intersection_grid: Grid::new(
+                &intersections.map(|r| Bounds::of(r.iter().copied())).collect::<Vec<_>>(),
+                CELL_SIZE,
+            ),
+        }
+    }
+}
+
+/// A map with its spatial index, which answers all map queries.
+#[derive(Clone, Copy, Debug)]
+pub struct Road<'a> {
+    /// The map.
+    pub map: &'a RoadMap,
+    index: &'a MapIndex,
+}
+
+impl<'a> Road<'a> {
+    /// Joins a map with the index that was built from it.
+    pub fn new(map: &'a RoadMap, index: &'a MapIndex) -> Self {
+        Self { map, index }
+    }
+
+    /// Returns the lane with this index.
+    pub fn lane(&self, lane: usize) -> &'a Lane {
+        &self.map.lanes[lane]
+    }
+
+    /// Finds the lanes whose area strictly contains `p`, in map order, and writes them to `hits` (cleared
+    /// first).
+    pub fn lanes_at(&self, p: Vec2, hits: &mut Vec<LaneHit>) {
+        hits.clear();
+        let cell = self.index.piece_grid.at(p);
+        let mut k = 0;
+        while k < cell.len() {
+            let lane = self.index.pieces[cell[k] as usize].lane;
+            let end = cell[k..].partition_point(|&i| self.index.pieces[i as usize].lane == lane) + k;
+            if let LaneArea::Corridor { half_width } = self.map.lanes[lane as usize].area
+                && let Some(projection) = self.in_corridor(p, lane as usize, half_width, &cell[k..end])
+            {
+                hits.push(LaneHit { lane: lane as usize, projection });
+            }
+            k = end;
+        }
+        let polygons = self.index.polygon_grid.at(p);
+        if polygons.is_empty() {
+            return;
+        }
+        for &i in polygons {
+            let lane = self.index.polygon_lanes[i as usize];
+            if let LaneArea::Polygon(ring) = &self.map.lanes[lane].area
+                && point_in_ring(p, ring) == Some(true)
+            {
+                hits.push(LaneHit { lane, projection: self.map.lanes[lane].baseline.project(p) });
+            }
+        }
+        hits.sort_by_key(|h| h.lane);
+    }
+
+    /// Returns the projection of `p` onto the baseline of one lane if its area strictly contains `p`. The
+    /// result equals that of [`Road::lanes_at`] for this lane.
+    pub fn lane_at(&self, p: Vec2, lane: usize) -> Option<Projection> {
+        match &self.map.lanes[lane].area {
+            LaneArea::Corridor { half_width } => {
+                let cell = self.index.piece_grid.at(p);
+                let of = |i: &u32| self.index.pieces[*i as usize].lane as usize;
+                let start = cell.partition_point(|i| of(i) < lane);
+                let end = start + cell[start..].partition_point(|i| of(i) == lane);
+                self.in_corridor(p, lane, *half_width, &cell[start..end])
+            }
+            LaneArea::Polygon(ring) => {
+                (point_in_ring(p, ring) == Some(true)).then(|| self.map.lanes[lane].baseline.project(p))
+            }
+        }
+    }
+
+    /// Returns the projection of `p` if the corridor strictly contains it: within the half-width of the
+    /// baseline and not beyond its flat ends.
+    fn in_corridor(&self, p: Vec2, lane: usize, half_width: f64, pieces: &[u32]) -> Option<Projection> {
+        let line = &self.map.lanes[lane].baseline;
+        let reach = half_width * half_width;
+        let mut inside = false;
+        let mut nearest = (f64::INFINITY, 0_usize);
+        for &piece in pieces {
+            let Piece { first, last, .. } = self.index.pieces[piece as usize];
+            for i in first as usize..last as usize {
+                let (a, b) = line.segment(i);
+                let (d2, t) = point_segment(p, a, b);
+                if d2 < nearest.0 {
+                    nearest = (d2, i);
+                }
+                let beyond = (t <= 0.0 && i == 0) || (t >= 1.0 && i + 1 == line.segments());
+                inside |= d2 < reach && !beyond;
+            }
+        }
+        inside.then(|| line.project_between(p, nearest.1, nearest.1 + 1))
+    }
+
+    /// Finds the lanes whose baseline is within `radius` metres of `p`, in map order, and writes them to
+    /// `hits` (cleared first).
+    pub fn lanes_near(&self, p: Vec2, radius: f64, hits: &mut Vec<LaneHit>) {
+        hits.clear();
+        let mut found: Vec<u32> = Vec::new();
+        self.index.piece_grid.visit(&Bounds::around(p, radius), |i| found.push(i));
+        found.sort_unstable();
+        found.dedup();
+        for &i in &found {
+            let Piece { lane, first, last } = self.index.pieces[i as usize];
+            let line = &self.map.lanes[lane as usize].baseline;
+            let projection = line.project_between(p, first as usize, last as usize);
+            if projection.distance > radius {
+                continue;
+            }
+            match hits.last_mut() {
+                Some(hit) if hit.lane == lane as usize => {
+                    if projection.distance < hit.projection.distance {
+                        hit.projection = projection;
+                    }
+                }
+                _ => hits.push(LaneHit { lane: lane as usize, projection }),
+            }
+        }
+    }
+
+    /// Finds the nearest road edge; `start` is the segment found for a nearby point. `None` without edges.
+    fn nearest_edge(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
+        self.index.edges.nearest(p, start)
+    }
+
+    /// Returns whether the map records its drivable area.
+    pub fn has_drivable_area(&self) -> bool {
+        self.map.drivable_area.is_some() || !self.index.edges.is_empty()
+    }
+
+    /// Returns whether `p` is on drivable ground: strictly inside a polygon or, in maps without polygons,
+    /// left of the nearest edge. `start` carries the nearest edge from one point of a track to the next.
+    /// `None` if the map does not record its drivable area.
+    pub fn drivable(&self, p: Vec2, start: &mut Option<u32>) -> Option<bool> {
+        if self.map.drivable_area.is_some() {
+            let areas = &self.index.areas;
+            return Some(self.index.area_grid.at(p).iter().any(|&i| areas[i as usize].contains(p)));
+        }
+        let nearest = self.nearest_edge(p, *start)?;
+        *start = Some(nearest.segment);
+        Some(!nearest.outside)
+    }
+
+    /// Returns the distance from `p` to the drivable ground, metres; 0 on it. `start` and `None` as in
+    /// [`Road::drivable`].
+    pub fn distance_off_road(&self, p: Vec2, start: &mut Option<u32>) -> Option<f64> {
+        if let Some(area) = &self.map.drivable_area {
+            if self.drivable(p, start)? {
+                return Some(0.0);
+            }
+            let rings = area.iter().flat_map(|a| std::iter::once(&a.exterior).chain(&a.holes));
+            return Some(rings.map(|r| reactsim_geometry::ring_distance(p, r)).fold(f64::INFINITY, f64::min));
+        }
+        let nearest = self.nearest_edge(p, *start)?;
+        *start = Some(nearest.segment);
+        Some(if nearest.outside { nearest.distance } else { 0.0 })
+    }
+
+    /// Returns whether `p` is strictly inside a junction.
+    pub fn in_intersection(&self, p: Vec2) -> bool {
+        let at = self.index.intersection_grid.at(p);
+        at.iter().any(|&i| point_in_ring(p, &self.map.intersections[i as usize]) == Some(true))
+    }
+
+    /// Returns the distance from `p` to the area of a lane, metres; 0 inside.
+    pub fn distance_to_lane(&self, p: Vec2, lane: usize) -> f64 {
+        match &self.map.lanes[lane].area {
+            LaneArea::Polygon(ring) if point_in_ring(p, ring) == Some(true) => 0.0,
+            LaneArea::Polygon(ring) => reactsim_geometry::ring_distance(p, ring),
+            LaneArea::Corridor { half_width } => {
+                (self.map.lanes[lane].baseline.project(p).distance - half_width).max(0.0)
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! Scenarios: the information known at the current frame, and the log after it.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use reactsim_geometry::{OrientedBox, Vec2};
+
+use super::{
+    Agent, AgentState, CURRENT, Certificate, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Road,
+    RoadMap, TrafficLight,
+};
+
+/// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
+pub const MAX_AGENTS: usize = 64;
+
+/// The dominant source of a deviation from the log (ReactSim-Bench, "Deviation Taxonomy").
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Deviation {
+    /// Same path, another speed profile.
+    Longitudinal,
+    /// Another lateral position.
+    Lateral,
+    /// Another direction.
+    Directional,
+}
+
+impl Deviation {
+    /// All categories.
+    pub const ALL: [Self; 3] = [Self::Longitudinal, Self::Lateral, Self::Directional];
+
+    /// Returns the name used in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Longitudinal => "longitudinal",
+            Self::Lateral => "lateral",
+            Self::Directional => "directional",
+        }
+    }
+
+    /// Returns the category with this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|c| c.name() == name)
+    }
+}
+
+/// A deviated AV: its category and its states at the steps 1 to 80, in the scenario frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviatedTrack {
+    /// Dominant source of the deviation, if known.
+    pub category: Option<Deviation>,
+    /// 80 states.
+    pub track: Vec<AgentState>,
+    /// Responses with which every agent that the deviation affects can avoid it, if known.
+    pub certificate: Option<Certificate>,
+}
+
+/// A recorded scene, split at the current frame. The split is the information boundary: simulators get
+/// [`Start`] only.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// Name.
+    pub id: String,
+    /// Data set or format of origin.
+    pub source: String,
+    /// World point that is the origin of all coordinates here, metres.
+    pub origin: Vec2,
+    /// Time of each frame, seconds; empty if not recorded.
+    pub timestamps: Vec<f64>,
+    /// Ids of the agents that the data set marks for prediction.
+    pub tracks_to_predict: Vec<String>,
+    /// Ids of the agents that the data set marks as interesting.
+    pub objects_of_interest: Vec<String>,
+    /// Information known at the current frame.
+    pub start: Start,
+    /// The log after the current frame.
+    pub log_future: LogFuture,
+    /// Recorded agents other than the AV and the selected world agents: absent now, too far away, or of kind
+    /// `other`.
+    pub unselected: Vec<LoggedAgent>,
+    /// A deviated AV that came with the scenario.
+    pub deviation: Option<DeviatedTrack>,
+    /// Number of items that had to be dropped from the file's data, by description.
+    pub repairs: BTreeMap<String, u32>,
+}
+
+/// The information known at the current frame: agents, their history, the map, the lights so far. It contains
+/// nothing of the future.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// The AV in slot 0, then the world agents by distance to it.
+    pub agents: Vec<Agent>,
+    /// 11 frames per agent; the last one is now and never absent.
+    pub history: Vec<Vec<Frame>>,
+    /// Boxes of the static context (kind `other`, present now).
+    pub obstacles: Vec<OrientedBox>,
+    /// The road map.
+    pub map: RoadMap,
+    /// The lights of the map.
+    pub lights: Vec<TrafficLight>,
+    /// 11 observed states per light; `None` if not observed.
+    pub light_history: Vec<Vec<Option<LightState>>>,
+    pub(super) index: OnceLock<MapIndex>,
+}
+
+impl Start {
+    /// Returns the map with its spatial index, which is built at the first call.
+    pub fn road(&self) -> Road<'_> {
+        Road::new(&self.map, self.index.get_or_init(|| MapIndex::new(&self.map)))
+    }
+
+    /// Returns the state of an agent at the current frame.
+    pub fn now(&self, agent: usize) -> AgentState {
+        self.history[agent][CURRENT].expect("selected agents are present now")
+    }
+}
+
+/// The log after the current frame. Only oracles, metrics and logged AVs may look at it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogFuture {
+    /// 80 frames per agent, in the order of [`Start`].
+    pub tracks: Vec<Vec<Frame>>,
+    /// 80 observed states per light.
+    pub lights: Vec<Vec<Option<LightState>>>,
+}
+
+impl Scenario {
+    /// Returns the scenario without anything after the current frame: logged futures, agents that appear
+    /// later, deviated AV, and the marks of agents, which data sets choose by their later motion.
+    pub fn without_future(mut self) -> Self {
+        self.log_future.tracks.iter_mut().for_each(|track| track.fill(None));
+        self.log_future.lights.iter_mut().for_each(|states| states.fill(None));
+        for agent in &mut self.unselected {
+            agent.track[HISTORY..].fill(None);
+        }
+        self.unselected.retain(|agent| agent.track.iter().any(Option::is_some));
+        self.deviation = None;
+        self.tracks_to_predict.clear();
+        self.objects_of_interest.clear();
+        self
+    }
+
+    /// Returns the whole logged track of an agent: 91 frames.
+    pub fn logged(&self, agent: usize) -> Vec<Frame> {
+        self.start.history[agent].iter().chain(&self.log_future.tracks[agent]).copied().collect()
+    }
+
+    /// Returns the logged state of an agent at a frame; absent beyond the last frame.
+    pub fn logged_at(&self, agent: usize, frame: usize) -> Frame {
+        match frame.checked_sub(HISTORY) {
+            None => self.start.history[agent][frame],
+            Some(k) => self.log_future.tracks[agent].get(k).copied().flatten(),
+        }
+    }
+
+    /// Returns the logged velocity of an agent at a frame, m/s: the recorded velocity, else the backward
+    /// difference of its positions, else the forward difference (the rule of the metrics). `None` if the
+    /// agent is absent at this frame, or present at neither neighbouring frame.
+    pub fn logged_velocity(&self, agent: usize, frame: usize) -> Option<Vec2> {
+        let at = |f: usize| self.logged_at(agent, f);
+        let here = at(frame)?;
+        let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
+        let before = || frame.checked_sub(1).and_then(at).map(|b| step(b, here));
+        let after = || at(frame + 1).map(|a| step(here, a));
+        here.velocity().or_else(before).or_else(after)
+    }
+
+    /// Returns the observed states of a light over all 91 frames.
+    pub fn light_states(&self, light: usize) -> Vec<Option<LightState>> {
+        self.start.light_history[light].iter().chain(&self.log_future.lights[light]).copied().collect()
+    }
+}

@@ -1,0 +1,186 @@
+//! The folder of a training: description, log, last checkpoints, weights.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use reactsim_files as files;
+use serde_json::{Map, Value};
+
+use super::TrainingError;
+use super::checkpoint::{Checkpoint, refuse_other};
+use super::log::{Row, read_log};
+use super::parameters::Layout;
+use super::tensors::{NamedTensors, replace};
+
+/// Name of the file that describes the task, the settings and the data.
+pub const ABOUT: &str = "training.json";
+/// Name of the log.
+pub const LOG: &str = "log.jsonl";
+/// Name of the file with the weights of the lowest validation loss; without held-out examples, of the
+/// last step.
+pub const WEIGHTS: &str = "weights.safetensors";
+/// Number of checkpoints to keep.
+const KEPT_CHECKPOINTS: usize = 2;
+/// Field of [`ABOUT`] that identifies the training.
+const IDENTITY: &str = "training";
+
+/// The folder of a running training.
+pub(super) struct Folder {
+    path: PathBuf,
+    log: File,
+    identity: Value,
+    /// Held during the training, so that no other training writes to the folder.
+    _lock: File,
+}
+
+impl Folder {
+    /// Creates the folder of a new training. Files that are not of a training stay.
+    pub(super) fn create(
+        path: &Path,
+        identity: Value,
+        about: &Map<String, Value>,
+    ) -> Result<Self, TrainingError> {
+        files::create_folder(path)
+            .map_err(|source| TrainingError::Write { path: path.to_owned(), source })?;
+        let begun = [ABOUT, LOG, WEIGHTS].iter().any(|name| path.join(name).exists());
+        if begun || !checkpoints(path)?.is_empty() {
+            return Err(TrainingError::Exists { path: path.to_owned() });
+        }
+        let mut content = about.clone();
+        content.insert(IDENTITY.to_owned(), identity.clone());
+        let text = serde_json::to_string_pretty(&content).expect("the description is text and numbers");
+        replace(&path.join(ABOUT), format!("{text}\n").as_bytes())?;
+        Self::open(path, identity)
+    }
+
+    /// Opens the folder of an interrupted training, with its last checkpoint; `None` if it was killed
+    /// before the first one. Rows logged after the checkpoint are removed.
+    pub(super) fn resume(
+        path: &Path,
+        identity: Value,
+        about: &Map<String, Value>,
+        layout: &Layout,
+    ) -> Result<(Self, Option<Checkpoint>), TrainingError> {
+        let at = path.join(ABOUT);
+        if !at.exists() {
+            return Ok((Self::create(path, identity, about)?, None));
+        }
+        let unreadable = |why: String| TrainingError::Unreadable { path: at.clone(), why };
+        let text = fs::read(&at).map_err(|e| unreadable(e.to_string()))?;
+        let old: Value = serde_json::from_slice(&text).map_err(|e| unreadable(e.to_string()))?;
+        refuse_other(path, old.get(IDENTITY).unwrap_or(&Value::Null), &identity)?;
+        let checkpoints = checkpoints(path)?;
+        let checkpoint = match checkpoints.split_last() {
+            None => None,
+            Some((last, earlier)) => {
+                let read = NamedTensors::read(last).map_err(|e| match e {
+                    TrainingError::Unreadable { why, .. } => why,
+                    other => other.to_string(),
+                });
+                let read = read.and_then(|file| Checkpoint::of(file, layout, &identity));
+                Some(read.map_err(|why| TrainingError::Checkpoint {
+                    path: last.clone(),
+                    why,
+                    mend: earlier.last().map_or_else(
+                        || "delete it to start from the first step".to_owned(),
+                        |earlier| format!("delete it to continue from {}", earlier.display()),
+                    ),
+                })?)
+            }
+        };
+        let step = checkpoint.as_ref().map_or(0, |c| c.progress.step);
+        let log = path.join(LOG);
+        if log.exists() {
+            let kept = read_log(&log)?.into_iter().filter(|row| row.step() <= step);
+            replace(&log, kept.map(|row| row.line()).collect::<String>().as_bytes())?;
+        }
+        let folder = Self::open(path, identity)?;
+        remove_partial_files(path);
+        Ok((folder, checkpoint))
+    }
+
+    fn open(path: &Path, identity: Value) -> Result<Self, TrainingError> {
+        let at = path.join(ABOUT);
+        let refuse = |path: PathBuf| move |source| TrainingError::Write { path, source };
+        let lock = files::lock(&at).map_err(refuse(at))?;
+        let lock = lock.ok_or_else(|| TrainingError::Busy { path: path.to_owned() })?;
+        let at = path.join(LOG);
+        let log = OpenOptions::new().create(true).append(true).open(&at).map_err(refuse(at))?;
+        Ok(Self { path: path.to_owned(), log, identity, _lock: lock })
+    }
+
+    /// Identity of this training: settings, task and data.
+    pub(super) fn identity(&self) -> &Value {
+        &self.identity
+    }
+
+    /// Appends a row to the log.
+    pub(super) fn append(&mut self, row: &Row) -> Result<(), TrainingError> {
+        let refuse = |source| TrainingError::Write { path: self.path.join(LOG), source };
+        self.log.write_all(row.line().as_bytes()).map_err(refuse)
+    }
+
+    /// Writes a checkpoint and removes all but the last ones.
+    pub(super) fn keep(
+        &mut self,
+        checkpoint: &Checkpoint,
+        layout: &Layout,
+    ) -> Result<PathBuf, TrainingError> {
+        self.log.sync_data().map_err(|source| TrainingError::Write { path: self.path.join(LOG), source })?;
+        let path = self.path.join(format!("checkpoint-{:08}.safetensors", checkpoint.progress.step));
+        checkpoint.tensors(layout, &self.identity).write(&path)?;
+        let all = checkpoints(&self.path)?;
+        for old in &all[..all.len().saturating_sub(KEPT_CHECKPOINTS)] {
+            // A checkpoint that cannot be removed does no harm.
+            fs::remove_file(old).ok();
+        }
+        Ok(path)
+    }
+
+    /// Returns the path of the weights.
+    pub(super) fn weights(&self) -> PathBuf {
+        self.path.join(WEIGHTS)
+    }
+
+    /// Writes the weights as named tensors.
+    pub(super) fn put_weights(&self, mut weights: NamedTensors) -> Result<(), TrainingError> {
+        weights.about.insert("kind".to_owned(), "reactsim-weights-1".into());
+        weights.about.insert("training".to_owned(), self.identity.clone());
+        weights.write(&self.weights())
+    }
+
+    /// Writes the weights in the task's own file format.
+    pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
+        replace(&self.weights(), bytes)
+    }
+}
+
+/// Removes partially written files of a killed training. Files that cannot be removed only take space.
+fn remove_partial_files(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_ours =
+            |target: &str| ["checkpoint-", WEIGHTS, LOG, ABOUT].iter().any(|o| target.starts_with(o));
+        if files::target_of(&name).is_some_and(is_ours) {
+            fs::remove_file(entry.path()).ok();
+        }
+    }
+}
+
+/// Returns the checkpoints of a folder in the order of their steps.
+fn checkpoints(folder: &Path) -> Result<Vec<PathBuf>, TrainingError> {
+    let refuse =
+        |e: std::io::Error| TrainingError::Unreadable { path: folder.to_owned(), why: e.to_string() };
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(refuse)? {
+        let path = entry.map_err(refuse)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let step = name.strip_prefix("checkpoint-").and_then(|n| n.strip_suffix(".safetensors"));
+        if let Some(step) = step.and_then(|n| n.parse::<u64>().ok()) {
+            found.push((step, path));
+        }
+    }
+    found.sort();
+    Ok(found.into_iter().map(|(_, path)| path).collect())
+}

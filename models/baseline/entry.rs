@@ -1,0 +1,54 @@
+//! Entries of the list of baselines.
+
+use reactsim_rollout::Controller;
+
+use super::{ModelError, Setup, weights};
+
+/// A baseline, as listed by `--models` and in tables.
+#[derive(Clone, Copy, Debug)]
+pub struct Baseline {
+    /// Stable id, such as `idm`.
+    pub id: &'static str,
+    /// Text of its card (TOML): description, parameters and their sources.
+    pub card: &'static str,
+    /// Text of the units and ranges of these parameters (TOML); empty if there are none.
+    pub ranges: &'static str,
+    /// Whether the simulator sees the log's future (†).
+    pub oracle: bool,
+    /// Whether a trajectory stage can follow it. False where the motion is the log's or already
+    /// comes from the stage.
+    pub takes_stage: bool,
+    /// Whether it runs if no simulators are named. The others are run by their ids, or by `all`.
+    pub by_default: bool,
+    /// Whether the simulator needs weights.
+    pub needs_weights: bool,
+    /// Builds the simulator.
+    pub make: fn(Setup) -> Result<Controller, ModelError>,
+}
+
+impl Baseline {
+    /// Returns the default setup: the parameters of the card and the weights that ship with the
+    /// program.
+    ///
+    /// # Errors
+    /// [`ModelError`], for example if the card or its ranges cannot be read. Missing weights are not an error
+    /// here.
+    pub fn setup(&self) -> Result<Setup, ModelError> {
+        let weights = if self.needs_weights { weights::shipped(self.id)? } else { None };
+        Setup::new(self.id, self.card, self.ranges, weights)
+    }
+
+    /// Returns whether it can be built without weights from elsewhere.
+    pub fn is_complete(&self) -> bool {
+        !self.needs_weights || matches!(weights::shipped(self.id), Ok(Some(_)))
+    }
+
+    /// Builds the simulator with the parameters of the card and the weights that ship with the
+    /// program.
+    ///
+    /// # Errors
+    /// [`ModelError`], for example if the weights do not ship.
+    pub fn simulator(&self) -> Result<Controller, ModelError> {
+        (self.make)(self.setup()?)
+    }
+}

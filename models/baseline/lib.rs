@@ -1,0 +1,21 @@
+//! What the baselines of [reactsim](https://docs.rs/reactsim) share: [`Baseline`], the entry of a simulator
+//! in the list of baselines, and the [`Setup`] from which it is built: the parameters of its card within
+//! their ranges, and weights.
+
+mod backend;
+mod card;
+mod entry;
+mod error;
+mod parameters;
+mod ranges;
+mod setup;
+pub mod weights;
+
+pub use backend::{Backend, BackendError};
+pub use card::{Card, CardError};
+pub use entry::Baseline;
+pub use error::ModelError;
+pub use parameters::Parameters;
+pub use ranges::{Allowed, ParameterRange, Ranges};
+pub use setup::Setup;
+pub use weights::WeightsFile;

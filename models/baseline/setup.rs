@@ -1,0 +1,85 @@
+//! Setup of a baseline: the parameters of its card, possibly changed, and its weights.
+
+use std::error::Error;
+
+use serde::de::DeserializeOwned;
+use toml::Value;
+
+use super::{Backend, Card, ModelError, ParameterRange, Parameters, Ranges, WeightsFile};
+
+/// Parameters and weights from which a baseline is built.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// Id of the baseline.
+    pub id: &'static str,
+    /// Parameters of its card, with changes applied.
+    pub parameters: Parameters,
+    /// Weights: always present for a baseline that needs them, never for one that does not.
+    pub weights: Option<WeightsFile>,
+    /// Backend of its network, if it has one.
+    pub backend: Backend,
+}
+
+impl Setup {
+    /// Builds a setup from the texts of a card and of the ranges of its parameters, and optional
+    /// weights, on the default backend.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the card or the ranges cannot be read.
+    pub fn new(
+        id: &'static str,
+        card: &str,
+        ranges: &str,
+        weights: Option<WeightsFile>,
+    ) -> Result<Self, ModelError> {
+        let parameters = Parameters::new(id, Card::read(id, card)?.parameters, Ranges::read(id, ranges)?);
+        Ok(Self { id, parameters, weights, backend: Backend::default() })
+    }
+
+    /// Deserializes the parameters into the type that the baseline needs, after a check that all are
+    /// within their ranges.
+    ///
+    /// # Errors
+    /// [`ModelError`] naming the missing, unknown or invalid parameter.
+    pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, ModelError> {
+        self.parameters.get()
+    }
+
+    /// Returns the dotted path, value and range of every parameter.
+    ///
+    /// # Errors
+    /// [`ModelError::NoRange`] for a parameter without a range.
+    pub fn ranges(&self) -> Result<Vec<(String, &Value, &ParameterRange)>, ModelError> {
+        self.parameters.ranges()
+    }
+
+    /// Checks that a parameter is at most as large as another one.
+    ///
+    /// # Errors
+    /// [`ModelError::Order`] naming both parameters and their values.
+    pub fn require_order(&self, lower: &'static str, upper: &'static str) -> Result<(), ModelError> {
+        self.parameters.require_order(lower, upper)
+    }
+
+    /// Returns the weights.
+    ///
+    /// # Errors
+    /// [`ModelError::NoWeights`].
+    pub fn weights(&self) -> Result<&WeightsFile, ModelError> {
+        self.weights.as_ref().ok_or(ModelError::NoWeights { id: self.id })
+    }
+
+    /// Returns the error for weights that cannot be used, with its cause.
+    pub fn refuse_weights(&self, source: impl Into<Box<dyn Error + Send + Sync>>) -> ModelError {
+        let file = self.weights.as_ref().map(|w| w.name.clone()).unwrap_or_default();
+        ModelError::Weights { id: self.id, file, source: source.into() }
+    }
+
+    /// Changes a parameter, as [`Parameters::set`].
+    ///
+    /// # Errors
+    /// [`ModelError`] naming the parameter, the value and, if it is not within it, the range.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<String, ModelError> {
+        self.parameters.set(key, value)
+    }
+}

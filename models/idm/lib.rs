@@ -1,0 +1,70 @@
+//! IDM: reactive, rule-based agents. Vehicles and cyclists drive paths over the lane graph, pedestrians
+//! walk.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+mod actor;
+mod corridor;
+mod decide;
+mod driver;
+mod evade;
+mod follow;
+mod forecast;
+mod motion;
+mod own_motion;
+mod parameters;
+mod route;
+mod signals;
+mod strip;
+
+use reactsim_baseline::{Baseline, ModelError, Setup};
+use reactsim_rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
+use reactsim_scene::Start;
+
+use self::motion::Traffic;
+use self::parameters::Parameters;
+
+/// Its entry in the list of baselines.
+pub const ENTRY: Baseline = Baseline {
+    id: "idm",
+    card: include_str!("card.toml"),
+    ranges: include_str!("ranges.toml"),
+    oracle: false,
+    takes_stage: true,
+    by_default: true,
+    needs_weights: false,
+    make,
+};
+
+fn make(setup: Setup) -> Result<Controller, ModelError> {
+    let parameters = setup.parameters()?;
+    setup.require_order("vehicle.deceleration", "limits.emergency_deceleration")?;
+    setup.require_order("cyclist.deceleration", "limits.emergency_deceleration")?;
+    setup.require_order("limits.jerk", "limits.emergency_jerk")?;
+    setup.require_order("conflict.sample", "conflict.horizon")?;
+    setup.require_order("conflict.sample", "conflict.av_horizon")?;
+    Ok(Controller::Fair(Box::new(Idm { parameters })))
+}
+
+/// Rule-based drivers on the lane graph.
+#[derive(Clone, Debug)]
+pub struct Idm {
+    parameters: Parameters,
+}
+
+impl SingleEpisode for Idm {
+    type Memory = Traffic;
+
+    fn id(&self) -> &'static str {
+        ENTRY.id
+    }
+
+    fn begin(&self, start: &Start, stream: &mut Stream) -> Traffic {
+        Traffic::begin(start, &self.parameters, stream)
+    }
+
+    fn plan_one(&self, traffic: &mut Traffic, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        traffic.plan(&self.parameters, episode);
+        Ok(())
+    }
+}

@@ -1,0 +1,49 @@
+//! Layers and tools that several networks share: devices, weights files and building blocks.
+//!
+//! Everything here is a function of its inputs. Initial weights come from a seed ([`Initializer`])
+//! and dropout from a stream of the caller ([`Noise`]); no layer reads the time or draws its own
+//! random numbers.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+mod attention;
+mod dense_attention;
+mod device;
+mod feed_forward;
+mod fourier;
+mod fused;
+mod host;
+mod initializer;
+mod mlp;
+mod multi_head;
+mod neighbors;
+mod noise;
+mod processor;
+mod relations;
+mod rows;
+mod shared_rows;
+mod size_error;
+mod turns;
+pub mod weights;
+
+pub use attention::{AttentionConfig, RelationalAttention};
+pub use dense_attention::{CLOSED, dense_attention};
+pub use device::{check_backend, device, device_of};
+pub use feed_forward::{FeedForward, FeedForwardConfig, ReluLayers, SwiGluLayers};
+pub use fourier::{FourierEmbedding, ScalarLayers};
+pub use host::is_host;
+pub use initializer::Initializer;
+pub use mlp::{MlpEmbedding, MlpLayer, PlainMlp};
+pub use multi_head::{MultiHeadAttention, Part};
+pub use neighbors::Neighbors;
+pub use noise::Noise;
+pub use processor::cpu_class;
+pub use relations::Relations;
+pub use rows::normalize;
+pub use rows::{Rows, gelu, linear, pool};
+pub use shared_rows::{RowCollector, SharedRows};
+pub use size_error::SizeError;
+pub use turns::cos_sin_rows;
+pub use weights::{Tensors, WeightsError, save};
+
+pub use reactsim_baseline::{Backend, BackendError};

@@ -1,7 +1,0 @@
-#[cfg(feature = "formats")]
-mod attack;
-mod fixture;
-#[cfg(feature = "formats")]
-mod golden;
-mod pruning;
-mod quirks;
