@@ -38,22 +38,26 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::COMMIT;
 use crate::evaluation::{
-    self, AvChoice, Deviations, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunFolder,
-    RunObserver, RunSettings, Selection, Source, Summary,
+    self, Adjustments, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator,
+    RunFolder, RunObserver, Selection, Source, Summary, weights_file,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
 use crate::metrics::Options;
+use crate::models::nn::{Backend, BackendError, check_backend};
 use crate::report::{self, Run, TableStyle};
 use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
 use crate::scene::Scenario;
 use crate::work::available_threads;
+
+/// Scenarios that a thread steps together, if nothing else is chosen.
+const DEFAULT_BATCH: NonZeroUsize = NonZeroUsize::new(4).expect("4 is not 0");
 
 /// A benchmark run that is being put together. Wrong settings are reported by [`Benchmark::run`], before the
 /// first scenario.
@@ -67,9 +71,15 @@ pub struct Benchmark {
     rollouts: u32,
     limit: Option<usize>,
     selection: Selection,
+    /// Ids of baselines.
+    baselines: Vec<String>,
+    weights: Vec<(String, PathBuf)>,
+    adjustments: Adjustments,
     simulators: Vec<Entry>,
     threads: Option<NonZeroUsize>,
+    batch: NonZeroUsize,
     folder: Option<PathBuf>,
+    resume: bool,
     keep_rollouts: bool,
     observer: Arc<dyn RunObserver + Send>,
     stop: Arc<AtomicBool>,
@@ -81,8 +91,8 @@ enum Scenarios {
     Memory(Vec<Scenario>),
 }
 
+/// A simulator that is not a baseline.
 enum Entry {
-    Baseline(String),
     Own(Box<PlannedSimulator>),
     External(Box<ExternalSettings>),
 }
@@ -100,15 +110,15 @@ pub enum BenchmarkError {
     /// An external simulator does not start or does not support the run.
     #[error(transparent)]
     External(#[from] ExternalError),
-    /// An AV was chosen although the simulator moves it.
-    #[error("the realism protocol has no AV policy: the simulator moves the AV")]
-    AvInRealism,
+    /// The tensor backend does not work on this machine.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
     /// No simulator was added.
     #[error("no simulator: add one with `simulator`, `oracle`, `baseline` or `baselines`")]
     NoSimulator,
-    /// The number of rollouts is 0.
-    #[error("0 rollouts: at least 1 is needed")]
-    NoRollouts,
+    /// A run is to be resumed, but no folder is given.
+    #[error("`resume` continues the run in a folder: give one with `folder`")]
+    NoFolder,
     /// No scenario has a result.
     #[error("no scenario could be run; the first failure: {0}")]
     NothingRun(String),
@@ -150,9 +160,14 @@ impl Benchmark {
             rollouts: 1,
             limit: None,
             selection: Selection::default(),
+            baselines: Vec::new(),
+            weights: Vec::new(),
+            adjustments: Adjustments::default(),
             simulators: Vec::new(),
             threads: None,
+            batch: DEFAULT_BATCH,
             folder: None,
+            resume: false,
             keep_rollouts: false,
             observer: Arc::new(()),
             stop: Arc::default(),
@@ -195,9 +210,10 @@ impl Benchmark {
         self
     }
 
-    /// Adds a baseline by its id, such as `idm` or `idm+qp`.
+    /// Adds a baseline by its id, such as `idm` or `idm+qp`, or a variant of it, such as `idm@calm`. `default`
+    /// adds all that run by default, `all` all that have weights. Tables list baselines first.
     pub fn baseline(mut self, id: impl Into<String>) -> Self {
-        self.simulators.push(Entry::Baseline(id.into()));
+        self.baselines.push(id.into());
         self
     }
 
@@ -206,7 +222,32 @@ impl Benchmark {
         ids.into_iter().fold(self, Self::baseline)
     }
 
-    /// Deviated AVs from a file, Parquet or JSON. Scenarios without an entry are skipped.
+    /// Sets a parameter of a baseline that was added, or of a variant, by its dotted path:
+    /// `.baseline("idm@calm").parameter("idm@calm", "vehicle.headway", "2.5")`. The value is in TOML notation.
+    pub fn parameter(
+        mut self,
+        id: impl Into<String>,
+        key: impl Into<String>,
+        value: impl Into<String>,
+    ) -> Self {
+        self.adjustments.parameters.push((id.into(), key.into(), value.into()));
+        self
+    }
+
+    /// Reads the weights of a baseline that was added, or of a variant, from a file.
+    pub fn weights(mut self, id: impl Into<String>, file: impl Into<PathBuf>) -> Self {
+        self.weights.push((id.into(), file.into()));
+        self
+    }
+
+    /// Tensor backend of the networks [default: flex].
+    pub fn backend(mut self, backend: Backend) -> Self {
+        self.adjustments.backend = backend;
+        self
+    }
+
+    /// Deviated AVs from a file, Parquet or JSON. Scenarios without an entry are skipped. Only the policy
+    /// [`AvChoice::Deviated`] uses them; another one is refused.
     pub fn deviations(mut self, path: impl Into<PathBuf>) -> Self {
         self.deviations = Some(path.into());
         self
@@ -272,6 +313,18 @@ impl Benchmark {
         self
     }
 
+    /// Scenarios that a thread steps together [default: 4]. Results do not depend on it.
+    pub fn batch(mut self, batch: NonZeroUsize) -> Self {
+        self.batch = batch;
+        self
+    }
+
+    /// Continues the run in the folder, if it was interrupted.
+    pub fn resume(mut self) -> Self {
+        self.resume = true;
+        self
+    }
+
     /// A run folder for provenance, rows, events and summary.
     pub fn folder(mut self, path: impl Into<PathBuf>) -> Self {
         self.folder = Some(path.into());
@@ -305,32 +358,18 @@ impl Benchmark {
     pub fn run(self) -> Result<Results, BenchmarkError> {
         evaluation::set_program_commit(COMMIT);
         let threads = self.threads.map_or_else(available_threads, NonZeroUsize::get);
-        let (observer, stop) = (self.observer, self.stop);
-        let plan = plan(
-            self.scenarios,
-            self.simulators,
-            self.deviations.as_deref(),
-            RunSettings {
-                rollout: self.settings,
-                av: match (self.av, self.settings.protocol) {
-                    (Some(_), Protocol::Realism) => return Err(BenchmarkError::AvInRealism),
-                    (None, Protocol::Realism) => AvChoice::Log,
-                    (av, Protocol::Reactive) => av.unwrap_or(AvChoice::Deviated),
-                },
-                rollouts: self.rollouts,
-                options: self.options,
-                limit: self.limit,
-                selection: self.selection,
-            },
-            self.keep_rollouts,
-        )?;
-        let folder = match &self.folder {
-            Some(path) => Some(RunFolder::create(path, &plan.provenance())?),
+        let execution = Execution { jobs: threads, batch: self.batch.get() };
+        let (observer, stop) = (Arc::clone(&self.observer), Arc::clone(&self.stop));
+        let (folder, resume) = (self.folder.clone(), self.resume);
+        let plan = self.plan()?;
+        let (mut tally, provenance) = (plan.tally(), plan.provenance());
+        let folder = match folder {
+            Some(path) if resume => Some(RunFolder::resume(&path, &provenance, &mut tally)?),
+            Some(path) => Some(RunFolder::create(&path, &provenance)?),
+            None if resume => return Err(BenchmarkError::NoFolder),
             None => None,
         };
-        let execution = Execution { jobs: threads, batch: 4 };
-        let outcome =
-            evaluation::run(&plan, execution, folder.as_ref(), plan.tally(), observer.as_ref(), &stop)?;
+        let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, observer.as_ref(), &stop)?;
         let Outcome::Finished(summary) = outcome else { return Err(BenchmarkError::Interrupted) };
         if summary.provenance.scenarios == 0 {
             let first = summary.provenance.failures.first();
@@ -339,52 +378,56 @@ impl Benchmark {
         }
         Ok(Results { summary: *summary })
     }
-}
 
-fn plan(
-    scenarios: Scenarios,
-    entries: Vec<Entry>,
-    deviations: Option<&Path>,
-    settings: RunSettings,
-    keep_rollouts: bool,
-) -> Result<Plan, BenchmarkError> {
-    if entries.is_empty() {
-        return Err(BenchmarkError::NoSimulator);
-    }
-    if settings.rollouts == 0 {
-        return Err(BenchmarkError::NoRollouts);
-    }
-    let mut simulators: Vec<PlannedSimulator> = Vec::new();
-    for entry in entries {
-        let simulator = match entry {
-            Entry::Own(simulator) => *simulator,
-            Entry::Baseline(id) => PlannedSimulator::by_ids(&[id])?.remove(0),
-            Entry::External(external) => {
-                let outline = RunOutline::of(&settings.rollout);
-                PlannedSimulator::external(ExternalSimulator::start(*external, outline)?, None)?
+    /// Builds the simulators, opens the scenarios and plans the run.
+    fn plan(mut self) -> Result<Plan, BenchmarkError> {
+        if self.baselines.is_empty() && self.simulators.is_empty() {
+            return Err(BenchmarkError::NoSimulator);
+        }
+        check_backend(self.adjustments.backend)?;
+        for (id, file) in self.weights {
+            self.adjustments.weights.push((id, weights_file(&file)?));
+        }
+        let mut simulators = if !self.baselines.is_empty() {
+            PlannedSimulator::adjusted(&self.baselines, &self.adjustments)?
+        } else if let Some(id) = self.adjustments.ids().next() {
+            return Err(EvaluationError::NotRun { id: id.to_owned() }.into());
+        } else {
+            Vec::new()
+        };
+        let outline = RunOutline::of(&self.settings);
+        for entry in self.simulators {
+            simulators.push(match entry {
+                Entry::Own(simulator) => *simulator,
+                Entry::External(external) => {
+                    PlannedSimulator::external(ExternalSimulator::start(*external, outline.clone())?, None)?
+                }
+            });
+        }
+        let most = self.limit.unwrap_or(usize::MAX);
+        let sources = match self.scenarios {
+            Scenarios::Shipped => vec![Source::shipped(most)],
+            Scenarios::Memory(scenarios) => vec![Source::of_scenarios(scenarios, most)],
+            Scenarios::Files(paths) => {
+                let inputs =
+                    paths.iter().map(|path| formats::find_inputs(path)).collect::<Result<Vec<_>, _>>()?;
+                Source::of_inputs(inputs.concat(), most)?
             }
         };
-        if simulators.iter().any(|s| s.id == simulator.id) {
-            return Err(EvaluationError::RepeatedSimulator { id: simulator.id }.into());
-        }
-        simulators.push(simulator);
+        let request = PlanRequest {
+            sources,
+            simulators,
+            deviations: self.deviations,
+            av: self.av,
+            rollout: self.settings,
+            rollouts: self.rollouts,
+            options: self.options,
+            limit: self.limit,
+            selection: self.selection,
+            keep_rollouts: self.keep_rollouts,
+        };
+        Ok(request.plan()?)
     }
-    let most = settings.limit.unwrap_or(usize::MAX);
-    let sources = match scenarios {
-        Scenarios::Shipped => vec![Source::shipped(most)],
-        Scenarios::Memory(scenarios) => vec![Source::of_scenarios(scenarios, most)],
-        Scenarios::Files(paths) => {
-            let inputs =
-                paths.iter().map(|path| formats::find_inputs(path)).collect::<Result<Vec<_>, _>>()?;
-            Source::of_inputs(inputs.concat(), most)?
-        }
-    };
-    let file = match &settings.av {
-        AvChoice::File(path) => Some(path.as_path()),
-        _ => deviations,
-    };
-    let deviations = file.map(Deviations::read).transpose()?;
-    Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
 }
 
 impl Results {

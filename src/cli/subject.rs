@@ -13,8 +13,7 @@ use super::metric_options;
 use super::scenario_args::ScenarioArgs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
-    AV_CHOICES, Adjustments, AvChoice, Deviations, Execution, FileRecord, Plan, PlannedSimulator,
-    RunSettings, Source, weights_file,
+    Adjustments, AvChoice, Execution, FileRecord, Plan, PlanRequest, PlannedSimulator, Source, weights_file,
 };
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::WeightsFile;
@@ -190,35 +189,19 @@ impl EvaluationArgs {
         rollouts: u32,
         keep_rollouts: bool,
     ) -> anyhow::Result<Plan> {
-        let options = metric_options(&self.metric_options)?;
-        let protocol = rollout.protocol;
-        if protocol == Protocol::Realism && self.av.is_some() {
-            bail!("the simulator moves the AV in the realism protocol: leave --av out");
-        }
-        let deviated = matches!(self.av, None | Some(AvChoice::Deviated));
-        let deviations = match (&self.input.deviations, &self.av) {
-            (Some(_), Some(AvChoice::File(_))) => bail!("give either --deviations or --av file:<path>"),
-            (Some(_), _) if !deviated => bail!("--deviations goes with --av deviated only"),
-            (Some(path), _) | (None, Some(AvChoice::File(path))) => Some(Deviations::read(path)?),
-            (None, _) => None,
+        let request = PlanRequest {
+            sources,
+            simulators,
+            deviations: self.input.deviations.clone(),
+            av: self.av.clone(),
+            rollout,
+            rollouts,
+            options: metric_options(&self.metric_options)?,
+            limit: self.input.limit.map(NonZeroUsize::get),
+            selection: self.input.selection.selection(),
+            keep_rollouts,
         };
-        let av = match (&self.av, protocol) {
-            (Some(av), _) => av.clone(),
-            (None, Protocol::Realism) => AvChoice::Log,
-            (None, Protocol::Reactive) => {
-                if deviations.is_none() && !self.input.scenarios.is_empty() && !first_is_deviated(&sources) {
-                    bail!(
-                        "the scenarios have no deviated AV: give --deviations <file>, \
-                         or choose a driver with --av: {AV_CHOICES}"
-                    );
-                }
-                AvChoice::Deviated
-            }
-        };
-        let limit = self.input.limit.map(NonZeroUsize::get);
-        let selection = self.input.selection.selection();
-        let settings = RunSettings { rollout, av, rollouts, options, limit, selection };
-        Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
+        Ok(request.plan()?)
     }
 }
 
@@ -234,12 +217,4 @@ pub(super) fn read_weights(texts: &[String]) -> anyhow::Result<Vec<(String, Weig
         }
     }
     Ok(weights)
-}
-
-/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable,
-/// which the run reports later.
-fn first_is_deviated(sources: &[Source]) -> bool {
-    let scenarios = sources.iter().filter_map(|s| s.scenarios().ok()).flatten();
-    let mut readable = scenarios.filter_map(Result::ok);
-    readable.next().is_none_or(|s| s.deviation.is_some())
 }

@@ -5,12 +5,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
-use reactsim::evaluation::{AvChoice, Failure, Row, RunObserver, read_rows};
+use reactsim::evaluation::{AvChoice, EvaluationError, Failure, Row, RunObserver, read_rows};
 use reactsim::formats;
 use reactsim::rollout::{PlanError, Planning, Protocol, Replan, SingleEpisode, Stream};
 use reactsim::scene::Start;
 use reactsim::{Benchmark, BenchmarkError};
 
+use crate::generated;
 use crate::reference::said;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
@@ -104,9 +105,9 @@ fn wrong_settings_are_refused() {
     let refused = |benchmark: Benchmark| benchmark.run().unwrap_err();
     assert!(matches!(refused(Benchmark::shipped()), BenchmarkError::NoSimulator));
     let stop = || Benchmark::shipped().baseline("stop");
-    assert!(matches!(refused(stop().rollouts(0)), BenchmarkError::NoRollouts));
+    assert!(matches!(refused(stop().rollouts(0)), BenchmarkError::Evaluation(EvaluationError::ZeroRollouts)));
     let realism = stop().protocol(Protocol::Realism).av(AvChoice::Log);
-    assert!(matches!(refused(realism), BenchmarkError::AvInRealism));
+    assert!(matches!(refused(realism), BenchmarkError::Evaluation(EvaluationError::AvInRealism)));
     assert!(refused(stop().baseline("stop")).to_string().contains("`stop`"));
     assert!(refused(stop().baseline("idn")).to_string().contains("`idn`"));
     assert!(refused(Benchmark::files(["/nowhere"]).baseline("stop")).to_string().contains("/nowhere"));
@@ -115,6 +116,49 @@ fn wrong_settings_are_refused() {
     assert!(
         matches!(refused(none), BenchmarkError::NothingRun(reason) if reason == "there are no scenarios")
     );
+    // A file of deviations that the AV would not follow is refused before it is read.
+    for av in [AvChoice::Log, "brake:4".parse().unwrap()] {
+        let unused = refused(stop().deviations("/nowhere.json").av(av));
+        assert!(matches!(unused, BenchmarkError::Evaluation(EvaluationError::DeviationsUnused)), "{unused}");
+    }
+    let twice = refused(stop().deviations("/nowhere.json").av(AvChoice::File("/nowhere.json".into())));
+    assert!(matches!(twice, BenchmarkError::Evaluation(EvaluationError::DeviationsTwice)), "{twice}");
+    let mut plain = generated::deviating(0, false);
+    plain.id = "plain".to_owned();
+    let undeviated = refused(Benchmark::scenarios([plain]).baseline("stop"));
+    assert!(matches!(undeviated, BenchmarkError::Evaluation(EvaluationError::NoDeviatedAv)), "{undeviated}");
+    let unheard = refused(stop().parameter("idm", "vehicle.headway", "2.5"));
+    assert!(matches!(unheard, BenchmarkError::Evaluation(EvaluationError::NotRun { .. })), "{unheard}");
+    let unheard =
+        refused(Benchmark::shipped().simulator("frozen", Frozen).parameter("idm", "vehicle.headway", "2.5"));
+    assert!(matches!(unheard, BenchmarkError::Evaluation(EvaluationError::NotRun { .. })), "{unheard}");
+    assert!(matches!(refused(stop().resume()), BenchmarkError::NoFolder));
     let stopped = stop().stop(Arc::new(AtomicBool::new(true)));
     assert!(matches!(refused(stopped), BenchmarkError::Interrupted));
+}
+
+#[test]
+fn all_baselines_and_variants_are_those_of_run() {
+    let simulators = |benchmark: Benchmark| {
+        let results = benchmark.run().unwrap();
+        results.summary.provenance.run.simulators.into_iter().map(|s| s.id).collect::<Vec<_>>()
+    };
+    let scenario = || Benchmark::scenarios([generated::scenario(0)]).batch(NonZeroUsize::MIN);
+    let complete = reactsim::models::MODELS.iter().filter(|baseline| baseline.is_complete());
+    let complete: Vec<_> = complete.map(|baseline| baseline.id.to_owned()).collect();
+    assert_eq!(simulators(scenario().baseline("all")), complete);
+
+    let home = tempfile::tempdir().unwrap();
+    let calm = |folder: &str| {
+        scenario()
+            .baselines(["idm", "idm@calm"])
+            .parameter("idm@calm", "vehicle.headway", "2.5")
+            .folder(home.path().join(folder))
+    };
+    assert_eq!(simulators(calm("variants")), ["idm", "idm@calm"]);
+    // A finished run is resumed without rolling anything out anew.
+    let before = rows(&home.path().join("variants"));
+    assert_eq!(simulators(calm("variants").resume()), ["idm", "idm@calm"]);
+    assert_eq!(rows(&home.path().join("variants")), before);
+    assert!(calm("variants").run().is_err(), "the folder has a run");
 }

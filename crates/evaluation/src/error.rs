@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use reactsim_baseline::ModelError;
 use reactsim_formats::FormatError;
 
+use super::av::AV_CHOICES;
+
 /// The reason why a run cannot start or finish. A problem with one scenario is a [`super::Failure`] instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -201,6 +203,23 @@ pub enum EvaluationError {
         /// The id.
         id: String,
     },
+    /// There is nothing to roll out.
+    #[error("0 rollouts: at least 1 is needed")]
+    ZeroRollouts,
+    /// An AV policy was chosen in the realism protocol.
+    #[error("the simulator moves the AV in the realism protocol: leave --av out")]
+    AvInRealism,
+    /// Two files of deviations were given.
+    #[error("give either --deviations or --av file:<path>")]
+    DeviationsTwice,
+    /// A file of deviations was given, and an AV policy that does not use it.
+    #[error("--deviations goes with --av deviated only")]
+    DeviationsUnused,
+    /// No AV policy was chosen, and the scenarios have no deviated AV.
+    #[error(
+        "the scenarios have no deviated AV: give --deviations <file>, or choose a driver with --av: {AV_CHOICES}"
+    )]
+    NoDeviatedAv,
     /// A simulator is named twice.
     #[error("the simulator `{id}` is named twice")]
     RepeatedSimulator {

@@ -45,6 +45,7 @@ pub mod reference;
 mod rollouts;
 mod row;
 mod runner;
+mod request;
 mod rollout_checks;
 mod samples;
 mod scoring;
@@ -78,9 +79,10 @@ pub use foreign_rollout::ForeignRollout;
 pub use known_deviation::KnownDeviation;
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use provenance::{
-    ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit, set_program_commit,
-    program_version,
+    ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
+    program_version, set_program_commit,
 };
+pub use request::PlanRequest;
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, Value};

@@ -51,6 +51,14 @@ pub struct Adjustments {
     pub backend: Backend,
 }
 
+impl Adjustments {
+    /// Returns the ids of the simulators that are changed.
+    pub fn ids(&self) -> impl Iterator<Item = &str> {
+        let weights = self.weights.iter().map(|(id, _)| id.as_str());
+        weights.chain(self.parameters.iter().map(|(id, _, _)| id.as_str()))
+    }
+}
+
 /// A baseline or a variant of it, and the stage behind it.
 struct SelectedSimulator {
     id: String,

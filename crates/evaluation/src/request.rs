@@ -1,0 +1,103 @@
+//! Runs that are asked for, and the only way to plan them.
+
+use std::path::{Path, PathBuf};
+
+use reactsim_metrics::Options;
+use reactsim_rollout::{Protocol, Settings};
+
+use super::EvaluationError;
+use super::av::AvChoice;
+use super::benchmarks::BenchmarkRecord;
+use super::plan::{Deviations, Plan, RunSettings};
+use super::selection::Selection;
+use super::simulators::PlannedSimulator;
+use super::source::Source;
+
+/// A run that is asked for. [`Self::plan`] checks that its parts fit together.
+pub struct PlanRequest {
+    /// Sources of scenarios, opened with `limit`.
+    pub sources: Vec<Source>,
+    /// Simulators in the order of the tables.
+    pub simulators: Vec<PlannedSimulator>,
+    /// File of deviated AVs, Parquet or JSON.
+    pub deviations: Option<PathBuf>,
+    /// AV policy in the reactive protocol; `None` for the deviated AV.
+    pub av: Option<AvChoice>,
+    /// Protocol, replan interval, lookahead, seed.
+    pub rollout: Settings,
+    /// Number of rollouts per scenario and simulator.
+    pub rollouts: u32,
+    /// Variants of the metrics.
+    pub options: Options,
+    /// Maximum number of scenarios per source.
+    pub limit: Option<usize>,
+    /// Scenarios of the sources that are used.
+    pub selection: Selection,
+    /// Whether the run folder keeps the rollouts.
+    pub keep_rollouts: bool,
+}
+
+impl PlanRequest {
+    /// Plans the run. Every error of its inputs is reported here, before the first scenario.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a simulator is repeated, there are no rollouts, the AV and the deviations do not
+    /// fit together or to the protocol, the file of deviations cannot be read, or no AV is chosen and the
+    /// scenarios have no deviated one.
+    pub fn plan(self) -> Result<Plan, EvaluationError> {
+        for (i, simulator) in self.simulators.iter().enumerate() {
+            if self.simulators[..i].iter().any(|earlier| earlier.id == simulator.id) {
+                return Err(EvaluationError::RepeatedSimulator { id: simulator.id.clone() });
+            }
+        }
+        if self.rollouts == 0 {
+            return Err(EvaluationError::ZeroRollouts);
+        }
+        let is_realism = self.rollout.protocol == Protocol::Realism;
+        if is_realism && self.av.is_some() {
+            return Err(EvaluationError::AvInRealism);
+        }
+        let deviations = self.deviations_file()?.map(Deviations::read).transpose()?;
+        let av = match self.av {
+            Some(av) => av,
+            // Never asked: the simulator moves the AV.
+            None if is_realism => AvChoice::Log,
+            None if deviations.is_none() && !self.sources.is_empty() && !are_deviated(&self.sources) => {
+                return Err(EvaluationError::NoDeviatedAv);
+            }
+            None => AvChoice::Deviated,
+        };
+        let settings = RunSettings {
+            rollout: self.rollout,
+            av,
+            rollouts: self.rollouts,
+            options: self.options,
+            limit: self.limit,
+            selection: self.selection,
+        };
+        let Self { sources, simulators, keep_rollouts, .. } = self;
+        Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
+    }
+
+    /// Returns the file of deviations, which the AV policy may name too.
+    fn deviations_file(&self) -> Result<Option<&Path>, EvaluationError> {
+        match (&self.deviations, &self.av) {
+            (Some(_), Some(AvChoice::File(_))) => Err(EvaluationError::DeviationsTwice),
+            (Some(_), Some(AvChoice::Log | AvChoice::Scripted(_))) => Err(EvaluationError::DeviationsUnused),
+            (Some(path), None | Some(AvChoice::Deviated)) | (None, Some(AvChoice::File(path))) => {
+                Ok(Some(path))
+            }
+            (None, _) => Ok(None),
+        }
+    }
+}
+
+/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the
+/// run reports later. Known benchmarks are not read for it.
+fn are_deviated(sources: &[Source]) -> bool {
+    if sources.first().is_some_and(|source| BenchmarkRecord::of(&source.file).is_some()) {
+        return true;
+    }
+    let scenarios = sources.iter().filter_map(|source| source.scenarios().ok()).flatten();
+    scenarios.filter_map(Result::ok).next().is_none_or(|scenario| scenario.deviation.is_some())
+}
