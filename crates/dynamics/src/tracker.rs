@@ -267,5 +267,4 @@ impl Tracker {
 }
 
 #[cfg(test)]
-#[path = "tracker/tests.rs"]
 mod tests;
