@@ -1,8 +1,8 @@
 //! Time of the realism metrics of the Sim Agents challenge for one scenario, in all configurations, on one
 //! thread, and the share of every stage.
 //!
-//! `cargo bench -p reactsim --bench wosac --no-default-features --features formats -- SCENARIO ROLLOUTS` with a recorded
-//! scenario (TFRecord or one `Scenario` message) and its rollouts (one `ScenarioRollouts` message); either
+//! `cargo bench -p reactsim --bench wosac --no-default-features --features formats -- SCENARIO ROLLOUTS`, with a
+//! recorded scenario (TFRecord or one `Scenario` message) and its rollouts (one `ScenarioRollouts` message); either
 //! may be compressed with gzip or zstd. Without arguments: the scenario with 84 simulated objects and 32
 //! rollouts of which the official code was measured to take 114 s of processor time, if it is there, and else
 //! a made-up one of the same size.

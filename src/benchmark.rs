@@ -356,6 +356,9 @@ impl Benchmark {
     /// # Errors
     /// [`BenchmarkError`] if a setting is wrong, an input cannot be read, or no scenario could be run.
     pub fn run(self) -> Result<Results, BenchmarkError> {
+        if self.resume && self.folder.is_none() {
+            return Err(BenchmarkError::NoFolder);
+        }
         evaluation::set_program_commit(COMMIT);
         let threads = self.threads.map_or_else(available_threads, NonZeroUsize::get);
         let execution = Execution { jobs: threads, batch: self.batch.get() };
@@ -366,7 +369,6 @@ impl Benchmark {
         let folder = match folder {
             Some(path) if resume => Some(RunFolder::resume(&path, &provenance, &mut tally)?),
             Some(path) => Some(RunFolder::create(&path, &provenance)?),
-            None if resume => return Err(BenchmarkError::NoFolder),
             None => None,
         };
         let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, observer.as_ref(), &stop)?;

@@ -1,4 +1,4 @@
-//! What the baselines of [reactsim](https://docs.rs/reactsim) share: [`Baseline`], the entry of a simulator
+//! Shared parts of the baselines of [reactsim](https://docs.rs/reactsim): [`Baseline`], the entry of a simulator
 //! in the list of baselines, and the [`Setup`] from which it is built: the parameters of its card within
 //! their ranges, and weights.
 

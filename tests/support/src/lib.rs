@@ -1,4 +1,4 @@
-//! What the tests of all crates share: data next to the repository, and small inputs made by hand.
+//! Shared parts of the tests of all crates: data next to the repository, and small inputs made by hand.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::env;
