@@ -1,99 +1,106 @@
-//! The fields of `waymo.open_dataset.Scenario` that are read; all others are skipped.
+//! The fields of `waymo.open_dataset.Scenario` that are read, by scenarios or by the metrics of the challenge
+//! (heights); all others are skipped.
 
 use prost::{Message, Oneof};
 
 #[derive(Message)]
-pub(super) struct Scenario {
+pub(crate) struct Scenario {
     #[prost(string, tag = "5")]
-    pub(super) scenario_id: String,
+    pub(crate) scenario_id: String,
     #[prost(double, repeated, tag = "1")]
-    pub(super) timestamps_seconds: Vec<f64>,
+    pub(crate) timestamps_seconds: Vec<f64>,
     #[prost(int32, tag = "10")]
-    pub(super) current_time_index: i32,
+    pub(crate) current_time_index: i32,
     #[prost(message, repeated, tag = "2")]
-    pub(super) tracks: Vec<Track>,
+    pub(crate) tracks: Vec<Track>,
     #[prost(message, repeated, tag = "7")]
-    pub(super) dynamic_map_states: Vec<DynamicMapState>,
+    pub(crate) dynamic_map_states: Vec<DynamicMapState>,
     #[prost(message, repeated, tag = "8")]
-    pub(super) map_features: Vec<MapFeature>,
+    pub(crate) map_features: Vec<MapFeature>,
     #[prost(int32, tag = "6")]
-    pub(super) sdc_track_index: i32,
+    pub(crate) sdc_track_index: i32,
     #[prost(int32, repeated, tag = "4")]
-    pub(super) objects_of_interest: Vec<i32>,
+    pub(crate) objects_of_interest: Vec<i32>,
     #[prost(message, repeated, tag = "11")]
-    pub(super) tracks_to_predict: Vec<RequiredPrediction>,
+    pub(crate) tracks_to_predict: Vec<RequiredPrediction>,
 }
 
 #[derive(Message)]
-pub(super) struct RequiredPrediction {
+pub(crate) struct RequiredPrediction {
     #[prost(int32, tag = "1")]
-    pub(super) track_index: i32,
+    pub(crate) track_index: i32,
 }
 
 #[derive(Message)]
-pub(super) struct Track {
+pub(crate) struct Track {
     #[prost(int32, tag = "1")]
-    pub(super) id: i32,
+    pub(crate) id: i32,
     #[prost(int32, tag = "2")]
-    pub(super) object_type: i32,
+    pub(crate) object_type: i32,
     #[prost(message, repeated, tag = "3")]
-    pub(super) states: Vec<ObjectState>,
+    pub(crate) states: Vec<ObjectState>,
 }
 
 #[derive(Clone, Copy, Message)]
-pub(super) struct ObjectState {
+pub(crate) struct ObjectState {
     #[prost(double, tag = "2")]
-    pub(super) center_x: f64,
+    pub(crate) center_x: f64,
     #[prost(double, tag = "3")]
-    pub(super) center_y: f64,
+    pub(crate) center_y: f64,
+    #[prost(double, tag = "4")]
+    pub(crate) center_z: f64,
     #[prost(float, tag = "5")]
-    pub(super) length: f32,
+    pub(crate) length: f32,
     #[prost(float, tag = "6")]
-    pub(super) width: f32,
+    pub(crate) width: f32,
+    #[prost(float, tag = "7")]
+    pub(crate) height: f32,
     #[prost(float, tag = "8")]
-    pub(super) heading: f32,
+    pub(crate) heading: f32,
     #[prost(float, tag = "9")]
-    pub(super) velocity_x: f32,
+    pub(crate) velocity_x: f32,
     #[prost(float, tag = "10")]
-    pub(super) velocity_y: f32,
+    pub(crate) velocity_y: f32,
     #[prost(bool, tag = "11")]
-    pub(super) valid: bool,
+    pub(crate) valid: bool,
 }
 
 #[derive(Message)]
-pub(super) struct DynamicMapState {
+pub(crate) struct DynamicMapState {
     #[prost(message, repeated, tag = "1")]
-    pub(super) lane_states: Vec<TrafficSignalLaneState>,
+    pub(crate) lane_states: Vec<TrafficSignalLaneState>,
 }
 
 #[derive(Clone, Copy, Message)]
-pub(super) struct TrafficSignalLaneState {
+pub(crate) struct TrafficSignalLaneState {
     #[prost(int64, tag = "1")]
-    pub(super) lane: i64,
+    pub(crate) lane: i64,
     #[prost(int32, tag = "2")]
-    pub(super) state: i32,
+    pub(crate) state: i32,
     #[prost(message, optional, tag = "3")]
-    pub(super) stop_point: Option<MapPoint>,
+    pub(crate) stop_point: Option<MapPoint>,
 }
 
 #[derive(Clone, Copy, Message)]
-pub(super) struct MapPoint {
+pub(crate) struct MapPoint {
     #[prost(double, tag = "1")]
-    pub(super) x: f64,
+    pub(crate) x: f64,
     #[prost(double, tag = "2")]
-    pub(super) y: f64,
+    pub(crate) y: f64,
+    #[prost(double, tag = "3")]
+    pub(crate) z: f64,
 }
 
 #[derive(Message)]
-pub(super) struct MapFeature {
+pub(crate) struct MapFeature {
     #[prost(int64, tag = "1")]
-    pub(super) id: i64,
+    pub(crate) id: i64,
     #[prost(oneof = "Feature", tags = "3, 4, 5, 7, 8, 9, 10")]
-    pub(super) feature: Option<Feature>,
+    pub(crate) feature: Option<Feature>,
 }
 
 #[derive(Oneof)]
-pub(super) enum Feature {
+pub(crate) enum Feature {
     #[prost(message, tag = "3")]
     Lane(LaneCenter),
     #[prost(message, tag = "4")]
@@ -111,57 +118,57 @@ pub(super) enum Feature {
 }
 
 #[derive(Message)]
-pub(super) struct LaneCenter {
+pub(crate) struct LaneCenter {
     #[prost(double, tag = "1")]
-    pub(super) speed_limit_mph: f64,
+    pub(crate) speed_limit_mph: f64,
     #[prost(int32, tag = "2")]
-    pub(super) kind: i32,
+    pub(crate) kind: i32,
     #[prost(message, repeated, tag = "8")]
-    pub(super) polyline: Vec<MapPoint>,
+    pub(crate) polyline: Vec<MapPoint>,
     #[prost(int64, repeated, tag = "9")]
-    pub(super) entry_lanes: Vec<i64>,
+    pub(crate) entry_lanes: Vec<i64>,
     #[prost(int64, repeated, tag = "10")]
-    pub(super) exit_lanes: Vec<i64>,
+    pub(crate) exit_lanes: Vec<i64>,
     #[prost(message, repeated, tag = "11")]
-    pub(super) left_neighbors: Vec<LaneNeighbor>,
+    pub(crate) left_neighbors: Vec<LaneNeighbor>,
     #[prost(message, repeated, tag = "12")]
-    pub(super) right_neighbors: Vec<LaneNeighbor>,
+    pub(crate) right_neighbors: Vec<LaneNeighbor>,
 }
 
 #[derive(Clone, Copy, Message)]
-pub(super) struct LaneNeighbor {
+pub(crate) struct LaneNeighbor {
     #[prost(int64, tag = "1")]
-    pub(super) feature_id: i64,
+    pub(crate) feature_id: i64,
     #[prost(int32, tag = "2")]
-    pub(super) self_start_index: i32,
+    pub(crate) self_start_index: i32,
     #[prost(int32, tag = "3")]
-    pub(super) self_end_index: i32,
+    pub(crate) self_end_index: i32,
     #[prost(int32, tag = "4")]
-    pub(super) neighbor_start_index: i32,
+    pub(crate) neighbor_start_index: i32,
     #[prost(int32, tag = "5")]
-    pub(super) neighbor_end_index: i32,
+    pub(crate) neighbor_end_index: i32,
 }
 
 /// A road line or a road edge.
 #[derive(Message)]
-pub(super) struct Line {
+pub(crate) struct Line {
     #[prost(int32, tag = "1")]
-    pub(super) kind: i32,
+    pub(crate) kind: i32,
     #[prost(message, repeated, tag = "2")]
-    pub(super) polyline: Vec<MapPoint>,
+    pub(crate) polyline: Vec<MapPoint>,
 }
 
 #[derive(Message)]
-pub(super) struct StopSign {
+pub(crate) struct StopSign {
     #[prost(int64, repeated, tag = "1")]
-    pub(super) lane: Vec<i64>,
+    pub(crate) lane: Vec<i64>,
     #[prost(message, optional, tag = "2")]
-    pub(super) position: Option<MapPoint>,
+    pub(crate) position: Option<MapPoint>,
 }
 
 /// A crosswalk, a speed bump or a driveway.
 #[derive(Message)]
-pub(super) struct Outline {
+pub(crate) struct Outline {
     #[prost(message, repeated, tag = "1")]
-    pub(super) polygon: Vec<MapPoint>,
+    pub(crate) polygon: Vec<MapPoint>,
 }

@@ -1,6 +1,6 @@
 //! The Waymo Open Motion Dataset: `Scenario` messages in TFRecord files, plain, gzip or zstd.
 
-mod message;
+pub(super) mod message;
 mod parts;
 pub(super) mod record;
 pub(super) mod size;

@@ -9,8 +9,8 @@ use reactsim_scene::{
     wosac::{LaneSignal, SurfaceLane, WosacLog, WosacTrack},
 };
 
-use super::log_message::{Feature, MapPoint, Scenario, Track};
 use crate::error::{Cause, FormatError};
+use crate::womd::message::{Feature, MapPoint, Scenario, Track, TrafficSignalLaneState};
 use crate::womd::record::{MAX_RECORD_LENGTH, Records, source};
 use crate::womd::size;
 
@@ -171,7 +171,7 @@ fn log(proto: Scenario) -> Result<WosacLog, Cause> {
         }
     }
     let signals = proto.dynamic_map_states.iter().map(|frame| {
-        let signal = |seen: &super::log_message::TrafficSignalLaneState| LaneSignal {
+        let signal = |seen: &TrafficSignalLaneState| LaneSignal {
             lane: seen.lane,
             state: seen.state,
             stop_point: seen.stop_point.as_ref().map(planar).unwrap_or_default(),

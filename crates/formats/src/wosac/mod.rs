@@ -4,7 +4,6 @@
 mod archive;
 mod check;
 mod log;
-mod log_message;
 mod message;
 mod metadata;
 mod rollouts;
