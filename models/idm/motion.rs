@@ -217,25 +217,28 @@ impl Traffic {
             forecast_all(&self.actors, &self.behaviours, self.av_curvature, &self.av_paths, settings);
         let footprints: Vec<OrientedBox> = self.actors.iter().map(Actor::footprint).collect();
         for i in 0..self.behaviours.len() {
-            match &mut self.behaviours[i] {
-                AgentBehaviour::OnPath(_) => {
-                    intents[i] = self.decide_one(i, seen, &forecasts, &footprints, parameters)
+            // A decision changes one driver, and reads the behaviour of the others.
+            let mut behaviour = std::mem::replace(&mut self.behaviours[i], AgentBehaviour::Parked);
+            match &mut behaviour {
+                AgentBehaviour::OnPath(driver) => {
+                    intents[i] = self.decide_one(i, driver, seen, &forecasts, &footprints, parameters);
                 }
                 AgentBehaviour::Walking { velocity } => {
-                    let velocity = *velocity;
-                    walks[i] = self.may_walk(i, velocity, &forecasts, &footprints, parameters);
+                    walks[i] = self.may_walk(i, *velocity, &forecasts, &footprints, parameters);
                 }
                 AgentBehaviour::Parked
                 | AgentBehaviour::Leaving { .. }
                 | AgentBehaviour::Reversing
                 | AgentBehaviour::External => {}
             }
+            self.behaviours[i] = behaviour;
         }
     }
 
     fn decide_one(
-        &mut self,
+        &self,
         i: usize,
+        driver: &mut PathFollower,
         seen: &Observation<'_>,
         forecasts: &[Forecast],
         footprints: &[OrientedBox],
@@ -258,7 +261,6 @@ impl Traffic {
             strip: None,
             settings,
         };
-        let AgentBehaviour::OnPath(driver) = &mut self.behaviours[i] else { return Intent::default() };
         if let Some((offset, quiet)) = driver.aside {
             // Return to the lane when nothing has been in the way for a while, and nothing will be on
             // the way back.
@@ -278,7 +280,6 @@ impl Traffic {
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let wanted = following(driver, &own, &intent, 0.0);
         driver.waits = own.speed < WAITING_SPEED && wanted > WAITING_ACCELERATION;
-        let AgentBehaviour::OnPath(driver) = &self.behaviours[i] else { return intent };
         let situation = Situation {
             index: i,
             own: &own,
@@ -300,11 +301,9 @@ impl Traffic {
         let Some(escape) = around.escape(&own, driver, class, a, intent.stop) else { return intent };
         intent.chosen = Some(escape.acceleration);
         intent.escaping = true;
-        let AgentBehaviour::OnPath(driver) = &mut self.behaviours[i] else { return intent };
         if let Some((offset, path)) = escape.course {
             driver.take(path, class);
             driver.aside = Some((offset, 0));
-            let AgentBehaviour::OnPath(driver) = &self.behaviours[i] else { return intent };
             let strip = corridor::strip(&own, driver, 0.0);
             intent.corridor =
                 corridor::look(i, &own, driver, &self.actors, forecasts, strip.as_ref(), settings);
