@@ -1,7 +1,7 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
 use reactsim_dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
-use reactsim_geometry::{OrientedBox, math};
+use reactsim_geometry::{Bounds, OrientedBox, math};
 use reactsim_rollout::Observation;
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT};
 
@@ -58,6 +58,60 @@ const DRIVEN_FRAMES: usize = 2;
 /// Margin in metres around the reach of a vehicle; obstacles beyond it are ignored.
 const REACH_MARGIN: f64 = 4.0;
 
+/// A vehicle that is not planned yet.
+struct Waiting<'a> {
+    slot: usize,
+    agent: &'a Agent,
+    now: AgentState,
+    intent: &'a Intent,
+    /// Squared distance to the AV, m²; negative for the AV, which is planned first.
+    distance: f64,
+    /// Index of the obstacle that represents the vehicle to others.
+    obstacle: Option<usize>,
+}
+
+/// Agents and objects around the vehicles of one replan; empty lists where nothing is kept clear of.
+#[derive(Default)]
+struct Around {
+    obstacles: Vec<Obstacle>,
+    /// Forecasts of an AV that is moved from outside, the first that it goes on; without a guard no others.
+    av_forecasts: Vec<(AvForecast, Obstacle)>,
+    /// Boxes that pedestrians are led around.
+    standing: Vec<OrientedBox>,
+    /// Boxes that pedestrians step out of, if the stage has a guard.
+    vehicles: Vec<OrientedBox>,
+}
+
+impl Around {
+    /// Adds an obstacle; returns its index.
+    fn add(&mut self, obstacle: Obstacle) -> usize {
+        self.obstacles.push(obstacle);
+        self.obstacles.len() - 1
+    }
+
+    fn replace(&mut self, index: Option<usize>, obstacle: impl FnOnce() -> Obstacle) {
+        if let Some(index) = index {
+            self.obstacles[index] = obstacle();
+        }
+    }
+
+    /// Returns the obstacles within bounds, except the vehicle's `own`.
+    fn near(&self, bounds: &Bounds, own: Option<usize>) -> Vec<&Obstacle> {
+        let near = |(i, o): &(usize, &Obstacle)| own != Some(*i) && o.bounds.intersects(bounds);
+        self.obstacles.iter().enumerate().filter(near).map(|p| p.1).collect()
+    }
+
+    /// Returns fixed states; pedestrians step out of vehicles, or are led around what stands.
+    fn led(&self, agent: &Agent, now: &AgentState, states: &[AgentState]) -> Vec<AgentState> {
+        if agent.kind != AgentKind::Pedestrian {
+            return states.to_vec();
+        }
+        let reach = 0.5 * agent.length.max(agent.width);
+        let out = out_of_boxes(now, reach, states.len(), &self.vehicles);
+        out.unwrap_or_else(|| around(now, reach, states, &self.standing))
+    }
+}
+
 impl Stage {
     /// Creates a stage; `None` if the solver rejects the programs, which a test rules out.
     pub fn new(settings: &Settings, keep_clear: KeepClear) -> Option<Self> {
@@ -88,113 +142,100 @@ impl Stage {
     ) -> Vec<Option<Vec<AgentState>>> {
         let agents = &seen.start().agents;
         let mut plans: Vec<Option<Vec<AgentState>>> = vec![None; agents.len()];
-        let mut obstacles: Vec<Obstacle> = Vec::new();
-        // Forecasts of an AV that is moved from outside, the first that it goes on; without a guard no
-        // others.
-        let mut av_forecasts: Vec<(AvForecast, Obstacle)> = Vec::new();
-        // The obstacle that represents an agent until it is planned.
-        let mut own: Vec<Option<usize>> = vec![None; agents.len()];
+        let mut around = Around::default();
         let everybody = self.keep_clear == KeepClear::Everybody;
         if everybody {
-            obstacles.extend(seen.start().obstacles.iter().map(|b| Obstacle::standing(*b)));
+            around.obstacles.extend(seen.start().obstacles.iter().map(|b| Obstacle::standing(*b)));
+            around.standing = static_boxes(seen, intents);
         }
-        let standing = if everybody { static_boxes(seen, intents) } else { Vec::new() };
-        // The boxes that pedestrians step out of, if the stage has a guard.
-        let vehicles = if self.guard.is_some() { vehicle_boxes(seen) } else { Vec::new() };
-        let mut order: Vec<(f64, usize)> = Vec::new();
+        if self.guard.is_some() {
+            around.vehicles = vehicle_boxes(seen);
+        }
         let av = seen.state(0).map(|s| s.position());
+        let mut waiting: Vec<Waiting<'_>> = Vec::new();
         for (slot, intent) in intents.iter().enumerate() {
             let Some(now) = seen.state(slot) else { continue };
+            let agent = &agents[slot];
             match intent {
-                Intent::None if slot == 0 && everybody => {
-                    let settings = &self.planner.settings;
-                    av_forecasts = match self.guard {
-                        Some(_) => forecast::all_of_av(seen, settings),
-                        None => forecast::av(seen, settings).into_iter().collect(),
-                    };
-                    obstacles.extend(av_forecasts.first().map(|(_, goes_on)| goes_on.clone()));
-                }
+                Intent::None if slot == 0 && everybody => self.forecast_av(seen, &mut around),
                 Intent::None => {}
                 Intent::Fixed(states) => {
-                    let agent = &agents[slot];
-                    let states = match agent.kind {
-                        AgentKind::Pedestrian => {
-                            let reach = 0.5 * agent.length.max(agent.width);
-                            let out = out_of_boxes(&now, reach, states.len(), &vehicles);
-                            out.unwrap_or_else(|| around(&now, reach, states, &standing))
-                        }
-                        _ => states.clone(),
-                    };
+                    let states = around.led(agent, &now, states);
                     if everybody {
-                        let poses = forecast::continued_poses(&now, &states);
-                        obstacles.push(forecast::known_obstacle(agent, &now, |k| poses[k]));
+                        around.obstacles.push(proposed_obstacle(agent, &now, &states));
                     }
                     plans[slot] = Some(states);
                 }
                 Intent::Vehicle(_) | Intent::Guarded(_) => {
                     let distance = av.map_or(0.0, |av| (av - now.position()).norm_squared());
-                    order.push((if slot == 0 { -1.0 } else { distance }, slot));
-                    if let Some(obstacle) = Self::unplanned(&agents[slot], &now, intent).filter(|_| everybody)
-                    {
-                        own[slot] = Some(obstacles.len());
-                        obstacles.push(obstacle);
-                    }
+                    let distance = if slot == 0 { -1.0 } else { distance };
+                    let obstacle = Self::unplanned(agent, &now, intent).filter(|_| everybody);
+                    let obstacle = obstacle.map(|obstacle| around.add(obstacle));
+                    waiting.push(Waiting { slot, agent, now, intent, distance, obstacle });
                 }
             }
         }
-        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (_, slot) in order {
-            let Some(now) = seen.state(slot) else { continue };
-            let Some(moving) = VehicleMotion::after(seen.track(slot)) else { continue };
-            let agent = &agents[slot];
-            let vehicle = self.planned_vehicle(seen, slot, moving);
-            let (modes, proposed) = match &intents[slot] {
-                Intent::Vehicle(modes) => (sorted(modes, &now), None),
-                Intent::Guarded(states) => (
-                    vec![mode_of(states)],
-                    self.guard.map(|guard| (guard, Proposal::new(now, states, steps))),
-                ),
-                Intent::None | Intent::Fixed(_) => continue,
-            };
-            let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;
-            let around = reactsim_geometry::Bounds::around(now.position(), reach);
-            let near = |(i, o): (usize, &Obstacle)| own[slot] != Some(i) && o.bounds.intersects(&around);
-            let near: Vec<&Obstacle> =
-                obstacles.iter().enumerate().filter(|p| near(*p)).map(|p| p.1).collect();
-            let guarded = proposed.filter(|_| !stays(&vehicle, &modes[0]) && !reverses(&vehicle, &modes[0]));
-            let moves = match guarded {
-                None => self.planner.plan(&vehicle, &modes, &near),
-                Some((guard, proposal)) => {
-                    let others: Vec<&Obstacle> = near.iter().copied().filter(|o| !o.is_av).collect();
-                    let around = Surroundings { av: &av_forecasts, others: &others };
-                    match guard.decide(&vehicle, &proposal, around) {
-                        Decision::AsProposed => {
-                            self.planner.endings.count(Ending::AsProposed);
-                            if let (Intent::Guarded(states), Some(i)) = (&intents[slot], own[slot]) {
-                                obstacles[i] = proposed_obstacle(agent, &now, states);
-                                plans[slot] = Some(states[..steps].to_vec());
-                            }
-                            continue;
-                        }
-                        Decision::AlongProposal => self.planner.plan(&vehicle, &modes, &others),
-                        Decision::Maneuver(mode) => self.planner.plan(&vehicle, &[mode], &others),
-                    }
-                }
-            };
-            if let Some(i) = own[slot] {
-                obstacles[i] = forecast::known_obstacle(agent, &now, |k| moves[k].pose);
-            }
-            let mut before = now.position();
-            let states = moves.iter().map(|m| {
-                let state = m.state(before);
-                before = m.pose.position;
-                state
-            });
-            let mut states: Vec<AgentState> = states.collect();
-            halt(&now, &mut states, steps);
-            plans[slot] = Some(states);
+        waiting.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.slot.cmp(&b.slot)));
+        for vehicle in waiting {
+            plans[vehicle.slot] = self.drive(seen, &vehicle, &mut around, steps);
         }
         plans
+    }
+
+    fn forecast_av(&self, seen: &Observation<'_>, around: &mut Around) {
+        let settings = &self.planner.settings;
+        around.av_forecasts = match self.guard {
+            Some(_) => forecast::all_of_av(seen, settings),
+            None => forecast::av(seen, settings).into_iter().collect(),
+        };
+        around.obstacles.extend(around.av_forecasts.first().map(|(_, goes_on)| goes_on.clone()));
+    }
+
+    /// Plans a vehicle and updates its obstacle; `None` if its motion is unknown.
+    fn drive(
+        &mut self,
+        seen: &Observation<'_>,
+        waiting: &Waiting<'_>,
+        around: &mut Around,
+        steps: usize,
+    ) -> Option<Vec<AgentState>> {
+        let Waiting { agent, now, .. } = waiting;
+        let moving = VehicleMotion::after(seen.track(waiting.slot))?;
+        let vehicle = self.planned_vehicle(seen, waiting.slot, moving);
+        let (modes, proposed) = match waiting.intent {
+            Intent::Vehicle(modes) => (sorted(modes, now), None),
+            Intent::Guarded(states) => (vec![mode_of(states)], self.guard.map(|guard| (guard, states))),
+            Intent::None | Intent::Fixed(_) => return None,
+        };
+        let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;
+        let near = around.near(&Bounds::around(now.position(), reach), waiting.obstacle);
+        let guarded = proposed.filter(|_| !stays(&vehicle, &modes[0]) && !reverses(&vehicle, &modes[0]));
+        let moves = match guarded {
+            None => self.planner.plan(&vehicle, &modes, &near),
+            Some((guard, states)) => {
+                let others: Vec<&Obstacle> = near.iter().copied().filter(|o| !o.is_av).collect();
+                let surroundings = Surroundings { av: &around.av_forecasts, others: &others };
+                match guard.decide(&vehicle, &Proposal::new(*now, states, steps), surroundings) {
+                    Decision::AsProposed => {
+                        self.planner.endings.count(Ending::AsProposed);
+                        around.replace(waiting.obstacle, || proposed_obstacle(agent, now, states));
+                        return Some(states[..steps].to_vec());
+                    }
+                    Decision::AlongProposal => self.planner.plan(&vehicle, &modes, &others),
+                    Decision::Maneuver(mode) => self.planner.plan(&vehicle, &[mode], &others),
+                }
+            }
+        };
+        around.replace(waiting.obstacle, || forecast::known_obstacle(agent, now, |k| moves[k].pose));
+        let mut before = now.position();
+        let states = moves.iter().map(|m| {
+            let state = m.state(before);
+            before = m.pose.position;
+            state
+        });
+        let mut states: Vec<AgentState> = states.collect();
+        halt(now, &mut states, steps);
+        Some(states)
     }
 
     /// Returns the obstacle of a vehicle that is not planned yet and moves as intended.
