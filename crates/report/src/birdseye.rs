@@ -15,6 +15,7 @@ pub(super) mod palette;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{CURRENT, DT, FUTURE, Frame, Scenario};
 
+pub(crate) use self::canvas::escape;
 use self::canvas::{Canvas, Window};
 
 /// Centre of a picture.

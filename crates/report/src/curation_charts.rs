@@ -40,7 +40,7 @@ pub struct ChartError {
 
 pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
 type Draw = fn(&Area<'_>, &Statistics) -> DrawResult;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Reserves space for the axes and the plot, below title and legend.
 fn layout<'a, 'b>(area: &'a Area<'b>) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
@@ -76,16 +76,46 @@ pub fn charts(statistics: &Statistics) -> Result<Vec<Chart>, ChartError> {
 }
 
 fn chart(name: &'static str, draw: impl FnOnce(&Area<'_>) -> DrawResult) -> Result<Chart, ChartError> {
+    Ok(Chart { name, svg: picture(name, SIZE, draw)? })
+}
+
+/// Draws a picture on white, and returns it as SVG; `chart` names it in errors.
+pub(super) fn picture(
+    chart: &'static str,
+    size: (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> DrawResult,
+) -> Result<String, ChartError> {
     let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
     let drawn = area
         .fill(&WHITE)
         .map_err(|e| e.to_string())
         .and_then(|()| draw(&area).map_err(|e| e.to_string()))
         .and_then(|()| area.present().map_err(|e| e.to_string()));
     drop(area);
-    drawn.map_err(|cause| ChartError { chart: name, cause })?;
-    Ok(Chart { name, svg })
+    drawn.map_err(|cause| ChartError { chart, cause })?;
+    Ok(svg)
+}
+
+/// Draws the axes of a small chart, with about these numbers of labels.
+pub(super) fn small_axes(
+    chart: &mut ChartContext<'_, SVGBackend<'_>, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
+    labels: (usize, usize),
+    y_label: &dyn Fn(&f64) -> String,
+) -> DrawResult {
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(color(palette::ROAD))
+        .axis_style(color(palette::GHOST))
+        .label_style((FONT, 12))
+        .x_labels(labels.0)
+        .y_labels(labels.1)
+        .x_label_formatter(&tick)
+        .y_label_formatter(y_label)
+        .draw()?;
+    Ok(())
 }
 
 /// Converts a colour of the palette.
@@ -117,7 +147,7 @@ pub(super) fn styled(
 }
 
 /// Draws a title with a line of small text below it.
-fn title(area: &Area<'_>, what: &str, about: &str) -> DrawResult {
+pub(super) fn title(area: &Area<'_>, what: &str, about: &str) -> DrawResult {
     text(area, what, (24, 26), 21, HPos::Left)?;
     styled(area, about, (24, 50), 14, HPos::Left, color(palette::GHOST))
 }

@@ -20,17 +20,12 @@ impl Exporter for Latex {
     }
 
     fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
-        let columns = style.columns_of(&summaries);
+        let columns = style.columns_of(runs);
         let lines = table::lines(runs);
-        let best: Vec<Vec<bool>> = columns.iter().map(|column| table::best(column, &lines)).collect();
+        let best = table::best_of_columns(&columns, &lines);
         let several = runs.len() > 1;
-        let comments = runs.iter().map(|run| {
-            let name = if several { format!("{}: ", run.name) } else { String::new() };
-            format!("{name}{}", table::provenance(run))
-        });
         let caption = style.caption.map_or_else(|| caption(&lines, style.bold), escape);
-        begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
+        begin_table(&table::provenances(runs), &caption, style.label, out)?;
         let texts = if several { "ll" } else { "l" };
         writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(columns.len()))?;
         let heads: Vec<String> = columns.iter().map(column_head).collect();
@@ -85,9 +80,7 @@ fn caption(lines: &[Line<'_>], bold: bool) -> String {
 
 /// Returns the meaning of the marks of these simulators, as sentences.
 pub(super) fn meanings(of: impl Iterator<Item = Access>) -> String {
-    let found: Vec<Access> = of.collect();
-    let marked = Access::MARKED.into_iter().filter(|access| found.contains(access));
-    marked.map(|access| format!(" {} {}.", mark(access), escape(access.meaning()))).collect()
+    table::marked(of).map(|access| format!(" {} {}.", mark(access), escape(access.meaning()))).collect()
 }
 
 /// Returns the characters of a label that LaTeX takes: letters, digits and a few signs.

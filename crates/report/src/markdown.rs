@@ -1,6 +1,5 @@
 //! Markdown tables, aligned for terminals.
 
-use std::collections::BTreeSet;
 use std::io::{self, Write};
 
 use reactsim_evaluation::{Access, Estimate};
@@ -21,8 +20,7 @@ impl Exporter for Markdown {
     }
 
     fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        let summaries: Vec<_> = runs.iter().map(|r| r.summary).collect();
-        let columns = style.columns_of(&summaries);
+        let columns = style.columns_of(runs);
         let lines = table::lines(runs);
         write_table(out, &columns, &lines, style.bold)?;
         for division in Division::ALL {
@@ -36,9 +34,8 @@ impl Exporter for Markdown {
         }
         writeln!(out)?;
         legend(out, lines.iter().map(|l| l.access))?;
-        for run in runs {
-            let name = if runs.len() > 1 { format!("{}: ", escape(run.name)) } else { String::new() };
-            writeln!(out, "{name}{}.", escape(&table::provenance(run)))?;
+        for provenance in table::provenances(runs) {
+            writeln!(out, "{}.", escape(&provenance))?;
         }
         Ok(())
     }
@@ -60,7 +57,7 @@ pub(super) fn write_table(
     head.extend(with_failed.then(|| "Failed".to_owned()));
     let texts = 1 + usize::from(with_run);
     let mut rows = vec![head];
-    let best: Vec<Vec<bool>> = columns.iter().map(|column| table::best(column, lines)).collect();
+    let best = table::best_of_columns(columns, lines);
     for (i, line) in lines.iter().enumerate() {
         let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
         row.push(method(line.title, line.access));
@@ -87,9 +84,7 @@ pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Access>) 
 
 /// Returns the marks of these simulators with their explanations.
 pub(super) fn marks(of: impl IntoIterator<Item = Access>) -> Vec<String> {
-    let found: BTreeSet<Access> = of.into_iter().collect();
-    let used = Access::MARKED.into_iter().filter(|access| found.contains(access));
-    used.map(|access| format!("{} {}", access.mark(), access.meaning())).collect()
+    table::marked(of).map(|access| format!("{} {}", access.mark(), access.meaning())).collect()
 }
 
 /// Returns the name of a simulator with the mark of what it can know.

@@ -1,14 +1,11 @@
 //! Comparison of two sets of scenarios as one picture of small charts (SVG).
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 use reactsim_generation::realism::{Comparison, Row, Spread};
 
 use super::birdseye::palette;
-use super::curation_charts::{ChartError, DrawResult, FONT, color, styled, tick};
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+use super::curation_charts::{self, Area, ChartError, DrawResult, FONT, color, styled};
 
 /// Charts per row.
 const COLUMNS: usize = 4;
@@ -16,8 +13,6 @@ const COLUMNS: usize = 4;
 const SIZE: (u32, u32) = (330, 210);
 /// Height of title and legend, pixels.
 const HEAD_HEIGHT: u32 = 92;
-/// Name of the picture in errors.
-const NAME: &str = "the comparison";
 
 /// Draws the histograms of both sets over each other, a small chart for each statistic. The same
 /// comparison gives the same bytes.
@@ -27,23 +22,15 @@ const NAME: &str = "the comparison";
 pub fn draw(comparison: &Comparison) -> Result<String, ChartError> {
     let lines = comparison.rows.len().div_ceil(COLUMNS);
     let size = (SIZE.0 * COLUMNS as u32, HEAD_HEIGHT + SIZE.1 * lines as u32);
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let drawn = picture(&area, comparison, lines).map_err(|e| e.to_string());
-    let drawn = drawn.and_then(|()| area.present().map_err(|e| e.to_string()));
-    drop(area);
-    drawn.map_err(|cause| ChartError { chart: NAME, cause })?;
-    Ok(svg)
+    curation_charts::picture("the comparison", size, |area| picture(area, comparison, lines))
 }
 
 fn picture(area: &Area<'_>, comparison: &Comparison, lines: usize) -> DrawResult {
-    area.fill(&WHITE)?;
     let (head, body) = area.split_vertically(HEAD_HEIGHT);
-    let (ink, pale) = (color(palette::STOP), color(palette::GHOST));
-    styled(&head, "Realism", (24, 26), 21, HPos::Left, ink)?;
+    let ink = color(palette::STOP);
     let about = "Shares of the values in each bin, and the Jensen-Shannon divergence \
                  (0: identical, 1: disjoint).";
-    styled(&head, about, (24, 50), 14, HPos::Left, pale)?;
+    curation_charts::title(&head, "Realism", about)?;
     let side = |s: &reactsim_generation::realism::Side| {
         format!("{}: {}", s.name, super::table::count(s.scenarios as usize, "scenario"))
     };
@@ -83,18 +70,7 @@ fn chart(area: &Area<'_>, row: &Row) -> DrawResult {
     builder.margin_top(34).margin_right(14).margin_bottom(4).margin_left(4);
     builder.x_label_area_size(24).y_label_area_size(44);
     let mut chart = builder.build_cartesian_2d(left..right, 0.0..1.05 * highest)?;
-    chart
-        .configure_mesh()
-        .disable_x_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(color(palette::ROAD))
-        .axis_style(color(palette::GHOST))
-        .label_style((FONT, 12))
-        .x_labels(6)
-        .y_labels(4)
-        .x_label_formatter(&tick)
-        .y_label_formatter(&|share| format!("{:.0} %", 100.0 * share))
-        .draw()?;
+    curation_charts::small_axes(&mut chart, (6, 4), &|share| format!("{:.0} %", 100.0 * share))?;
     let gap = 0.06 * row.bins.width;
     let bars = reference.iter().enumerate().filter(|(_, share)| **share > 0.0).map(|(i, &share)| {
         let corners = [(row.bins.edge(i) + gap, 0.0), (row.bins.edge(i + 1) - gap, share)];

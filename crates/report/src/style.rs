@@ -1,7 +1,6 @@
 //! The content and the appearance of a table.
 
-use reactsim_evaluation::Summary;
-
+use super::Run;
 use super::table::Column;
 
 /// Choice of columns and presentation, for all formats that have them.
@@ -20,10 +19,10 @@ pub struct TableStyle<'a> {
 }
 
 impl TableStyle<'_> {
-    /// Returns the columns of a table over these results.
-    pub(super) fn columns_of(&self, summaries: &[&Summary]) -> Vec<Column> {
+    /// Returns the columns of a table over these runs.
+    pub(super) fn columns_of(&self, runs: &[Run<'_>]) -> Vec<Column> {
         match self.columns {
-            [] => Column::used(summaries, self.also),
+            [] => Column::used(&runs.iter().map(|run| run.summary).collect::<Vec<_>>(), self.also),
             chosen => Column::with(chosen.to_vec(), self.also),
         }
     }

@@ -146,6 +146,23 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
     runs.iter().zip(groups(runs)).flat_map(of).collect()
 }
 
+/// Returns the provenance of every run, behind its name if there are several.
+pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
+    let name = |run: &super::Run<'_>| if runs.len() > 1 { format!("{}: ", run.name) } else { String::new() };
+    runs.iter().map(|run| format!("{}{}", name(run), provenance(run))).collect()
+}
+
+/// Returns the marks that these simulators have.
+pub(super) fn marked(of: impl IntoIterator<Item = Access>) -> impl Iterator<Item = Access> {
+    let found: Vec<Access> = of.into_iter().collect();
+    Access::MARKED.into_iter().filter(move |access| found.contains(access))
+}
+
+/// Returns for every column whether the number of each line is the best of its group.
+pub(super) fn best_of_columns(columns: &[Column], lines: &[Line<'_>]) -> Vec<Vec<bool>> {
+    columns.iter().map(|column| best(column, lines)).collect()
+}
+
 /// Returns the number of the group of every run: runs of one group have the same scenarios and differ in no
 /// [`Condition`].
 pub(super) fn groups(runs: &[super::Run<'_>]) -> Vec<usize> {

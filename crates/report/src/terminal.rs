@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Estimate, Summary};
+use reactsim_evaluation::Estimate;
 
 use super::table::{self, Column, Division, Line, MAIN_COLUMNS};
 use super::wrap::wrapped;
@@ -51,9 +51,8 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
     for text in markdown::marks(lines.iter().map(|l| l.access)) {
         write_wrapped(&format!("{text}."), style.width, out)?;
     }
-    for run in runs {
-        let name = if runs.len() > 1 { format!("{}: ", run.name) } else { String::new() };
-        write_wrapped(&format!("{name}{}.", table::provenance(run)), style.width, out)?;
+    for provenance in table::provenances(runs) {
+        write_wrapped(&format!("{provenance}."), style.width, out)?;
     }
     Ok(())
 }
@@ -129,8 +128,7 @@ fn columns(
     style: TerminalStyle<'_>,
     mut left: usize,
 ) -> Vec<TextColumn> {
-    let summaries: Vec<&Summary> = runs.iter().map(|run| run.summary).collect();
-    let used = style.table.columns_of(&summaries);
+    let used = style.table.columns_of(runs);
     let chosen = |column: &Column| style.table.columns.contains(column) || style.table.also.contains(column);
     let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS.len() || chosen(column);
     let required = used.iter().enumerate().filter(|(i, column)| is_required(*i, column));

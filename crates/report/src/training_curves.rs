@@ -2,15 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 use reactsim_training::Row;
 
 use super::birdseye::palette;
-use super::curation_charts::{ChartError, DrawResult, FONT, color, styled, tick};
+use super::curation_charts::{self, Area, ChartError, DrawResult, color, styled, tick};
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Points = Vec<(f64, f64)>;
 
 /// Charts per row.
@@ -38,13 +36,7 @@ pub fn draw(rows: &[Row]) -> Result<String, ChartError> {
     let panels = panels(rows);
     let lines = panels.len().div_ceil(COLUMNS);
     let size = (SIZE.0 * COLUMNS as u32, HEAD_HEIGHT + SIZE.1 * lines as u32);
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let drawn = picture(&area, &panels, rows).map_err(|e| e.to_string());
-    let drawn = drawn.and_then(|()| area.present().map_err(|e| e.to_string()));
-    drop(area);
-    drawn.map_err(|cause| ChartError { chart: "the curves of the training", cause })?;
-    Ok(svg)
+    curation_charts::picture("the curves of the training", size, |area| picture(area, &panels, rows))
 }
 
 /// Returns the charts with their titles, in order.
@@ -87,10 +79,7 @@ fn title(name: &str) -> String {
 }
 
 fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> DrawResult {
-    area.fill(&WHITE)?;
     let (head, body) = area.split_vertically(HEAD_HEIGHT);
-    let (ink, pale) = (color(palette::STOP), color(palette::GHOST));
-    styled(&head, "Training", (24, 26), 21, HPos::Left, ink)?;
     let best = rows.iter().rev().find_map(|row| match row {
         Row::Validation(row) if row.best => {
             Some(format!("; best network after step {} (validation loss {:.4})", row.step, row.loss))
@@ -99,7 +88,7 @@ fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> DrawRes
     });
     let steps = rows.last().map_or(0, Row::step);
     let about = format!("{}{}", super::table::count(steps as usize, "step"), best.unwrap_or_default());
-    styled(&head, &about, (24, 50), 14, HPos::Left, pale)?;
+    curation_charts::title(&head, "Training", &about)?;
     for (x, name, ink) in [(24, "training", LEARNED), (180, "validation", HELD_OUT)] {
         head.draw(&PathElement::new(vec![(x, 74), (x + 20, 74)], color(ink).stroke_width(3)))?;
         styled(&head, name, (x + 28, 74), 15, HPos::Left, color(palette::STOP))?;
@@ -131,18 +120,7 @@ fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> DrawResult {
     builder.margin_top(34).margin_right(18).margin_bottom(4).margin_left(4);
     builder.x_label_area_size(24).y_label_area_size(58);
     let mut chart = builder.build_cartesian_2d(0.0..end, low - room..high + room)?;
-    chart
-        .configure_mesh()
-        .disable_x_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(color(palette::ROAD))
-        .axis_style(color(palette::GHOST))
-        .label_style((FONT, 12))
-        .x_labels(5)
-        .y_labels(5)
-        .x_label_formatter(&tick)
-        .y_label_formatter(&tick)
-        .draw()?;
+    curation_charts::small_axes(&mut chart, (5, 5), &tick)?;
     chart.draw_series([PathElement::new(learned, color(LEARNED).stroke_width(2))])?;
     if !panel.held_out.is_empty() {
         chart.draw_series([PathElement::new(panel.held_out.clone(), color(HELD_OUT).stroke_width(2))])?;

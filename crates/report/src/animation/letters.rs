@@ -1,4 +1,7 @@
-//! Bitmap letters for the short texts of an animation, which need no font file.
+//! Bitmap letters for the short texts of an animation.
+//!
+//! Text of the renderer of pictures would need its font stack and a font of some 300 KB in the program, or
+//! fonts of the machine, with which the bytes of an animation would differ from machine to machine.
 
 /// Height of a letter in dots; the last two rows are descenders.
 pub(super) const HEIGHT: usize = 9;

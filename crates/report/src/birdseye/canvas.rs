@@ -190,8 +190,8 @@ impl PathData {
     }
 }
 
-/// Escapes text for XML: markup becomes entities, and characters that XML forbids become `�`.
-pub(super) fn escape(text: &str) -> String {
+/// Escapes text for XML or HTML: markup becomes entities, and characters that XML forbids become `�`.
+pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use reactsim_evaluation::reference::Entry;
 use sha2::{Digest, Sha256};
 
+use super::super::birdseye::escape;
 use super::super::markdown::{cell, marks};
 use super::super::table::Column;
 use super::{Line, about, columns, lines, status_legend};
@@ -81,27 +82,11 @@ fn row(out: &mut dyn Write, columns: &[Column], line: &Line<'_>) -> io::Result<(
     writeln!(out, "</tr>")
 }
 
-/// Escapes text for HTML.
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            c => out.push(c),
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     #[test]
     fn names_cannot_break_the_page() {
-        assert_eq!(super::escape("<a b=\"c\">&'"), "&lt;a b=&quot;c&quot;&gt;&amp;&#39;");
+        assert_eq!(super::escape("<a b=\"c\">&'"), "&lt;a b=&quot;c&quot;&gt;&amp;&apos;");
         assert!(!super::SCRIPT.contains("</script") && !super::STYLE.contains("</style"));
     }
 }
