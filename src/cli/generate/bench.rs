@@ -3,10 +3,9 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 use super::files::GeneratedFiles;
-use crate::cli::progress::Progress;
+use super::make::Job;
 use crate::cli::say;
 use crate::curation::benchmark::{
     ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe, TriedScenario,
@@ -29,28 +28,13 @@ fn deviations_path(out: &Path) -> PathBuf {
     out.with_extension("deviations.parquet")
 }
 
-/// Generates a benchmark of `wanted` scenarios.
+/// Generates a benchmark. Scenarios that were `tried` before, if any, come first: their number, and their
+/// outcomes.
 pub(super) fn bench(
-    settings: &GenerationSettings,
-    wanted: u32,
-    jobs: usize,
-    out: &Path,
-    progress: &Progress,
-    stop: &AtomicBool,
-) -> anyhow::Result<GeneratedFiles> {
-    bench_with((0, std::iter::empty()), settings, wanted, jobs, out, progress, stop)
-}
-
-/// Like [`bench`], with scenarios that were tried before: their number, and their outcomes.
-pub(super) fn bench_with(
+    job: Job<'_>,
     tried: (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, ShardError>>),
-    settings: &GenerationSettings,
-    wanted: u32,
-    jobs: usize,
-    out: &Path,
-    progress: &Progress,
-    stop: &AtomicBool,
 ) -> anyhow::Result<GeneratedFiles> {
+    let Job { settings, wanted, jobs, out, progress, stop } = job;
     let generator = Generator::new(settings.clone())?;
     let deviations_path = deviations_path(out);
     let (mut scenarios, mut deviations) = (Writer::create(out)?, store::Writer::create(&deviations_path)?);

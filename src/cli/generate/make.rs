@@ -71,13 +71,27 @@ impl MakeArgs {
     }
 }
 
+/// A generation in this process.
+#[derive(Clone, Copy)]
+pub(super) struct Job<'a> {
+    pub(super) settings: &'a GenerationSettings,
+    /// Number of scenarios to write.
+    pub(super) wanted: u32,
+    /// Number of threads.
+    pub(super) jobs: usize,
+    pub(super) out: &'a Path,
+    pub(super) progress: &'a Progress,
+    pub(super) stop: &'a AtomicBool,
+}
+
 pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
-    let (out, wanted, settings, jobs) = (args.out()?, args.wanted()?, args.settings()?, args.jobs());
+    let (out, wanted, settings, jobs) = (args.out()?, args.wanted()?, &args.settings()?, args.jobs());
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
+    let job = Job { settings, wanted, jobs, out, progress: &progress, stop: &stop };
     let generated = match settings.preset {
-        Preset::Train => train(&settings, wanted, jobs, out, &progress, &stop),
-        Preset::Bench => bench(&settings, wanted, jobs, out, &progress, &stop),
+        Preset::Train => train(job),
+        Preset::Bench => bench(job, (0, std::iter::empty())),
     };
     progress.end();
     finish(args, &generated?)
@@ -104,14 +118,8 @@ pub(super) fn finish(args: &MakeArgs, generated: &GeneratedFiles) -> anyhow::Res
 
 /// Writes scenarios 0 to below `wanted` as generated. Scenarios that cannot be generated are
 /// reported and left out.
-fn train(
-    settings: &GenerationSettings,
-    wanted: u32,
-    jobs: usize,
-    out: &Path,
-    progress: &Progress,
-    stop: &AtomicBool,
-) -> anyhow::Result<GeneratedFiles> {
+fn train(job: Job<'_>) -> anyhow::Result<GeneratedFiles> {
+    let Job { settings, wanted, jobs, out, progress, stop } = job;
     // Report every input error before the first scenario.
     let generator = Generator::new(settings.clone())?;
     let mut writer = Writer::create(out)?;

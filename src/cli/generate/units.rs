@@ -7,9 +7,9 @@ use std::sync::atomic::AtomicBool;
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
-use super::bench::{bench_with, provenance};
+use super::bench::{bench, provenance};
 use super::files::GeneratedFiles;
-use super::make::{MakeArgs, finish};
+use super::make::{Job, MakeArgs, finish};
 use super::scenario_file::{ScenarioFile, read_scenarios};
 use super::tried::{Trial, TriedWriter, read_tried};
 use super::{GenerateArgs, GenerateCommand};
@@ -125,7 +125,8 @@ impl Sharded for GenerateArgs {
             Preset::Bench => {
                 plan.check(&GenerationSubject::of(&settings, wanted))?;
                 let tried = (plan.records() as u64, read_tried(&units.units));
-                bench_with(tried, &settings, wanted, args.jobs(), out, progress, &AtomicBool::new(false))
+                let (settings, jobs, stop) = (&settings, args.jobs(), &AtomicBool::new(false));
+                bench(Job { settings, wanted, jobs, out, progress, stop }, tried)
             }
         };
         progress.end();
