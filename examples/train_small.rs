@@ -133,7 +133,7 @@ impl Task for Imitation {
     fn loss(&self, model: &Follower, samples: &[Self::Sample], _: Option<&mut Stream>) -> Output {
         let (inputs, targets): (Vec<_>, Vec<_>) = samples.iter().flatten().copied().unzip();
         let error = model.forward(&inputs) - model.tensor(&targets);
-        Output { loss: error.square().sum(), items: inputs.len() as f64, metrics: Sums::new() }
+        Output::new(error.square().sum(), inputs.len() as f64, Sums::new())
     }
 }
 

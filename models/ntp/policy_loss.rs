@@ -57,5 +57,5 @@ pub(crate) fn policy_loss(
     }
     let mut metrics = Sums::new();
     metrics.add("divergence", divergence, weight);
-    Output { loss, items: weight, metrics }
+    Output::new(loss, weight, metrics)
 }

@@ -70,5 +70,5 @@ pub(crate) fn token_loss(
     let mut metrics = Sums::new();
     metrics.add("accuracy", right, weight);
     metrics.add("surprise", surprise, weight);
-    Output { loss, items: weight, metrics }
+    Output::new(loss, weight, metrics)
 }

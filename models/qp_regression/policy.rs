@@ -11,7 +11,7 @@ use reactsim_scene::Start;
 use serde::{Deserialize, Serialize};
 
 use super::inputs::{Ground, SceneContext, Surroundings, Survey};
-use super::network::{Batch, Config, Network, Observed};
+use super::network::{Batch, Config, Network};
 use super::predict::{Prediction, prediction};
 
 /// Kind of this network in the configuration of the file.
@@ -147,7 +147,7 @@ impl Policy {
         }
         let all: Vec<&Surroundings> = scenes.iter().collect();
         let batch = Batch::of(&all, &self.intentions, &self.config, device);
-        let predicted = self.network.forward(&batch, &self.config, &Observed::none());
+        let predicted = self.network.forward(&batch, &self.config, false);
         let Some(last) = predicted.layers.into_iter().next_back() else { return Vec::new() };
         let scores: Vec<f32> = last.scores.into_data().iter::<f32>().collect();
         let states: Vec<f32> = last.modes.into_data().iter::<f32>().collect();

@@ -3,7 +3,7 @@
 use reactsim_geometry::math::pow;
 
 use super::Settings;
-use super::parameters::Layout;
+use super::parameters::{Group, Layout};
 
 /// Moments of AdamW (Loshchilov and Hutter, "Decoupled Weight Decay Regularization",
 /// <https://arxiv.org/abs/1711.05101>).
@@ -36,8 +36,12 @@ impl AdamW {
         let root = (1.0 / unbiased(beta2).sqrt()) as f32;
         let (b1, b2, epsilon) = (beta1 as f32, beta2 as f32, settings.epsilon as f32);
         let (n1, n2) = ((1.0 - beta1) as f32, (1.0 - beta2) as f32);
-        for parameter in layout.parameters.iter().filter(|parameter| !parameter.is_average()) {
-            let keep = if parameter.decays() { (1.0 - rate * settings.weight_decay) as f32 } else { 1.0 };
+        for parameter in &layout.parameters {
+            let keep = match parameter.group() {
+                Group::Decayed => (1.0 - rate * settings.weight_decay) as f32,
+                Group::Undecayed => 1.0,
+                Group::Average => continue,
+            };
             let range = parameter.range.clone();
             let moments = self.first[range.clone()].iter_mut().zip(&mut self.second[range.clone()]);
             let numbers = values[range.clone()].iter_mut().zip(&gradient[range]);
@@ -108,23 +112,26 @@ mod tests {
             table: Embedding,
             norm: LayerNorm,
             linear: Linear,
+            mean: crate::Average,
         }
         let device = Device::flex().autodiff();
         let net = Net {
             table: EmbeddingConfig::new(5, 3).init(&device),
             norm: LayerNormConfig::new(3).init(&device),
             linear: LinearConfig::new(3, 2).init(&device),
+            mean: crate::Average::new(Tensor::zeros([2], &device)),
         };
         let (layout, _) = parameters::read(&net);
-        let decays: Vec<(&str, bool)> =
-            layout.parameters.iter().map(|p| (p.path.as_str(), p.decays())).collect();
+        let groups: Vec<(&str, Group)> =
+            layout.parameters.iter().map(|p| (p.path.as_str(), p.group())).collect();
         let expected = [
-            ("table.weight", false),
-            ("norm.gamma", false),
-            ("norm.beta", false),
-            ("linear.weight", true),
-            ("linear.bias", false),
+            ("table.weight", Group::Undecayed),
+            ("norm.gamma", Group::Undecayed),
+            ("norm.beta", Group::Undecayed),
+            ("linear.weight", Group::Decayed),
+            ("linear.bias", Group::Undecayed),
+            ("mean", Group::Average),
         ];
-        assert_eq!(decays, expected);
+        assert_eq!(groups, expected);
     }
 }

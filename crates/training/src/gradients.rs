@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use burn::module::Module;
 
+use super::averages::Observed;
 use super::parameters::{self, Layout};
 use super::stream::stream;
 use super::{Output, Settings, Source, Sums, Task, TrainingError, View};
@@ -19,6 +20,8 @@ pub(super) struct BatchSum {
     pub(super) metrics: Sums,
     /// Gradient of the loss with respect to all parameters; empty in validation.
     pub(super) gradient: Vec<f32>,
+    /// Observations of running averages; empty in validation.
+    pub(super) averages: Observed,
     /// Number of examples that yielded a sample.
     pub(super) samples: usize,
     /// Numbers of the examples that yielded none.
@@ -26,14 +29,15 @@ pub(super) struct BatchSum {
 }
 
 impl BatchSum {
-    fn add(&mut self, other: &Self) {
+    fn add(&mut self, other: Self) {
         self.loss += other.loss;
         self.items += other.items;
         self.metrics.extend(&other.metrics);
         self.samples += other.samples;
         self.passed_over.extend(&other.passed_over);
+        self.averages.add(other.averages);
         if self.gradient.is_empty() {
-            self.gradient.clone_from(&other.gradient);
+            self.gradient = other.gradient;
         } else {
             self.gradient.iter_mut().zip(&other.gradient).for_each(|(sum, g)| *sum += g);
         }
@@ -120,9 +124,8 @@ where
             lock(&self.ahead).insert(place(part), prepared);
             true
         };
-        let models = (0..self.jobs.min(parts.len()).max(1)).map(|_| model.clone()).collect();
         let begin = |model: T::Model| parameters::write(model, values);
-        self.sum(models, parts.len(), begin, work, idle)
+        self.sum(model, parts.len(), begin, work, idle)
     }
 
     /// Validates the network, without gradients, on samples after `step` steps.
@@ -142,9 +145,8 @@ where
                 Err(not_finite("validation loss", sum.loss, step, part))
             }
         };
-        let models = (0..self.jobs.min(parts.len()).max(1)).map(|_| model.clone()).collect();
         let begin = |model: T::Model| parameters::write(model, values).valid();
-        self.sum(models, parts.len(), begin, work, || false)
+        self.sum(model, parts.len(), begin, work, || false)
     }
 
     /// Prepares samples of unvaried examples, grouped for forward passes; examples without a sample are
@@ -184,18 +186,19 @@ where
         parts
     }
 
-    /// Adds up the results of the parts of a batch, in their order.
+    /// Adds up the results of the parts of a batch, in their order. Every thread begins with a copy of the network.
     fn sum(
         &self,
-        models: Vec<T::Model>,
+        model: &T::Model,
         parts: usize,
         begin: impl Fn(T::Model) -> T::Model + Sync,
         work: impl Fn(&T::Model, usize) -> Result<BatchSum, TrainingError> + Sync,
         idle: impl Fn() -> bool + Sync,
     ) -> Result<BatchSum, TrainingError> {
+        let models = vec![model.clone(); self.jobs.min(parts).max(1)];
         let mut sum = Ok(BatchSum::default());
         share(models, parts, begin, work, idle, |result| match (&mut sum, result) {
-            (Ok(sum), Ok(part)) => sum.add(&part),
+            (Ok(sum), Ok(part)) => sum.add(part),
             (Ok(_), Err(error)) => sum = Err(error),
             (Err(_), _) => {}
         });
@@ -240,17 +243,21 @@ where
         if !sum.loss.is_finite() {
             return Err(not_finite("loss", sum.loss, step + 1, prepared));
         }
+        let Output { loss, items, averages, .. } = output;
         // Nothing was judged, so there is nothing to learn from, and the loss has no gradient.
-        if output.items == 0.0 {
+        if items == 0.0 {
             sum.gradient = vec![0.0; self.layout.len];
             return Ok(sum);
         }
-        sum.gradient = parameters::gradients(model, output.loss.backward(), self.layout.len);
+        sum.gradient = parameters::gradients(model, loss.backward(), self.layout.len);
         let norm = norm(&sum.gradient);
-        if norm.is_finite() {
-            Ok(sum)
-        } else {
-            Err(not_finite("norm of the gradient", norm, step + 1, prepared))
+        if !norm.is_finite() {
+            return Err(not_finite("norm of the gradient", norm, step + 1, prepared));
+        }
+        sum.averages = Observed::of(averages, items);
+        match sum.averages.not_finite() {
+            None => Ok(sum),
+            Some(value) => Err(not_finite("value of a running average", value.into(), step + 1, prepared)),
         }
     }
 
@@ -260,6 +267,7 @@ where
             items: output.items,
             metrics: output.metrics.clone(),
             gradient: Vec::new(),
+            averages: Observed::default(),
             samples: prepared.samples.len(),
             passed_over: prepared.passed_over.clone(),
         }

@@ -3,7 +3,7 @@
 use burn::module::Module;
 use reactsim_geometry::math;
 
-use super::parameters::{self, Parameter};
+use super::parameters::{self, Owner, Parameter};
 use super::stream::{Stream, stream, unit};
 
 /// Redraws the parameters of all linear layers and embeddings of a network, each from a stream named
@@ -17,11 +17,11 @@ pub fn draw_parameters<M: Module>(model: M, seed: u64, embedding_deviation: f32)
     let (layout, mut values) = parameters::read(&model);
     let mut inputs = 1;
     for parameter in &layout.parameters {
-        let Parameter { path, owner, shape, range } = parameter;
+        let Parameter { path, owner, shape, range, .. } = parameter;
         let list = &mut values[range.clone()];
         let mut stream = stream(seed, "initial", 0, path);
-        match owner.as_str() {
-            "Struct:Linear" => {
+        match owner {
+            Owner::Linear => {
                 // The bias follows the weight, which is [inputs, outputs].
                 if shape.len() == 2 {
                     inputs = shape[0].max(1);
@@ -29,8 +29,8 @@ pub fn draw_parameters<M: Module>(model: M, seed: u64, embedding_deviation: f32)
                 let bound = 1.0 / (inputs as f32).sqrt();
                 list.fill_with(|| bound * (2.0 * unit(&mut stream) - 1.0));
             }
-            "Struct:Embedding" => list.fill_with(|| embedding_deviation * normal(&mut stream)),
-            _ => {}
+            Owner::Embedding => list.fill_with(|| embedding_deviation * normal(&mut stream)),
+            Owner::Average | Owner::Other => {}
         }
     }
     parameters::write(model, &values)

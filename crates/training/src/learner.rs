@@ -9,7 +9,6 @@ use burn::module::Module;
 use serde_json::{Map, Value, json};
 
 use super::adamw::AdamW;
-use super::averages;
 use super::checkpoint::{Best, Checkpoint, Progress, named};
 use super::folder::Folder;
 use super::gradients::{BatchSum, Batches, Part, Prepared, norm};
@@ -250,7 +249,7 @@ where
         if batch.items <= 0.0 {
             return 0.0;
         }
-        averages::follow(layout, &mut state.values, &mut batch.gradient, batch.items);
+        batch.averages.apply(layout, &mut state.values);
         let length = norm(&batch.gradient) / batch.items;
         let clipped = if length > self.settings.clip { self.settings.clip / length } else { 1.0 };
         let scale = clipped / batch.items;

@@ -34,6 +34,7 @@ mod sums;
 mod task;
 mod tensors;
 
+pub use averages::{Average, Observation};
 pub use checkpoint::Best;
 pub use error::TrainingError;
 pub use folder::{ABOUT, LOG, WEIGHTS};

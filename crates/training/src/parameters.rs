@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
 use burn::tensor::{Gradients, Tensor, TensorData};
 
 /// Layout of the trained parameters of a network in a flat list, in the order in which burn visits them.
@@ -17,30 +17,59 @@ pub(super) struct Layout {
 pub(super) struct Parameter {
     /// Names of the modules from the network down to the tensor, joined by dots.
     pub(super) path: String,
-    /// Burn's type of the module that owns it, such as `Struct:Linear`.
-    pub(super) owner: String,
+    pub(super) id: ParamId,
+    pub(super) owner: Owner,
     pub(super) shape: Vec<usize>,
     pub(super) range: Range<usize>,
 }
 
-impl Parameter {
-    /// Returns whether weight decay applies: for matrices other than embeddings, whose rows are
-    /// independent vectors.
-    pub(super) fn decays(&self) -> bool {
-        self.shape.len() >= 2 && self.owner != "Struct:Embedding"
-    }
+/// Type of the module that a tensor belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Owner {
+    Linear,
+    Embedding,
+    Average,
+    Other,
+}
 
-    /// Returns whether the tensor is a running average ([`Task::Model`](super::Task::Model)).
-    pub(super) fn is_average(&self) -> bool {
-        let name = self.path.rsplit('.').next();
-        matches!(name, Some("running_mean" | "running_var"))
+impl Owner {
+    /// Converts burn's name of the type.
+    fn of(container: &str) -> Self {
+        match container {
+            "Struct:Linear" => Self::Linear,
+            "Struct:Embedding" => Self::Embedding,
+            "Struct:Average" => Self::Average,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// Treatment of a tensor by the training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Group {
+    /// Optimised with weight decay: matrices other than embeddings, whose rows are independent vectors.
+    Decayed,
+    /// Optimised without weight decay.
+    Undecayed,
+    /// Follows what forward passes observe ([`Average`](super::Average)).
+    Average,
+}
+
+impl Parameter {
+    pub(super) fn group(&self) -> Group {
+        match self.owner {
+            Owner::Average => Group::Average,
+            Owner::Linear | Owner::Other if self.shape.len() >= 2 => Group::Decayed,
+            _ => Group::Undecayed,
+        }
     }
 }
 
 /// Returns the layout of a network and the values of its parameters.
 pub(super) fn read<M: Module>(model: &M) -> (Layout, Vec<f32>) {
     let mut reader = Reader {
-        path: Path::default(),
+        names: Vec::new(),
+        owners: Vec::new(),
         layout: Layout { parameters: Vec::new(), len: 0 },
         values: Vec::new(),
     };
@@ -67,28 +96,24 @@ pub(super) fn gradients<M: Module>(model: &M, mut gradients: Gradients, len: usi
     collector.list
 }
 
-/// Position of a visitor in a network.
-#[derive(Default)]
-struct Path {
-    names: Vec<String>,
-    owners: Vec<String>,
-}
-
 struct Reader {
-    path: Path,
+    /// Names of the modules from the network down to the current one.
+    names: Vec<String>,
+    /// Types of the modules that these belong to.
+    owners: Vec<Owner>,
     layout: Layout,
     values: Vec<f32>,
 }
 
 impl ModuleVisitor for Reader {
     fn enter_module(&mut self, name: &str, container_type: &str) {
-        self.path.names.push(name.to_owned());
-        self.path.owners.push(container_type.to_owned());
+        self.names.push(name.to_owned());
+        self.owners.push(Owner::of(container_type));
     }
 
     fn exit_module(&mut self, _name: &str, _container_type: &str) {
-        self.path.names.pop();
-        self.path.owners.pop();
+        self.names.pop();
+        self.owners.pop();
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
@@ -100,9 +125,13 @@ impl ModuleVisitor for Reader {
         self.values.extend(numbers(tensor));
         let start = self.layout.len;
         self.layout.len = self.values.len();
+        let owner = self.owners.last().copied().unwrap_or(Owner::Other);
+        // An average is a tensor to the outside.
+        let inner = usize::from(owner == Owner::Average);
         self.layout.parameters.push(Parameter {
-            path: self.path.names.join("."),
-            owner: self.path.owners.last().cloned().unwrap_or_default(),
+            path: self.names[..self.names.len() - inner].join("."),
+            id: param.id,
+            owner,
             shape,
             range: start..self.layout.len,
         });
@@ -110,7 +139,7 @@ impl ModuleVisitor for Reader {
 }
 
 /// Returns the numbers of a tensor in row-major order.
-fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+pub(super) fn numbers<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data_as::<f32>().iter::<f32>().collect()
 }
 

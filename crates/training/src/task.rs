@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::tensor::Tensor;
 
-use super::{Stream, Sums};
+use super::{Observation, Stream, Sums};
 
 /// Training data, read by number. Several threads read, in any order and again in every epoch: only
 /// current examples are in memory.
@@ -91,9 +91,8 @@ pub trait Task: Sync {
     type Example: Send;
     /// Example prepared as input of the network.
     type Sample: Send + Sync;
-    /// The network. Parameters that require gradients are trained, all as `f32`. Those named `running_mean`
-    /// or `running_var` are averages: the optimiser leaves them alone, and each step moves them by a tenth
-    /// towards their gradient, to which the loss must give the value that they are to follow.
+    /// The network. Parameters that require gradients are trained, all as `f32`; an
+    /// [`Average`](super::Average) follows [`Output::averages`].
     type Model: Module;
 
     /// Returns the untrained network, on a device with autodiff. The same seed must give the same
@@ -137,4 +136,13 @@ pub struct Output {
     pub items: f64,
     /// Further metrics.
     pub metrics: Sums,
+    /// Values that running averages of the network are to follow. Ignored in validation.
+    pub averages: Vec<Observation>,
+}
+
+impl Output {
+    /// Creates the result of a network without running averages.
+    pub fn new(loss: Tensor<1>, items: f64, metrics: Sums) -> Self {
+        Self { loss, items, metrics, averages: Vec::new() }
+    }
 }

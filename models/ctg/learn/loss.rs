@@ -32,7 +32,7 @@ pub(super) fn loss(
         None => denoised(network, samples, truth, &agents, config, schedule, stream),
     };
     let loss = (squares * weights).sum();
-    Output { loss, items: samples.iter().map(|sample| sample.weight).sum(), metrics: Sums::new() }
+    Output::new(loss, samples.iter().map(|sample| sample.weight).sum(), Sums::new())
 }
 
 /// Returns the squared differences, `[agents, actions, 1]`, of places (m) and yaws (rad), as published, and

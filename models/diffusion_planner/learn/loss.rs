@@ -42,5 +42,5 @@ pub(super) fn loss(
             total = total + errors.sum();
         }
     }
-    Output { loss: total, items: (samples.len() * recipe.draws) as f64, metrics }
+    Output::new(total, (samples.len() * recipe.draws) as f64, metrics)
 }

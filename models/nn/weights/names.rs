@@ -37,6 +37,7 @@ const STORED_NAMES: &[(&str, &str, &str)] = &[
     ("Struct:PlainMlp", "second", "2"),
     ("Struct:PlainMlp", "third", "4"),
     ("Struct:MotionDecoder", "dense", ""),
+    ("Struct:Average", "value", ""),
     ("Struct:DiffusionPlanner", "encoder", "encoder.encoder"),
     ("Struct:DiffusionPlanner", "transformer", "decoder.decoder.dit"),
     ("Struct:RouteEncoder", "mixer", "Mixer"),

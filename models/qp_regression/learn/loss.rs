@@ -7,7 +7,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim_learning::Intentions;
 
 use super::super::inputs::Surroundings;
-use super::super::network::{Batch, Config, Network, NetworkOutput, Observed, STATE};
+use super::super::network::{Batch, Config, Network, NetworkOutput, STATE};
 use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};
 use super::sample::{Sample, TRUTH_SIZE, Target, Truth};
 
@@ -30,19 +30,19 @@ pub(super) struct Losses {
     pub predicted: NetworkOutput,
 }
 
-/// Runs the network over samples. With `observed` for training, batch norms use the rows of this pass.
+/// Runs the network over samples. In training, batch norms use the rows of this pass.
 pub(super) fn losses(
     network: &Network,
     samples: &[Sample],
     intentions: &Intentions,
     config: &Config,
     device: &Device,
-    observed: Observed,
+    training: bool,
 ) -> Losses {
     let targets: Vec<&Target> = samples.iter().flat_map(|s| &s.targets).collect();
     let scenes: Vec<&Surroundings> = targets.iter().map(|t| &t.around).collect();
     let batch = Batch::of(&scenes, intentions, config, device);
-    let predicted = network.forward(&batch, config, &observed);
+    let predicted = network.forward(&batch, config, training);
 
     let count = targets.len();
     let nearest_query = |t: &&Target| intentions.nearest(t.around.class, t.goal);
@@ -83,11 +83,7 @@ pub(super) fn losses(
     let (truth, weight) = truth_tensors(&truths, &weights, config, device);
     let (likelihood, velocity) = state_losses(predicted.dense.clone(), truth, weight);
     let states = targets.iter().flat_map(|t| &t.truth.known).map(|k| f64::from(*k)).sum();
-    let mut loss = total + likelihood + velocity;
-    if let Some(terms) = observed.total() {
-        // The gradient of a batch is divided by its targets.
-        loss = loss + terms * count as f64;
-    }
+    let loss = total + likelihood + velocity;
     Losses { loss, targets: count as f64, surprise: (surprise, states), score, right, predicted }
 }
 

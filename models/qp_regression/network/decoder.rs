@@ -14,8 +14,7 @@ use super::decoder_layer::{AttentionInput, DecoderLayer, Queries};
 use super::dense::Dense;
 use super::encoder::Tokens;
 use super::guide;
-use super::layers::NormedMlp;
-use super::observed::Observed;
+use super::layers::{NormedMlp, Observed};
 use super::output::{LayerOutput, NetworkOutput};
 use super::sine::sine;
 use crate::inputs::OUTLOOK;
@@ -80,8 +79,8 @@ impl MotionDecoder {
         tokens: Tokens,
         batch: &Batch,
         config: &Config,
-        observed: &Observed,
-    ) -> NetworkOutput {
+        observed: &mut Observed,
+    ) -> (Vec<LayerOutput>, Tensor<3>) {
         let (scenes, queries, d, m) = (batch.scenes, batch.queries, config.decoder_width, config.map_width);
         let rows = scenes * queries;
         let device = tokens.agents.device();
@@ -168,12 +167,12 @@ impl MotionDecoder {
             }
             layers.push(LayerOutput { scores, modes });
         }
-        NetworkOutput { layers, dense }
+        (layers, dense)
     }
 
     /// Returns the static intention queries, `[scenes * queries, width]`, of the class of each
     /// predicted agent.
-    fn intentions(&self, batch: &Batch, width: usize, observed: &Observed) -> Tensor<2> {
+    fn intentions(&self, batch: &Batch, width: usize, observed: &mut Observed) -> Tensor<2> {
         let device = batch.table.device();
         let q = batch.queries;
         // The points of a class count as often as there are predicted agents of it.

@@ -8,8 +8,7 @@ use super::STATE;
 use super::batch::Batch;
 use super::config::{Attributes, Config};
 use super::guide;
-use super::layers::NormedMlp;
-use super::observed::Observed;
+use super::layers::{NormedMlp, Observed};
 
 /// Layers of the dense prediction. Their tensors belong to the decoder.
 #[derive(Module, Debug)]
@@ -38,7 +37,7 @@ impl Dense {
         agents: Tensor<2>,
         batch: &Batch,
         config: &Config,
-        observed: &Observed,
+        observed: &mut Observed,
     ) -> (Tensor<2>, Tensor<3>) {
         let (rows, states) = (agents.dims()[0], config.states());
         // Own attributes are scaled to about 1; published ones are in metres.

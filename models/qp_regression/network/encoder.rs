@@ -7,7 +7,7 @@ use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
 use super::batch::Batch;
 use super::config::Config;
-use super::observed::Observed;
+use super::layers::Observed;
 use super::polyline_encoder::PolylineEncoder;
 use super::sine::sine;
 use crate::inputs::{agent_numbers, point_numbers};
@@ -84,7 +84,7 @@ impl Encoder {
         }
     }
 
-    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &Observed) -> Tokens {
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &mut Observed) -> Tokens {
         let (scenes, width) = (batch.scenes, config.width);
         let (a, l) = (config.agents, config.lines);
         let agents = self.agent_polyline_encoder.forward(

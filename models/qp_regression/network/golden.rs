@@ -7,7 +7,7 @@ use reactsim_nn::{CLOSED, Initializer, device};
 use reactsim_perception::Class;
 
 use super::batch::{Polylines, nearest_tokens};
-use super::{Batch, Config, Network, Observed, STATE};
+use super::{Batch, Config, Network, STATE};
 use crate::predict::kept_modes;
 
 /// The configuration of the golden data.
@@ -166,8 +166,8 @@ fn neighbours_encoding_and_modes_equal_those_of_the_public_code() {
 }
 
 fn check(network: &Network, batch: &Batch, order: &[usize], file: &GoldenFile, limit: f64, scene: &str) {
-    let tokens = network.context_encoder.forward(batch, &CONFIG, &Observed::none());
-    let output = network.forward(batch, &CONFIG, &Observed::none());
+    let tokens = network.context_encoder.forward(batch, &CONFIG, &mut None);
+    let output = network.forward(batch, &CONFIG, false);
     // Rows that are absent are not looked at: there ours are arbitrary.
     let (agents, lines) = (file.flags("output.obj_mask"), file.flags("output.map_mask"));
     let all_lines: Vec<usize> = (0..lines.len()).collect();

@@ -4,9 +4,9 @@ use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::{Tensor, TensorData};
 use reactsim_nn::{Initializer, Rows};
+use reactsim_training::{Average, Observation};
 
 use super::config::Norms;
-use super::observed::Observed;
 
 /// Constant added to the variances of batch norms.
 const EPSILON: f64 = 1e-5;
@@ -14,39 +14,47 @@ const EPSILON: f64 = 1e-5;
 /// reference motion is better than an untrained output.
 const HEAD_INIT_SCALE: f64 = 0.1;
 
+/// Means and variances that batch norms observe of their rows, by which they then normalise; `None` for the running
+/// ones.
+pub(crate) type Observed = Option<Vec<Observation>>;
+
 /// Batch norm or layer norm.
 #[derive(Module, Debug)]
 pub(crate) struct Norm {
     weight: Param<Tensor<1>>,
     bias: Param<Tensor<1>>,
-    running_mean: Option<Param<Tensor<1>>>,
-    running_var: Option<Param<Tensor<1>>>,
+    running_mean: Option<Average>,
+    running_var: Option<Average>,
 }
 
 impl Norm {
     fn init(norms: Norms, width: usize, init: &Initializer) -> Self {
-        let filled = |value: f32| -> Param<Tensor<1>> {
-            Param::from_data(TensorData::new(vec![value; width], [width]), init.device())
-        };
-        let running = |value: f32| (norms == Norms::Batch).then(|| filled(value));
-        Self { weight: filled(1.0), bias: filled(0.0), running_mean: running(0.0), running_var: running(1.0) }
+        let filled = |value: f32| Tensor::from_data(TensorData::new(vec![value; width], [width]), init.device());
+        let running = |value: f32| (norms == Norms::Batch).then(|| Average::new(filled(value)));
+        Self {
+            weight: Param::from_tensor(filled(1.0)),
+            bias: Param::from_tensor(filled(0.0)),
+            running_mean: running(0.0),
+            running_var: running(1.0),
+        }
     }
 
     /// Normalises rows, then applies ReLU. Batch norms in training observe rows by their weights, `[n, 1]`,
     /// all alike without these.
-    fn forward(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
+    fn forward(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &mut Observed) -> Rows {
         let (gain, bias) = (self.weight.val(), self.bias.val());
         let (Some(running_mean), Some(running_variance)) = (&self.running_mean, &self.running_var) else {
             return x.normalize(gain, Some(bias)).relu();
         };
         let x = x.done();
-        let (mean, variance) = if observed.is_training() {
-            let (mean, variance, unbiased) = moments(&x, weights);
-            observed.note(running_mean.val(), mean.clone());
-            observed.note(running_variance.val(), variance.clone() * unbiased);
-            (mean, variance)
-        } else {
-            (running_mean.val(), running_variance.val())
+        let (mean, variance) = match observed {
+            Some(observed) => {
+                let (mean, variance, unbiased) = moments(&x, weights);
+                observed.push(running_mean.observe(mean.clone()));
+                observed.push(running_variance.observe(variance.clone() * unbiased));
+                (mean, variance)
+            }
+            None => (running_mean.val(), running_variance.val()),
         };
         let gain = gain / (variance + EPSILON).sqrt();
         let shift = bias - mean * gain.clone();
@@ -118,19 +126,19 @@ impl NormedMlp {
         &self,
         x: Tensor<2>,
         weights: Option<&Tensor<2>>,
-        observed: &Observed,
+        observed: &mut Observed,
     ) -> Tensor<2> {
         self.rows(x, weights, observed).done()
     }
 
     /// Like [`NormedMlp::forward`], for callers that go on with the rows.
-    pub(crate) fn rows(&self, x: Tensor<2>, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
+    pub(crate) fn rows(&self, x: Tensor<2>, weights: Option<&Tensor<2>>, observed: &mut Observed) -> Rows {
         self.after_first(Rows::linear(&self.first, x), weights, observed)
     }
 
     /// Applies everything after the first linear layer, for callers that compute that layer themselves.
-    pub(crate) fn after_first(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &Observed) -> Rows {
-        let normed = |norm: &Option<Norm>, x| match norm {
+    pub(crate) fn after_first(&self, x: Rows, weights: Option<&Tensor<2>>, observed: &mut Observed) -> Rows {
+        let mut normed = |norm: &Option<Norm>, x| match norm {
             Some(norm) => norm.forward(x, weights, observed),
             None => x,
         };
@@ -182,10 +190,10 @@ mod tests {
     fn batch_norm_normalises_by_the_batch_in_training_and_by_running_values_otherwise() {
         let norm = Norm::init(Norms::Batch, 1, &Initializer::new(0, &device()));
         let x = || Rows::of(matrix(&[2.0, 4.0, 6.0], 1));
-        let trained = numbers(norm.forward(x(), None, &Observed::training()).done());
+        let trained = numbers(norm.forward(x(), None, &mut Some(Vec::new())).done());
         let wanted = 2.0 / (8.0f32 / 3.0 + 1e-5).sqrt();
         assert!((trained[2] - wanted).abs() < 1e-6 && trained[..2] == [0.0, 0.0], "{trained:?}");
-        let run = numbers(norm.forward(x(), None, &Observed::none()).done());
+        let run = numbers(norm.forward(x(), None, &mut None).done());
         assert!((run[2] - 6.0).abs() < 1e-4, "{run:?}");
     }
 }

@@ -18,7 +18,6 @@ mod golden;
 mod guide;
 mod layers;
 mod motion_transformer;
-mod observed;
 mod output;
 mod polyline_encoder;
 mod sine;
@@ -29,7 +28,6 @@ pub use motion_transformer::Network;
 pub use suppress::suppress;
 
 pub(crate) use batch::Batch;
-pub(crate) use observed::Observed;
 pub(crate) use output::{LayerOutput, NetworkOutput};
 
 /// Number of values per predicted state: x, y (metres), the logarithms of two deviations, correlation,

@@ -7,7 +7,6 @@ use super::batch::Batch;
 use super::config::Config;
 use super::decoder::MotionDecoder;
 use super::encoder::Encoder;
-use super::observed::Observed;
 use super::output::NetworkOutput;
 
 /// Encoder and decoder.
@@ -26,9 +25,12 @@ impl Network {
         }
     }
 
-    /// Predicts one agent per scene of the batch.
-    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &Observed) -> NetworkOutput {
-        let tokens = self.context_encoder.forward(batch, config, observed);
-        self.motion_decoder.forward(tokens, batch, config, observed)
+    /// Predicts one agent per scene of the batch. In training, batch norms use the means and variances of their
+    /// rows; otherwise the running ones.
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config, training: bool) -> NetworkOutput {
+        let mut observed = training.then(Vec::new);
+        let tokens = self.context_encoder.forward(batch, config, &mut observed);
+        let (layers, dense) = self.motion_decoder.forward(tokens, batch, config, &mut observed);
+        NetworkOutput { layers, dense, averages: observed.unwrap_or_default() }
     }
 }

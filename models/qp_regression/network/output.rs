@@ -1,6 +1,7 @@
 //! Output of the network.
 
 use burn::tensor::Tensor;
+use reactsim_training::Observation;
 
 /// Output of one layer of the decoder.
 #[derive(Clone, Debug)]
@@ -18,4 +19,6 @@ pub(crate) struct NetworkOutput {
     pub layers: Vec<LayerOutput>,
     /// `[scenes * agents, states, 7]`: one future of every agent in the input.
     pub dense: Tensor<3>,
+    /// Means and variances of the rows of batch norms; empty outside of training.
+    pub averages: Vec<Observation>,
 }

@@ -5,8 +5,7 @@ use burn::tensor::Tensor;
 use reactsim_nn::{Initializer, PlainMlp, Rows, pool};
 
 use super::config::Norms;
-use super::layers::NormedMlp;
-use super::observed::Observed;
+use super::layers::{NormedMlp, Observed};
 
 /// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
 /// the pooled values, and are pooled again.
@@ -46,7 +45,7 @@ impl PolylineEncoder {
         there: Tensor<2>,
         lines_there: Tensor<2>,
         count: usize,
-        observed: &Observed,
+        observed: &mut Observed,
     ) -> Tensor<2> {
         let x = self.pre_mlps.rows(points, Some(&there), observed).times(there.clone()).done();
         let pooled = pool(x.clone(), count);

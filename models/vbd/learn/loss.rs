@@ -74,7 +74,7 @@ pub(super) fn loss(
         }
         items += weight;
     }
-    Output { loss: total, items, metrics }
+    Output::new(total, items, metrics)
 }
 
 /// Returns the loss of the behaviours towards the anchors that the agents headed for, and that of the scores

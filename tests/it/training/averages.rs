@@ -2,10 +2,12 @@
 
 use std::sync::atomic::AtomicBool;
 
-use burn::module::{Module, Param};
+use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::training::{Execution, Learner, Output, Settings, Stream, Sums, Task, View, draw_parameters};
+use reactsim::training::{
+    Average, Execution, Learner, Output, Settings, Stream, Sums, Task, View, draw_parameters,
+};
 use serde_json::Map;
 
 use super::toy::{Curve, settings};
@@ -13,7 +15,7 @@ use super::toy::{Curve, settings};
 #[derive(Module, Debug)]
 struct Net {
     linear: Linear,
-    running_mean: Param<Tensor<1>>,
+    mean: Average,
 }
 
 /// Learns a line, and on the way the mean of its inputs.
@@ -27,7 +29,7 @@ impl Task for Line {
     fn init(&self, seed: u64) -> Net {
         let device = Device::flex().autodiff();
         let linear = draw_parameters(LinearConfig::new(1, 1).init(&device), seed, 1.0);
-        Net { linear, running_mean: Param::from_data(TensorData::from([0.0f32]), &device) }
+        Net { linear, mean: Average::new(Tensor::zeros([1], &device)) }
     }
 
     fn prepare(&self, example: &f32, _: View<'_>) -> Option<f32> {
@@ -39,9 +41,8 @@ impl Task for Line {
         let n = samples.len();
         let x = Tensor::<2>::from_data(TensorData::new(samples.to_vec(), [n, 1]), &device);
         let error = model.linear.forward(x.clone()) - x.clone() * 2.0;
-        let term = (model.running_mean.val() * x.mean().detach()).sum() * n as f64;
-        let loss = (error.clone() * error).sum() + term.clone() - term.detach();
-        Output { loss, items: n as f64, metrics: Sums::new() }
+        let averages = vec![model.mean.observe(x.mean())];
+        Output { averages, ..Output::new((error.clone() * error).sum(), n as f64, Sums::new()) }
     }
 }
 
@@ -62,7 +63,7 @@ fn averages_follow_the_values_of_batches_and_change_nothing_else() {
         };
         let net = learner.learn(folder.path(), false, &AtomicBool::new(false)).unwrap().model;
         let number = |tensor: Tensor<1>| tensor.into_data().iter::<f32>().next().unwrap();
-        (number(net.running_mean.val()), number(net.linear.weight.val().flatten(0, 1)))
+        (number(net.mean.val()), number(net.linear.weight.val().flatten(0, 1)))
     };
     let (mean, weight) = learned(1, 1.0);
     let wanted = (0..64).map(|i| i as f32 / 64.0).sum::<f32>() / 64.0 * (1.0 - 0.9f32.powi(30));

@@ -103,7 +103,7 @@ impl Task for Toy {
         let mut metrics = Sums::new();
         let absolute = error.clone().abs().sum().into_scalar::<f32>();
         metrics.add("absolute_error", f64::from(absolute), n as f64);
-        Output { loss: (error.clone() * error).sum(), items: n as f64, metrics }
+        Output::new((error.clone() * error).sum(), n as f64, metrics)
     }
 }
 

@@ -51,7 +51,7 @@ impl Task for Speeds {
             Tensor::<2>::from_data(data, &model.linear.weight.device())
         };
         let error = model.linear.forward(column(0)) - column(1);
-        Output { loss: (error.clone() * error).sum(), items: pairs.len() as f64, metrics: Sums::new() }
+        Output::new((error.clone() * error).sum(), pairs.len() as f64, Sums::new())
     }
 }
 

@@ -115,11 +115,8 @@ impl Task for GroupRelative {
             let metrics = self.summary(&groups);
             let items = metrics.weight("reward");
             let loss = -metrics.mean("reward").unwrap_or(0.0) * items;
-            return Output {
-                loss: Tensor::from_floats([loss as f32], &self.tuning.tokens.device),
-                items,
-                metrics,
-            };
+            let loss = Tensor::from_floats([loss as f32], &self.tuning.tokens.device);
+            return Output::new(loss, items, metrics);
         };
         let groups = self.groups(&model.valid(), samples, stream);
         let choices: Vec<_> = groups.iter().flat_map(|group| choices(group)).collect();
