@@ -6,6 +6,7 @@
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 #![expect(clippy::disallowed_methods, reason = "speed does not hang on last bits")]
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::time::Instant;
 
@@ -278,7 +279,7 @@ fn rolled(scenario: &Scenario, controller: &Controller, count: usize) -> Result<
 fn reactive(device: &Device) -> Result<()> {
     let scenario = crowded()?;
     let task = NextToken::new(Recipe::default(), Kinematic::default().build()?, device);
-    let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
+    let file = task.file(&task.init(0), &BTreeMap::new()).context("weights can be written")?;
     let driving =
         Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
     let simulator = ReactiveSimulator::new(Policy::read(&file, device)?, driving, device.clone());
@@ -321,7 +322,7 @@ fn guarded() -> Result<()> {
 fn regression(device: &Device) -> Result<()> {
     let scenario = crowded()?;
     let task = Regression::new(RegressionRecipe::default(), Intentions::fan(), device);
-    let file = task.file(&task.init(0), &serde_json::Value::Null).context("weights can be written")?;
+    let file = task.file(&task.init(0), &BTreeMap::new()).context("weights can be written")?;
     let policy = Predictor::read(&file, device)?;
     let tracks: Vec<_> = (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect();
     let lights: Vec<_> = (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect();

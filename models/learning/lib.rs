@@ -29,7 +29,7 @@ pub use provenance::Provenance;
 pub use recipe::recipe_values;
 pub use recipe::{LEARNING_RANGES, recipe_document};
 pub use reservoir::Reservoir;
-pub use scene::{LearningScene, shifted};
+pub use scene::{LearningScene, SceneAugmentation, shifted};
 pub use tracks::for_each_track;
 pub use trainable::{Measure, SimulatorTask, Trainable, Training};
 pub use training_task::{ShippedRecipe, TaskError, TaskInput, TaskSetup, TrainingTask, learning_settings};

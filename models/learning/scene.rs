@@ -4,10 +4,22 @@ use rand::RngExt;
 use reactsim_dynamics::PARKED_DISPLACEMENT;
 use reactsim_geometry::Vec2;
 use reactsim_perception::SceneView;
-use reactsim_scene::{Agent, AgentState, Frame, LightState, Scenario};
+use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Scenario};
 use reactsim_training::Stream;
+use serde::{Deserialize, Serialize};
 
 use super::map::LearningMap;
+
+/// Augmentation of scenes by draws from a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SceneAugmentation {
+    /// Largest shift of the prediction frame from the current one, frames.
+    pub shift: usize,
+    /// Probability that a scene is mirrored.
+    pub mirror: f64,
+    /// Largest relative change of scale, up or down.
+    pub stretch: f64,
+}
 
 /// A logged scene: agents, their complete tracks, the map and the light states.
 #[derive(Clone, Debug)]
@@ -32,6 +44,13 @@ impl<M: LearningMap> LearningScene<M> {
             map,
             lights: (0..start.lights.len()).map(|l| scenario.light_states(l)).collect(),
         }
+    }
+
+    /// Returns the scene augmented by draws from the stream, with the frame to predict from; without a stream as logged.
+    pub fn augmented(self, by: &SceneAugmentation, stream: Option<&mut Stream>) -> (Self, usize) {
+        let Some(stream) = stream else { return (self, CURRENT) };
+        let scene = self.varied(by.mirror, by.stretch, stream);
+        (scene, shifted(CURRENT, by.shift, stream))
     }
 
     /// Returns the scene mirrored with probability `mirror` and stretched by a factor that differs from 1

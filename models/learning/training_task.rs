@@ -143,39 +143,39 @@ impl TaskSetup {
     /// read, and the digest of the file.
     ///
     /// # Errors
-    /// [`TaskError::File`] with the cause.
+    /// [`TaskError::File`] with the cause, or if the sizes of the network do not fit the recipe.
     pub fn parent<T, E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
         read: impl FnOnce(&[u8], &Device) -> Result<T, E>,
+        fits: impl FnOnce(&T) -> bool,
     ) -> Result<Option<(T, String)>, TaskError> {
         let Some(file) = &self.from else { return Ok(None) };
-        let parent = read(&file.bytes, &self.device.clone().autodiff());
-        parent.map(|parent| Some((parent, file.digest.clone()))).map_err(|e| self.refuse_parent(e))
+        let refuse = |source| TaskError::File { what: "weights", file: file.name.clone(), source };
+        let parent = read(&file.bytes, &self.device.clone().autodiff()).map_err(|e| refuse(e.into()))?;
+        if !fits(&parent) {
+            let cause = "its network has other sizes than the recipe: give the recipe the same `network`";
+            return Err(refuse(cause.into()));
+        }
+        Ok(Some((parent, file.digest.clone())))
     }
 
-    /// Returns the error that the weights to start from do not fit.
-    pub fn refuse_parent(&self, source: impl Into<Box<dyn Error + Send + Sync>>) -> TaskError {
-        let file = self.from.as_ref().map(|file| file.name.clone()).unwrap_or_default();
-        TaskError::File { what: "weights", file, source: source.into() }
-    }
-
-    /// Returns the error that the network of the weights to start from differs from that of the recipe.
-    pub fn refuse_parent_sizes(&self) -> TaskError {
-        self.refuse_parent("its network has other sizes than the recipe: give the recipe the same `network`")
-    }
-
-    /// Reads an input file, if it is given.
+    /// Reads an input file, if it is given; otherwise returns that of the parent.
     ///
     /// # Errors
-    /// [`TaskError::File`] with the cause.
-    pub fn input<T, E: Into<Box<dyn Error + Send + Sync>>>(
+    /// [`TaskError::File`] with the cause, or if the file differs from that of the parent.
+    pub fn input<T: PartialEq, E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
         name: &'static str,
         read: impl FnOnce(&[u8]) -> Result<T, E>,
+        of_parent: Option<T>,
     ) -> Result<Option<T>, TaskError> {
-        let Some(file) = self.inputs.get(name) else { return Ok(None) };
-        let refuse = |e: E| TaskError::File { what: name, file: file.name.clone(), source: e.into() };
-        read(&file.bytes).map(Some).map_err(refuse)
+        let Some(file) = self.inputs.get(name) else { return Ok(of_parent) };
+        let refuse = |source| TaskError::File { what: name, file: file.name.clone(), source };
+        let given = read(&file.bytes).map_err(|e| refuse(e.into()))?;
+        if of_parent.is_some_and(|other| other != given) {
+            return Err(refuse("the weights to start from have another one: omit it".into()));
+        }
+        Ok(Some(given))
     }
 }
 

@@ -19,7 +19,7 @@ use reactsim::training::{Task, View};
 /// Returns a network with random weights: its output has the right form, but no meaning.
 pub(crate) fn policy(device: &Device) -> Policy {
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), device);
-    let bytes = task.file(&task.init(7), &serde_json::json!({"seed": 7})).unwrap();
+    let bytes = task.file(&task.init(7), &BTreeMap::new()).unwrap();
     Policy::read(&bytes, device).unwrap()
 }
 
@@ -36,7 +36,7 @@ pub(crate) fn untrained() -> Vec<u8> {
     };
     let vocabulary = crate::smart_simulator::coarse().build().unwrap();
     let task = NextToken::new(Recipe { network, ..Recipe::default() }, vocabulary, &device());
-    task.file(&task.init(7), &serde_json::Value::Null).unwrap()
+    task.file(&task.init(7), &BTreeMap::new()).unwrap()
 }
 
 pub(crate) fn scenarios(count: usize) -> Vec<Scenario> {
@@ -277,7 +277,7 @@ fn the_other_backend_agrees() {
 fn foreign_and_damaged_policies_are_refused() {
     let device = device();
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), &device);
-    let good = task.file(&task.init(7), &serde_json::Value::Null).unwrap();
+    let good = task.file(&task.init(7), &BTreeMap::new()).unwrap();
     let refusal = |bytes: &[u8]| Policy::read(bytes, &device).unwrap_err().to_string();
     assert!(refusal(&good[..good.len() - 8]).contains("cut short"), "{}", refusal(&good[..good.len() - 8]));
     assert!(refusal(b"").contains("cut short"));

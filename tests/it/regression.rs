@@ -73,7 +73,7 @@ fn task(network: Config) -> Regression {
 
 fn bytes(network: Config) -> Vec<u8> {
     let task = task(network);
-    task.file(&task.init(7), &serde_json::Value::Null).unwrap()
+    task.file(&task.init(7), &BTreeMap::new()).unwrap()
 }
 
 /// Returns the file of a small untrained network.

@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 use rand_chacha::rand_core::SeedableRng;
 use reactsim::models::nn::device;
 use reactsim::models::ntp::Sampling;
+use reactsim::models::ntp::smart::learn::Excerpt;
 use reactsim::models::ntp::smart::learn::grpo::{GroupRelative, GrpoRecipe, Rewards};
 use reactsim::models::ntp::smart::{Smart, SmartPolicy};
 use reactsim::scene::Scenario;
@@ -21,12 +22,9 @@ fn task(recipe: GrpoRecipe) -> GroupRelative {
 /// A recipe without labels.
 fn rewards_alone(top_k: usize, distance: f64) -> GrpoRecipe {
     GrpoRecipe {
-        agents: 4,
-        steps: 3,
+        excerpt: Excerpt { agents: 4, steps: 3, mirror: 0.0, stretch: 0.0, ..GrpoRecipe::default().excerpt },
         rollouts: 4,
         anchor: 0.0,
-        mirror: 0.0,
-        stretch: 0.0,
         sampling: Sampling { top_k, temperature: 1.0 },
         rewards: Rewards { distance, most_distance: 100.0, ..GrpoRecipe::default().rewards },
         ..GrpoRecipe::default()

@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
 use reactsim::models::nn::device;
 use reactsim::models::ntp::smart::learn::catk::{CatkRecipe, ClosestAmongTopK};
-use reactsim::models::ntp::smart::learn::{NextSmartToken, Recipe};
+use reactsim::models::ntp::smart::learn::{Excerpt, NextSmartToken, Recipe};
 use reactsim::models::ntp::smart::{Scene, SmartPolicy};
 use reactsim::scene::{CURRENT, Frame, Scenario};
 use reactsim::training::{Stream, Task, View, parameter_paths};
@@ -20,6 +20,12 @@ fn catk(recipe: CatkRecipe) -> ClosestAmongTopK {
     let autodiff: Device = device().autodiff();
     let parent = SmartPolicy::read(&untrained(), &autodiff).unwrap();
     ClosestAmongTopK::new(recipe, parent, String::new(), &device())
+}
+
+/// Returns the default recipe in which the AV follows its record, or the network.
+fn with_av(external_av: bool) -> CatkRecipe {
+    let default = CatkRecipe::default();
+    CatkRecipe { excerpt: Excerpt { external_av, ..default.excerpt }, ..default }
 }
 
 /// Returns the scene that a network drives in.
@@ -87,7 +93,7 @@ fn with_one_token_the_record_has_no_influence_on_the_closed_loop() {
 
 #[test]
 fn an_external_av_follows_its_record_whatever_the_network_says() {
-    let recipe = CatkRecipe { top_k: 1, external_av: true, ..CatkRecipe::default() };
+    let recipe = CatkRecipe { top_k: 1, ..with_av(true) };
     let scenario = scenario(2);
     let scene = driven(&recipe, &scenario);
     for (number, step) in scene.steps.iter().enumerate().skip(HISTORY) {
@@ -95,7 +101,7 @@ fn an_external_av_follows_its_record_whatever_the_network_says() {
         let [x, y] = step.position[0];
         assert!((f64::from(x) - record.x).abs() < 1e-4 && (f64::from(y) - record.y).abs() < 1e-4);
     }
-    let own = CatkRecipe { external_av: false, ..recipe.clone() };
+    let own = CatkRecipe { top_k: 1, ..with_av(false) };
     assert_ne!(driven(&own, &scenario).steps[STEPS - 1].position[0], scene.steps[STEPS - 1].position[0]);
     // It has no labels: one less per step.
     let labels = |recipe: CatkRecipe| {
@@ -125,15 +131,14 @@ fn a_scenario_in_which_only_an_external_av_has_a_record_is_passed_over() {
     for slot in 1..scenario.start.agents.len() {
         scenario.log_future.tracks[slot].fill(None);
     }
-    let sample = |external_av| {
-        catk(CatkRecipe { external_av, ..CatkRecipe::default() }).prepare(&scenario, View::Plain)
-    };
+    let sample = |external_av| catk(with_av(external_av)).prepare(&scenario, View::Plain);
     assert!(sample(false).is_some() && sample(true).is_none());
 }
 
 #[test]
 fn fine_tuning_moves_the_attention_of_agents_and_the_heads_alone() {
-    let task = catk(CatkRecipe { steps: 4, ..CatkRecipe::default() });
+    let excerpt = Excerpt { steps: 4, ..CatkRecipe::default().excerpt };
+    let task = catk(CatkRecipe { excerpt, ..CatkRecipe::default() });
     let network = task.init(0);
     let sample = task.prepare(&scenario(3), View::Plain).unwrap();
     let mut stream = rand_chacha::rand_core::SeedableRng::seed_from_u64(1);

@@ -233,15 +233,9 @@ where
             items: batch.items,
             samples: batch.samples,
             metrics: batch.metrics.means(),
-            wall: Wall {
-                seconds: Self::seconds(run),
-                per_second: batch.samples as f64 / seconds.max(1e-9),
-                memory: memory(),
-            },
+            wall: Self::wall(run, batch.samples, seconds),
         });
-        run.folder.append(&row)?;
-        self.observer.row(&row);
-        Ok(())
+        self.log(run, &row)
     }
 
     /// Updates the parameters. Returns the norm of the gradient before clipping.
@@ -296,15 +290,9 @@ where
             samples: sum.samples,
             metrics: sum.metrics.means(),
             closed_loop,
-            wall: Wall {
-                seconds: Self::seconds(run),
-                per_second: sum.samples as f64 / seconds.max(1e-9),
-                memory: memory(),
-            },
+            wall: Self::wall(run, sum.samples, seconds),
         });
-        run.folder.append(&row)?;
-        self.observer.row(&row);
-        Ok(())
+        self.log(run, &row)
     }
 
     /// Returns the value that the best network is lowest in.
@@ -333,7 +321,8 @@ where
         let mut about = weights.about.clone();
         about.insert("training".to_owned(), run.folder.identity().clone());
         let model = parameters::write(run.model.clone(), &run.state.values).valid();
-        match self.task.file(&model, &Value::Object(about)) {
+        let metadata = BTreeMap::from([("made".to_owned(), Value::Object(about).to_string())]);
+        match self.task.file(&model, &metadata) {
             Some(bytes) => run.folder.put_file(&bytes),
             None => run.folder.put_weights(weights),
         }
@@ -383,6 +372,19 @@ where
     /// Returns the number of epochs done, fractional.
     fn epoch(&self, run: &Run<'_, T, S>) -> f64 {
         (run.state.progress.step * self.settings.batch as u64) as f64 / run.order.length() as f64
+    }
+
+    /// Adds a row to the log.
+    fn log(&self, run: &mut Run<'_, T, S>, row: &Row) -> Result<(), TrainingError> {
+        run.folder.append(row)?;
+        self.observer.row(row);
+        Ok(())
+    }
+
+    /// Returns the times and the memory of a row whose samples took these seconds.
+    fn wall(run: &Run<'_, T, S>, samples: usize, seconds: f64) -> Wall {
+        let per_second = samples as f64 / seconds.max(1e-9);
+        Wall { seconds: Self::seconds(run), per_second, memory: memory() }
     }
 
     /// Returns the seconds since the training began, without interruptions.

@@ -1,5 +1,7 @@
 //! Traits of trainable networks and of their data.
 
+use std::collections::BTreeMap;
+
 use burn::module::Module;
 use burn::tensor::Tensor;
 
@@ -113,9 +115,9 @@ pub trait Task: Sync {
         self.loss(model, samples, None)
     }
 
-    /// Returns the file from which a simulator reads the trained network; `about` describes the training
-    /// and is stored in it. By default there is none, and the parameters are written as named tensors.
-    fn file(&self, _model: &Self::Model, _about: &serde_json::Value) -> Option<Vec<u8>> {
+    /// Returns the file from which a simulator reads the trained network, with these metadata, which describe
+    /// the training. By default there is none, and the parameters are written as named tensors.
+    fn file(&self, _model: &Self::Model, _metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
         None
     }
 

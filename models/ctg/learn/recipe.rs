@@ -1,5 +1,6 @@
 //! Recipe of a training.
 
+use reactsim_learning::SceneAugmentation;
 use serde::{Deserialize, Serialize};
 
 use super::super::Sight;
@@ -19,12 +20,9 @@ pub struct Recipe {
     pub parked: f64,
     /// Weight of the squared yaw rate in the loss of behaviour cloning.
     pub turning: f64,
-    /// Largest shift of the prediction frame from the current one, frames.
-    pub shift: usize,
-    /// Probability that a scene is mirrored.
-    pub mirror: f64,
-    /// Largest relative change of scale, up or down.
-    pub stretch: f64,
+    /// Augmentation of scenes.
+    #[serde(flatten)]
+    pub augmentation: SceneAugmentation,
 }
 
 impl Default for Recipe {
@@ -35,9 +33,7 @@ impl Default for Recipe {
             agents: 8,
             parked: 0.1,
             turning: 0.1,
-            shift: 4,
-            mirror: 0.5,
-            stretch: 0.1,
+            augmentation: SceneAugmentation { shift: 4, mirror: 0.5, stretch: 0.1 },
         }
     }
 }

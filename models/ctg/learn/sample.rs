@@ -2,8 +2,8 @@
 
 use reactsim_diffusion::{actions, normalized};
 use reactsim_geometry::{direction, into_frame, wrap};
-use reactsim_learning::{LearningScene, shifted};
-use reactsim_scene::{AgentState, CURRENT, Frame, Scenario};
+use reactsim_learning::LearningScene;
+use reactsim_scene::{AgentState, Frame, Scenario};
 use reactsim_training::Stream;
 
 use super::super::inputs::Seen;
@@ -26,12 +26,8 @@ pub struct Sample {
 /// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is
 /// nothing to learn.
 pub(super) fn sample(scenario: &Scenario, recipe: &Recipe, varied: Option<&mut Stream>) -> Option<Sample> {
-    let mut scene = LearningScene::of(scenario, GroundShapes::of(&scenario.start));
-    let mut now = CURRENT;
-    if let Some(stream) = varied {
-        scene = scene.varied(recipe.mirror, recipe.stretch, stream);
-        now = shifted(CURRENT, recipe.shift, stream);
-    }
+    let scene = LearningScene::of(scenario, GroundShapes::of(&scenario.start));
+    let (scene, now) = scene.augmented(&recipe.augmentation, varied);
     let (scene, shapes) = scene.split_map();
     let ground = Ground::of(&shapes, recipe.sight.radius);
     let lights = scene.lights_at(now);

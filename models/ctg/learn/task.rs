@@ -48,18 +48,15 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
     recipe.sight.check().map_err(|e| TaskError::values(ID, e))?;
     let new = CtgLearning::new(recipe, &setup.device).map_err(|e| TaskError::values(ID, e))?;
-    let Some((parent, digest)) = setup.parent(CtgPolicy::read)? else { return Ok(Box::new(new)) };
-    if parent.config != recipe.network || parent.sight != recipe.sight {
-        return Err(setup.refuse_parent_sizes());
-    }
-    Ok(Box::new(CtgLearning { origin: Origin::Parent(parent.network, digest), ..new }))
+    let fits = |policy: &CtgPolicy| policy.config == recipe.network && policy.sight == recipe.sight;
+    let parent = setup.parent(CtgPolicy::read, fits)?.map(|(policy, digest)| (policy.network, digest));
+    Ok(Box::new(CtgLearning { origin: Origin::new(&setup.device, parent), ..new }))
 }
 
 /// The training task.
 pub struct CtgLearning {
     recipe: Recipe,
     schedule: Schedule,
-    device: Device,
     origin: Origin<Ctg>,
 }
 
@@ -70,7 +67,7 @@ impl CtgLearning {
     /// [`ScheduleError`] if there are too few noise levels.
     pub fn new(recipe: Recipe, device: &Device) -> Result<Self, ScheduleError> {
         let schedule = Schedule::cosine(recipe.network.noise_levels)?;
-        Ok(Self { recipe, schedule, device: device.clone(), origin: Origin::Random })
+        Ok(Self { recipe, schedule, origin: Origin::new(device, None) })
     }
 
     /// Returns a network as the policy that a simulator reads.
@@ -86,8 +83,7 @@ impl Task for CtgLearning {
     type Model = Ctg;
 
     fn init(&self, seed: u64) -> Ctg {
-        self.origin
-            .network(seed, &self.device, |init| Ctg::init(&self.recipe.network, &self.recipe.sight, init))
+        self.origin.network(seed, |init| Ctg::init(&self.recipe.network, &self.recipe.sight, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -95,18 +91,15 @@ impl Task for CtgLearning {
     }
 
     fn loss(&self, model: &Ctg, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        let of =
-            |stream: &mut Stream, device| loss(model, samples, &self.recipe, &self.schedule, stream, device);
-        match stream {
-            Some(stream) => of(stream, &self.device.clone().autodiff()),
-            // Validation has no stream and no autodiff: the same noise every time.
-            None => of(&mut Stream::seed_from_u64(0), &self.device),
-        }
+        let device = self.origin.device(stream.is_some());
+        // Validation has no stream: the same noise every time.
+        let mut fixed = Stream::seed_from_u64(0);
+        let stream = stream.unwrap_or(&mut fixed);
+        loss(model, samples, &self.recipe, &self.schedule, stream, &device)
     }
 
-    fn file(&self, model: &Ctg, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        self.policy(model).write(&made).ok()
+    fn file(&self, model: &Ctg, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.policy(model).write(metadata).ok()
     }
 
     fn describe(&self) -> serde_json::Value {
@@ -118,6 +111,6 @@ impl SimulatorTask for CtgLearning {
     fn controller(&self, network: &Ctg) -> Result<Controller, String> {
         let (id, parameters) = plain(self.recipe.network.decoding).map_err(|e| e.to_string())?;
         let policy = self.policy(network);
-        Ok(Controller::Fair(Box::new(CtgSimulator::new(id, policy, parameters, self.device.clone()))))
+        Ok(Controller::Fair(Box::new(CtgSimulator::new(id, policy, parameters, self.origin.device(false)))))
     }
 }

@@ -1,5 +1,6 @@
 //! Recipe of a training.
 
+use reactsim_learning::SceneAugmentation;
 use serde::{Deserialize, Serialize};
 
 use super::super::PlannerSight;
@@ -15,12 +16,9 @@ pub struct Recipe {
     pub sight: PlannerSight,
     /// Number of noisy variants of a scene in one sample.
     pub draws: usize,
-    /// Largest shift of the prediction frame from the current one, frames.
-    pub shift: usize,
-    /// Probability that a scene is mirrored.
-    pub mirror: f64,
-    /// Largest relative change of scale, up or down.
-    pub stretch: f64,
+    /// Augmentation of scenes.
+    #[serde(flatten)]
+    pub augmentation: SceneAugmentation,
 }
 
 impl Default for Recipe {
@@ -29,9 +27,7 @@ impl Default for Recipe {
             network: PlannerConfig::default(),
             sight: PlannerSight::default(),
             draws: 4,
-            shift: 4,
-            mirror: 0.5,
-            stretch: 0.1,
+            augmentation: SceneAugmentation { shift: 4, mirror: 0.5, stretch: 0.1 },
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Training samples: scenes, and what the AV and its neighbours did in them.
 
 use reactsim_geometry::direction;
-use reactsim_learning::{LearningScene, shifted};
-use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Scenario};
+use reactsim_learning::LearningScene;
+use reactsim_scene::{AgentState, DT, FUTURE, Scenario};
 use reactsim_training::Stream;
 
 use super::super::inputs::{PlannerScene, rear_axle};
@@ -26,12 +26,8 @@ pub struct Sample {
 pub(super) fn sample(scenario: &Scenario, recipe: &Recipe, varied: Option<&mut Stream>) -> Option<Sample> {
     let config = &recipe.network;
     let map = recipe.sight.map(&scenario.start, config);
-    let mut learned = LearningScene::<PlannerMap>::of(scenario, map);
-    let mut now = CURRENT;
-    if let Some(stream) = varied {
-        learned = learned.varied(recipe.mirror, recipe.stretch, stream);
-        now = shifted(CURRENT, recipe.shift, stream);
-    }
+    let learned = LearningScene::<PlannerMap>::of(scenario, map);
+    let (learned, now) = learned.augmented(&recipe.augmentation, varied);
     let (learned, map) = learned.split_map();
     let lights = learned.lights_at(now);
     let view = learned.view(&learned.tracks, now, true, &lights);

@@ -39,25 +39,21 @@ pub const TASK: TrainingTask = TrainingTask {
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
     recipe.network.check().map_err(|e| TaskError::values(PLANNER, e))?;
-    let task = Planning::new(recipe, &setup.device);
-    let Some((parent, digest)) = setup.parent(PlannerPolicy::read)? else { return Ok(Box::new(task)) };
-    if parent.config != recipe.network || parent.sight != recipe.sight {
-        return Err(setup.refuse_parent_sizes());
-    }
-    Ok(Box::new(Planning { origin: Origin::Parent(parent.network, digest), ..task }))
+    let fits = |policy: &PlannerPolicy| policy.config == recipe.network && policy.sight == recipe.sight;
+    let parent = setup.parent(PlannerPolicy::read, fits)?.map(|(policy, digest)| (policy.network, digest));
+    Ok(Box::new(Planning { recipe, origin: Origin::new(&setup.device, parent) }))
 }
 
 /// The training task.
 pub struct Planning {
     recipe: Recipe,
-    device: Device,
     origin: Origin<DiffusionPlanner>,
 }
 
 impl Planning {
     /// Creates a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, device: &Device) -> Self {
-        Self { recipe, device: device.clone(), origin: Origin::Random }
+        Self { recipe, origin: Origin::new(device, None) }
     }
 
     /// Returns a network as the policy that a source of candidates reads.
@@ -73,7 +69,7 @@ impl Task for Planning {
     type Model = DiffusionPlanner;
 
     fn init(&self, seed: u64) -> DiffusionPlanner {
-        self.origin.network(seed, &self.device, |init| DiffusionPlanner::init(&self.recipe.network, init))
+        self.origin.network(seed, |init| DiffusionPlanner::init(&self.recipe.network, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -81,16 +77,13 @@ impl Task for Planning {
     }
 
     fn loss(&self, model: &DiffusionPlanner, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        match stream {
-            Some(stream) => loss(model, samples, &self.recipe, stream, &self.device.clone().autodiff()),
-            // Validation has no stream and no autodiff: the same noise every time.
-            None => loss(model, samples, &self.recipe, &mut Stream::seed_from_u64(0), &self.device),
-        }
+        let device = self.origin.device(stream.is_some());
+        // Validation has no stream: the same noise every time.
+        loss(model, samples, &self.recipe, stream.unwrap_or(&mut Stream::seed_from_u64(0)), &device)
     }
 
-    fn file(&self, model: &DiffusionPlanner, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        self.policy(model).write(&made).ok()
+    fn file(&self, model: &DiffusionPlanner, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.policy(model).write(metadata).ok()
     }
 
     fn describe(&self) -> serde_json::Value {

@@ -51,23 +51,14 @@ const VOCABULARY: &str = "vocabulary";
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
     recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
-    let vocabulary = setup.input(VOCABULARY, Vocabulary::read)?;
-    let Some((policy, digest)) = setup.parent(Policy::read)? else {
-        let vocabulary = match vocabulary {
-            Some(vocabulary) => vocabulary,
-            None => Kinematic::default().build().map_err(|e| TaskError::values(ID, e))?,
-        };
-        return Ok(Box::new(NextToken::new(recipe, vocabulary, &setup.device)));
+    let parent = setup.parent(Policy::read, |policy| policy.config == recipe.network)?;
+    let (parent, own) = parent.map(|(policy, digest)| ((policy.network, digest), policy.vocabulary)).unzip();
+    let vocabulary = match setup.input(VOCABULARY, Vocabulary::read, own)? {
+        Some(vocabulary) => vocabulary,
+        None => Kinematic::default().build().map_err(|e| TaskError::values(ID, e))?,
     };
-    if policy.config != recipe.network {
-        return Err(setup.refuse_parent_sizes());
-    }
-    if vocabulary.is_some_and(|other| other != policy.vocabulary) {
-        let cause = "it has other tokens than the given vocabulary: omit the vocabulary";
-        return Err(setup.refuse_parent(cause));
-    }
-    let origin = Origin::Parent(policy.network, digest);
-    Ok(Box::new(NextToken { origin, ..NextToken::new(recipe, policy.vocabulary, &setup.device) }))
+    let origin = Origin::new(&setup.device, parent);
+    Ok(Box::new(NextToken { origin, ..NextToken::new(recipe, vocabulary, &setup.device) }))
 }
 
 /// Settings of training, in addition to the data and the learner's own settings.
@@ -106,7 +97,6 @@ impl Default for Recipe {
 pub struct NextToken {
     recipe: Recipe,
     vocabulary: Vocabulary,
-    device: Device,
     origin: Origin<Network>,
     /// Target distributions on the device with gradients and on the one without.
     target_distributions: [TargetDistributions; 2],
@@ -115,10 +105,10 @@ pub struct NextToken {
 impl NextToken {
     /// Builds a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, vocabulary: Vocabulary, device: &Device) -> Self {
-        let device = device.clone();
-        let target_distributions = [device.clone().autodiff(), device.clone()]
-            .map(|d| TargetDistributions::of(&vocabulary, &recipe.smoothing, &d));
-        Self { recipe, vocabulary, device, origin: Origin::Random, target_distributions }
+        let origin = Origin::new(device, None);
+        let target_distributions =
+            [true, false].map(|t| TargetDistributions::of(&vocabulary, &recipe.smoothing, &origin.device(t)));
+        Self { recipe, vocabulary, origin, target_distributions }
     }
 
     /// Returns a network as the policy that a simulator reads.
@@ -140,7 +130,7 @@ impl Task for NextToken {
 
     fn init(&self, seed: u64) -> Network {
         let tokens = Class::ALL.map(|c| self.vocabulary.tokens(c));
-        self.origin.network(seed, &self.device, |init| Network::init(&self.recipe.network, tokens, init))
+        self.origin.network(seed, |init| Network::init(&self.recipe.network, tokens, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -157,18 +147,14 @@ impl Task for NextToken {
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        // Validation has neither a stream nor autodiff.
-        let (target_distributions, device) = match stream {
-            Some(_) => (&self.target_distributions[0], self.device.clone().autodiff()),
-            None => (&self.target_distributions[1], self.device.clone()),
-        };
-        loss(model, samples, target_distributions, &self.recipe.network, &device)
+        let [of_training, of_validation] = &self.target_distributions;
+        let distributions = if stream.is_some() { of_training } else { of_validation };
+        loss(model, samples, distributions, &self.recipe.network, &self.origin.device(stream.is_some()))
     }
 
-    fn file(&self, model: &Network, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
+    fn file(&self, model: &Network, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
         // Writing cannot fail: the vocabulary was read from text and files.
-        self.policy(model).write(&made).ok()
+        self.policy(model).write(metadata).ok()
     }
 
     fn describe(&self) -> serde_json::Value {
@@ -181,7 +167,7 @@ impl Task for NextToken {
 impl SimulatorTask for NextToken {
     fn controller(&self, network: &Network) -> Result<Controller, String> {
         let driving = reactive_driving().map_err(|e| e.to_string())?;
-        let simulator = ReactiveSimulator::new(self.policy(network), driving, self.device.clone());
+        let simulator = ReactiveSimulator::new(self.policy(network), driving, self.origin.device(false));
         Ok(Controller::Fair(Box::new(simulator)))
     }
 }

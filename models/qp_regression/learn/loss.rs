@@ -5,44 +5,30 @@
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim_learning::Intentions;
+use reactsim_training::{Output, Sums};
 
 use super::super::inputs::Surroundings;
-use super::super::network::{Batch, Config, Network, NetworkOutput, STATE};
+use super::super::network::{Batch, Config, LayerOutput, Network, STATE};
 use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};
 use super::sample::{Sample, TRUTH_SIZE, Target, Truth};
 
 /// Weight of a velocity error of 1 m/s in modes; in the dense prediction the weight is 1 (MTR).
 const VELOCITY_WEIGHT: f64 = 0.5;
 
-/// Results of a pass over samples, as sums over targets.
-pub(super) struct Losses {
-    /// Loss to minimise.
-    pub loss: Tensor<1>,
-    /// Number of targets.
-    pub targets: f64,
-    /// Negative log-likelihood of the true states in the last layer, and the number of states.
-    pub surprise: (f64, f64),
-    /// Cross-entropy of the scores in the last layer.
-    pub score: f64,
-    /// Number of targets whose most probable query was the right one.
-    pub right: f64,
-    /// Output of the network.
-    pub predicted: NetworkOutput,
-}
-
-/// Runs the network over samples. In training, batch norms use the rows of this pass.
-pub(super) fn losses(
+/// Runs the network over samples. In training, batch norms use the rows of this pass. Returns the loss, summed over
+/// targets, and the output of the last layer.
+pub(super) fn loss(
     network: &Network,
     samples: &[Sample],
     intentions: &Intentions,
     config: &Config,
     device: &Device,
     training: bool,
-) -> Losses {
+) -> (Output, Option<LayerOutput>) {
     let targets: Vec<&Target> = samples.iter().flat_map(|s| &s.targets).collect();
     let scenes: Vec<&Surroundings> = targets.iter().map(|t| &t.around).collect();
     let batch = Batch::of(&scenes, intentions, config, device);
-    let predicted = network.forward(&batch, config, training);
+    let mut predicted = network.forward(&batch, config, training);
 
     let count = targets.len();
     let nearest_query = |t: &&Target| intentions.nearest(t.around.class, t.goal);
@@ -55,7 +41,8 @@ pub(super) fn losses(
 
     let layers = predicted.layers.len() as f64;
     let mut total = Tensor::<1>::zeros([1], device);
-    let (mut surprise, mut score, mut right) = (0.0, 0.0, 0.0);
+    let states = targets.iter().flat_map(|t| &t.truth.known).map(|k| f64::from(*k)).sum();
+    let mut metrics = Sums::new();
     for (i, layer) in predicted.layers.iter().enumerate() {
         let mode = layer.modes.clone().select(0, rows.clone());
         let (likelihood, velocity) = state_losses(mode, truth.clone(), known.clone());
@@ -63,9 +50,10 @@ pub(super) fn losses(
         let entropy = -log_p.clone().gather(1, labels.clone()).sum();
         total = total + (likelihood.clone() + velocity * VELOCITY_WEIGHT + entropy.clone()) / layers;
         if i + 1 == predicted.layers.len() {
-            surprise = scalar(likelihood);
-            score = scalar(entropy);
-            right = scalar(log_p.argmax(1).equal(labels.clone()).float().sum());
+            let right = log_p.argmax(1).equal(labels.clone()).float().sum();
+            metrics.add("surprise", scalar(likelihood), states);
+            metrics.add("score", scalar(entropy), count as f64);
+            metrics.add("right_query", scalar(right), count as f64);
         }
     }
 
@@ -82,9 +70,8 @@ pub(super) fn losses(
     }
     let (truth, weight) = truth_tensors(&truths, &weights, config, device);
     let (likelihood, velocity) = state_losses(predicted.dense.clone(), truth, weight);
-    let states = targets.iter().flat_map(|t| &t.truth.known).map(|k| f64::from(*k)).sum();
-    let loss = total + likelihood + velocity;
-    Losses { loss, targets: count as f64, surprise: (surprise, states), score, right, predicted }
+    let (loss, averages) = (total + likelihood + velocity, predicted.averages);
+    (Output { loss, items: count as f64, metrics, averages }, predicted.layers.pop())
 }
 
 fn scalar(value: Tensor<1>) -> f64 {

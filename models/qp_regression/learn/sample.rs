@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, direction};
-use reactsim_learning::{LearningScene, shifted};
+use reactsim_learning::{LearningScene, SceneAugmentation};
 use reactsim_perception::Class;
 use reactsim_scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim_training::Stream;
@@ -16,12 +16,9 @@ use super::Disturbance;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Augmentation {
-    /// Probability that a scene is mirrored.
-    pub mirror: f64,
-    /// Largest relative change of the scale, either way.
-    pub stretch: f64,
-    /// Largest shift of the prediction frame from the current one, frames.
-    pub shift: usize,
+    /// Augmentation of the whole scene.
+    #[serde(flatten)]
+    pub scene: SceneAugmentation,
     /// Probability that the AV's next state is hidden.
     pub blind: f64,
     /// Disturbances of agents.
@@ -81,8 +78,7 @@ pub(super) fn sample(
     let (mut now, mut blind) = (CURRENT, false);
     let mut chosen: Vec<usize>;
     if let Some((a, stream)) = varied {
-        scene = scene.varied(a.mirror, a.stretch, stream);
-        now = shifted(CURRENT, a.shift, stream);
+        (scene, now) = scene.augmented(&a.scene, Some(&mut *stream));
         blind = stream.random::<f64>() < a.blind;
         chosen = candidates(&scene, now);
         chosen.retain(|&slot| !scene.is_parked(slot) || stream.random::<f64>() < PARKED_SHARE);

@@ -4,20 +4,20 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim_learning::{
-    Intentions, LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup,
-    Trainable, TrainingTask, recipe_values,
+    Intentions, LearningScene, Origin, SceneAugmentation, ShippedRecipe, SimulatorTask, TaskError, TaskInput,
+    TaskSetup, Trainable, TrainingTask, recipe_values,
 };
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Settings, Stream, Sums, Task, View};
+use reactsim_training::{Output, Settings, Stream, Task, View};
 use serde::{Deserialize, Serialize};
 
 use super::super::entries::regression_driving;
 use super::super::inputs::Survey;
-use super::super::network::{Config, Network, Observed};
+use super::super::network::{Config, LayerOutput, Network};
 use super::super::{Policy, RegressionSimulator};
 use super::Disturbance;
-use super::loss::{Losses, losses};
+use super::loss::loss;
 use super::measure::measure;
 use super::sample::{Augmentation, Sample, sample};
 
@@ -51,19 +51,11 @@ const INTENTIONS: &str = "intentions";
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
     recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
-    let intentions = setup.input(INTENTIONS, Intentions::read)?;
-    let Some((policy, digest)) = setup.parent(Policy::read)? else {
-        let intentions = intentions.unwrap_or_else(Intentions::fan);
-        return Ok(Box::new(Regression::new(recipe, intentions, &setup.device)));
-    };
-    if policy.config != recipe.network {
-        return Err(setup.refuse_parent_sizes());
-    }
-    if intentions.is_some_and(|other| other != policy.intentions) {
-        return Err(setup.refuse_parent("it has other intention points than those given: omit them"));
-    }
-    let origin = Origin::Parent(policy.network, digest);
-    Ok(Box::new(Regression { origin, ..Regression::new(recipe, policy.intentions, &setup.device) }))
+    let parent = setup.parent(Policy::read, |policy| policy.config == recipe.network)?;
+    let (parent, own) = parent.map(|(policy, digest)| ((policy.network, digest), policy.intentions)).unzip();
+    let intentions = setup.input(INTENTIONS, Intentions::read, own)?.unwrap_or_else(Intentions::fan);
+    let origin = Origin::new(&setup.device, parent);
+    Ok(Box::new(Regression { origin, ..Regression::new(recipe, intentions, &setup.device) }))
 }
 
 /// Everything that determines training, besides the data and the learner's own settings.
@@ -84,9 +76,7 @@ impl Default for Recipe {
             network: Config::default(),
             agents: 8,
             augmentation: Augmentation {
-                mirror: 0.5,
-                stretch: 0.1,
-                shift: 4,
+                scene: SceneAugmentation { shift: 4, mirror: 0.5, stretch: 0.1 },
                 blind: 0.1,
                 disturbance: Disturbance { often: 0.3, aside: 0.6, along: 0.6, turn: 0.05, recovers: 3.0 },
             },
@@ -98,7 +88,6 @@ impl Default for Recipe {
 pub struct Regression {
     recipe: Recipe,
     intentions: Intentions,
-    device: Device,
     origin: Origin<Network>,
     /// Whether parked agents are judged too.
     parked: bool,
@@ -107,7 +96,7 @@ pub struct Regression {
 impl Regression {
     /// Creates a task on this device, which must be one without autodiff.
     pub fn new(recipe: Recipe, intentions: Intentions, device: &Device) -> Self {
-        Self { recipe, intentions, device: device.clone(), origin: Origin::Random, parked: false }
+        Self { recipe, intentions, origin: Origin::new(device, None), parked: false }
     }
 
     /// Returns the same task with parked agents judged too. Training stays the same.
@@ -120,19 +109,9 @@ impl Regression {
         Policy { config: self.recipe.network, intentions: self.intentions.clone(), network: network.clone() }
     }
 
-    fn run(
-        &self,
-        model: &Network,
-        samples: &[Sample],
-        device: &Device,
-        observed: Observed,
-    ) -> (Losses, Sums) {
-        let losses = losses(model, samples, &self.intentions, &self.recipe.network, device, observed);
-        let mut metrics = Sums::new();
-        metrics.add("surprise", losses.surprise.0, losses.surprise.1);
-        metrics.add("score", losses.score, losses.targets);
-        metrics.add("right_query", losses.right, losses.targets);
-        (losses, metrics)
+    fn run(&self, model: &Network, samples: &[Sample], training: bool) -> (Output, Option<LayerOutput>) {
+        let device = self.origin.device(training);
+        loss(model, samples, &self.intentions, &self.recipe.network, &device, training)
     }
 }
 
@@ -142,7 +121,7 @@ impl Task for Regression {
     type Model = Network;
 
     fn init(&self, seed: u64) -> Network {
-        self.origin.network(seed, &self.device, |init| Network::init(&self.recipe.network, init))
+        self.origin.network(seed, |init| Network::init(&self.recipe.network, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -157,27 +136,20 @@ impl Task for Regression {
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        // Validation has no stream and no autodiff.
-        let (device, observed) = match stream {
-            Some(_) => (self.device.clone().autodiff(), Observed::training()),
-            None => (self.device.clone(), Observed::none()),
-        };
-        let (losses, metrics) = self.run(model, samples, &device, observed);
-        Output { loss: losses.loss, items: losses.targets, metrics }
+        self.run(model, samples, stream.is_some()).0
     }
 
     fn validate(&self, model: &Network, samples: &[Sample]) -> Output {
-        let (losses, mut metrics) = self.run(model, samples, &self.device, Observed::none());
-        if let Some(last) = losses.predicted.layers.into_iter().next_back() {
-            measure(samples, last, &self.recipe.network, &mut metrics);
+        let (mut output, last) = self.run(model, samples, false);
+        if let Some(last) = last {
+            measure(samples, last, &self.recipe.network, &mut output.metrics);
         }
-        Output { loss: losses.loss, items: losses.targets, metrics }
+        output
     }
 
-    fn file(&self, model: &Network, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
+    fn file(&self, model: &Network, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
         // The provenance of the intention points was read from text, or made here: it can be written.
-        self.policy(model).write(&made).ok()
+        self.policy(model).write(metadata).ok()
     }
 
     fn describe(&self) -> serde_json::Value {
@@ -189,7 +161,7 @@ impl Task for Regression {
 impl SimulatorTask for Regression {
     fn controller(&self, network: &Network) -> Result<Controller, String> {
         let driving = regression_driving().map_err(|e| e.to_string())?;
-        let simulator = RegressionSimulator::new(self.policy(network), driving, self.device.clone());
+        let simulator = RegressionSimulator::new(self.policy(network), driving, self.origin.device(false));
         Ok(Controller::Fair(Box::new(simulator)))
     }
 }

@@ -15,7 +15,7 @@ use super::dense::Dense;
 use super::encoder::Tokens;
 use super::guide;
 use super::layers::{NormedMlp, Observed};
-use super::output::{LayerOutput, NetworkOutput};
+use super::output::LayerOutput;
 use super::sine::sine;
 use crate::inputs::OUTLOOK;
 

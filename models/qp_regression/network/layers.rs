@@ -29,7 +29,8 @@ pub(crate) struct Norm {
 
 impl Norm {
     fn init(norms: Norms, width: usize, init: &Initializer) -> Self {
-        let filled = |value: f32| Tensor::from_data(TensorData::new(vec![value; width], [width]), init.device());
+        let filled =
+            |value: f32| Tensor::from_data(TensorData::new(vec![value; width], [width]), init.device());
         let running = |value: f32| (norms == Norms::Batch).then(|| Average::new(filled(value)));
         Self {
             weight: Param::from_tensor(filled(1.0)),

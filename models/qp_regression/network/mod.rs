@@ -28,7 +28,7 @@ pub use motion_transformer::Network;
 pub use suppress::suppress;
 
 pub(crate) use batch::Batch;
-pub(crate) use output::{LayerOutput, NetworkOutput};
+pub(crate) use output::LayerOutput;
 
 /// Number of values per predicted state: x, y (metres), the logarithms of two deviations, correlation,
 /// velocity x, y (m/s).

@@ -1,5 +1,6 @@
 //! Recipe of a training.
 
+use reactsim_learning::SceneAugmentation;
 use serde::{Deserialize, Serialize};
 
 use super::super::Sight;
@@ -23,12 +24,9 @@ pub struct Recipe {
     pub near: f64,
     /// Weight of parked agents; that of others is 1.
     pub parked: f64,
-    /// Largest shift of the prediction frame from the current one, frames.
-    pub shift: usize,
-    /// Probability that a scene is mirrored.
-    pub mirror: f64,
-    /// Largest relative change of scale, up or down.
-    pub stretch: f64,
+    /// Augmentation of scenes.
+    #[serde(flatten)]
+    pub augmentation: SceneAugmentation,
 }
 
 impl Default for Recipe {
@@ -41,9 +39,7 @@ impl Default for Recipe {
             avoid: 30.0,
             near: 25.0,
             parked: 0.1,
-            shift: 4,
-            mirror: 0.5,
-            stretch: 0.1,
+            augmentation: SceneAugmentation { shift: 4, mirror: 0.5, stretch: 0.1 },
         }
     }
 }

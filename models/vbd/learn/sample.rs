@@ -2,9 +2,9 @@
 
 use reactsim_diffusion::{actions, normalized};
 use reactsim_geometry::{Vec2, direction, into_frame, wrap};
-use reactsim_learning::{Intentions, LearningScene, shifted};
+use reactsim_learning::{Intentions, LearningScene};
 use reactsim_perception::KnownMap;
-use reactsim_scene::{Agent, AgentState, CURRENT, FUTURE, Frame, Scenario};
+use reactsim_scene::{Agent, AgentState, FUTURE, Frame, Scenario};
 use reactsim_training::Stream;
 
 use super::super::inputs::Seen;
@@ -45,12 +45,8 @@ pub(super) fn sample(
     anchors: &Intentions,
     varied: Option<&mut Stream>,
 ) -> Option<Sample> {
-    let mut scene = LearningScene::<KnownMap>::of(scenario, recipe.sight.map(&scenario.start));
-    let mut now = CURRENT;
-    if let Some(stream) = varied {
-        scene = scene.varied(recipe.mirror, recipe.stretch, stream);
-        now = shifted(CURRENT, recipe.shift, stream);
-    }
+    let scene = LearningScene::<KnownMap>::of(scenario, recipe.sight.map(&scenario.start));
+    let (scene, now) = scene.augmented(&recipe.augmentation, varied);
     let (scene, map) = scene.split_map();
     let lights = scene.lights_at(now);
     let view = scene.view(&scene.tracks, now, false, &lights);

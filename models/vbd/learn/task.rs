@@ -49,23 +49,13 @@ const ANCHORS: &str = "anchors";
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
     recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
-    let given = setup.input(ANCHORS, Intentions::read)?;
-    let refuse = |e| TaskError::values(ID, e);
-    let Some((parent, digest)) = setup.parent(VbdPolicy::read)? else {
-        let anchors = given.unwrap_or_else(Intentions::fan);
-        return Ok(Box::new(Denoising::new(recipe, anchors, &setup.device).map_err(refuse)?));
-    };
-    if parent.config != recipe.network || parent.sight != recipe.sight {
-        return Err(setup.refuse_parent_sizes());
-    }
-    if given.is_some_and(|other| other != parent.anchors) {
-        return Err(setup.refuse_parent("it has other anchors than those given: omit them"));
-    }
-    let origin = Origin::Parent(parent.network, digest);
-    Ok(Box::new(Denoising {
-        origin,
-        ..Denoising::new(recipe, parent.anchors, &setup.device).map_err(refuse)?
-    }))
+    let fits = |policy: &VbdPolicy| policy.config == recipe.network && policy.sight == recipe.sight;
+    let parent = setup.parent(VbdPolicy::read, fits)?;
+    let (parent, own) = parent.map(|(policy, digest)| ((policy.network, digest), policy.anchors)).unzip();
+    let anchors = setup.input(ANCHORS, Intentions::read, own)?.unwrap_or_else(Intentions::fan);
+    let origin = Origin::new(&setup.device, parent);
+    let new = Denoising::new(recipe, anchors, &setup.device).map_err(|e| TaskError::values(ID, e))?;
+    Ok(Box::new(Denoising { origin, ..new }))
 }
 
 /// The training task.
@@ -73,7 +63,6 @@ pub struct Denoising {
     recipe: Recipe,
     anchors: Intentions,
     schedule: Schedule,
-    device: Device,
     origin: Origin<Vbd>,
 }
 
@@ -84,7 +73,7 @@ impl Denoising {
     /// [`ScheduleError`] if there are too few noise levels.
     pub fn new(recipe: Recipe, anchors: Intentions, device: &Device) -> Result<Self, ScheduleError> {
         let schedule = Schedule::cosine(recipe.network.noise_levels)?;
-        Ok(Self { recipe, anchors, schedule, device: device.clone(), origin: Origin::Random })
+        Ok(Self { recipe, anchors, schedule, origin: Origin::new(device, None) })
     }
 
     /// Returns a network as the policy that a simulator reads.
@@ -100,7 +89,7 @@ impl Task for Denoising {
     type Model = Vbd;
 
     fn init(&self, seed: u64) -> Vbd {
-        self.origin.network(seed, &self.device, |init| Vbd::init(&self.recipe.network, init))
+        self.origin.network(seed, |init| Vbd::init(&self.recipe.network, init))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -116,16 +105,13 @@ impl Task for Denoising {
             predicted: self.recipe.predicted,
             avoid: self.recipe.avoid,
         };
-        match stream {
-            Some(stream) => loss(model, samples, &settings, stream, &self.device.clone().autodiff()),
-            // Validation has no stream and no autodiff: the same noise every time.
-            None => loss(model, samples, &settings, &mut Stream::seed_from_u64(0), &self.device),
-        }
+        let device = self.origin.device(stream.is_some());
+        // Validation has no stream: the same noise every time.
+        loss(model, samples, &settings, stream.unwrap_or(&mut Stream::seed_from_u64(0)), &device)
     }
 
-    fn file(&self, model: &Vbd, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        self.policy(model).write(&made).ok()
+    fn file(&self, model: &Vbd, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.policy(model).write(metadata).ok()
     }
 
     fn describe(&self) -> serde_json::Value {
@@ -137,6 +123,11 @@ impl SimulatorTask for Denoising {
     fn controller(&self, network: &Vbd) -> Result<Controller, String> {
         let parameters = parameters().map_err(|e| e.to_string())?;
         let policy = self.policy(network);
-        Ok(Controller::Fair(Box::new(VbdSimulator::new("vbd", policy, parameters, self.device.clone()))))
+        Ok(Controller::Fair(Box::new(VbdSimulator::new(
+            "vbd",
+            policy,
+            parameters,
+            self.origin.device(false),
+        ))))
     }
 }

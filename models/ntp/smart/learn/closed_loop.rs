@@ -6,6 +6,7 @@ use reactsim_dynamics::Pose;
 use reactsim_perception::Class;
 use reactsim_scene::Scenario;
 use reactsim_training::Stream;
+use serde::{Deserialize, Serialize};
 
 use super::super::super::token_loss::loss_weight;
 use super::super::super::tokens::{
@@ -20,23 +21,23 @@ pub(super) const AV: usize = 0;
 /// Number of steps of the history that a rollout begins with.
 pub(super) const HISTORY: usize = 2;
 
-/// Which part of a scenario becomes a sample, and its variants.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Excerpt {
-    /// Number of agents, nearest to the AV first.
-    pub(super) agents: usize,
+/// Part of a scenario that becomes a sample, and its augmentation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Excerpt {
+    /// Number of agents per scenario, nearest to the AV first.
+    pub agents: usize,
     /// Radius of the known map around the AV's position at the current frame, metres.
-    pub(super) map_radius: f64,
+    pub map_radius: f64,
     /// Height of all boxes, metres.
-    pub(super) height: f64,
+    pub height: f64,
     /// Number of steps that the network drives; at most 16.
-    pub(super) steps: usize,
+    pub steps: usize,
     /// Whether the AV follows its record instead of the network.
-    pub(super) external_av: bool,
+    pub external_av: bool,
     /// Probability that a scene is mirrored.
-    pub(super) mirror: f64,
+    pub mirror: f64,
     /// Largest relative change of scale, up or down.
-    pub(super) stretch: f64,
+    pub stretch: f64,
 }
 
 /// Training sample: a scene with its history, and the record.

@@ -1,47 +1,105 @@
-//! Shared part of the trainings that begin with a trained network and let it drive.
+//! Trainings that begin with a trained network and let it drive.
+
+use std::collections::BTreeMap;
 
 use burn::module::Module;
 use burn::tensor::Device;
+use reactsim_learning::{SimulatorTask, TaskError, TaskSetup, Trainable};
+use reactsim_rollout::Controller;
+use reactsim_scene::Scenario;
+use reactsim_training::{Output, Stream, Task, View};
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::super::super::smoothing::Smoothing;
 use super::super::{Smart, SmartPolicy};
+use super::closed_loop::{ClosedLoopSample, Excerpt, sample};
 use super::token_learning::TokenLearning;
 
-/// The parent of a fine-tuning, and its tokens.
-pub(super) struct FineTuning {
+/// Recipe of a fine-tuning, with its loss.
+pub trait ClosedLoopRecipe: Serialize + DeserializeOwned + Send + Sync + Sized + 'static {
+    /// Id of the task.
+    const ID: &'static str;
+
+    /// Returns what becomes a sample.
+    fn excerpt(&self) -> &Excerpt;
+
+    /// Returns the smoothing of labels, by default none.
+    fn smoothing(&self) -> Smoothing {
+        Smoothing { uniform: 0.0, spatial: 0.0 }
+    }
+
+    /// Lets a network drive in samples, and returns its loss. In validation there is no stream, and the network has no
+    /// autodiff.
+    fn loss(
+        tuning: &FineTuning<Self>,
+        model: &Smart,
+        samples: &[ClosedLoopSample],
+        stream: Option<&mut Stream>,
+    ) -> Output;
+}
+
+/// A fine-tuning task.
+pub struct FineTuning<R> {
+    pub(super) recipe: R,
     pub(super) tokens: TokenLearning,
     /// The network to start from, on a device with autodiff.
-    parent: Smart,
+    pub(super) parent: Smart,
     /// Digest of its file.
     digest: String,
 }
 
-impl FineTuning {
-    /// Prepares the fine-tuning of a parent on this device, which must be one without autodiff; the parent
-    /// must be on the same with autodiff.
-    pub(super) fn new(parent: SmartPolicy, digest: String, smoothing: &Smoothing, device: &Device) -> Self {
+impl<R: ClosedLoopRecipe> FineTuning<R> {
+    /// Builds a task on this device, which must be one without autodiff. The parent must be on the same with
+    /// autodiff; `digest` names it.
+    pub fn new(recipe: R, parent: SmartPolicy, digest: String, device: &Device) -> Self {
         let SmartPolicy { vocabulary, map_vocabulary, network, .. } = parent;
-        let tokens = TokenLearning::new(vocabulary, map_vocabulary, smoothing, device);
-        Self { tokens, parent: network, digest }
+        let tokens = TokenLearning::new(vocabulary, map_vocabulary, &recipe.smoothing(), device);
+        Self { recipe, tokens, parent: network, digest }
     }
 
-    /// Returns the network to start from. Embeddings of tokens stay as they are.
-    pub(super) fn initial(&self) -> Smart {
+    /// Builds the training of an entry of the list of tasks.
+    pub(super) fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
+        let parent = setup.parent(SmartPolicy::read, |_| true)?;
+        let (parent, digest) = parent.ok_or(TaskError::NoWeights { id: R::ID })?;
+        Ok(Box::new(Self::new(setup.recipe()?, parent, digest, &setup.device)))
+    }
+}
+
+impl<R: ClosedLoopRecipe> Task for FineTuning<R> {
+    type Example = Scenario;
+    type Sample = ClosedLoopSample;
+    type Model = Smart;
+
+    /// Embeddings of tokens stay as they are.
+    fn init(&self, _seed: u64) -> Smart {
         self.parent.clone().with_frozen_embeddings()
     }
 
-    /// Returns the parent without autodiff.
-    pub(super) fn reference(&self) -> Smart {
-        self.parent.valid()
+    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<ClosedLoopSample> {
+        let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
+        sample(scenario, self.recipe.excerpt(), vocabulary, map_vocabulary, view.stream())
     }
 
-    /// Describes a training by this recipe, for its provenance.
-    pub(super) fn describe(&self, recipe: &impl Serialize) -> serde_json::Value {
+    fn loss(&self, model: &Smart, samples: &[ClosedLoopSample], stream: Option<&mut Stream>) -> Output {
+        R::loss(self, model, samples, stream)
+    }
+
+    fn file(&self, model: &Smart, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.tokens.file(model, metadata)
+    }
+
+    fn describe(&self) -> serde_json::Value {
         serde_json::json!({
-            "recipe": recipe,
+            "recipe": self.recipe,
             "from": self.digest,
             "parameters": self.parent.num_params(),
         })
+    }
+}
+
+impl<R: ClosedLoopRecipe> SimulatorTask for FineTuning<R> {
+    fn controller(&self, network: &Smart) -> Result<Controller, String> {
+        self.tokens.controller(network)
     }
 }

@@ -10,7 +10,7 @@ mod task;
 mod token_learning;
 mod tracked;
 
-pub use closed_loop::ClosedLoopSample;
+pub use closed_loop::{ClosedLoopSample, Excerpt};
 pub use recipe::{Augmentation, NetworkSizes, Recipe};
 pub use sample::Sample;
 pub use task::{NextSmartToken, TASK};

@@ -1,9 +1,10 @@
 //! Recipe of a training.
 
+use reactsim_perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::super::super::smoothing::Smoothing;
-use super::super::super::tokens::TOKEN_FRAMES;
+use super::super::super::tokens::{MapVocabulary, TOKEN_FRAMES, Vocabulary};
 use super::super::{FeedForwardKind, SmartConfig, TokenCounts};
 
 /// Settings of training, in addition to the data and the learner's own settings.
@@ -87,12 +88,17 @@ pub struct Augmentation {
     pub temperature: f64,
 }
 
-impl NetworkSizes {
-    /// Returns the configuration of a network with these numbers of tokens.
+impl Recipe {
+    /// Returns the configuration of a network with these vocabularies.
     ///
     /// With a shared head all classes must have the same number of tokens.
-    pub(super) fn config(&self, tokens: [usize; 3], curves: usize) -> SmartConfig {
-        let [veh, ped, cyc] = tokens;
+    pub(super) fn config(&self, vocabulary: &Vocabulary, map_vocabulary: &MapVocabulary) -> SmartConfig {
+        self.network.config(Class::ALL.map(|class| vocabulary.tokens(class)), map_vocabulary.tokens())
+    }
+}
+
+impl NetworkSizes {
+    fn config(&self, [veh, ped, cyc]: [usize; 3], curves: usize) -> SmartConfig {
         let n_token_agent = if self.separate_heads {
             TokenCounts::PerClass { veh, ped, cyc }
         } else {

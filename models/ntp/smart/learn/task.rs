@@ -1,5 +1,6 @@
 //! Training of the network as a task.
 
+use std::collections::BTreeMap;
 use std::error::Error;
 
 use burn::module::Module;
@@ -61,28 +62,21 @@ const MAP_VOCABULARY: &str = "map-vocabulary";
 
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
-    let vocabulary = setup.input(VOCABULARY, Vocabulary::read)?;
-    let map_vocabulary = setup.input(MAP_VOCABULARY, MapVocabulary::read)?;
-    let values = |source: Box<dyn Error + Send + Sync>| TaskError::values(ID, source);
-    let Some((policy, digest)) = setup.parent(SmartPolicy::read)? else {
-        let vocabulary = vocabulary.ok_or(TaskError::NoInput { id: ID, name: VOCABULARY })?;
-        let map_vocabulary = map_vocabulary.ok_or(TaskError::NoInput { id: ID, name: MAP_VOCABULARY })?;
-        let task = NextSmartToken::new(recipe, vocabulary, map_vocabulary, &setup.device);
-        return Ok(Box::new(task.map_err(values)?));
+    let fits = |policy: &SmartPolicy| {
+        let stated = SmartConfig { n_params: 0, ..policy.network.config().clone() };
+        stated == recipe.config(&policy.vocabulary, &policy.map_vocabulary)
     };
-    if vocabulary.is_some_and(|other| other != policy.vocabulary)
-        || map_vocabulary.is_some_and(|other| other != policy.map_vocabulary)
-    {
-        return Err(setup.refuse_parent("it has other tokens than the given vocabularies: omit them"));
-    }
-    let task = NextSmartToken::new(recipe, policy.vocabulary, policy.map_vocabulary, &setup.device);
-    let mut task = task.map_err(values)?;
-    let stated = SmartConfig { n_params: 0, ..policy.network.config().clone() };
-    if stated != task.config {
-        return Err(setup.refuse_parent_sizes());
-    }
-    task.origin = Origin::Parent(policy.network, digest);
-    Ok(Box::new(task))
+    let parent = setup.parent(SmartPolicy::read, fits)?;
+    let (parent, own) =
+        parent.map(|(p, digest)| ((p.network, digest), (p.vocabulary, p.map_vocabulary))).unzip();
+    let (own, own_map) = own.unzip();
+    let missing = |name| TaskError::NoInput { id: ID, name };
+    let vocabulary = setup.input(VOCABULARY, Vocabulary::read, own)?.ok_or(missing(VOCABULARY))?;
+    let map_vocabulary = setup.input(MAP_VOCABULARY, MapVocabulary::read, own_map)?;
+    let map_vocabulary = map_vocabulary.ok_or(missing(MAP_VOCABULARY))?;
+    let task = NextSmartToken::new(recipe, vocabulary, map_vocabulary, &setup.device);
+    let task = task.map_err(|source| TaskError::values(ID, source))?;
+    Ok(Box::new(NextSmartToken { origin: Origin::new(&setup.device, parent), ..task }))
 }
 
 /// The training task of the published network.
@@ -112,10 +106,10 @@ impl NextSmartToken {
             )
             .into());
         }
-        let config = recipe.network.config(counts, map_vocabulary.tokens());
+        let config = recipe.config(&vocabulary, &map_vocabulary);
         config.check()?;
         let tokens = TokenLearning::new(vocabulary, map_vocabulary, &recipe.smoothing, device);
-        Ok(Self { recipe, config, tokens, origin: Origin::Random })
+        Ok(Self { recipe, config, tokens, origin: Origin::new(device, None) })
     }
 }
 
@@ -125,9 +119,8 @@ impl Task for NextSmartToken {
     type Model = Smart;
 
     fn init(&self, seed: u64) -> Smart {
-        self.origin.network(seed, &self.tokens.device, |init| {
-            Smart::init(&self.config, init).expect("the configuration was checked")
-        })
+        self.origin
+            .network(seed, |init| Smart::init(&self.config, init).expect("the configuration was checked"))
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
@@ -143,8 +136,8 @@ impl Task for NextSmartToken {
         }
     }
 
-    fn file(&self, model: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
-        self.tokens.file(model, about)
+    fn file(&self, model: &Smart, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.tokens.file(model, metadata)
     }
 
     fn describe(&self) -> serde_json::Value {

@@ -133,10 +133,9 @@ impl TokenLearning {
         SmartPolicy::new(network.clone(), vocabulary, map_vocabulary, &self.device).map_err(|e| e.to_string())
     }
 
-    /// Returns the file of a network; `about` says how it was made.
-    pub(super) fn file(&self, network: &Smart, about: &serde_json::Value) -> Option<Vec<u8>> {
-        let made = BTreeMap::from([("made".to_owned(), about.to_string())]);
-        self.policy(network).ok()?.write(&made).ok()
+    /// Returns the file of a network with these metadata.
+    pub(super) fn file(&self, network: &Smart, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.policy(network).ok()?.write(metadata).ok()
     }
 
     /// Returns the simulator that executes the tokens of a network as they are. The error is a message.

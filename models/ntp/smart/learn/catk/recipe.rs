@@ -9,29 +9,18 @@ use super::super::closed_loop::Excerpt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CatkRecipe {
-    /// Number of agents per scenario, nearest to the AV first.
-    pub agents: usize,
-    /// Radius of the known map around the AV's position at the current frame, metres.
-    pub map_radius: f64,
-    /// Height of all boxes, metres.
-    pub height: f64,
+    /// What becomes a sample.
+    #[serde(flatten)]
+    pub excerpt: Excerpt,
     /// Number of likeliest tokens of which the nearest to the record is executed.
     pub top_k: usize,
     /// Mean corner distance, metres, by which a token loses preference to the nearest one by the factor e; 0:
     /// the nearest one is executed.
     pub temperature: f64,
-    /// Number of steps that the network drives.
-    pub steps: usize,
-    /// Whether the AV follows its record instead of the network.
-    pub external_av: bool,
     /// Distance to the AV, metres, within which labels have another weight.
     pub near_av: f64,
     /// Factor on the weight of these labels.
     pub near_av_weight: f64,
-    /// Probability that a scene is mirrored.
-    pub mirror: f64,
-    /// Largest relative change of scale, up or down.
-    pub stretch: f64,
     /// Label smoothing.
     pub smoothing: Smoothing,
 }
@@ -40,33 +29,20 @@ impl Default for CatkRecipe {
     /// Returns the published settings, with the numbers of agents and map pieces of `smart`.
     fn default() -> Self {
         Self {
-            agents: 32,
-            map_radius: 100.0,
-            height: 1.8,
+            excerpt: Excerpt {
+                agents: 32,
+                map_radius: 100.0,
+                height: 1.8,
+                steps: 16,
+                external_av: false,
+                mirror: 0.5,
+                stretch: 0.0,
+            },
             top_k: 32,
             temperature: 0.0,
-            steps: 16,
-            external_av: false,
             near_av: 0.0,
             near_av_weight: 1.0,
-            mirror: 0.5,
-            stretch: 0.0,
             smoothing: Smoothing { uniform: 0.0, spatial: 0.0 },
-        }
-    }
-}
-
-impl CatkRecipe {
-    /// Returns what becomes a sample.
-    pub(super) fn excerpt(&self) -> Excerpt {
-        Excerpt {
-            agents: self.agents,
-            map_radius: self.map_radius,
-            height: self.height,
-            steps: self.steps,
-            external_av: self.external_av,
-            mirror: self.mirror,
-            stretch: self.stretch,
         }
     }
 }

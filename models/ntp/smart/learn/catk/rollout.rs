@@ -25,9 +25,9 @@ pub(super) fn roll_out(
 ) -> Result<Sample, InputError> {
     let mut episode = sample.begin(network, tables)?;
     let mut scene = sample.scene.clone();
-    let (mut targets, steps) = (Vec::new(), HISTORY + recipe.steps);
+    let (mut targets, steps) = (Vec::new(), HISTORY + recipe.excerpt.steps);
     let mut poses: Vec<Option<Pose>> = sample.agents.iter().map(|agent| agent.pose).collect();
-    for step in 0..recipe.steps {
+    for step in 0..recipe.excerpt.steps {
         let now = HISTORY - 1 + step;
         let scores = network.step(tables, &mut episode, scene.steps[now].clone())?;
         let width = scores.dims()[1];
@@ -38,7 +38,9 @@ pub(super) fn roll_out(
             let (pose, token) = match poses[number] {
                 None => (None, 0),
                 // An external AV executes none of the network's tokens and has no labels.
-                Some(pose) if number == AV && recipe.external_av => agent.follow(pose, step, vocabulary),
+                Some(pose) if number == AV && recipe.excerpt.external_av => {
+                    agent.follow(pose, step, vocabulary)
+                }
                 Some(pose) => {
                     let goal = agent.record[step].map(|goal| motion_between(pose, goal));
                     if let Some(goal) = goal {

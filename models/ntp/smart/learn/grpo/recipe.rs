@@ -9,24 +9,13 @@ use super::super::closed_loop::Excerpt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrpoRecipe {
-    /// Number of agents per scenario, nearest to the AV first.
-    pub agents: usize,
-    /// Radius of the known map around the AV's position at the current frame, metres.
-    pub map_radius: f64,
-    /// Height of all boxes, metres.
-    pub height: f64,
+    /// What becomes a sample.
+    #[serde(flatten)]
+    pub excerpt: Excerpt,
     /// Number of rollouts of a scenario that are compared with each other.
     pub rollouts: usize,
-    /// Number of steps that the network drives.
-    pub steps: usize,
-    /// Whether the AV follows its record instead of the network.
-    pub external_av: bool,
     /// Weight of the divergence from the network that the training begins with.
     pub anchor: f64,
-    /// Probability that a scene is mirrored.
-    pub mirror: f64,
-    /// Largest relative change of scale, up or down.
-    pub stretch: f64,
     /// Settings for drawing tokens.
     pub sampling: Sampling,
     /// Rewards and fines.
@@ -52,15 +41,17 @@ pub struct Rewards {
 impl Default for GrpoRecipe {
     fn default() -> Self {
         Self {
-            agents: 16,
-            map_radius: 100.0,
-            height: 1.8,
+            excerpt: Excerpt {
+                agents: 16,
+                map_radius: 100.0,
+                height: 1.8,
+                steps: 16,
+                external_av: true,
+                mirror: 0.5,
+                stretch: 0.1,
+            },
             rollouts: 4,
-            steps: 16,
-            external_av: true,
             anchor: 0.03,
-            mirror: 0.5,
-            stretch: 0.1,
             sampling: Sampling { top_k: 5, temperature: 1.0 },
             rewards: Rewards {
                 av_contact: 2.0,
@@ -69,21 +60,6 @@ impl Default for GrpoRecipe {
                 most_distance: 10.0,
                 discount: 0.9,
             },
-        }
-    }
-}
-
-impl GrpoRecipe {
-    /// Returns what becomes a sample.
-    pub(super) fn excerpt(&self) -> Excerpt {
-        Excerpt {
-            agents: self.agents,
-            map_radius: self.map_radius,
-            height: self.height,
-            steps: self.steps,
-            external_av: self.external_av,
-            mirror: self.mirror,
-            stretch: self.stretch,
         }
     }
 }

@@ -59,7 +59,7 @@ fn drive(
     let mut scene = sample.scene.clone();
     let mut drawn = Vec::new();
     let mut paths: Paths = sample.agents.iter().map(|agent| vec![agent.pose]).collect();
-    for step in 0..recipe.steps {
+    for step in 0..recipe.excerpt.steps {
         let now = HISTORY - 1 + step;
         let scores = network.step(tables, &mut episode, scene.steps[now].clone())?;
         let width = scores.dims()[1];
@@ -73,13 +73,13 @@ fn drive(
                 next.push(ORIGIN, 0, false);
                 continue;
             };
-            let (end, token) = if number == AV && recipe.external_av {
+            let (end, token) = if number == AV && recipe.excerpt.external_av {
                 agent.follow(pose, step, vocabulary)
             } else {
                 let own = &scores[number * width..][..vocabulary.tokens(class)];
                 // Scores that are no numbers end the training by their loss.
                 let token = recipe.sampling.draw(own, stream).unwrap_or(0);
-                let row = number * (HISTORY + recipe.steps) + now;
+                let row = number * (HISTORY + recipe.excerpt.steps) + now;
                 let target = Target { row, class, token, weight: agent.weight };
                 drawn.push(Drawn { agent: number, step, target });
                 (Some(moved(pose, vocabulary.end(class, token))), token)
@@ -91,7 +91,7 @@ fn drive(
         }
         scene.steps.push(next);
     }
-    let outcome = judge(&sample.agents, &paths, recipe.steps, TOKEN_FRAMES, DT, &recipe.rewards);
+    let outcome = judge(&sample.agents, &paths, recipe.excerpt.steps, TOKEN_FRAMES, DT, &recipe.rewards);
     Ok(Rollout { scene, drawn, outcome })
 }
 
