@@ -3,14 +3,16 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::io::{self, ErrorKind};
-use std::path::PathBuf;
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+use reactsim_files::{RemoteFile, Store};
 
 use super::answer::{Answer, Failure};
 use super::blocks::Blocks;
 use super::command;
 use super::connection::{Connection, Pending};
+use super::remote_file::BlockReader;
 
 /// Time in seconds within which every answer must come.
 const LIMIT: u64 = 120;
@@ -22,7 +24,7 @@ const MAX_FRUITLESS: u32 = 3;
 const ATTEMPTS: u32 = 2;
 
 /// What is known of files behind URLs. There is one helper per program.
-pub(crate) struct Store {
+pub(crate) struct HelperStore {
     /// Command of the helper.
     command: Vec<String>,
     helper: Mutex<Helper>,
@@ -60,12 +62,12 @@ pub(super) struct Part {
     pub(super) is_checked: bool,
 }
 
-static STORE: LazyLock<Store> = LazyLock::new(|| {
+static STORE: LazyLock<HelperStore> = LazyLock::new(|| {
     let seconds = env::var(LIMIT_VARIABLE).ok().and_then(|text| text.parse().ok()).filter(|s| *s > 0);
-    Store::new(command::words(), Duration::from_secs(seconds.unwrap_or(LIMIT)))
+    HelperStore::new(command::words(), Duration::from_secs(seconds.unwrap_or(LIMIT)))
 });
 
-impl Store {
+impl HelperStore {
     /// Returns the store of this program.
     pub(crate) fn shared() -> &'static Self {
         &STORE
@@ -80,29 +82,6 @@ impl Store {
             failures: Mutex::default(),
             blocks: Mutex::default(),
         }
-    }
-
-    /// Lists the file at a URL, or all files below it, in no particular order: paths relative to the URL,
-    /// which are empty for the file itself.
-    ///
-    /// # Errors
-    /// If nothing is there, or it cannot be read.
-    pub(crate) fn list(&self, url: &str) -> io::Result<Vec<PathBuf>> {
-        let content = text(self.call(url, &["list", url])?)?;
-        let mut found = Vec::new();
-        for line in content.lines() {
-            let mut parts = line.splitn(3, '\t');
-            let (Some(size), Some(version), Some(name)) = (parts.next(), parts.next(), parts.next()) else {
-                return Err(strange());
-            };
-            // Web servers state sizes one by one.
-            if !size.is_empty() {
-                let size = size.parse().map_err(|_| strange())?;
-                lock(&self.files).insert(join(url, name), FileInfo { size, version: version.to_owned() });
-            }
-            found.push(PathBuf::from(name));
-        }
-        Ok(found)
     }
 
     /// Returns size and version of a file, as they were found first.
@@ -247,6 +226,32 @@ impl Store {
     }
 }
 
+impl Store for HelperStore {
+    fn open(&'static self, url: &str) -> io::Result<Box<dyn RemoteFile>> {
+        Ok(Box::new(BlockReader::open(self, url)?))
+    }
+
+    fn list(&self, url: &str) -> io::Result<Vec<String>> {
+        let content = text(self.call(url, &["list", url])?)?;
+        let mut found = Vec::new();
+        for line in content.lines() {
+            let mut parts = line.splitn(3, '\t');
+            let (Some(size), Some(version), Some(name)) = (parts.next(), parts.next(), parts.next()) else {
+                return Err(strange());
+            };
+            let file = join(url, name);
+            // Web servers state sizes one by one.
+            if !size.is_empty() {
+                let size = size.parse().map_err(|_| strange())?;
+                let info = FileInfo { size, version: version.to_owned() };
+                lock(&self.files).insert(file.clone(), info);
+            }
+            found.push(file);
+        }
+        Ok(found)
+    }
+}
+
 fn read_request(url: &str, info: &FileInfo, part: Part) -> [String; 6] {
     let (size, version) = match part.is_checked {
         true => (info.size.to_string(), info.version.clone()),
@@ -255,8 +260,8 @@ fn read_request(url: &str, info: &FileInfo, part: Part) -> [String; 6] {
     ["read".to_owned(), url.to_owned(), part.start.to_string(), part.length.to_string(), size, version]
 }
 
-/// Returns the URL of a file below another one.
-pub(crate) fn join(url: &str, name: &str) -> String {
+/// Returns the URL of a file below another one; without a name, the other one.
+fn join(url: &str, name: &str) -> String {
     match name {
         "" => url.to_owned(),
         name => format!("{}/{name}", url.trim_end_matches('/')),

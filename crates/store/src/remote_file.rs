@@ -3,8 +3,10 @@
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
+use reactsim_files::RemoteFile;
+
 use super::blocks::{BLOCK, MAX_KEPT};
-use super::client::{FileInfo, Part, Store, lock};
+use super::client::{FileInfo, HelperStore, Part, lock};
 use super::connection::Pending;
 
 /// Factor by which blocks grow.
@@ -14,8 +16,8 @@ const GROWTH: u64 = 4;
 const MAX_BLOCK: u64 = 8 << 20;
 
 /// An open file behind a URL.
-pub struct RemoteFile {
-    store: &'static Store,
+pub(crate) struct BlockReader {
+    store: &'static HelperStore,
     url: Arc<str>,
     info: FileInfo,
     position: u64,
@@ -29,12 +31,12 @@ pub struct RemoteFile {
     is_checked: bool,
 }
 
-impl RemoteFile {
+impl BlockReader {
     /// Opens a file.
     ///
     /// # Errors
     /// If there is no such file, or it cannot be read.
-    pub(crate) fn open(store: &'static Store, url: &str) -> io::Result<Self> {
+    pub(crate) fn open(store: &'static HelperStore, url: &str) -> io::Result<Self> {
         Ok(Self {
             store,
             url: url.into(),
@@ -46,11 +48,6 @@ impl RemoteFile {
             ahead: None,
             is_checked: false,
         })
-    }
-
-    /// Returns the size in bytes.
-    pub(crate) fn size(&self) -> u64 {
-        self.info.size
     }
 
     fn end(&self) -> u64 {
@@ -117,7 +114,13 @@ impl Part {
     }
 }
 
-impl Read for RemoteFile {
+impl RemoteFile for BlockReader {
+    fn size(&self) -> u64 {
+        self.info.size
+    }
+}
+
+impl Read for BlockReader {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if buffer.is_empty() || self.position >= self.info.size {
             return Ok(0);
@@ -133,7 +136,7 @@ impl Read for RemoteFile {
     }
 }
 
-impl Seek for RemoteFile {
+impl Seek for BlockReader {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let position = match to {
             SeekFrom::Start(position) => Some(position),
@@ -182,8 +185,9 @@ for line in sys.stdin:
             return;
         }
         let command = ["python3", "-c", HELPER].map(str::to_owned).to_vec();
-        let store: &'static Store = Box::leak(Box::new(Store::new(command, Duration::from_secs(60))));
-        let mut file = RemoteFile::open(store, "x://a").unwrap();
+        let store: &'static HelperStore =
+            Box::leak(Box::new(HelperStore::new(command, Duration::from_secs(60))));
+        let mut file = BlockReader::open(store, "x://a").unwrap();
         let size = file.size();
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let mut buffer = vec![0; 3 << 20];
