@@ -10,7 +10,7 @@ use reactsim_files::{RemoteFile, Store};
 
 use super::answer::{Answer, Failure};
 use super::blocks::Blocks;
-use super::command;
+use super::command::HelperCommand;
 use super::connection::{Connection, Pending};
 use super::remote_file::BlockReader;
 
@@ -25,8 +25,7 @@ const ATTEMPTS: u32 = 2;
 
 /// What is known of files behind URLs. There is one helper per program.
 pub(crate) struct HelperStore {
-    /// Command of the helper.
-    command: Vec<String>,
+    command: HelperCommand,
     helper: Mutex<Helper>,
     limit: Duration,
     files: Mutex<BTreeMap<String, FileInfo>>,
@@ -64,7 +63,7 @@ pub(super) struct Part {
 
 static STORE: LazyLock<HelperStore> = LazyLock::new(|| {
     let seconds = env::var(LIMIT_VARIABLE).ok().and_then(|text| text.parse().ok()).filter(|s| *s > 0);
-    HelperStore::new(command::words(), Duration::from_secs(seconds.unwrap_or(LIMIT)))
+    HelperStore::new(HelperCommand::from_environment(), Duration::from_secs(seconds.unwrap_or(LIMIT)))
 });
 
 impl HelperStore {
@@ -73,7 +72,7 @@ impl HelperStore {
         &STORE
     }
 
-    pub(super) fn new(command: Vec<String>, limit: Duration) -> Self {
+    pub(super) fn new(command: HelperCommand, limit: Duration) -> Self {
         Self {
             command,
             helper: Mutex::default(),
@@ -193,7 +192,7 @@ impl HelperStore {
 
     /// Returns the name of the helper in messages.
     fn subject(&self) -> String {
-        format!("the helper `{}`", self.command.join(" "))
+        format!("the helper `{}`", self.command.name)
     }
 
     /// Returns the connection to the helper, which is started if there is none.
@@ -219,7 +218,7 @@ impl HelperStore {
         }
         Err(io::Error::other(format!(
             "{} cannot be used: {}; URLs are read by Python: `pip install 'reactsim[store]'` in the Python \
-             of this command, or set REACTSIM_STORE to a command such as `/path/to/python -m reactsim.store`",
+             of this command, or set REACTSIM_STORE to a command such as `/path/to/python /path/to/reactsim/store.py`",
             self.subject(),
             helper.last_reason
         )))

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Duration;
 
 use super::answer::{self, Answer, GREETING};
-use super::command;
+use super::command::{self, HelperCommand};
 
 /// Number of requests without an answer, one after the other, after which a helper is ended.
 const MAX_LATE: u32 = 3;
@@ -53,8 +53,8 @@ impl Connection {
     ///
     /// # Errors
     /// A text with the reason.
-    pub(super) fn start(words: &[String], limit: Duration) -> Result<Arc<Self>, String> {
-        let mut child = command::start(words).map_err(|error| error.to_string())?;
+    pub(super) fn start(command: &HelperCommand, limit: Duration) -> Result<Arc<Self>, String> {
+        let mut child = command::start(command).map_err(|error| error.to_string())?;
         let (Some(stdin), Some(stdout), Some(stderr)) =
             (child.stdin.take(), child.stdout.take(), child.stderr.take())
         else {

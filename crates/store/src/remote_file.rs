@@ -156,6 +156,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
+    use super::super::command::HelperCommand;
     use super::*;
 
     /// Helper with one file of 40 MB, of which the word at every fourth byte is its own number.
@@ -184,7 +185,7 @@ for line in sys.stdin:
         if !Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
             return;
         }
-        let command = ["python3", "-c", HELPER].map(str::to_owned).to_vec();
+        let command = HelperCommand::new(["python3", "-c", HELPER].map(str::to_owned).to_vec());
         let store: &'static HelperStore =
             Box::leak(Box::new(HelperStore::new(command, Duration::from_secs(60))));
         let mut file = BlockReader::open(store, "x://a").unwrap();
