@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use burn::module::{Module, Param};
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::training::{Execution, Learner, Output, Settings, Stream, Sums, Task, View, draw_parameters};
+use reactsim_training::{Execution, Learner, Output, Settings, Stream, Sums, Task, View, draw_parameters};
 use serde_json::Map;
 
 use super::toy::{Curve, settings};
