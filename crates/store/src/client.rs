@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::io::{self, ErrorKind};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use reactsim_files::{RemoteFile, Store};
 
 use super::answer::{Answer, Failure};
@@ -88,13 +89,13 @@ impl HelperStore {
     /// # Errors
     /// If there is no such file, or it cannot be read.
     pub(super) fn info(&self, url: &str) -> io::Result<FileInfo> {
-        if let Some(known) = lock(&self.files).get(url) {
+        if let Some(known) = self.files.lock().get(url) {
             return Ok(known.clone());
         }
         let content = text(self.call(url, &["info", url])?)?;
         let (size, version) = content.split_once('\t').ok_or_else(strange)?;
         let info = FileInfo { size: size.parse().map_err(|_| strange())?, version: version.to_owned() };
-        lock(&self.files).insert(url.to_owned(), info.clone());
+        self.files.lock().insert(url.to_owned(), info.clone());
         Ok(info)
     }
 
@@ -153,7 +154,7 @@ impl HelperStore {
         if url.contains(char::is_control) {
             return Err(io::Error::new(ErrorKind::InvalidInput, "URLs have no control characters"));
         }
-        if let Some(failure) = lock(&self.failures).get(url) {
+        if let Some(failure) = self.failures.lock().get(url) {
             return Err(failure.clone().into());
         }
         let mut reason = String::new();
@@ -186,7 +187,7 @@ impl HelperStore {
     }
 
     fn remember(&self, url: &str, failure: Failure) -> io::Error {
-        lock(&self.failures).insert(url.to_owned(), failure.clone());
+        self.failures.lock().insert(url.to_owned(), failure.clone());
         failure.into()
     }
 
@@ -197,7 +198,7 @@ impl HelperStore {
 
     /// Returns the connection to the helper, which is started if there is none.
     fn connection(&self) -> io::Result<Arc<Connection>> {
-        let mut helper = lock(&self.helper);
+        let mut helper = self.helper.lock();
         if let Some(connection) = helper.connection.take() {
             let Some(reason) = connection.end_reason() else {
                 helper.connection = Some(Arc::clone(&connection));
@@ -243,7 +244,7 @@ impl Store for HelperStore {
             if !size.is_empty() {
                 let size = size.parse().map_err(|_| strange())?;
                 let info = FileInfo { size, version: version.to_owned() };
-                lock(&self.files).insert(file.clone(), info);
+                self.files.lock().insert(file.clone(), info);
             }
             found.push(file);
         }
@@ -273,8 +274,4 @@ fn text(content: Vec<u8>) -> io::Result<String> {
 
 fn strange() -> io::Error {
     io::Error::other("the helper gives an answer of another kind; install it in the version of this program")
-}
-
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

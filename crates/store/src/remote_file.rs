@@ -6,7 +6,7 @@ use std::sync::Arc;
 use reactsim_files::RemoteFile;
 
 use super::blocks::{BLOCK, MAX_KEPT};
-use super::client::{FileInfo, HelperStore, Part, lock};
+use super::client::{FileInfo, HelperStore, Part};
 use super::connection::Pending;
 
 /// Factor by which blocks grow.
@@ -65,7 +65,7 @@ impl BlockReader {
             if !is_sequential {
                 self.next_length = MAX_KEPT;
             }
-            let known = lock(&self.store.blocks).find(&self.url, self.position);
+            let known = self.store.blocks.lock().find(&self.url, self.position);
             if let Some((start, block)) = known {
                 self.set(start, block);
                 return Ok(());
@@ -73,7 +73,7 @@ impl BlockReader {
             let part = if is_sequential { self.next_part(self.position) } else { self.single_part() };
             let block = Arc::new(self.store.read(&self.url, &self.info, part)?);
             // Others who open this file, or this reader again, need the same header and footer.
-            lock(&self.store.blocks).add(Arc::clone(&self.url), part.start, Arc::clone(&block));
+            self.store.blocks.lock().add(Arc::clone(&self.url), part.start, Arc::clone(&block));
             self.set(part.start, block);
             if !is_sequential {
                 return Ok(());
