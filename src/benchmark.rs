@@ -42,7 +42,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::COMMIT;
 use crate::evaluation::{
     self, Adjustments, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator,
     RunFolder, RunObserver, Selection, Source, Summary, weights_file,
@@ -359,7 +358,7 @@ impl Benchmark {
         if self.resume && self.folder.is_none() {
             return Err(BenchmarkError::NoFolder);
         }
-        evaluation::set_program_commit(COMMIT);
+        crate::set_up();
         let threads = self.threads.map_or_else(available_threads, NonZeroUsize::get);
         let execution = Execution { jobs: threads, batch: self.batch.get() };
         let (observer, stop) = (Arc::clone(&self.observer), Arc::clone(&self.stop));

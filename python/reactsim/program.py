@@ -52,8 +52,10 @@ def find_program() -> str:
 def environment() -> dict[str, str]:
     """Returns the environment for the program, which reads URLs with this Python."""
     store = os.path.join(os.path.dirname(os.path.abspath(__file__)), "store.py")
-    # Ray workers can have this function without the package.
-    arguments = [store] if os.path.isfile(store) else ["-m", "reactsim.store"]
+    # Ray workers can have this function without the package. `-m` would look for modules in the
+    # current folder.
+    code = "import sys; sys.path = [p for p in sys.path if p]; import reactsim.store as s; s.main()"
+    arguments = [store] if os.path.isfile(store) else ["-c", code]
     return {"REACTSIM_STORE": shlex.join([sys.executable, *arguments]), **os.environ}
 
 

@@ -1,6 +1,6 @@
 """Reads files behind URLs for the program `reactsim`, which starts this module with the first one.
 
-    python -m reactsim.store
+    python reactsim/store.py
 
 URLs are those of fsspec: `s3://` with s3fs, `gs://` with gcsfs, `https://` with aiohttp, and so on,
 with the credentials and settings that fsspec knows. This file needs only Python and fsspec.
@@ -291,7 +291,8 @@ def _describe(error: BaseException) -> str:
 
 
 if __name__ == "__main__":
-    if not __package__:
-        # Started by its path, from a folder with modules named like others.
+    if not (sys.flags.isolated or getattr(sys.flags, "safe_path", False)):
+        # The folder of this file has modules named like others. With `-m` it is the current folder,
+        # which may have any modules.
         sys.path.pop(0)
     main()

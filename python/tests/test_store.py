@@ -7,6 +7,7 @@ import http.server
 import io
 import json
 import os
+import shlex
 import shutil
 import socket
 import subprocess
@@ -169,6 +170,26 @@ class TestRequests:
         assert "8\tfailed\t" in text
 
 
+def answer(command: list[str], file: Path, path: Path, cwd: Path | None = None) -> bytes:
+    """Returns greeting and answer of a helper that reads three bytes of a file."""
+    helper = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": os.fspath(path)},
+    )
+    assert helper.stdin is not None and helper.stdout is not None
+    helper.stdin.write(f"0\tread\t{file.as_uri()}\t0\t3\t\t\n".encode())
+    helper.stdin.flush()
+    text = helper.stdout.read(len(b"reactsim-store 1\n0\tok\t3\nabc"))
+    helper.stdin.close()
+    assert helper.wait(10) == 0
+    helper.stdout.close()
+    return text
+
+
 class TestProcess:
     def test_prints_stay_out_of_the_answers(self, tmp_path: Path) -> None:
         (tmp_path / "sitecustomize.py").write_text(
@@ -180,21 +201,23 @@ class TestProcess:
             "threading.Timer(0.3, speak).start()\n"
         )
         (tmp_path / "a").write_bytes(b"abc")
-        line = f"0\tread\t{(tmp_path / 'a').as_uri()}\t0\t3\t\t\n"
-        helper = subprocess.Popen(
-            [sys.executable, os.fspath(ROOT / "python/reactsim/store.py")],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": os.fspath(tmp_path)},
-        )
-        assert helper.stdin is not None and helper.stdout is not None
-        helper.stdin.write(line.encode())
-        helper.stdin.flush()
-        text = helper.stdout.read(len(b"reactsim-store 1\n0\tok\t3\nabc"))
-        helper.stdin.close()
-        assert helper.wait(10) == 0
-        helper.stdout.close()
+        command = [sys.executable, os.fspath(ROOT / "python/reactsim/store.py")]
+        text = answer(command, tmp_path / "a", tmp_path)
+        assert text == b"reactsim-store 1\n0\tok\t3\nabc"
+
+    @pytest.mark.parametrize("has_file", [True, False])
+    def test_modules_of_the_current_folder_are_not_imported(
+        self, has_file: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        (tmp_path / "reactsim").mkdir()
+        for name in ("reactsim/__init__", "reactsim/store", "fsspec", "http", "numpy"):
+            (tmp_path / f"{name}.py").write_text("raise SystemExit(1)")
+        (tmp_path / "a").write_bytes(b"abc")
+        monkeypatch.delenv("REACTSIM_STORE", raising=False)
+        if not has_file:
+            monkeypatch.setattr(os.path, "isfile", lambda path: False)
+        command = shlex.split(environment()["REACTSIM_STORE"])
+        text = answer(command, tmp_path / "a", ROOT / "python", tmp_path)
         assert text == b"reactsim-store 1\n0\tok\t3\nabc"
 
     def test_the_program_gets_this_python(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,8 +52,7 @@ use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::suggestion::{did_you_mean, most_similar, question};
-use crate::COMMIT;
-use crate::evaluation::{self, EvaluationError, PROVENANCE, RUN_FILES};
+use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
 use crate::files;
 use crate::formats::{self, Input};
 use crate::metrics::{OptionError, Options};
@@ -155,7 +154,7 @@ impl From<ExitStatus> for ExitCode {
 
 /// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
-    evaluation::set_program_commit(COMMIT);
+    crate::set_up();
     // Without arguments: `run` with its defaults.
     let Cli { command, quiet } = parse();
     QUIET.store(quiet, Ordering::Relaxed);

@@ -1,10 +1,10 @@
 //! Progress of a command on stderr.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use parking_lot::Mutex;
 
 use super::live_table::LiveTable;
 use super::{is_quiet, say};
@@ -149,7 +149,7 @@ impl RunObserver for Progress {
 
     fn rows(&self, rows: &[Row]) {
         let Some(table) = &self.table else { return };
-        let mut preliminary = table.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut preliminary = table.lock();
         preliminary.table.add(rows);
         if preliminary.drawn.elapsed() >= TABLE_INTERVAL && !self.bar.is_hidden() {
             preliminary.drawn = Instant::now();

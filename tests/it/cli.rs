@@ -1,6 +1,7 @@
 //! The program as its user sees it.
 
 mod deviations;
+mod generate;
 mod interruption;
 mod refusals;
 mod results;

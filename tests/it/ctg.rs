@@ -12,7 +12,7 @@ use reactsim::training::{Output, Stream, Task, View};
 
 use crate::model_weights::{check_damaged, replaced};
 use crate::ntp_reactive::scenarios;
-use crate::regression::without_gradient;
+use crate::qp_regression::without_gradient;
 use crate::scenes::{bits, coasting, request};
 
 /// Returns small sizes that differ wherever they can.

@@ -13,7 +13,7 @@ use reactsim::training::{Output, Stream, Task, View};
 
 use crate::model_weights::check_refusals;
 use crate::ntp_reactive::{moved, scenarios};
-use crate::regression::without_gradient;
+use crate::qp_regression::without_gradient;
 
 /// Returns small sizes that differ wherever they can.
 fn small() -> Recipe {

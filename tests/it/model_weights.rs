@@ -36,7 +36,7 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
     let mut init = Initializer::new(7, &device);
     let bytes = match id {
         "ntp-reactive" | "ntp-reactive-raw" => crate::ntp_reactive::untrained(),
-        "regression" | "qp-regression" | "mtr" => crate::regression::untrained(),
+        "regression" | "qp-regression" | "mtr" => crate::qp_regression::untrained(),
         "smart" | "smart-projected" => crate::smart_simulator::untrained(),
         "token-replay" => Kinematic::default().build().unwrap().write().unwrap(),
         "vbd" | "vbd-inpainting" => crate::vbd::untrained(),

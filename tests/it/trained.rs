@@ -127,7 +127,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     let recipe = folder.path().join("recipe.toml");
     let learning =
         "[learning]\nbatch = 2\nepochs = 45.0\nlearning_rate = 3e-3\nheld_out = 0.3\nvalidate_every = 30\n";
-    fs::write(&recipe, crate::regression::small_recipe() + learning).unwrap();
+    fs::write(&recipe, crate::qp_regression::small_recipe() + learning).unwrap();
     let train = |out: &Path, jobs: &str| {
         let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(out)];
         let points = format!("intentions={}", text(&points));

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use reactsim_files as files;
 use reactsim_metrics::{METRICS, Score};
 use serde::Deserialize;
@@ -251,12 +251,12 @@ impl RunFolder {
             let mut lines = index(&path, tally)?;
             lines.retain(|(key, _, _)| tally.has(key.0, key.1));
             rewrite(&path, &lines)?;
-            *appender.lock().unwrap_or_else(PoisonError::into_inner) = Appender::open(path)?;
+            *appender.lock() = Appender::open(path)?;
         }
         let failures = self.path.join(FAILURES);
         // Failed pairs are tried again.
         replace(&failures, |_| Ok(()))?;
-        *self.failures.lock().unwrap_or_else(PoisonError::into_inner) = Appender::open(failures)?;
+        *self.failures.lock() = Appender::open(failures)?;
         Ok(())
     }
 }
@@ -435,7 +435,7 @@ impl Appender {
 }
 
 fn write_to(appender: &Mutex<Appender>, text: &str) -> Result<(), EvaluationError> {
-    let mut appender = appender.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut appender = appender.lock();
     if text.is_empty() {
         return Ok(());
     }

@@ -2,9 +2,9 @@
 //! interruptions.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 
+use parking_lot::{Mutex, MutexGuard};
 use reactsim_rollout::{AvPolicy, Request, Rollout, roll_out};
 use reactsim_scene::Scenario;
 use reactsim_shards::RecordRange;
@@ -137,16 +137,16 @@ pub(super) fn carry_out(
         }
         runner.work();
     });
-    if let Some(error) = runner.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
+    if let Some(error) = runner.broken.into_inner() {
         return Err(error);
     }
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
     Ok(Some(RunResults {
-        tally: runner.tally.into_inner().unwrap_or_else(PoisonError::into_inner),
-        failures: runner.failures.into_inner().unwrap_or_else(PoisonError::into_inner),
-        left_out: runner.left_out.into_inner().unwrap_or_else(PoisonError::into_inner),
+        tally: runner.tally.into_inner(),
+        failures: runner.failures.into_inner(),
+        left_out: runner.left_out.into_inner(),
         records: runner.done.into_inner(),
     }))
 }
@@ -233,8 +233,7 @@ struct PreparedScenario {
 
 impl Runner<'_> {
     fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-            || self.broken.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+        self.stop.load(Ordering::Relaxed) || self.broken.lock().is_some()
     }
 
     /// Processes batches until the sources are exhausted or the run stops; the main function of each thread.
@@ -243,7 +242,7 @@ impl Runner<'_> {
             let Some(items) = self.supply.take(self.records) else { return };
             let result = self.batch(items);
             if let Err(error) = result {
-                self.broken.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                self.broken.lock().get_or_insert(error);
             }
         }
     }
@@ -334,7 +333,7 @@ impl Runner<'_> {
     }
 
     fn left_out(&self) -> MutexGuard<'_, LeftOut> {
-        self.left_out.lock().unwrap_or_else(PoisonError::into_inner)
+        self.left_out.lock()
     }
 
     fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {
@@ -391,7 +390,7 @@ impl Runner<'_> {
             folder.append(&rows, &events)?;
         }
         self.observer.rows(&rows);
-        self.tally.lock().unwrap_or_else(PoisonError::into_inner).add(&rows);
+        self.tally.lock().add(&rows);
         Ok(())
     }
 
@@ -411,7 +410,7 @@ impl Runner<'_> {
     fn fail(&self, failure: Failure) -> Result<(), EvaluationError> {
         self.observer.failed(&failure);
         let written = self.folder.map_or(Ok(()), |f| f.append_failure(&failure));
-        self.failures.lock().unwrap_or_else(PoisonError::into_inner).push(failure);
+        self.failures.lock().push(failure);
         written
     }
 }

@@ -1,8 +1,8 @@
 //! Lookup of the scenarios of runs by the digest of their file and their position in it.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use reactsim_formats::{Input, Opener, PendingScenarios, native::ByNumber};
 use reactsim_scene::Scenario;
 
@@ -74,7 +74,7 @@ impl ScenarioFiles {
                 input.open()?.next().transpose()?
             }
             ScenarioFile::Stream { open, position, .. } => {
-                let mut position = position.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut position = position.lock();
                 let (next, scenarios) = &mut *position;
                 if scenarios.is_none() || *next > record {
                     (*next, *scenarios) = (0, Some(open(0)?));

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
+use parking_lot::{Mutex, MutexGuard};
 use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, Scenarios, UndecodedScenario, decoded};
 use reactsim_scene::Scenario;
 use reactsim_shards::RecordRange;
@@ -154,13 +154,9 @@ impl<'a> Supply<'a> {
                 if reader.ended.load(Ordering::Acquire) {
                     continue;
                 }
-                let state = match reader.state.try_lock() {
-                    Ok(state) => state,
-                    Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-                    Err(TryLockError::WouldBlock) => {
-                        busy = busy.or(Some(index));
-                        continue;
-                    }
+                let Some(state) = reader.state.try_lock() else {
+                    busy = busy.or(Some(index));
+                    continue;
                 };
                 let items = reader.take(state, n);
                 if !items.is_empty() {
@@ -168,7 +164,7 @@ impl<'a> Supply<'a> {
                 }
             }
             let reader = &self.readers[busy?];
-            let items = reader.take(reader.state.lock().unwrap_or_else(PoisonError::into_inner), n);
+            let items = reader.take(reader.state.lock(), n);
             if !items.is_empty() {
                 return Some(items);
             }

@@ -2,9 +2,10 @@
 
 use std::io;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
-use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 /// Time between two looks whether a process has ended.
 const POLL: Duration = Duration::from_millis(5);
@@ -14,7 +15,7 @@ static CHILDREN: Mutex<Vec<u32>> = Mutex::new(Vec::new());
 
 /// Ends all child processes. For the end of the program without unwinding.
 pub fn end_all() {
-    for id in CHILDREN.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+    for id in CHILDREN.lock().iter() {
         kill_group(*id);
     }
 }
@@ -48,7 +49,7 @@ impl Process {
             (Some(stdin), Some(stdout), Some(stderr)) => Ok(Pipes { stdin, stdout, stderr }),
             _ => Err(missing()),
         };
-        CHILDREN.lock().unwrap_or_else(PoisonError::into_inner).push(child.id());
+        CHILDREN.lock().push(child.id());
         let process = Self { child };
         Ok((process, pipes?))
     }
@@ -73,7 +74,7 @@ impl Process {
     /// Ends the process and its group. Returns how the process ended.
     pub(super) fn end(&mut self) -> Option<ExitStatus> {
         let id = self.child.id();
-        let mut children = CHILDREN.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = CHILDREN.lock();
         if let Some(at) = children.iter().position(|c| *c == id) {
             // The child is not reaped before, so the id still names its group.
             kill_group(id);

@@ -1,8 +1,9 @@
 //! A simulator whose plans come from a process.
 
 use std::io;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
+use parking_lot::Mutex;
 use rand::Rng;
 use reactsim_rollout::{
     Beginning, Controller, Episode, Memory, PlanError, Request, Settings, Simulator, roll_out,
@@ -157,7 +158,7 @@ impl Simulator for ExternalSimulator {
             active.push((index, episode));
         }
         let Some(open) = open else { return Ok(()) };
-        let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = open.lock();
         let Some(open) = open.as_mut() else {
             return Err(PlanError::Failed("the batch has ended".to_owned()));
         };
@@ -167,7 +168,7 @@ impl Simulator for ExternalSimulator {
     fn end_batch(&self, memories: Vec<Memory>) {
         for mut memory in memories {
             let Some(EpisodeMemory { batch, .. }) = memory.take() else { continue };
-            let open = batch.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let open = batch.lock().take();
             if let Some(open) = open {
                 open.end();
             }

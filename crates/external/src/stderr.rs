@@ -4,8 +4,10 @@ use std::collections::VecDeque;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
 
 /// Number of lines that messages repeat.
 const LAST_LINES: usize = 12;
@@ -68,8 +70,8 @@ impl LastLines {
     /// still be on its way.
     pub(super) fn text(&self) -> String {
         let (_, ended) = &*self.0;
-        let waited = ended.wait_timeout_while(self.lock(), LAST_WORDS, |state| state.is_open);
-        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.lock();
+        ended.wait_while_for(&mut state, |state| state.is_open, LAST_WORDS);
         let lines = &state.lines;
         if lines.is_empty() {
             return String::new();
@@ -95,7 +97,7 @@ impl LastLines {
     }
 
     fn lock(&self) -> MutexGuard<'_, LastLinesState> {
-        self.0.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.0.lock()
     }
 }
 
@@ -112,7 +114,7 @@ impl Stderr {
             }
             StderrTarget::Lines(pass) => Open::Lines(pass),
         };
-        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.0.lock();
         state.target = Some(open);
         let early = std::mem::take(&mut state.early);
         early.split_inclusive(|b| *b == b'\n').for_each(|line| state.put(line));
@@ -146,7 +148,7 @@ impl Stderr {
 
     fn put(&self, line: &[u8], last: &LastLines) {
         last.push(line.strip_suffix(b"\n").unwrap_or(line));
-        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.0.lock();
         match &state.target {
             Some(_) => state.put(line),
             None if state.early.len() < MOST_BUFFERED => state.early.extend_from_slice(line),

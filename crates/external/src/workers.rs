@@ -1,7 +1,8 @@
 //! The processes of a simulator, handed out to threads.
 
-use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
+
+use parking_lot::{Condvar, Mutex};
 
 use super::connection::{Connection, RequestError};
 use super::document::FrameWriter;
@@ -64,7 +65,7 @@ impl Workers {
 
     /// Waits for a free worker and starts it if it is not running.
     pub(super) fn take(&self) -> Result<Worker, String> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.lock();
         loop {
             if let Some(reason) = &state.given_up {
                 return Err(format!("it was given up: {reason}"));
@@ -79,13 +80,13 @@ impl Workers {
                     None => self.start(),
                 };
             }
-            state = self.returned.wait(state).unwrap_or_else(PoisonError::into_inner);
+            self.returned.wait(&mut state);
         }
     }
 
     /// Takes a worker back; `None` if it broke.
     pub(super) fn put_back(&self, worker: Option<Worker>) {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.lock();
         if worker.is_none() && self.settings.command == Command::Stdio {
             state.given_up.get_or_insert_with(|| "the connection to the parent process broke".to_owned());
         }
@@ -96,7 +97,7 @@ impl Workers {
 
     fn start(&self) -> Result<Worker, String> {
         let started = self.greet();
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.lock();
         let result = match started {
             Ok((connection, description)) => match &state.description {
                 Some(first) if *first != description => Err(format!(
@@ -151,13 +152,13 @@ impl Workers {
 
     /// Returns the statement of the simulator, once it has started.
     pub(super) fn description(&self) -> Option<Description> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).description.clone()
+        self.state.lock().description.clone()
     }
 }
 
 impl Drop for Workers {
     fn drop(&mut self) {
-        let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let state = self.state.get_mut();
         for worker in state.free.drain(..).flatten() {
             worker.connection.close(TIME_TO_CLOSE);
         }

@@ -12,5 +12,5 @@ pub use digest::{FileDigest, digest};
 pub use lock::lock;
 pub use new_file::{NewFile, replace, target_of};
 pub use regular::{InputFile, list_url, open_local, open_regular, read_regular};
-pub use store::RemoteFile;
+pub use store::{RemoteFile, Store, set_store};
 pub use url::{as_url, create_folder, name_of};

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::store::{RemoteFile, Store, join};
+use super::store::{RemoteFile, store};
 use super::url::as_url;
 
 /// A file that is open for reading.
@@ -12,7 +12,7 @@ pub enum InputFile {
     /// A file of a file system.
     Local(File),
     /// A file behind a URL.
-    Remote(Box<RemoteFile>),
+    Remote(Box<dyn RemoteFile>),
 }
 
 impl InputFile {
@@ -59,7 +59,7 @@ impl Seek for InputFile {
 /// Those of the system or of the store, and [`io::ErrorKind::InvalidInput`] for a pipe, a device or a folder.
 pub fn open_regular(path: &Path) -> io::Result<InputFile> {
     if let Some(url) = as_url(path) {
-        return Ok(InputFile::Remote(Box::new(RemoteFile::open(Store::shared(), url)?)));
+        return store()?.open(url).map(InputFile::Remote);
     }
     open_local(path).map(InputFile::Local)
 }
@@ -97,14 +97,25 @@ pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
 /// # Errors
 /// Those of the store, and if nothing is there.
 pub fn list_url(url: &str) -> io::Result<Vec<PathBuf>> {
-    let mut names = Store::shared().list(url)?;
-    names.sort();
-    Ok(names.iter().map(|name| PathBuf::from(join(url, &name.to_string_lossy()))).collect())
+    let mut files: Vec<PathBuf> = store()?.list(url)?.into_iter().map(PathBuf::from).collect();
+    files.sort();
+    Ok(files)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn urls_need_a_store() {
+        let opened = open_regular(Path::new("s3://bucket/file")).map(drop).unwrap_err();
+        let listed = list_url("s3://bucket").unwrap_err();
+        for error in [opened, listed] {
+            assert_eq!(error.kind(), io::ErrorKind::Unsupported);
+            let text = error.to_string();
+            assert!(text.contains("feature `store`") && text.contains("copy it to a file system"), "{text}");
+        }
+    }
 
     #[test]
     #[cfg(unix)]

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use burn::module::Module;
+use parking_lot::Mutex;
 
 use super::averages::Observed;
 use super::parameters::{self, Layout};
@@ -110,7 +110,7 @@ where
         let begun_ahead = AtomicUsize::new(0);
         let work = |model: &T::Model, number: usize| {
             let part = &parts[number];
-            let prepared = lock(&self.ahead).remove(&place(part)).unwrap_or_else(|| self.prepare(part));
+            let prepared = self.ahead.lock().remove(&place(part)).unwrap_or_else(|| self.prepare(part));
             let result = prepared.and_then(|prepared| self.run(step, model, number, &prepared));
             unfinished.fetch_sub(1, Ordering::Relaxed);
             result
@@ -121,7 +121,7 @@ where
             }
             let Some(part) = next.get(begun_ahead.fetch_add(1, Ordering::Relaxed)) else { return false };
             let prepared = self.prepare(part);
-            lock(&self.ahead).insert(place(part), prepared);
+            self.ahead.lock().insert(place(part), prepared);
             true
         };
         let begin = |model: T::Model| parameters::write(model, values);
@@ -287,11 +287,6 @@ fn place(part: &Part) -> u64 {
     part.first().map_or(0, |(place, _)| *place)
 }
 
-/// Locks a mutex. Poisoning is ignored: a panic of another thread ends the program anyway.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Distributes the numbers below `end` to threads, one thread per seed of a worker, and passes the
 /// results to `take` in the order of the numbers. A thread without a further number does `idle` work
 /// until there is none.
@@ -318,7 +313,7 @@ fn share<W: Send, V, R: Send>(
                 break;
             }
             let result = work(&worker, number);
-            let mut guard = lock(&results);
+            let mut guard = results.lock();
             let results = &mut *guard;
             results.waiting.insert(number, result);
             while let Some(result) = results.waiting.remove(&results.next) {

@@ -4,8 +4,9 @@ mod routes;
 mod state;
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
+use parking_lot::Mutex;
 use reactsim_web::{Loopback, Site, Stop};
 
 use self::state::ReviewState;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use reactsim_formats::{FormatError, error::Cause, table::TableReader};
 use reactsim_scene::Deviation;
 
@@ -117,7 +117,7 @@ impl Store {
     pub fn scenario(&self, index: usize) -> Result<ScenarioRecord, FormatError> {
         let entry = &self.scenarios[index];
         let (group, place) = entry.at;
-        let batch = self.table.lock().unwrap_or_else(PoisonError::into_inner).group(group, &[])?;
+        let batch = self.table.lock().group(group, &[])?;
         let record = Rows::new(&batch).records().and_then(|records| {
             let found = records.into_iter().nth(place).filter(|r| r.scenario_id == entry.scenario_id);
             found.ok_or_else(|| {

@@ -3,8 +3,8 @@
 mod compare;
 
 use std::sync::atomic::AtomicBool;
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use reactsim_nn::{Backend, cpu_class};
 
 use super::{Reference, ReferenceError, RerunInputs, SimulatorClass};
@@ -161,7 +161,7 @@ impl RowCollector<'_> {
     /// Returns the rows since the last call, of a run on every `every`th scenario, with their original record
     /// indices.
     fn take(&self, every: usize) -> Vec<Row> {
-        let mut rows = std::mem::take(&mut *self.rows.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut rows = std::mem::take(&mut *self.rows.lock());
         rows.iter_mut().for_each(|row| row.record *= every);
         rows
     }
@@ -173,7 +173,7 @@ impl RunObserver for RowCollector<'_> {
     }
 
     fn rows(&self, rows: &[Row]) {
-        self.rows.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(rows);
+        self.rows.lock().extend_from_slice(rows);
         self.inner.rows(rows);
     }
 

@@ -1,8 +1,8 @@
 //! Random access to the scenarios of a native file.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use reactsim_scene::Scenario;
 
 use super::decode::Rows;
@@ -64,7 +64,7 @@ impl ByNumber {
     /// [`FormatError`] if the file has changed or cannot be read any more, or if the scenario is damaged.
     pub fn read(&self, number: usize) -> Result<Scenario, FormatError> {
         let entry = &self.entries[number];
-        let idle = self.idle_readers.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let idle = self.idle_readers.lock().pop();
         let mut table = idle.map_or_else(|| open(&self.path), Ok)?;
         let changed = |found: String| {
             let expected = "the content at opening; the file has changed since";
@@ -74,7 +74,7 @@ impl ByNumber {
             return Err(changed(format!("{} row groups", table.groups())));
         }
         let batch = table.group(entry.group, &[])?;
-        self.idle_readers.lock().unwrap_or_else(PoisonError::into_inner).push(table);
+        self.idle_readers.lock().push(table);
         let rows = Rows::new(&batch).map_err(|cause| FormatError::file(&self.path, cause))?;
         if entry.row >= rows.len() {
             return Err(changed(format!("a row group of {} rows", rows.len())));

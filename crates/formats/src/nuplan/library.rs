@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::SystemTime;
 
+use parking_lot::Mutex;
 use serde::Deserialize;
 
 use super::layers;
@@ -79,7 +80,7 @@ pub(super) fn map(folder: &Path, name: &str) -> Result<Arc<Map>, FormatError> {
     let about = std::fs::metadata(&path).map_err(|e| FormatError::file(&path, Cause::read(e)))?;
     let key = Key { path: path.clone(), length: about.len(), changed: about.modified().ok() };
     // Other threads that need the map wait here while it is read.
-    let mut cache = CACHE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut cache = CACHE.lock();
     if let Some(at) = cache.iter().position(|(k, _)| *k == key) {
         let found = cache.remove(at);
         let map = Arc::clone(&found.1);

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use reactsim_geometry::Vec2;
 
 use super::{KIND, RolloutRecord, Rows, VERSION};
@@ -78,7 +78,7 @@ impl ByName {
     ) -> Result<Option<RolloutRecord>, FormatError> {
         let Some((group, row)) = self.place(scenario, simulator, rollout) else { return Ok(None) };
         let refuse = |cause| FormatError::file(&self.path, cause);
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.lock();
         if state.last.as_ref().is_none_or(|(last, _)| *last != group) {
             let batch = state.table.group(group, &[])?;
             state.last = Some((group, Rows::new(&batch).map_err(refuse)?));

@@ -1,13 +1,14 @@
 //! Server of the page with every scene, on the loopback interface.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::{Path, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use parking_lot::Mutex;
 use reactsim_web::{Loopback, Site, Stop};
 
 use super::PageError;
@@ -58,7 +59,7 @@ async fn scene(State(state): State<Arc<PageState>>, Path((_, index)): Path<(Stri
 
 impl PageState {
     fn scene(&self, index: usize) -> Result<Option<String>, PageError> {
-        let mut scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut scenes = self.scenes.lock();
         if let Some(json) = scenes.get(&index) {
             return Ok(Some(json.clone()));
         }

@@ -1,12 +1,13 @@
 //! The routes: the page, its files, and a few JSON endpoints.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use parking_lot::{Mutex, MutexGuard};
 use reactsim_web::{Asset, PALETTE, SHARED};
 use serde::Deserialize;
 
@@ -46,7 +47,7 @@ async fn file(Path((_, name)): Path<(String, String)>) -> Response {
 
 /// Locks the state: requests are answered one after another.
 fn open(review: &Shared) -> MutexGuard<'_, ReviewState> {
-    review.lock().unwrap_or_else(PoisonError::into_inner)
+    review.lock()
 }
 
 async fn session(State(review): State<Shared>) -> Response {

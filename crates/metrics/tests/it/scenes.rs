@@ -4,10 +4,10 @@
 use std::f64::consts::{PI, TAU};
 
 use rand_chacha::rand_core::Rng;
-use reactsim::geometry::{Polygon, Polyline, Vec2, direction};
-use reactsim::metrics::{Case, LoggedTrack, Object, Options};
-use reactsim::rollout::{Purpose, Stream, stream};
-use reactsim::scene::{
+use reactsim_geometry::{Polygon, Polyline, Vec2, direction};
+use reactsim_metrics::{Case, LoggedTrack, Object, Options};
+use reactsim_rollout::{Purpose, Stream, stream};
+use reactsim_scene::{
     Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, HISTORY, Lane, LaneArea, LaneClass, LaneKind,
     LoggedAgent, MapIndex, Road, RoadEdge, RoadEdgeKind, RoadMap,
 };

@@ -1,9 +1,9 @@
 //! The metrics depend neither on the axes of the world nor on the order of agents.
 
 use proptest::prelude::*;
-use reactsim::geometry::{Polygon, Polyline, Vec2};
-use reactsim::metrics::{DirTracking, Options, Scores, score_case};
-use reactsim::scene::{AgentState, Frame, Lane, LaneArea, LoggedAgent, RoadEdge, RoadMap};
+use reactsim_geometry::{Polygon, Polyline, Vec2};
+use reactsim_metrics::{DirTracking, Options, Scores, score_case};
+use reactsim_scene::{AgentState, Frame, Lane, LaneArea, LoggedAgent, RoadEdge, RoadMap};
 
 use super::scenes::{self, Scene};
 

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-use reactsim::training::{Ending, Observer, Row, Settings, TrainingError};
+use reactsim_training::{Ending, Observer, Row, Settings, TrainingError};
 
 use super::toy::{Curve, Trial, left, settings};
 

@@ -3,14 +3,17 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::io::{self, ErrorKind};
-use std::path::PathBuf;
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
+
+use parking_lot::Mutex;
+use reactsim_files::{RemoteFile, Store};
 
 use super::answer::{Answer, Failure};
 use super::blocks::Blocks;
-use super::command;
+use super::command::HelperCommand;
 use super::connection::{Connection, Pending};
+use super::remote_file::BlockReader;
 
 /// Time in seconds within which every answer must come.
 const LIMIT: u64 = 120;
@@ -22,9 +25,8 @@ const MAX_FRUITLESS: u32 = 3;
 const ATTEMPTS: u32 = 2;
 
 /// What is known of files behind URLs. There is one helper per program.
-pub(crate) struct Store {
-    /// Command of the helper.
-    command: Vec<String>,
+pub(crate) struct HelperStore {
+    command: HelperCommand,
     helper: Mutex<Helper>,
     limit: Duration,
     files: Mutex<BTreeMap<String, FileInfo>>,
@@ -60,18 +62,18 @@ pub(super) struct Part {
     pub(super) is_checked: bool,
 }
 
-static STORE: LazyLock<Store> = LazyLock::new(|| {
+static STORE: LazyLock<HelperStore> = LazyLock::new(|| {
     let seconds = env::var(LIMIT_VARIABLE).ok().and_then(|text| text.parse().ok()).filter(|s| *s > 0);
-    Store::new(command::words(), Duration::from_secs(seconds.unwrap_or(LIMIT)))
+    HelperStore::new(HelperCommand::from_environment(), Duration::from_secs(seconds.unwrap_or(LIMIT)))
 });
 
-impl Store {
+impl HelperStore {
     /// Returns the store of this program.
     pub(crate) fn shared() -> &'static Self {
         &STORE
     }
 
-    pub(super) fn new(command: Vec<String>, limit: Duration) -> Self {
+    pub(super) fn new(command: HelperCommand, limit: Duration) -> Self {
         Self {
             command,
             helper: Mutex::default(),
@@ -82,41 +84,18 @@ impl Store {
         }
     }
 
-    /// Lists the file at a URL, or all files below it, in no particular order: paths relative to the URL,
-    /// which are empty for the file itself.
-    ///
-    /// # Errors
-    /// If nothing is there, or it cannot be read.
-    pub(crate) fn list(&self, url: &str) -> io::Result<Vec<PathBuf>> {
-        let content = text(self.call(url, &["list", url])?)?;
-        let mut found = Vec::new();
-        for line in content.lines() {
-            let mut parts = line.splitn(3, '\t');
-            let (Some(size), Some(version), Some(name)) = (parts.next(), parts.next(), parts.next()) else {
-                return Err(strange());
-            };
-            // Web servers state sizes one by one.
-            if !size.is_empty() {
-                let size = size.parse().map_err(|_| strange())?;
-                lock(&self.files).insert(join(url, name), FileInfo { size, version: version.to_owned() });
-            }
-            found.push(PathBuf::from(name));
-        }
-        Ok(found)
-    }
-
     /// Returns size and version of a file, as they were found first.
     ///
     /// # Errors
     /// If there is no such file, or it cannot be read.
     pub(super) fn info(&self, url: &str) -> io::Result<FileInfo> {
-        if let Some(known) = lock(&self.files).get(url) {
+        if let Some(known) = self.files.lock().get(url) {
             return Ok(known.clone());
         }
         let content = text(self.call(url, &["info", url])?)?;
         let (size, version) = content.split_once('\t').ok_or_else(strange)?;
         let info = FileInfo { size: size.parse().map_err(|_| strange())?, version: version.to_owned() };
-        lock(&self.files).insert(url.to_owned(), info.clone());
+        self.files.lock().insert(url.to_owned(), info.clone());
         Ok(info)
     }
 
@@ -175,7 +154,7 @@ impl Store {
         if url.contains(char::is_control) {
             return Err(io::Error::new(ErrorKind::InvalidInput, "URLs have no control characters"));
         }
-        if let Some(failure) = lock(&self.failures).get(url) {
+        if let Some(failure) = self.failures.lock().get(url) {
             return Err(failure.clone().into());
         }
         let mut reason = String::new();
@@ -208,18 +187,18 @@ impl Store {
     }
 
     fn remember(&self, url: &str, failure: Failure) -> io::Error {
-        lock(&self.failures).insert(url.to_owned(), failure.clone());
+        self.failures.lock().insert(url.to_owned(), failure.clone());
         failure.into()
     }
 
     /// Returns the name of the helper in messages.
     fn subject(&self) -> String {
-        format!("the helper `{}`", self.command.join(" "))
+        format!("the helper `{}`", self.command.name)
     }
 
     /// Returns the connection to the helper, which is started if there is none.
     fn connection(&self) -> io::Result<Arc<Connection>> {
-        let mut helper = lock(&self.helper);
+        let mut helper = self.helper.lock();
         if let Some(connection) = helper.connection.take() {
             let Some(reason) = connection.end_reason() else {
                 helper.connection = Some(Arc::clone(&connection));
@@ -240,10 +219,36 @@ impl Store {
         }
         Err(io::Error::other(format!(
             "{} cannot be used: {}; URLs are read by Python: `pip install 'reactsim[store]'` in the Python \
-             of this command, or set REACTSIM_STORE to a command such as `/path/to/python -m reactsim.store`",
+             of this command, or set REACTSIM_STORE to a command such as `/path/to/python /path/to/reactsim/store.py`",
             self.subject(),
             helper.last_reason
         )))
+    }
+}
+
+impl Store for HelperStore {
+    fn open(&'static self, url: &str) -> io::Result<Box<dyn RemoteFile>> {
+        Ok(Box::new(BlockReader::open(self, url)?))
+    }
+
+    fn list(&self, url: &str) -> io::Result<Vec<String>> {
+        let content = text(self.call(url, &["list", url])?)?;
+        let mut found = Vec::new();
+        for line in content.lines() {
+            let mut parts = line.splitn(3, '\t');
+            let (Some(size), Some(version), Some(name)) = (parts.next(), parts.next(), parts.next()) else {
+                return Err(strange());
+            };
+            let file = join(url, name);
+            // Web servers state sizes one by one.
+            if !size.is_empty() {
+                let size = size.parse().map_err(|_| strange())?;
+                let info = FileInfo { size, version: version.to_owned() };
+                self.files.lock().insert(file.clone(), info);
+            }
+            found.push(file);
+        }
+        Ok(found)
     }
 }
 
@@ -255,8 +260,8 @@ fn read_request(url: &str, info: &FileInfo, part: Part) -> [String; 6] {
     ["read".to_owned(), url.to_owned(), part.start.to_string(), part.length.to_string(), size, version]
 }
 
-/// Returns the URL of a file below another one.
-pub(crate) fn join(url: &str, name: &str) -> String {
+/// Returns the URL of a file below another one; without a name, the other one.
+fn join(url: &str, name: &str) -> String {
     match name {
         "" => url.to_owned(),
         name => format!("{}/{name}", url.trim_end_matches('/')),
@@ -269,8 +274,4 @@ fn text(content: Vec<u8>) -> io::Result<String> {
 
 fn strange() -> io::Error {
     io::Error::other("the helper gives an answer of another kind; install it in the version of this program")
-}
-
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

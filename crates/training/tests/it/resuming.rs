@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use reactsim::training::{Ending, LOG, NamedTensors, Observer, Row, Settings, TrainingError, WEIGHTS};
+use reactsim_training::{Ending, LOG, NamedTensors, Observer, Row, Settings, TrainingError, WEIGHTS};
 
 use super::toy::{Curve, Trial, checkpoints, left, settings};
 

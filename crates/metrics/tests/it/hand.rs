@@ -1,10 +1,8 @@
 //! Hand arithmetic through the library's public interface, negative controls, and nearly empty scenes.
 
-use reactsim::geometry::{Polygon, Polyline, Vec2};
-use reactsim::metrics::{
-    Case, DirTracking, LoggedTrack, METRICS, Object, Options, Score, metric, score_case,
-};
-use reactsim::scene::{
+use reactsim_geometry::{Polygon, Polyline, Vec2};
+use reactsim_metrics::{Case, DirTracking, LoggedTrack, METRICS, Object, Options, Score, metric, score_case};
+use reactsim_scene::{
     Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, HISTORY, Lane, LaneArea, LaneClass, LaneKind,
     LoggedAgent, MapIndex, Road, RoadMap,
 };

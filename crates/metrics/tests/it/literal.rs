@@ -3,9 +3,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use reactsim::geometry::Vec2;
-use reactsim::metrics::{DirConnector, DirTracking, Options};
-use reactsim::scene::{AgentKind, AgentState, CURRENT, FRAMES, Lane, LaneArea, LaneKind, RoadMap};
+use reactsim_geometry::Vec2;
+use reactsim_metrics::{DirConnector, DirTracking, Options};
+use reactsim_scene::{AgentKind, AgentState, CURRENT, FRAMES, Lane, LaneArea, LaneKind, RoadMap};
 
 use super::scenes::{self, Scene};
 
@@ -221,7 +221,7 @@ fn min_ttc(scene: &Scene, agent: usize) -> f64 {
         };
         let (mine, other) = (&scene.agents[agent].agent, &scene.agents[scene.av].agent);
         let boxes = (me.footprint(mine), av.footprint(other));
-        if reactsim::geometry::rounded_distance(&boxes.0, &boxes.1, 0.7) < 0.0 {
+        if reactsim_geometry::rounded_distance(&boxes.0, &boxes.1, 0.7) < 0.0 {
             return 0.0;
         }
         let (sin, cos) = me.heading.sin_cos();
@@ -303,14 +303,14 @@ fn corridors_are_found_as_without_an_index() {
             let mut points = vec![p];
             for _ in 0..40 {
                 heading += dice.within(-0.4, 0.4);
-                p += reactsim::geometry::direction(heading) * dice.within(0.2, 1.5);
+                p += reactsim_geometry::direction(heading) * dice.within(0.2, 1.5);
                 points.push(p);
             }
-            lane.baseline = reactsim::geometry::Polyline::new(&points).unwrap();
+            lane.baseline = reactsim_geometry::Polyline::new(&points).unwrap();
             lane.area = LaneArea::Corridor { half_width: 1.75 };
         }
-        let index = reactsim::scene::MapIndex::new(&map);
-        let road = reactsim::scene::Road::new(&map, &index);
+        let index = reactsim_scene::MapIndex::new(&map);
+        let road = reactsim_scene::Road::new(&map, &index);
         let mut hits = Vec::new();
         for _ in 0..300 {
             let p = Vec2::new(dice.within(-60.0, 60.0), dice.within(-60.0, 60.0));

@@ -3,6 +3,11 @@
 //! parry gets the boxes as convex polygons: its general algorithm for convex shapes (GJK) shares nothing with
 //! the closed forms here. The time to impact is itself parry's; it is checked by distances alone, with which
 //! its search shares no code either.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "expected values may come from the platform: they have tolerances"
+)]
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -11,7 +16,7 @@ use parry2d_f64::query::{PointQuery, contact, distance, intersection_test};
 use parry2d_f64::shape::{ConvexPolygon, Segment};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use reactsim::geometry::{OrientedBox, Vec2, rounded_distance, time_to_impact};
+use reactsim_geometry::{OrientedBox, Vec2, rounded_distance, time_to_impact};
 
 /// Number of pairs of boxes per kind.
 const PAIRS: usize = 1000;

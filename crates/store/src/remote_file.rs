@@ -3,8 +3,10 @@
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
+use reactsim_files::RemoteFile;
+
 use super::blocks::{BLOCK, MAX_KEPT};
-use super::client::{FileInfo, Part, Store, lock};
+use super::client::{FileInfo, HelperStore, Part};
 use super::connection::Pending;
 
 /// Factor by which blocks grow.
@@ -14,8 +16,8 @@ const GROWTH: u64 = 4;
 const MAX_BLOCK: u64 = 8 << 20;
 
 /// An open file behind a URL.
-pub struct RemoteFile {
-    store: &'static Store,
+pub(crate) struct BlockReader {
+    store: &'static HelperStore,
     url: Arc<str>,
     info: FileInfo,
     position: u64,
@@ -29,12 +31,12 @@ pub struct RemoteFile {
     is_checked: bool,
 }
 
-impl RemoteFile {
+impl BlockReader {
     /// Opens a file.
     ///
     /// # Errors
     /// If there is no such file, or it cannot be read.
-    pub(crate) fn open(store: &'static Store, url: &str) -> io::Result<Self> {
+    pub(crate) fn open(store: &'static HelperStore, url: &str) -> io::Result<Self> {
         Ok(Self {
             store,
             url: url.into(),
@@ -46,11 +48,6 @@ impl RemoteFile {
             ahead: None,
             is_checked: false,
         })
-    }
-
-    /// Returns the size in bytes.
-    pub(crate) fn size(&self) -> u64 {
-        self.info.size
     }
 
     fn end(&self) -> u64 {
@@ -68,7 +65,7 @@ impl RemoteFile {
             if !is_sequential {
                 self.next_length = MAX_KEPT;
             }
-            let known = lock(&self.store.blocks).find(&self.url, self.position);
+            let known = self.store.blocks.lock().find(&self.url, self.position);
             if let Some((start, block)) = known {
                 self.set(start, block);
                 return Ok(());
@@ -76,7 +73,7 @@ impl RemoteFile {
             let part = if is_sequential { self.next_part(self.position) } else { self.single_part() };
             let block = Arc::new(self.store.read(&self.url, &self.info, part)?);
             // Others who open this file, or this reader again, need the same header and footer.
-            lock(&self.store.blocks).add(Arc::clone(&self.url), part.start, Arc::clone(&block));
+            self.store.blocks.lock().add(Arc::clone(&self.url), part.start, Arc::clone(&block));
             self.set(part.start, block);
             if !is_sequential {
                 return Ok(());
@@ -117,7 +114,13 @@ impl Part {
     }
 }
 
-impl Read for RemoteFile {
+impl RemoteFile for BlockReader {
+    fn size(&self) -> u64 {
+        self.info.size
+    }
+}
+
+impl Read for BlockReader {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         if buffer.is_empty() || self.position >= self.info.size {
             return Ok(0);
@@ -133,7 +136,7 @@ impl Read for RemoteFile {
     }
 }
 
-impl Seek for RemoteFile {
+impl Seek for BlockReader {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let position = match to {
             SeekFrom::Start(position) => Some(position),
@@ -153,6 +156,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
+    use super::super::command::HelperCommand;
     use super::*;
 
     /// Helper with one file of 40 MB, of which the word at every fourth byte is its own number.
@@ -181,9 +185,10 @@ for line in sys.stdin:
         if !Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success()) {
             return;
         }
-        let command = ["python3", "-c", HELPER].map(str::to_owned).to_vec();
-        let store: &'static Store = Box::leak(Box::new(Store::new(command, Duration::from_secs(60))));
-        let mut file = RemoteFile::open(store, "x://a").unwrap();
+        let command = HelperCommand::new(["python3", "-c", HELPER].map(str::to_owned).to_vec());
+        let store: &'static HelperStore =
+            Box::leak(Box::new(HelperStore::new(command, Duration::from_secs(60))));
+        let mut file = BlockReader::open(store, "x://a").unwrap();
         let size = file.size();
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let mut buffer = vec![0; 3 << 20];

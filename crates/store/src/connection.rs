@@ -3,14 +3,16 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, BufRead, BufReader, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use parking_lot::Mutex;
+
 use super::answer::{self, Answer, GREETING};
-use super::command;
+use super::command::{self, HelperCommand};
 
 /// Number of requests without an answer, one after the other, after which a helper is ended.
 const MAX_LATE: u32 = 3;
@@ -53,8 +55,8 @@ impl Connection {
     ///
     /// # Errors
     /// A text with the reason.
-    pub(super) fn start(words: &[String], limit: Duration) -> Result<Arc<Self>, String> {
-        let mut child = command::start(words).map_err(|error| error.to_string())?;
+    pub(super) fn start(command: &HelperCommand, limit: Duration) -> Result<Arc<Self>, String> {
+        let mut child = command::start(command).map_err(|error| error.to_string())?;
         let (Some(stdin), Some(stdout), Some(stderr)) =
             (child.stdin.take(), child.stdout.take(), child.stderr.take())
         else {
@@ -88,7 +90,7 @@ impl Connection {
 
     /// Returns why the helper has ended; `None` if it has not.
     pub(super) fn end_reason(&self) -> Option<String> {
-        lock(&self.shared.state).end.clone()
+        self.shared.state.lock().end.clone()
     }
 
     /// Returns whether any request was answered.
@@ -100,7 +102,7 @@ impl Connection {
     pub(super) fn send(self: &Arc<Self>, parts: &[&str]) -> Pending {
         let id = self.next.fetch_add(1, Ordering::Relaxed);
         let (sender, answer) = mpsc::channel();
-        let mut state = lock(&self.shared.state);
+        let mut state = self.shared.state.lock();
         match &state.end {
             Some(reason) => drop(sender.send(Answer::Lost(reason.clone()))),
             None => drop(state.waiting.insert(id, sender)),
@@ -108,7 +110,7 @@ impl Connection {
         drop(state);
         let line = format!("{id}\t{}\n", parts.join("\t"));
         // If this fails the helper has ended, which the thread with its answers finds out too.
-        lock(&self.stdin).write_all(line.as_bytes()).ok();
+        self.stdin.lock().write_all(line.as_bytes()).ok();
         Pending { answer, connection: Arc::clone(self) }
     }
 
@@ -157,7 +159,7 @@ impl Shared {
             Ok(None) => "it ended".to_owned(),
             Err(text) => text,
         };
-        lock(&self.child).kill().ok();
+        self.child.lock().kill().ok();
         if let Ok(lines) = last_lines.recv_timeout(LAST_WORDS)
             && !lines.is_empty()
         {
@@ -173,7 +175,7 @@ impl Shared {
                 Ok(Some((id, answer))) => {
                     self.has_answered.store(true, Ordering::Relaxed);
                     // Nobody waits for blocks that were read ahead of a file that is closed.
-                    if let Some(waiting) = lock(&self.state).waiting.remove(&id) {
+                    if let Some(waiting) = self.state.lock().waiting.remove(&id) {
                         waiting.send(answer).ok();
                     }
                 }
@@ -185,14 +187,14 @@ impl Shared {
 
     /// Ends the helper, and everybody's waiting for it. The first reason counts.
     fn end(&self, reason: String) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         let waiting = std::mem::take(&mut state.waiting);
         let reason = state.end.get_or_insert(reason).clone();
         drop(state);
         for sender in waiting.into_values() {
             sender.send(Answer::Lost(reason.clone())).ok();
         }
-        let mut child = lock(&self.child);
+        let mut child = self.child.lock();
         child.kill().ok();
         child.wait().ok();
     }
@@ -216,8 +218,4 @@ fn last_lines(stderr: ChildStderr) -> Receiver<String> {
         sender.send(Vec::from(last).join(" | ")).ok();
     });
     receiver
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

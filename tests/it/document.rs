@@ -1,0 +1,4 @@
+//! JSON documents of rollouts: the worked cases, and refusals.
+
+mod cases;
+mod refusals;
