@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use reactsim_geometry::math;
 
-/// Draws standard normal numbers from a stream (Box and Muller).
+/// Draws standard normal numbers from a stream.
 pub fn standard_normal<const D: usize>(
     stream: &mut ChaCha8Rng,
     shape: [usize; D],
@@ -16,9 +16,5 @@ pub fn standard_normal<const D: usize>(
 
 /// Draws this many standard normal numbers from a stream.
 pub fn normal_values(stream: &mut ChaCha8Rng, count: usize) -> Vec<f32> {
-    let draw = |_| {
-        let (u, v): (f64, f64) = (1.0 - stream.random::<f64>(), stream.random());
-        ((-2.0 * math::ln(u)).sqrt() * math::cos(std::f64::consts::TAU * v)) as f32
-    };
-    (0..count).map(draw).collect()
+    (0..count).map(|_| math::standard_normal(1.0 - stream.random::<f64>(), stream.random()) as f32).collect()
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::host::attend_to_neighbors;
 use super::relations::RelationVectors;
-use super::{FeedForward, FeedForwardConfig, Initializer, Neighbors, Noise, Relations, Rows, linear};
+use super::{FeedForwardConfig, Initializer, Neighbors, Noise, Perceptron, Relations, Rows, linear};
 
 /// Largest ratio of sources to slots at which products are computed with all sources instead of
 /// gathered ones.
@@ -60,11 +60,13 @@ pub struct RelationalAttention {
     to_out: Linear,
     attn_postnorm: LayerNorm,
     ff_prenorm: LayerNorm,
-    ff_mlp: FeedForward,
+    ff_mlp: Perceptron,
     ff_postnorm: LayerNorm,
     heads: usize,
     head_dim: usize,
     dropout: f64,
+    /// Dropout rate of hidden features.
+    hidden_dropout: f64,
 }
 
 impl AttentionConfig {
@@ -90,6 +92,7 @@ impl AttentionConfig {
             heads: self.heads,
             head_dim: self.head_dim,
             dropout: self.dropout,
+            hidden_dropout: if self.feed_forward.has_dropout() { self.dropout } else { 0.0 },
         }
     }
 }
@@ -135,7 +138,7 @@ impl RelationalAttention {
         let mixed = message.clone() + gate * (linear(&self.to_s, own) - message);
         let x = destinations + Rows::linear(&self.to_out, mixed).norm(&self.attn_postnorm).done();
         let inner = Rows::of(x.clone()).norm(&self.ff_prenorm).done();
-        let ff = self.ff_mlp.forward(inner, self.dropout, noise);
+        let ff = self.ff_mlp.forward_dropping(inner, |hidden| noise.drop(hidden, self.hidden_dropout));
         x + Rows::of(ff).norm(&self.ff_postnorm).done()
     }
 

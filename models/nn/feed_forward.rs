@@ -1,12 +1,15 @@
 //! Feed-forward half of an attention layer.
 
-use burn::module::Module;
-use burn::nn::Linear;
-use burn::tensor::Tensor;
-use burn::tensor::activation::silu;
 use serde::{Deserialize, Serialize};
 
-use super::{Initializer, Noise, Rows, linear};
+use super::{Activation, Initializer, Perceptron, PerceptronKind};
+
+/// ReLU, with dropout after it.
+const RELU: PerceptronKind =
+    PerceptronKind { activation: Activation::Relu, linears: &["0", "3"], norms: &[] };
+/// SwiGLU, as TrajTok names it.
+const SWIGLU: PerceptronKind =
+    PerceptronKind { activation: Activation::SwiGlu, linears: &["w12", "w3"], norms: &[] };
 
 /// Type and width of a feed-forward network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,58 +29,15 @@ impl FeedForwardConfig {
     }
 
     /// Builds the network for features of this width.
-    pub fn init(self, width: usize, init: &mut Initializer) -> FeedForward {
+    pub(super) fn init(self, width: usize, init: &mut Initializer) -> Perceptron {
         match self {
-            Self::Relu(hidden) => FeedForward::Relu(ReluLayers {
-                wide: init.linear(width, hidden, true),
-                narrow: init.linear(hidden, width, true),
-            }),
-            Self::SwiGlu(hidden) => FeedForward::SwiGlu(SwiGluLayers {
-                wide: init.linear(width, 2 * hidden, true),
-                narrow: init.linear(hidden, width, true),
-            }),
+            Self::Relu(hidden) => RELU.init(&[width, hidden, width], init),
+            Self::SwiGlu(hidden) => SWIGLU.init(&[width, hidden, width], init),
         }
     }
-}
 
-/// A feed-forward network.
-#[derive(Module, Debug)]
-#[allow(clippy::large_enum_variant, reason = "both hold two linear layers")]
-pub enum FeedForward {
-    /// Linear, ReLU, dropout, linear.
-    Relu(ReluLayers),
-    /// Gate times value, then linear; no dropout, as published.
-    SwiGlu(SwiGluLayers),
-}
-
-/// The layers of [`FeedForward::Relu`].
-#[derive(Module, Debug)]
-pub struct ReluLayers {
-    wide: Linear,
-    narrow: Linear,
-}
-
-/// The layers of [`FeedForward::SwiGlu`]: the first half of the wide layer is the gate.
-#[derive(Module, Debug)]
-pub struct SwiGluLayers {
-    wide: Linear,
-    narrow: Linear,
-}
-
-impl FeedForward {
-    /// Maps [N, width] to [N, width].
-    pub fn forward(&self, x: Tensor<2>, dropout: f64, noise: &mut Noise) -> Tensor<2> {
-        match self {
-            Self::Relu(layers) => {
-                let hidden = Rows::linear(&layers.wide, x).relu().done();
-                linear(&layers.narrow, noise.drop(hidden, dropout))
-            }
-            Self::SwiGlu(layers) => {
-                let both = linear(&layers.wide, x);
-                let hidden = both.dims()[1] / 2;
-                let (gate, value) = (both.clone().narrow(1, 0, hidden), both.narrow(1, hidden, hidden));
-                linear(&layers.narrow, silu(gate) * value)
-            }
-        }
+    /// Returns whether dropout applies to hidden features: not with SwiGLU, as published.
+    pub(super) fn has_dropout(self) -> bool {
+        matches!(self, Self::Relu(_))
     }
 }

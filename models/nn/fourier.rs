@@ -9,10 +9,14 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::fused;
 use super::host::is_host;
 use super::turns::cos_sin_rows;
-use super::{Initializer, Rows, linear};
+use super::{Activation, Initializer, Perceptron, PerceptronKind, Rows, linear};
 
 /// Rows per pass through the layers, so that intermediate results stay in the processor's caches.
 const CHUNK_ROWS: usize = 1024;
+
+/// The perceptron of a scalar.
+const SCALAR: PerceptronKind =
+    PerceptronKind { activation: Activation::Relu, linears: &["0", "3"], norms: &["1"] };
 
 /// Fourier embedding of the SMART family. Every scalar u is expanded to cos(2πfu) and sin(2πfu) for
 /// its own learned frequencies f, and u itself, and passes its own perceptron. The sum of the
@@ -21,31 +25,18 @@ const CHUNK_ROWS: usize = 1024;
 pub struct FourierEmbedding {
     /// Shape [scalars, frequencies].
     freqs: Param<Tensor<2>>,
-    mlps: Vec<ScalarLayers>,
+    mlps: Vec<Perceptron>,
     merge_norm: LayerNorm,
     merge: Linear,
-}
-
-/// Layers for one scalar: linear, layer norm, ReLU, linear.
-#[derive(Module, Debug)]
-pub struct ScalarLayers {
-    lift: Linear,
-    lift_norm: LayerNorm,
-    mix: Linear,
 }
 
 impl FourierEmbedding {
     /// Builds an embedding of `scalars` scalars with `frequencies` frequencies each into vectors of
     /// width `width`.
     pub fn init(scalars: usize, frequencies: usize, width: usize, init: &mut Initializer) -> Self {
-        let layers = |init: &mut Initializer| ScalarLayers {
-            lift: init.linear(2 * frequencies + 1, width, true),
-            lift_norm: init.norm(width),
-            mix: init.linear(width, width, true),
-        };
         Self {
             freqs: init.normal([scalars, frequencies], 0.02),
-            mlps: (0..scalars).map(|_| layers(init)).collect(),
+            mlps: (0..scalars).map(|_| SCALAR.init(&[2 * frequencies + 1, width, width], init)).collect(),
             merge_norm: init.norm(width),
             merge: init.linear(width, width, true),
         }
@@ -119,9 +110,8 @@ impl FourierEmbedding {
         device: &Device,
     ) -> Tensor<2> {
         let mut sum = categorical;
-        for (d, layers) in self.mlps.iter().enumerate() {
-            let lifted = Rows::linear(&layers.lift, features(d)).norm(&layers.lift_norm).relu().done();
-            let x = linear(&layers.mix, lifted);
+        for (d, mlp) in self.mlps.iter().enumerate() {
+            let x = mlp.forward(features(d));
             sum = Some(match sum {
                 Some(sum) => sum + x,
                 None => x,

@@ -45,10 +45,7 @@ impl Initializer {
     /// Draws a tensor of this shape from a normal distribution with mean 0 and this standard
     /// deviation.
     pub fn normal<const D: usize>(&mut self, shape: [usize; D], deviation: f64) -> Param<Tensor<D>> {
-        self.draw(shape, |stream| {
-            let radius = (-2.0 * math::ln(unit(stream))).sqrt();
-            radius * math::cos(std::f64::consts::TAU * unit(stream)) * deviation
-        })
+        self.draw(shape, |stream| math::standard_normal(unit(stream), unit(stream)) * deviation)
     }
 
     /// Builds a linear layer with uniform Glorot weights (bound √(6 / (in + out))) and bias 0.

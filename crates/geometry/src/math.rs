@@ -13,3 +13,9 @@ pub use libm::{
     asinh, atan, atan2, atanh, cos, cosh, exp, exp10, hypot, log as ln, log10, pow, sin, sincos as sin_cos,
     sinh, tanh,
 };
+
+/// Returns a standard normal number for two independent uniform numbers, `u` above 0 and at most 1, `v` from 0 to
+/// 1 (Box and Muller 1958, <https://doi.org/10.1214/aoms/1177706645>).
+pub fn standard_normal(u: f64, v: f64) -> f64 {
+    (-2.0 * ln(u)).sqrt() * cos(std::f64::consts::TAU * v)
+}

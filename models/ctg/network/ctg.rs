@@ -4,7 +4,7 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_geometry::math;
-use reactsim_nn::{Initializer, PlainMlp, linear};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind, linear};
 use reactsim_perception::Class;
 
 use super::config::{CtgConfig, Decoding};
@@ -25,9 +25,9 @@ const LONGEST: f64 = 1e4;
 #[derive(Module, Debug)]
 pub struct Ctg {
     encoder: RasterEncoder,
-    attributes: PlainMlp,
+    attributes: Perceptron,
     controls: Option<Linear>,
-    level: Option<PlainMlp>,
+    level: Option<Perceptron>,
     denoiser: Option<Denoiser>,
 }
 
@@ -60,9 +60,9 @@ impl Ctg {
         let waves = 2 * WAVES;
         Self {
             encoder: RasterEncoder::init(config, sight, init),
-            attributes: PlainMlp::two(ATTRIBUTES, [own; 2], init),
+            attributes: PerceptronKind::RELU.init(&[ATTRIBUTES, own, own], init),
             controls: (!diffuses).then(|| init.linear(condition, 2 * config.actions, true)),
-            level: diffuses.then(|| PlainMlp::two(waves, [2 * waves, waves], init)),
+            level: diffuses.then(|| PerceptronKind::RELU.init(&[waves, 2 * waves, waves], init)),
             denoiser: diffuses.then(|| Denoiser::init(config.width, condition + waves, init)),
         }
     }

@@ -4,12 +4,12 @@ use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_geometry::math;
-use reactsim_nn::{Initializer, Rows, linear};
+use reactsim_nn::{Initializer, Perceptron, Rows, linear};
 
 use super::PlannerConfig;
 use super::input::{AGENT, POINT, PlannerInput, STATIC};
 use super::mixer::Mixer;
-use super::perceptron::Perceptron;
+use super::perceptron::{GELU, map_middle};
 
 /// Numbers of a step of a neighbour or a point of a lane that mixers read; the rest are flags.
 const MIXED: usize = 8;
@@ -93,7 +93,7 @@ fn mixed(
 ) -> Tensor<2> {
     let n = x.dims()[0] / steps;
     let x = channels.forward(x).reshape([n, steps, CHANNELS]);
-    let x = blocks.iter().fold(tokens.forward_middle(x), |x, mixer| mixer.forward(x));
+    let x = blocks.iter().fold(map_middle(tokens, x), |x, mixer| mixer.forward(x));
     x.mean_dim(1).squeeze_dim(1)
 }
 
@@ -101,12 +101,12 @@ impl AgentEncoder {
     pub(super) fn init(config: &PlannerConfig, init: &mut Initializer) -> Self {
         let d = config.width;
         Self {
-            channel_pre_project: Perceptron::init([MIXED + 1, CHANNELS, CHANNELS], init),
-            token_pre_project: Perceptron::init([config.history, TOKENS, TOKENS], init),
+            channel_pre_project: GELU.init(&[MIXED + 1, CHANNELS, CHANNELS], init),
+            token_pre_project: GELU.init(&[config.history, TOKENS, TOKENS], init),
             blocks: (0..config.encoder_depth).map(|_| Mixer::init(TOKENS, CHANNELS, init)).collect(),
             type_emb: init.linear(AGENT - MIXED, CHANNELS, true),
             norm: init.norm(CHANNELS),
-            emb_project: Perceptron::init([CHANNELS, d, d], init),
+            emb_project: GELU.init(&[CHANNELS, d, d], init),
         }
     }
 
@@ -133,14 +133,14 @@ impl LaneEncoder {
     pub(super) fn init(config: &PlannerConfig, init: &mut Initializer) -> Self {
         let d = config.width;
         Self {
-            channel_pre_project: Perceptron::init([MIXED, CHANNELS, CHANNELS], init),
-            token_pre_project: Perceptron::init([config.points, TOKENS, TOKENS], init),
+            channel_pre_project: GELU.init(&[MIXED, CHANNELS, CHANNELS], init),
+            token_pre_project: GELU.init(&[config.points, TOKENS, TOKENS], init),
             blocks: (0..config.encoder_depth).map(|_| Mixer::init(TOKENS, CHANNELS, init)).collect(),
             speed_limit_emb: init.linear(1, CHANNELS, true),
             unknown_speed_emb: SpeedEmbedding { weight: init.normal([1, CHANNELS], 0.02) },
             traffic_emb: init.linear(POINT - MIXED, CHANNELS, true),
             norm: init.norm(CHANNELS),
-            emb_project: Perceptron::init([CHANNELS, d, d], init),
+            emb_project: GELU.init(&[CHANNELS, d, d], init),
         }
     }
 
@@ -174,7 +174,7 @@ impl LaneEncoder {
 
 impl StaticEncoder {
     pub(super) fn init(config: &PlannerConfig, init: &mut Initializer) -> Self {
-        Self { projection: Perceptron::init([STATIC, config.width, config.width], init) }
+        Self { projection: GELU.init(&[STATIC, config.width, config.width], init) }
     }
 
     pub(super) fn forward(&self, input: &PlannerInput, device: &Device) -> Elements {

@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Perceptron, Rows};
 
 use super::PlannerConfig;
-use super::perceptron::Perceptron;
+use super::perceptron::GELU;
 
 /// A layer. Keys and values are not normalised, as in the public code.
 #[derive(Module, Debug)]
@@ -31,7 +31,7 @@ impl Fusion {
             norm1: init.norm(d),
             attn: MultiHeadAttention::init(d, config.heads, init),
             norm2: init.norm(d),
-            mlp: Perceptron::init([d, 4 * d, d], init),
+            mlp: GELU.init(&[d, 4 * d, d], init),
         };
         let blocks = (0..config.encoder_depth).map(block).collect();
         Self { blocks, norm: init.norm(d) }

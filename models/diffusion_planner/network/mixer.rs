@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, Rows};
+use reactsim_nn::{Initializer, Perceptron, Rows};
 
-use super::perceptron::Perceptron;
+use super::perceptron::{GELU, map_middle};
 
 /// Mixes tokens, then channels, each with a residual.
 #[derive(Module, Debug)]
@@ -20,16 +20,16 @@ impl Mixer {
     pub(super) fn init(tokens: usize, channels: usize, init: &mut Initializer) -> Self {
         Self {
             norm1: init.norm(channels),
-            tokens_mlp: Perceptron::init([tokens; 3], init),
+            tokens_mlp: GELU.init(&[tokens; 3], init),
             norm2: init.norm(channels),
-            channels_mlp: Perceptron::init([channels; 3], init),
+            channels_mlp: GELU.init(&[channels; 3], init),
         }
     }
 
     /// Maps `[n, tokens, channels]`.
     pub(super) fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [n, tokens, channels] = x.dims();
-        let x = x.clone() + self.tokens_mlp.forward_middle(normed(&self.norm1, x));
+        let x = x.clone() + map_middle(&self.tokens_mlp, normed(&self.norm1, x));
         let rows = normed(&self.norm2, x.clone()).reshape([n * tokens, channels]);
         x + self.channels_mlp.forward(rows).reshape([n, tokens, channels])
     }

@@ -3,13 +3,13 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::{Device, Tensor};
-use reactsim_nn::{Initializer, Rows};
+use reactsim_nn::{Initializer, Perceptron, Rows};
 
 use super::PlannerConfig;
 use super::elements::matrix;
 use super::input::{POINT, PlannerInput};
 use super::mixer::Mixer;
-use super::perceptron::Perceptron;
+use super::perceptron::{GELU, map_middle};
 
 /// Numbers of a point that are read: position, and the way to the next point.
 const READ: usize = 4;
@@ -30,11 +30,11 @@ impl RouteEncoder {
     pub(super) fn init(config: &PlannerConfig, init: &mut Initializer) -> Self {
         let points = config.route * config.points;
         Self {
-            channel_pre_project: Perceptron::init([READ, CHANNELS, CHANNELS], init),
-            token_pre_project: Perceptron::init([points, TOKENS, TOKENS], init),
+            channel_pre_project: GELU.init(&[READ, CHANNELS, CHANNELS], init),
+            token_pre_project: GELU.init(&[points, TOKENS, TOKENS], init),
             mixer: Mixer::init(TOKENS, CHANNELS, init),
             norm: init.norm(CHANNELS),
-            emb_project: Perceptron::init([CHANNELS, config.width, config.width], init),
+            emb_project: GELU.init(&[CHANNELS, config.width, config.width], init),
         }
     }
 
@@ -46,7 +46,7 @@ impl RouteEncoder {
         }
         let x = self.channel_pre_project.forward(matrix(points, READ, device));
         let x = x.reshape([1, config.route * config.points, CHANNELS]);
-        let x = self.mixer.forward(self.token_pre_project.forward_middle(x));
+        let x = self.mixer.forward(map_middle(&self.token_pre_project, x));
         let x = x.mean_dim(1).squeeze_dim::<2>(1);
         self.emb_project.forward(Rows::of(x).norm(&self.norm).done())
     }

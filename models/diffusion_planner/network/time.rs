@@ -1,11 +1,9 @@
 //! The embedding of the time of the diffusion.
 
 use burn::module::Module;
-use burn::nn::Linear;
-use burn::tensor::activation::silu;
 use burn::tensor::{Device, Tensor};
 use reactsim_geometry::math;
-use reactsim_nn::{Initializer, linear};
+use reactsim_nn::{Activation, Initializer, Perceptron, PerceptronKind};
 
 use super::elements::matrix;
 
@@ -14,16 +12,16 @@ const WAVES: usize = 128;
 /// Longest wavelength, divided by 2π.
 const LONGEST: f64 = 1e4;
 
-/// Linear, SiLU, linear, of waves.
+/// A perceptron of waves.
 #[derive(Module, Debug)]
 pub(super) struct TimeEmbedder {
-    first: Linear,
-    second: Linear,
+    mlp: Perceptron,
 }
 
 impl TimeEmbedder {
     pub(super) fn init(width: usize, init: &mut Initializer) -> Self {
-        Self { first: init.linear(2 * WAVES, width, true), second: init.linear(width, width, true) }
+        let kind = PerceptronKind { activation: Activation::Silu, ..PerceptronKind::RELU };
+        Self { mlp: kind.init(&[2 * WAVES, width, width], init) }
     }
 
     /// Returns `[1, width]` for a time from 0 to 1.
@@ -31,6 +29,6 @@ impl TimeEmbedder {
         let phases = (0..WAVES).map(|i| time * math::exp(-math::ln(LONGEST) * i as f64 / WAVES as f64));
         let waves = phases.clone().map(math::cos).chain(phases.map(math::sin));
         let waves = waves.map(|wave| wave as f32).collect();
-        linear(&self.second, silu(linear(&self.first, matrix(waves, 2 * WAVES, device))))
+        self.mlp.forward(matrix(waves, 2 * WAVES, device))
     }
 }

@@ -4,11 +4,11 @@ use burn::module::Module;
 use burn::nn::{Embedding, LayerNorm, Linear};
 use burn::tensor::activation::silu;
 use burn::tensor::{Int, Tensor, TensorData};
-use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows, linear};
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Perceptron, Rows, linear};
 
 use super::PlannerConfig;
 use super::final_layer::{FinalLayer, modulated};
-use super::perceptron::Perceptron;
+use super::perceptron::{GELU, GELU_TANH};
 use super::route::RouteEncoder;
 use super::time::TimeEmbedder;
 
@@ -59,12 +59,12 @@ impl TransformerBlock {
             norm1: init.norm(d),
             attn: MultiHeadAttention::init(d, config.heads, init),
             norm2: init.norm(d),
-            mlp1: Perceptron::init([d, 4 * d, d], init),
+            mlp1: GELU_TANH.init(&[d, 4 * d, d], init),
             modulation: init.linear(d, 6 * d, true),
             norm3: init.norm(d),
             cross_attn: MultiHeadAttention::init(d, config.heads, init),
             norm4: init.norm(d),
-            mlp2: Perceptron::init([d, 4 * d, d], init),
+            mlp2: GELU_TANH.init(&[d, 4 * d, d], init),
         }
     }
 
@@ -77,7 +77,7 @@ impl TransformerBlock {
         let taken = self.attn.take(samples, queries, keys, values, given.closed.clone());
         let x = x + self.attn.output(taken).done() * gate(2);
         let inner = modulated(Rows::of(x.clone()).norm(&self.norm2).done(), changes, 3, width);
-        let x = x + self.mlp1.forward_tanh(inner) * gate(5);
+        let x = x + self.mlp1.forward(inner) * gate(5);
 
         // All trajectories of all samples attend to the same scene.
         let queries = self.cross_attn.part(Part::Query, Rows::of(x).norm(&self.norm3).done());
@@ -86,7 +86,7 @@ impl TransformerBlock {
         let taken = self.cross_attn.take(1, queries, part(Part::Key), part(Part::Value), open);
         let taken = self.cross_attn.output(taken).done();
         debug_assert_eq!(taken.dims(), [rows, width]);
-        self.mlp2.forward_tanh(Rows::of(taken).norm(&self.norm4).done())
+        self.mlp2.forward(Rows::of(taken).norm(&self.norm4).done())
     }
 }
 
@@ -96,7 +96,7 @@ impl Transformer {
         Self {
             route_encoder: RouteEncoder::init(config, init),
             agent_embedding: init.embedding(2, d),
-            preproj: Perceptron::init([config.trajectory(), READING, d], init),
+            preproj: GELU.init(&[config.trajectory(), READING, d], init),
             t_embedder: TimeEmbedder::init(d, init),
             blocks: (0..config.decoder_depth).map(|_| TransformerBlock::init(config, init)).collect(),
             final_layer: FinalLayer::init(config, init),

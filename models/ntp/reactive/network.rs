@@ -4,7 +4,8 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Int, Tensor, TensorData};
 use reactsim_nn::{
-    AttentionConfig, FeedForwardConfig, Initializer, MlpLayer, Noise, RelationalAttention, Relations, Rows,
+    AttentionConfig, FeedForwardConfig, Initializer, Noise, Perceptron, PerceptronKind, RelationalAttention,
+    Relations, Rows,
 };
 use reactsim_perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
@@ -25,15 +26,15 @@ pub(crate) struct Block {
 /// The reactive network.
 #[derive(Module, Debug)]
 pub struct Network {
-    place: MlpLayer,
+    place: Perceptron,
     place_pair: Linear,
     map: Vec<RelationalAttention>,
-    body: MlpLayer,
+    body: Perceptron,
     past: Linear,
     to_place: Linear,
     pair: Linear,
     blocks: Vec<Block>,
-    heads: Vec<MlpLayer>,
+    heads: Vec<Perceptron>,
 }
 
 /// Source of the features of earlier nodes.
@@ -69,13 +70,16 @@ impl Network {
             dropout: 0.0,
         };
         Self {
-            place: MlpLayer::init(PLACE_FEATURES, h, h, init),
+            place: PerceptronKind::SMART.init(&[PLACE_FEATURES, h, h], init),
             place_pair: init.linear(PLACE_PAIR_FEATURES, r, false),
-            body: MlpLayer::init(BODY_FEATURES, 2 * h, h, init),
+            body: PerceptronKind::SMART.init(&[BODY_FEATURES, 2 * h, h], init),
             past: init.linear(PAST_FEATURES, r, false),
             to_place: init.linear(TO_PLACE_FEATURES, r, false),
             pair: init.linear(PAIR_FEATURES, r, false),
-            heads: tokens.into_iter().map(|n| MlpLayer::init(h, config.head_hidden, n, init)).collect(),
+            heads: tokens
+                .into_iter()
+                .map(|n| PerceptronKind::SMART.init(&[h, config.head_hidden, n], init))
+                .collect(),
             map: (0..config.map_layers).map(|_| attention(false).init(init)).collect(),
             blocks: (0..config.agent_layers)
                 .map(|_| Block {

@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Tensor};
-use reactsim_nn::{FourierEmbedding, Initializer, MlpEmbedding, MlpLayer, RelationalAttention};
+use reactsim_nn::{FourierEmbedding, Initializer, Perceptron, PerceptronKind, RelationalAttention};
 
 use super::tables::{pick, rows};
 use super::{Agents, SmartConfig, TokenHead};
@@ -12,13 +12,13 @@ use super::{Agents, SmartConfig, TokenHead};
 /// scored.
 #[derive(Module, Debug)]
 pub struct AgentEncoder {
-    token_emb_veh: MlpEmbedding,
-    token_emb_ped: MlpEmbedding,
-    token_emb_cyc: MlpEmbedding,
+    token_emb_veh: Perceptron,
+    token_emb_ped: Perceptron,
+    token_emb_cyc: Perceptron,
     type_a_emb: Embedding,
-    shape_emb: MlpLayer,
+    shape_emb: Perceptron,
     x_a_emb: FourierEmbedding,
-    fusion_emb: MlpEmbedding,
+    fusion_emb: Perceptron,
     pub(super) r_t_emb: FourierEmbedding,
     pub(super) r_pt2a_emb: FourierEmbedding,
     pub(super) r_a2a_emb: FourierEmbedding,
@@ -35,13 +35,13 @@ impl AgentEncoder {
             (0..config.num_agent_layers).map(|_| config.attention(bipartite).init(init)).collect()
         };
         Self {
-            token_emb_veh: MlpEmbedding::init(8, first, h, init),
-            token_emb_ped: MlpEmbedding::init(8, first, h, init),
-            token_emb_cyc: MlpEmbedding::init(8, first, h, init),
+            token_emb_veh: PerceptronKind::SMART.init(&[8, first, h, h], init),
+            token_emb_ped: PerceptronKind::SMART.init(&[8, first, h, h], init),
+            token_emb_cyc: PerceptronKind::SMART.init(&[8, first, h, h], init),
             type_a_emb: init.embedding(config.agent_types, h),
-            shape_emb: MlpLayer::init(3, h, h, init),
+            shape_emb: PerceptronKind::SMART.init(&[3, h, h], init),
             x_a_emb: FourierEmbedding::init(2, bands, h, init),
-            fusion_emb: MlpEmbedding::init(2 * h, first, h, init),
+            fusion_emb: PerceptronKind::SMART.init(&[2 * h, first, h, h], init),
             r_t_emb: FourierEmbedding::init(4, bands, h, init),
             r_pt2a_emb: FourierEmbedding::init(3, bands, h, init),
             r_a2a_emb: FourierEmbedding::init(3, bands, h, init),
@@ -69,7 +69,7 @@ impl AgentEncoder {
         }
     }
 
-    pub(super) fn token_embedding(&self, class: usize) -> &MlpEmbedding {
+    pub(super) fn token_embedding(&self, class: usize) -> &Perceptron {
         [&self.token_emb_veh, &self.token_emb_ped, &self.token_emb_cyc][class]
     }
 

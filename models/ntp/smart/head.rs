@@ -2,7 +2,7 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_nn::{Initializer, MlpLayer};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind};
 
 use super::{SmartConfig, TokenCounts};
 
@@ -14,7 +14,7 @@ const ABSENT_TOKEN_SCORE: f32 = -1e9;
 #[allow(clippy::large_enum_variant, reason = "there is one of it")]
 pub enum TokenHead {
     /// All classes have the same number of tokens.
-    Shared(MlpLayer),
+    Shared(Perceptron),
     /// Classes have different numbers of tokens.
     PerClass(ClassHeads),
 }
@@ -22,20 +22,20 @@ pub enum TokenHead {
 /// The heads of [`TokenHead::PerClass`].
 #[derive(Module, Debug)]
 pub struct ClassHeads {
-    veh: MlpLayer,
-    ped: MlpLayer,
-    cyc: MlpLayer,
+    veh: Perceptron,
+    ped: Perceptron,
+    cyc: Perceptron,
 }
 
 impl TokenHead {
     pub(super) fn init(config: &SmartConfig, init: &mut Initializer) -> Self {
         let h = config.hidden_dim;
         match config.n_token_agent {
-            TokenCounts::Shared(count) => Self::Shared(MlpLayer::init(h, h, count, init)),
+            TokenCounts::Shared(count) => Self::Shared(PerceptronKind::SMART.init(&[h, h, count], init)),
             TokenCounts::PerClass { veh, ped, cyc } => Self::PerClass(ClassHeads {
-                veh: MlpLayer::init(h, h, veh, init),
-                ped: MlpLayer::init(h, h, ped, init),
-                cyc: MlpLayer::init(h, h, cyc, init),
+                veh: PerceptronKind::SMART.init(&[h, h, veh], init),
+                ped: PerceptronKind::SMART.init(&[h, h, ped], init),
+                cyc: PerceptronKind::SMART.init(&[h, h, cyc], init),
             }),
         }
     }

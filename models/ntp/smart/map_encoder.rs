@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::Tensor;
-use reactsim_nn::{FourierEmbedding, Initializer, MlpEmbedding, Noise, RelationalAttention};
+use reactsim_nn::{FourierEmbedding, Initializer, Noise, Perceptron, PerceptronKind, RelationalAttention};
 
 use super::tables::pick;
 use super::{Edges, Links, MapTokens, SmartConfig, Stage, TokenTables};
@@ -11,7 +11,7 @@ use super::{Edges, Links, MapTokens, SmartConfig, Stage, TokenTables};
 /// Encoder of the map: tokens attend to nearby tokens.
 #[derive(Module, Debug)]
 pub struct MapEncoder {
-    token_emb: MlpEmbedding,
+    token_emb: Perceptron,
     type_pt_emb: Embedding,
     polygon_type_emb: Embedding,
     light_pl_emb: Embedding,
@@ -23,7 +23,7 @@ impl MapEncoder {
     pub(super) fn init(config: &SmartConfig, init: &mut Initializer) -> Self {
         let h = config.hidden_dim;
         Self {
-            token_emb: MlpEmbedding::init(22, config.mlp_embedding_first_width, h, init),
+            token_emb: PerceptronKind::SMART.init(&[22, config.mlp_embedding_first_width, h, h], init),
             type_pt_emb: init.embedding(config.map_point_types, h),
             polygon_type_emb: init.embedding(config.map_polygon_types, h),
             light_pl_emb: init.embedding(config.map_light_types, h),
@@ -32,7 +32,7 @@ impl MapEncoder {
         }
     }
 
-    pub(super) fn token_embedding(&self) -> &MlpEmbedding {
+    pub(super) fn token_embedding(&self) -> &Perceptron {
         &self.token_emb
     }
 

@@ -4,7 +4,7 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Int, Tensor, TensorData};
-use reactsim_nn::{Initializer, PlainMlp};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind};
 
 use super::STATE;
 use super::batch::Batch;
@@ -25,9 +25,9 @@ const REFERENCE_SCALE: f64 = 0.05;
 /// The decoder.
 #[derive(Module, Debug)]
 pub(crate) struct MotionDecoder {
-    in_proj_center_obj: PlainMlp,
-    in_proj_obj: PlainMlp,
-    in_proj_map: PlainMlp,
+    in_proj_center_obj: Perceptron,
+    in_proj_obj: Perceptron,
+    in_proj_map: Perceptron,
     dense: Dense,
     intention_query_mlps: NormedMlp,
     obj_decoder_layers: Vec<DecoderLayer>,
@@ -38,8 +38,8 @@ pub(crate) struct MotionDecoder {
     motion_reg_heads: Vec<NormedMlp>,
     motion_cls_heads: Vec<NormedMlp>,
     /// Not in MTR: perceptrons of the predicted agent's outlook and of each query's reference motion.
-    outlook_mlp: Option<PlainMlp>,
-    guess_mlp: Option<PlainMlp>,
+    outlook_mlp: Option<Perceptron>,
+    guess_mlp: Option<Perceptron>,
 }
 
 impl MotionDecoder {
@@ -56,9 +56,9 @@ impl MotionDecoder {
         let narrowing = if d == m { 0 } else { config.decoder_layers };
         let states = config.states() * STATE;
         Self {
-            in_proj_center_obj: PlainMlp::two(config.width, [d, d], init),
-            in_proj_obj: PlainMlp::two(config.width, [d, d], init),
-            in_proj_map: PlainMlp::two(config.width, [m, m], init),
+            in_proj_center_obj: PerceptronKind::RELU.init(&[config.width, d, d], init),
+            in_proj_obj: PerceptronKind::RELU.init(&[config.width, d, d], init),
+            in_proj_map: PerceptronKind::RELU.init(&[config.width, m, m], init),
             dense: Dense::init(config, init),
             intention_query_mlps: NormedMlp::init(d, &[d, d], true, norms, init),
             obj_decoder_layers: layers(d, init),
@@ -68,9 +68,9 @@ impl MotionDecoder {
             query_feature_fusion_layers: each(init, &|i| NormedMlp::init(2 * d + m, &[d, d], true, norms, i)),
             motion_reg_heads: each(init, &|i| NormedMlp::init(d, &[d, d, states], true, norms, i)),
             motion_cls_heads: each(init, &|i| NormedMlp::init(d, &[d, d, 1], true, norms, i)),
-            outlook_mlp: config.outlook.then(|| PlainMlp::two(OUTLOOK, [2 * d, d], init)),
+            outlook_mlp: config.outlook.then(|| PerceptronKind::RELU.init(&[OUTLOOK, 2 * d, d], init)),
             guess_mlp: (config.outlook && config.guided)
-                .then(|| PlainMlp::two(2 * config.states(), [d, d], init)),
+                .then(|| PerceptronKind::RELU.init(&[2 * config.states(), d, d], init)),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, PlainMlp};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind};
 
 use super::STATE;
 use super::batch::Batch;
@@ -13,20 +13,20 @@ use super::layers::{NormedMlp, Observed};
 /// Layers of the dense prediction. Their tensors belong to the decoder.
 #[derive(Module, Debug)]
 pub(crate) struct Dense {
-    obj_pos_encoding_layer: PlainMlp,
+    obj_pos_encoding_layer: Perceptron,
     dense_future_head: NormedMlp,
-    future_traj_mlps: PlainMlp,
-    traj_fusion_mlps: PlainMlp,
+    future_traj_mlps: Perceptron,
+    traj_fusion_mlps: Perceptron,
 }
 
 impl Dense {
     pub(crate) fn init(config: &Config, init: &mut Initializer) -> Self {
         let (d, states) = (config.decoder_width, config.states());
         Self {
-            obj_pos_encoding_layer: PlainMlp::three(2, [d, d, d], init),
+            obj_pos_encoding_layer: PerceptronKind::RELU.init(&[2, d, d, d], init),
             dense_future_head: NormedMlp::init(2 * d, &[d, d, states * STATE], true, config.norms, init),
-            future_traj_mlps: PlainMlp::three(4 * states, [d, d, d], init),
-            traj_fusion_mlps: PlainMlp::three(2 * d, [d, d, d], init),
+            future_traj_mlps: PerceptronKind::RELU.init(&[4 * states, d, d, d], init),
+            traj_fusion_mlps: PerceptronKind::RELU.init(&[2 * d, d, d, d], init),
         }
     }
 

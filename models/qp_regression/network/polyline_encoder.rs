@@ -2,7 +2,7 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, PlainMlp, Rows, pool};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind, Rows, pool};
 
 use super::config::Norms;
 use super::layers::{NormedMlp, Observed};
@@ -13,7 +13,7 @@ use super::layers::{NormedMlp, Observed};
 pub(crate) struct PolylineEncoder {
     pre_mlps: NormedMlp,
     mlps: NormedMlp,
-    out_mlps: PlainMlp,
+    out_mlps: Perceptron,
     hidden: usize,
 }
 
@@ -31,7 +31,7 @@ impl PolylineEncoder {
         Self {
             pre_mlps: NormedMlp::init(inputs, &vec![hidden; layers], false, norms, init),
             mlps: NormedMlp::init(2 * hidden, &[hidden, hidden], false, norms, init),
-            out_mlps: PlainMlp::two(hidden, [hidden, outputs], init),
+            out_mlps: PerceptronKind::RELU.init(&[hidden, hidden, outputs], init),
             hidden,
         }
     }

@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::LayerNorm;
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
+use reactsim_nn::{Initializer, MultiHeadAttention, Part, Perceptron, Rows};
 
-use super::gelu::GeluLayers;
+use super::perceptrons::GELU;
 use super::surroundings::Surroundings;
 
 /// Keys and values of one block.
@@ -22,7 +22,7 @@ pub(super) struct KeysValues<const D: usize> {
 #[derive(Module, Debug)]
 pub(super) struct CrossBlock {
     cross_attention: MultiHeadAttention,
-    ffn: GeluLayers,
+    ffn: Perceptron,
     norm_1: LayerNorm,
     norm_2: LayerNorm,
 }
@@ -31,7 +31,7 @@ impl CrossBlock {
     pub(super) fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
         Self {
             cross_attention: MultiHeadAttention::init(width, heads, init),
-            ffn: GeluLayers::init(width, init),
+            ffn: GELU.init(&[width, 4 * width, width], init),
             norm_1: init.norm(width),
             norm_2: init.norm(width),
         }

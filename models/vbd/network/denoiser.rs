@@ -3,13 +3,13 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim_nn::{CLOSED, Initializer, PlainMlp};
+use reactsim_nn::{CLOSED, Initializer, Perceptron, PerceptronKind};
 
 use super::config::VbdConfig;
 use super::cross_block::{CrossBlock, KeysValues};
-use super::elu_head::EluHead;
 use super::encoded::Encoded;
 use super::pairs::Pairs;
+use super::perceptrons::ELU;
 use super::scene_encoder::rows_of;
 use super::surroundings::Surroundings;
 
@@ -26,10 +26,10 @@ pub(super) struct Denoiser {
 /// Everything but the noise level.
 #[derive(Module, Debug)]
 pub(super) struct Decoder {
-    encoder: PlainMlp,
+    encoder: Perceptron,
     time_embedding: Embedding,
     attention_layers: Vec<CrossBlock>,
-    decoder: EluHead,
+    decoder: Perceptron,
 }
 
 /// A scene with all that stays the same while the plans of its first agents are denoised.
@@ -53,12 +53,13 @@ impl Denoiser {
         let (d, h) = (config.width, config.hidden);
         Self {
             decoder: Decoder {
-                encoder: PlainMlp::two(STATE + if config.reads_actions { 2 } else { 0 }, [h, d], init),
+                encoder: PerceptronKind::RELU
+                    .init(&[STATE + if config.reads_actions { 2 } else { 0 }, h, d], init),
                 time_embedding: init.embedding(config.actions, d),
                 attention_layers: (0..2 * config.pairs)
                     .map(|_| CrossBlock::init(d, config.heads, init))
                     .collect(),
-                decoder: EluHead::init(d, h, 2, init),
+                decoder: ELU.init(&[d, h, 2], init),
             },
             noise_level_embedding: init.embedding(config.noise_levels, d),
         }

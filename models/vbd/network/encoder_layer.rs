@@ -3,9 +3,9 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, Rows, dense_attention, linear};
+use reactsim_nn::{Initializer, Perceptron, Rows, dense_attention, linear};
 
-use super::gelu::GeluLayers;
+use super::perceptrons::GELU;
 use super::surroundings::Surroundings;
 
 /// Attention whose keys and values are those of elements plus their relation to the query's element.
@@ -38,7 +38,7 @@ impl RelatedAttention {
 #[derive(Module, Debug)]
 pub(super) struct EncoderLayer {
     qc_attention: RelatedAttention,
-    ffn: GeluLayers,
+    ffn: Perceptron,
     norm_1: LayerNorm,
     norm_2: LayerNorm,
 }
@@ -51,7 +51,7 @@ impl EncoderLayer {
                 out_proj: init.linear(width, width, true),
                 heads,
             },
-            ffn: GeluLayers::init(width, init),
+            ffn: GELU.init(&[width, 4 * width, width], init),
             norm_1: init.norm(width),
             norm_2: init.norm(width),
         }

@@ -7,14 +7,13 @@
 mod config;
 mod cross_block;
 mod denoiser;
-mod elu_head;
 mod encoded;
 mod encoder_layer;
-mod gelu;
 #[cfg(test)]
 mod golden;
 mod input;
 mod pairs;
+mod perceptrons;
 mod predictor;
 mod scene_encoder;
 mod surroundings;

@@ -2,20 +2,20 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, PlainMlp};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind};
 
 use super::config::VbdConfig;
 use super::cross_block::CrossBlock;
-use super::elu_head::EluHead;
 use super::encoded::Encoded;
+use super::perceptrons::ELU;
 
 /// Predicts behaviours.
 #[derive(Module, Debug)]
 pub(super) struct Predictor {
-    anchor_encoder: PlainMlp,
+    anchor_encoder: Perceptron,
     attention_layers: Vec<CrossBlock>,
-    act_decoder: EluHead,
-    score_decoder: EluHead,
+    act_decoder: Perceptron,
+    score_decoder: Perceptron,
 }
 
 /// Behaviours of agents.
@@ -31,12 +31,12 @@ impl Predictor {
     pub(super) fn init(config: &VbdConfig, init: &mut Initializer) -> Self {
         let (d, h) = (config.width, config.hidden);
         Self {
-            anchor_encoder: PlainMlp::two(2, [h, d], init),
+            anchor_encoder: PerceptronKind::RELU.init(&[2, h, d], init),
             attention_layers: (0..2 * config.pairs)
                 .map(|_| CrossBlock::init(d, config.heads, init))
                 .collect(),
-            act_decoder: EluHead::init(d, d, 2 * config.actions, init),
-            score_decoder: EluHead::init(d, h, 1, init),
+            act_decoder: ELU.init(&[d, d, 2 * config.actions], init),
+            score_decoder: ELU.init(&[d, h, 1], init),
         }
     }
 

@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_nn::{CLOSED, FourierEmbedding, Initializer, PlainMlp};
+use reactsim_nn::{CLOSED, FourierEmbedding, Initializer, Perceptron, PerceptronKind};
 
 use super::config::VbdConfig;
 use super::encoded::Encoded;
@@ -20,14 +20,14 @@ const LINES: usize = 21;
 /// Reads agents: velocity and size at the current frame, and type.
 #[derive(Module, Debug)]
 pub(super) struct AgentEncoder {
-    motion: PlainMlp,
+    motion: Perceptron,
     type_embed: Embedding,
 }
 
 /// Reads map lines: points, pooled, the state of the light at the first one, and type.
 #[derive(Module, Debug)]
 pub(super) struct LineEncoder {
-    point: PlainMlp,
+    point: Perceptron,
     traffic_light_embed: Embedding,
     type_embed: Embedding,
 }
@@ -62,11 +62,11 @@ impl SceneEncoder {
         Self {
             transformer_encoder: EncoderLayers { layers },
             agent_encoder: AgentEncoder {
-                motion: PlainMlp::three(agent_size(config.reads_av_motion), [h, d, d], init),
+                motion: PerceptronKind::RELU.init(&[agent_size(config.reads_av_motion), h, d, d], init),
                 type_embed: init.embedding(KINDS, d),
             },
             map_encoder: LineEncoder {
-                point: PlainMlp::two(3, [h, d], init),
+                point: PerceptronKind::RELU.init(&[3, h, d], init),
                 traffic_light_embed: init.embedding(LIGHTS, d),
                 type_embed: init.embedding(LINES, d),
             },

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim::models::nn::{Initializer, MlpLayer, Tensors, WeightsError, save};
+use reactsim::models::nn::{Initializer, Perceptron, PerceptronKind, Tensors, WeightsError, save};
 use safetensors::tensor::{Dtype, TensorView};
 
 use super::values;
 
-fn network(seed: u64) -> MlpLayer {
-    MlpLayer::init(3, 4, 2, &mut Initializer::new(seed, &Device::flex()))
+fn network(seed: u64) -> Perceptron {
+    PerceptronKind::SMART.init(&[3, 4, 2], &mut Initializer::new(seed, &Device::flex()))
 }
 
 fn bytes() -> Vec<u8> {
