@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -33,7 +34,7 @@ use reactsim::models::qp_regression::Policy as Predictor;
 use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
 use reactsim::models::vbd::learn::{Denoising, Recipe as VbdRecipe};
 use reactsim::models::vbd::{VbdParameters, VbdSimulator};
-use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
+use reactsim::rollout::{Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
 use reactsim::scene::{CURRENT, Scenario};
 use reactsim::training::Task;
 
@@ -267,9 +268,8 @@ fn crowded() -> Result<Scenario> {
 
 /// Rolls a scenario out several times in one batch: 16 plans and 80 steps.
 fn rolled(scenario: &Scenario, controller: &Controller, count: usize) -> Result<Vec<Rollout>> {
-    let av = || -> Result<Box<dyn AvPolicy>> { Ok(Box::new(LogAv::new(scenario)?)) };
-    let request = |i| -> Result<Request<'_>> { Ok(Request { scenario, av: av()?, rollout: i as u32 }) };
-    let batch = (0..count).map(request).collect::<Result<Vec<_>>>()?;
+    let av = Arc::new(LogAv::new(scenario)?);
+    let batch = (0..count).map(|i| Request { scenario, av: Some(av.clone()), rollout: i as u32 }).collect();
     let rollouts = roll_out(batch, controller, &Settings::default());
     Ok(rollouts.into_iter().collect::<Result<Vec<_>, _>>()?)
 }

@@ -1,5 +1,7 @@
 //! Parts of hand-built scenes, and values computed from their rollouts.
 
+use std::sync::Arc;
+
 use reactsim::formats;
 use reactsim::geometry::{Vec2, direction, rounded_distance};
 use reactsim::metrics::{self, Case, Options, Scores};
@@ -149,7 +151,7 @@ pub(crate) fn coasting(scenario: &Scenario) -> Vec<AgentState> {
 /// Returns a request with a given AV.
 pub(crate) fn request(scenario: &Scenario, av: Vec<AgentState>, rollout: u32) -> Request<'_> {
     let av = DeviatedAv::new(&scenario.start.now(0), av).unwrap();
-    Request { scenario, av: Box::new(av), rollout }
+    Request { scenario, av: Some(Arc::new(av)), rollout }
 }
 
 /// Returns a rollout of a baseline with a given AV.

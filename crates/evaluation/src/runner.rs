@@ -2,10 +2,10 @@
 //! interruptions.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
-use reactsim_rollout::{AvPolicy, Request, Rollout, roll_out};
+use reactsim_rollout::{Av, Request, Rollout, roll_out};
 use reactsim_scene::Scenario;
 use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
@@ -226,8 +226,8 @@ struct PreparedScenario {
     place: RecordPosition,
     scenario: Scenario,
     digest: String,
-    /// AV at its initial state, copied for every rollout.
-    av: Box<dyn AvPolicy>,
+    /// AV of all rollouts; `None` if the simulator moves it.
+    av: Option<Arc<dyn Av>>,
     deviation: KnownDeviation,
 }
 
@@ -347,7 +347,7 @@ impl Runner<'_> {
                 if failed[i].is_some() {
                     continue;
                 }
-                requests.push(Request { scenario: &ready.scenario, av: ready.av.copy(), rollout });
+                requests.push(Request { scenario: &ready.scenario, av: ready.av.clone(), rollout });
                 requested.push(i);
             }
             let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
