@@ -25,7 +25,7 @@ use reactsim::models::nn::{Initializer, Noise, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
 use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
 use reactsim::models::ntp::smart::{
-    Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, Vocabulary,
+    Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, TokenShapes,
 };
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
@@ -168,9 +168,9 @@ fn scene(config: &SmartConfig, stream: &mut ChaCha8Rng, steps: usize) -> Scene {
     }
 }
 
-fn vocabulary(config: &SmartConfig, stream: &mut ChaCha8Rng) -> Vocabulary {
+fn token_shapes(config: &SmartConfig, stream: &mut ChaCha8Rng) -> TokenShapes {
     let counts = config.n_token_agent.of_classes();
-    Vocabulary {
+    TokenShapes {
         agents: counts
             .map(|n| (0..n).map(|_| std::array::from_fn(|_| stream.random_range(-3.0..8.0))).collect()),
         map: (0..config.n_token_map)
@@ -199,7 +199,7 @@ fn published(device: &Device, peak: f64, size: &str, config: &str, aim: &'static
     let config = SmartConfig::from_json(config)?;
     let stream = &mut ChaCha8Rng::seed_from_u64(1);
     let network = Smart::init(&config, &mut Initializer::new(1, device))?;
-    let tables = network.tables(&vocabulary(&config, stream), device)?;
+    let tables = network.tables(&token_shapes(&config, stream), device)?;
     let scene = scene(&config, stream, 8);
     let map = network.encode_map(&tables, &scene.map)?;
     let window = config.window();
