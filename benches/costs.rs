@@ -78,7 +78,7 @@ fn all_rollouts(scenarios: &[Scenario], controller: &Controller) -> Result<Vec<R
 
 fn judged(scenarios: &[Scenario], rollouts: &[Rollout], mut judge: impl FnMut(&Case<'_>)) {
     for (scenario, rollout) in scenarios.iter().zip(rollouts) {
-        judge(&Case::of_rollout(scenario, rollout.tracks.clone(), Options::default()));
+        judge(&Case::of_rollout(scenario, &rollout.tracks, Options::default()));
     }
 }
 

@@ -255,7 +255,7 @@ fn judge(all: &[Scenario], rollouts: &[Rollout]) {
     let options = Options::default();
     for (scenario, rollout) in all.iter().zip(rollouts) {
         let together = metrics::score_rollouts(scenario, &[&rollout.tracks], options);
-        let scores = metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), options));
+        let scores = metrics::score_case(&Case::of_rollout(scenario, &rollout.tracks, options));
         std::hint::black_box((together, scores));
     }
 }

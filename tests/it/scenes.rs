@@ -174,7 +174,7 @@ pub(crate) fn idm(scenario: &Scenario) -> Rollout {
 
 /// Returns the metrics of a rollout.
 pub(crate) fn scores(scenario: &Scenario, rollout: &Rollout) -> Scores {
-    metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), Options::default()))
+    metrics::score_case(&Case::of_rollout(scenario, &rollout.tracks, Options::default()))
 }
 
 /// Returns the states of an agent from the current frame on. It must be present throughout.

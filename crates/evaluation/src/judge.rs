@@ -62,7 +62,7 @@ pub(super) fn judge(
     let all = metrics::score_rollouts(scenario, &tracks, options);
     let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
     let results = rollouts.iter().map(|rollout| {
-        let case = Case::of_rollout(scenario, rollout.tracks.clone(), options);
+        let case = Case::of_rollout(scenario, &rollout.tracks, options);
         let scores = metrics::score_case(&case.with_certificate(certificate));
         let own = scores.values.iter().filter(|(spec, _)| spec.scope == Scope::Rollout);
         RolloutResult {
