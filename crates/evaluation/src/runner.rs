@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
+use reactsim_metrics::Event;
 use reactsim_rollout::{Av, Request, Rollout, roll_out};
 use reactsim_scene::Scenario;
 use reactsim_shards::RecordRange;
@@ -395,7 +396,12 @@ impl Runner<'_> {
         Ok(())
     }
 
-    fn rows(&self, ready: &PreparedScenario, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+    fn rows(
+        &self,
+        ready: &PreparedScenario,
+        simulator: usize,
+        rollouts: &[Rollout],
+    ) -> (Vec<Row>, Vec<Vec<Event>>) {
         let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
