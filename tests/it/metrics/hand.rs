@@ -263,7 +263,7 @@ fn a_parked_object_has_the_likelihood_of_the_specification() {
     let (map, track) = (RoadMap::default(), &agents[0].track);
     let index = MapIndex::new(&map);
     let log = LoggedTrack { history: &track[..HISTORY], future: &track[HISTORY..], recorded_history: None };
-    let objects = vec![Object { agent: &agents[0].agent, track: (&track).into() }];
+    let objects = vec![Object { agent: &agents[0].agent, track: track.into() }];
     let case = Case::new(Road::new(&map, &index), objects, 0, Options::default())
         .with_log(vec![log])
         .with_rollouts(vec![vec![&track[HISTORY..]]]);
