@@ -153,8 +153,8 @@ fn measure(
     let mut best: Option<Times> = None;
     for round in 0..=ROUNDS {
         let request = |i: usize| -> Result<Request<'_>> {
-            let av = Box::new(LogAv::new(scenario(i))?);
-            Ok(Request { scenario: scenario(i), av, rollout: (i / scenarios.len()) as u32 })
+            let av = Arc::new(LogAv::new(scenario(i))?);
+            Ok(Request { scenario: scenario(i), av: Some(av), rollout: (i / scenarios.len()) as u32 })
         };
         let batch = (0..size).map(request).collect::<Result<Vec<_>>>()?;
         *times.lock().unwrap_or_else(PoisonError::into_inner) = Times::default();

@@ -7,6 +7,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -14,7 +15,7 @@ use reactsim::evaluation::Source;
 use reactsim::formats;
 use reactsim::metrics::{self, Case, METRICS, Options};
 use reactsim::models::MODELS;
-use reactsim::rollout::{AvPolicy, Controller, DeviatedAv, Request, Rollout, ScriptedAv, Settings, roll_out};
+use reactsim::rollout::{Av, Controller, DeviatedAv, Request, Rollout, ScriptedAv, Settings, roll_out};
 use reactsim::scene::Scenario;
 
 /// Number of scenarios.
@@ -63,11 +64,11 @@ fn main() -> Result<()> {
 fn all_rollouts(scenarios: &[Scenario], controller: &Controller) -> Result<Vec<Rollout>> {
     let mut done = Vec::new();
     for scenario in scenarios {
-        let av: Box<dyn AvPolicy> = match &scenario.deviation {
-            Some(deviation) => Box::new(DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?),
-            None => Box::new(ScriptedAv::new(scenario, "brake:4".parse()?)?),
+        let av: Arc<dyn Av> = match &scenario.deviation {
+            Some(deviation) => Arc::new(DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?),
+            None => Arc::new(ScriptedAv::new(scenario, "brake:4".parse()?)?),
         };
-        let request = Request { scenario, av, rollout: 0 };
+        let request = Request { scenario, av: Some(av), rollout: 0 };
         for rollout in roll_out(vec![request], controller, &Settings::default()) {
             done.push(rollout?);
         }
@@ -77,7 +78,7 @@ fn all_rollouts(scenarios: &[Scenario], controller: &Controller) -> Result<Vec<R
 
 fn judged(scenarios: &[Scenario], rollouts: &[Rollout], mut judge: impl FnMut(&Case<'_>)) {
     for (scenario, rollout) in scenarios.iter().zip(rollouts) {
-        judge(&Case::of_rollout(scenario, rollout.tracks.clone(), Options::default()));
+        judge(&Case::of_rollout(scenario, &rollout.tracks, Options::default()));
     }
 }
 

@@ -6,7 +6,7 @@
 #![expect(clippy::print_stdout, reason = "the table is what this program is for")]
 
 use std::path::Path;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -67,7 +67,7 @@ fn timed(batch: &[Scenario], controller: &Controller) -> Result<f64> {
 fn request(scenario: &Scenario) -> Result<Request<'_>> {
     let track = scenario.deviation.as_ref().context("a deviation")?.track.clone();
     let av = DeviatedAv::new(&scenario.start.now(0), track)?;
-    Ok(Request { scenario, av: Box::new(av), rollout: 0 })
+    Ok(Request { scenario, av: Some(Arc::new(av)), rollout: 0 })
 }
 
 #[derive(Default)]

@@ -38,8 +38,10 @@ fn main() -> Result<()> {
     let there = scenario.start.agents.len();
     let futures: Vec<Vec<Vec<Frame>>> =
         (0..ROLLOUTS).map(|r| (0..AGENTS).map(|i| moved(&scenario, i % there, i, r)).collect()).collect();
-    let object =
-        |i: usize| Object { agent: &scenario.start.agents[i % there], track: scenario.logged(i % there) };
+    let object = |i: usize| Object {
+        agent: &scenario.start.agents[i % there],
+        track: scenario.logged(i % there).into(),
+    };
     let log = |i: usize| LoggedTrack {
         history: &scenario.start.history[i % there],
         future: &scenario.log_future.tracks[i % there],

@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -24,7 +25,7 @@ use reactsim::models::nn::{Initializer, Noise, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
 use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
 use reactsim::models::ntp::smart::{
-    Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, Vocabulary,
+    Agents, Batch, Edges, Links, MapTokens, Scene, Smart, SmartConfig, Step, TokenShapes,
 };
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
@@ -33,7 +34,7 @@ use reactsim::models::qp_regression::Policy as Predictor;
 use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regression};
 use reactsim::models::vbd::learn::{Denoising, Recipe as VbdRecipe};
 use reactsim::models::vbd::{VbdParameters, VbdSimulator};
-use reactsim::rollout::{AvPolicy, Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
+use reactsim::rollout::{Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
 use reactsim::scene::{CURRENT, Scenario};
 use reactsim::training::Task;
 
@@ -167,9 +168,9 @@ fn scene(config: &SmartConfig, stream: &mut ChaCha8Rng, steps: usize) -> Scene {
     }
 }
 
-fn vocabulary(config: &SmartConfig, stream: &mut ChaCha8Rng) -> Vocabulary {
+fn token_shapes(config: &SmartConfig, stream: &mut ChaCha8Rng) -> TokenShapes {
     let counts = config.n_token_agent.of_classes();
-    Vocabulary {
+    TokenShapes {
         agents: counts
             .map(|n| (0..n).map(|_| std::array::from_fn(|_| stream.random_range(-3.0..8.0))).collect()),
         map: (0..config.n_token_map)
@@ -198,7 +199,7 @@ fn published(device: &Device, peak: f64, size: &str, config: &str, aim: &'static
     let config = SmartConfig::from_json(config)?;
     let stream = &mut ChaCha8Rng::seed_from_u64(1);
     let network = Smart::init(&config, &mut Initializer::new(1, device))?;
-    let tables = network.tables(&vocabulary(&config, stream), device)?;
+    let tables = network.tables(&token_shapes(&config, stream), device)?;
     let scene = scene(&config, stream, 8);
     let map = network.encode_map(&tables, &scene.map)?;
     let window = config.window();
@@ -267,9 +268,8 @@ fn crowded() -> Result<Scenario> {
 
 /// Rolls a scenario out several times in one batch: 16 plans and 80 steps.
 fn rolled(scenario: &Scenario, controller: &Controller, count: usize) -> Result<Vec<Rollout>> {
-    let av = || -> Result<Box<dyn AvPolicy>> { Ok(Box::new(LogAv::new(scenario)?)) };
-    let request = |i| -> Result<Request<'_>> { Ok(Request { scenario, av: av()?, rollout: i as u32 }) };
-    let batch = (0..count).map(request).collect::<Result<Vec<_>>>()?;
+    let av = Arc::new(LogAv::new(scenario)?);
+    let batch = (0..count).map(|i| Request { scenario, av: Some(av.clone()), rollout: i as u32 }).collect();
     let rollouts = roll_out(batch, controller, &Settings::default());
     Ok(rollouts.into_iter().collect::<Result<Vec<_>, _>>()?)
 }

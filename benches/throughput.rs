@@ -10,6 +10,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -170,7 +171,9 @@ fn one_thread(native: &Path, plain: &Option<PathBuf>) -> Result<()> {
             timed(&mut works.native, || formats::open(native)?.collect::<Result<_, _>>())?;
         scenarios = all.len();
         timed(&mut works.index, || all.iter().for_each(|s| _ = s.start.road()));
-        let avs = timed(&mut works.av, || all.iter().map(av).collect::<Result<Vec<_>>>())?;
+        let avs = timed(&mut works.av, || {
+            all.iter().map(|scenario| av(scenario).map(Arc::new)).collect::<Result<Vec<_>>>()
+        })?;
         let done = timed(&mut works.idm, || all_rollouts(&all, &avs, &idm))?;
         timed(&mut works.idm_metrics, || judge(&all, &done));
         let done = timed(&mut works.replay, || all_rollouts(&all, &avs, &replay))?;
@@ -235,11 +238,11 @@ fn av(scenario: &Scenario) -> Result<ScriptedAv> {
     Ok(scripted.or_else(|_| ScriptedAv::new(scenario, "constant-velocity".parse().expect("a script")))?)
 }
 
-fn all_rollouts(all: &[Scenario], avs: &[ScriptedAv], by: &Controller) -> Result<Vec<Rollout>> {
+fn all_rollouts(all: &[Scenario], avs: &[Arc<ScriptedAv>], by: &Controller) -> Result<Vec<Rollout>> {
     let settings = Settings::default();
     let mut rollouts = Vec::with_capacity(all.len());
     for (scenario, av) in all.iter().zip(avs) {
-        let request = Request { scenario, av: Box::new(av.clone()), rollout: 0 };
+        let request = Request { scenario, av: Some(av.clone()), rollout: 0 };
         for rollout in roll_out(vec![request], by, &settings) {
             rollouts.push(rollout?);
         }
@@ -252,7 +255,7 @@ fn judge(all: &[Scenario], rollouts: &[Rollout]) {
     let options = Options::default();
     for (scenario, rollout) in all.iter().zip(rollouts) {
         let together = metrics::score_rollouts(scenario, &[&rollout.tracks], options);
-        let scores = metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), options));
+        let scores = metrics::score_case(&Case::of_rollout(scenario, &rollout.tracks, options));
         std::hint::black_box((together, scores));
     }
 }

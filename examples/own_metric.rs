@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use std::path::Path;
+use std::sync::Arc;
 
 use reactsim::metrics::{Case, Event, Judgement, Metric, MetricSpec, Options, Scope, Score, Unit};
 use reactsim::rollout::{DeviatedAv, Request, Settings, roll_out};
@@ -72,7 +73,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let scenario = scenario?;
         let Some(deviation) = &scenario.deviation else { continue };
         let av = DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?;
-        let request = Request { scenario: &scenario, av: Box::new(av), rollout: 0 };
+        let request = Request { scenario: &scenario, av: Some(Arc::new(av)), rollout: 0 };
         for rollout in roll_out(vec![request], &idm, &Settings::default()) {
             let case = Case::of_rollout(&scenario, rollout?.tracks, Options::default());
             let mut events = Vec::new();

@@ -36,7 +36,6 @@
 //! # Ok::<(), reactsim::BenchmarkError>(())
 //! ```
 
-use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -44,12 +43,12 @@ use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
     self, Adjustments, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator,
-    RunFolder, RunObserver, Selection, Source, Summary, weights_file,
+    RunObserver, Selection, Source, Summary, weights_file,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
 use crate::metrics::Options;
-use crate::models::nn::{Backend, BackendError, check_backend};
+use crate::models::nn::Backend;
 use crate::report::{self, Run, TableStyle};
 use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
 use crate::scene::Scenario;
@@ -109,9 +108,6 @@ pub enum BenchmarkError {
     /// An external simulator does not start or does not support the run.
     #[error(transparent)]
     External(#[from] ExternalError),
-    /// The tensor backend does not work on this machine.
-    #[error(transparent)]
-    Backend(#[from] BackendError),
     /// No simulator was added.
     #[error("no simulator: add one with `simulator`, `oracle`, `baseline` or `baselines`")]
     NoSimulator,
@@ -196,16 +192,7 @@ impl Benchmark {
     }
 
     fn own(mut self, id: String, controller: Controller) -> Self {
-        self.simulators.push(Entry::Own(Box::new(PlannedSimulator {
-            title: id.clone(),
-            id,
-            card: String::new(),
-            parameters: BTreeMap::new(),
-            weights: None,
-            backend: None,
-            external: None,
-            controller,
-        })));
+        self.simulators.push(Entry::Own(Box::new(PlannedSimulator::own(id, controller))));
         self
     }
 
@@ -245,8 +232,8 @@ impl Benchmark {
         self
     }
 
-    /// Deviated AVs from a file, Parquet or JSON. Scenarios without an entry are skipped. Only the policy
-    /// [`AvChoice::Deviated`] uses them; another one is refused.
+    /// Deviated AVs from a file, Parquet or JSON. Scenarios without an entry are skipped, or driven by the
+    /// logged AV with [`AvChoice::DeviatedOrLog`]. Policies without deviated AVs are refused.
     pub fn deviations(mut self, path: impl Into<PathBuf>) -> Self {
         self.deviations = Some(path.into());
         self
@@ -364,12 +351,7 @@ impl Benchmark {
         let (observer, stop) = (Arc::clone(&self.observer), Arc::clone(&self.stop));
         let (folder, resume) = (self.folder.clone(), self.resume);
         let plan = self.plan()?;
-        let (mut tally, provenance) = (plan.tally(), plan.provenance());
-        let folder = match folder {
-            Some(path) if resume => Some(RunFolder::resume(&path, &provenance, &mut tally)?),
-            Some(path) => Some(RunFolder::create(&path, &provenance)?),
-            None => None,
-        };
+        let (folder, tally) = plan.open_folder(folder.as_deref(), resume)?;
         let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, observer.as_ref(), &stop)?;
         let Outcome::Finished(summary) = outcome else { return Err(BenchmarkError::Interrupted) };
         if summary.provenance.scenarios == 0 {
@@ -385,7 +367,6 @@ impl Benchmark {
         if self.baselines.is_empty() && self.simulators.is_empty() {
             return Err(BenchmarkError::NoSimulator);
         }
-        check_backend(self.adjustments.backend)?;
         for (id, file) in self.weights {
             self.adjustments.weights.push((id, weights_file(&file)?));
         }
@@ -416,8 +397,6 @@ impl Benchmark {
             }
         };
         let request = PlanRequest {
-            sources,
-            simulators,
             deviations: self.deviations,
             av: self.av,
             rollout: self.settings,
@@ -426,6 +405,7 @@ impl Benchmark {
             limit: self.limit,
             selection: self.selection,
             keep_rollouts: self.keep_rollouts,
+            ..PlanRequest::new(sources, simulators)
         };
         Ok(request.plan()?)
     }

@@ -26,7 +26,7 @@ pub trait Trainable: Send + Sync {
 }
 
 /// Evaluates a simulator: metrics by name. The error is a message.
-pub type Measure<'a> = dyn Fn(&Controller) -> Result<BTreeMap<String, f64>, String> + 'a;
+pub type Measure<'a> = dyn Fn(Controller) -> Result<BTreeMap<String, f64>, String> + 'a;
 
 /// Data, settings and place of a training.
 pub struct Training<'a> {
@@ -55,7 +55,7 @@ impl<T: SimulatorTask> Trainable for T {
         let Training { source, settings, execution, about, measure, observer, folder, resume, stop } =
             training;
         let closed_loop =
-            measure.map(|measure| move |network: &T::Model, _step: u64| measure(&self.controller(network)?));
+            measure.map(|measure| move |network: &T::Model, _step: u64| measure(self.controller(network)?));
         let closed_loop = closed_loop.as_ref().map(|measure| measure as _);
         let learner =
             Learner { task: self, source: &source, settings, execution, about, closed_loop, observer };

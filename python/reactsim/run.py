@@ -63,8 +63,8 @@ def run(
             methods.
         scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default.
         name: Name in tables; the simulator's name by default.
-        av: Driver of the AV: "deviated", "log", "constant-velocity", "brake:4", "retime:0.8",
-            "shift:2" or "file:PATH".
+        av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
+            "retime:0.8", "shift:2" or "file:PATH".
         deviations: File of deviated AVs.
         protocol: "reactive", or "realism", in which the simulator also moves the AV.
         replan: Replan rate or interval, such as "2hz" or "5steps".

@@ -84,13 +84,7 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
     }
     args.table.check(args.format.as_deref())?;
     let (plan, external) = plan(&args, args.subject.sources()?)?;
-    let mut tally = plan.tally();
-    let provenance = plan.provenance();
-    let folder = match &args.out {
-        Some(path) if args.resume => Some(RunFolder::resume(path, &provenance, &mut tally)?),
-        Some(path) => Some(RunFolder::create(path, &provenance)?),
-        None => None,
-    };
+    let (folder, tally) = plan.open_folder(args.out.as_deref(), args.resume)?;
     keep_stderr(&external, args.out.as_deref())?;
     let progress = Progress::with_table(LiveTable::of(&plan.simulators));
     let execution = args.work.execution();

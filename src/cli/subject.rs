@@ -17,7 +17,7 @@ use crate::evaluation::{
 };
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::WeightsFile;
-use crate::models::nn::{Backend, check_backend};
+use crate::models::nn::Backend;
 use crate::models::qp::Smoothing;
 use crate::rollout::{Protocol, Settings};
 use crate::work::available_threads;
@@ -40,8 +40,8 @@ pub(super) struct EvaluationArgs {
     /// `reactsim list parameters idm` shows parameters and ranges
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
-    /// Driver of the AV: deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>,
-    /// shift:<m> or file:<path> [default: deviated]
+    /// Driver of the AV: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>,
+    /// retime:<factor>, shift:<m> or file:<path> [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
     /// Tensor backend of the networks; `reactsim list backends` shows those of this program
@@ -110,7 +110,6 @@ impl EvaluationArgs {
     /// Returns the requested weights and parameters, with this stage behind all simulators.
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
         let weights = read_weights(&self.model_weights)?;
-        check_backend(self.backend)?;
         let backend = self.backend;
         let mut adjustments = Adjustments { weights, smoothing, backend, ..Adjustments::default() };
         for text in &self.set {

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use reactsim::evaluation::{AvChoice, EvaluationError, Failure, Row, RunObserver, read_rows};
 use reactsim::formats;
 use reactsim::rollout::{PlanError, Planning, Protocol, Replan, SingleEpisode, Stream};
-use reactsim::scene::Start;
+use reactsim::scene::{Scenario, Start};
 use reactsim::{Benchmark, BenchmarkError};
 
 use crate::generated;
@@ -161,4 +161,24 @@ fn all_baselines_and_variants_are_those_of_run() {
     assert_eq!(simulators(calm("variants").resume()), ["idm", "idm@calm"]);
     assert_eq!(rows(&home.path().join("variants")), before);
     assert!(calm("variants").run().is_err(), "the folder has a run");
+}
+
+#[test]
+fn deviated_and_logged_avs_mix_by_scenario() {
+    let home = tempfile::tempdir().unwrap();
+    let mut plain = generated::deviating(0, false);
+    plain.id = "plain".to_owned();
+    let deviated = generated::deviating(0, true);
+    assert!(plain.deviation.is_none() && deviated.deviation.is_some());
+    let run = |av: AvChoice, scenarios: &[&Scenario]| {
+        let folder = home.path().join(av.to_string());
+        let scenarios = scenarios.iter().map(|scenario| (*scenario).clone());
+        Benchmark::scenarios(scenarios).baseline("idm").av(av).folder(&folder).run().unwrap();
+        rows(&folder)
+    };
+    let mixed = run(AvChoice::DeviatedOrLog, &[&deviated, &plain]);
+    let mut apart = run(AvChoice::Deviated, &[&deviated]);
+    apart.extend(run(AvChoice::Log, &[&plain]));
+    apart.sort();
+    assert_eq!(mixed, apart);
 }

@@ -1,13 +1,12 @@
 //! The guard of proposed motion: it changes nothing where nothing is needed, and avoids the AV otherwise.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use reactsim::formats;
 use reactsim::models::qp::{GuardSettings, guarded};
 use reactsim::models::{self, Card};
-use reactsim::rollout::{
-    AvPolicy, Controller, DeviatedAv, LogAv, Request, Rollout, Settings, Simulator, roll_out,
-};
+use reactsim::rollout::{Av, Controller, DeviatedAv, LogAv, Request, Rollout, Settings, Simulator, roll_out};
 use reactsim::scene::{AgentState, CURRENT, LoggedAgent, MapParts, Scenario};
 
 use crate::qp::check_limits;
@@ -28,11 +27,11 @@ fn constant_velocity() -> Box<dyn Simulator> {
 
 /// Rolls out a scene whose AV follows its deviation, or else its log.
 fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
-    let av: Box<dyn AvPolicy> = match &scenario.deviation {
-        Some(d) => Box::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
-        None => Box::new(LogAv::new(scenario).unwrap()),
+    let av: Arc<dyn Av> = match &scenario.deviation {
+        Some(d) => Arc::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
+        None => Arc::new(LogAv::new(scenario).unwrap()),
     };
-    let request = Request { scenario, av, rollout: 0 };
+    let request = Request { scenario, av: Some(av), rollout: 0 };
     roll_out(vec![request], controller, &Settings::default()).remove(0).unwrap()
 }
 
@@ -137,8 +136,8 @@ fn the_guard_keeps_limits_and_does_not_depend_on_batches() {
     }
     let batch = scenarios.iter().map(|scenario| {
         let track = scenario.deviation.as_ref().unwrap().track.clone();
-        let av: Box<dyn AvPolicy> = Box::new(DeviatedAv::new(&scenario.start.now(0), track).unwrap());
-        Request { scenario, av, rollout: 0 }
+        let av = Arc::new(DeviatedAv::new(&scenario.start.now(0), track).unwrap());
+        Request { scenario, av: Some(av), rollout: 0 }
     });
     let together: Vec<Rollout> = roll_out(batch.collect(), &controller, &Settings::default())
         .into_iter()

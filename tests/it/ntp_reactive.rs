@@ -2,6 +2,7 @@
 //! visible, and no effect of batches.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use burn::tensor::Device;
 use reactsim::formats;
@@ -77,9 +78,8 @@ fn largest_difference(a: &[Logits], b: &[Logits]) -> f32 {
 }
 
 fn run(controller: &Controller, batch: &[&Scenario], settings: &Settings) -> Vec<Rollout> {
-    let request = |s: &&'_ Scenario| LogAv::new(s).unwrap();
-    let requests =
-        batch.iter().map(|s| Request { scenario: s, av: Box::new(request(s)), rollout: 0 }).collect();
+    let av = |scenario| Arc::new(LogAv::new(scenario).unwrap());
+    let requests = batch.iter().map(|s| Request { scenario: s, av: Some(av(s)), rollout: 0 }).collect();
     roll_out(requests, controller, settings).into_iter().map(Result::unwrap).collect()
 }
 

@@ -1,6 +1,7 @@
 //! The stage behind simulators: limits on whole rollouts, other agents, threads, names.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use rand_chacha::rand_core::Rng;
 use reactsim::evaluation::{Adjustments, EvaluationError, PlannedSimulator, weights_file};
@@ -8,7 +9,7 @@ use reactsim::formats;
 use reactsim::geometry::{Vec2, direction, wrap};
 use reactsim::models::{self, ModelError, qp::Smoothing};
 use reactsim::rollout::{
-    Controller, DeviatedAv, PlanError, Planning, Request, Rollout, ScriptedAv, Settings, SingleEpisode,
+    Av, Controller, DeviatedAv, PlanError, Planning, Request, Rollout, ScriptedAv, Settings, SingleEpisode,
     Stream, roll_out,
 };
 use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, Scenario, Start};
@@ -26,11 +27,11 @@ fn behind(smoothing: Smoothing, id: &str) -> Controller {
 }
 
 fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
-    let av: Box<dyn reactsim::rollout::AvPolicy> = match &scenario.deviation {
-        Some(d) => Box::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
-        None => Box::new(ScriptedAv::new(scenario, "brake:4".parse().unwrap()).unwrap()),
+    let av: Arc<dyn Av> = match &scenario.deviation {
+        Some(d) => Arc::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
+        None => Arc::new(ScriptedAv::new(scenario, "brake:4".parse().unwrap()).unwrap()),
     };
-    let request = Request { scenario, av, rollout: 0 };
+    let request = Request { scenario, av: Some(av), rollout: 0 };
     roll_out(vec![request], controller, &Settings::default()).remove(0).unwrap()
 }
 
@@ -115,8 +116,8 @@ fn one_plan_for_all_eight_seconds_ends_in_a_halt_within_limits() {
     let settings = Settings { replan: "80steps".parse().unwrap(), ..Settings::default() };
     let controller = behind(Smoothing::Full, "constant-velocity");
     for scenario in mini() {
-        let av = Box::new(ScriptedAv::new(&scenario, "brake:4".parse().unwrap()).unwrap());
-        let requests = vec![Request { scenario: &scenario, av, rollout: 0 }];
+        let av = Arc::new(ScriptedAv::new(&scenario, "brake:4".parse().unwrap()).unwrap());
+        let requests = vec![Request { scenario: &scenario, av: Some(av), rollout: 0 }];
         let rollout = roll_out(requests, &controller, &settings).remove(0).unwrap();
         check_limits(&scenario, &rollout);
         for (slot, agent) in scenario.start.agents.iter().enumerate().skip(1) {
@@ -230,7 +231,7 @@ fn nothing_depends_on_batches_or_threads() {
             let scenario: &Scenario = scenario;
             let track = scenario.deviation.as_ref().unwrap().track.clone();
             let av = DeviatedAv::new(&scenario.start.now(0), track).unwrap();
-            Request { scenario, av: Box::new(av), rollout: 0 }
+            Request { scenario, av: Some(Arc::new(av)), rollout: 0 }
         };
         let batch = scenarios.iter().map(request).collect();
         roll_out(batch, &controller, &Settings::default()).into_iter().map(Result::unwrap).collect()

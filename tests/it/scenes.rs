@@ -1,5 +1,7 @@
 //! Parts of hand-built scenes, and values computed from their rollouts.
 
+use std::sync::Arc;
+
 use reactsim::formats;
 use reactsim::geometry::{Vec2, direction, rounded_distance};
 use reactsim::metrics::{self, Case, Options, Scores};
@@ -149,7 +151,7 @@ pub(crate) fn coasting(scenario: &Scenario) -> Vec<AgentState> {
 /// Returns a request with a given AV.
 pub(crate) fn request(scenario: &Scenario, av: Vec<AgentState>, rollout: u32) -> Request<'_> {
     let av = DeviatedAv::new(&scenario.start.now(0), av).unwrap();
-    Request { scenario, av: Box::new(av), rollout }
+    Request { scenario, av: Some(Arc::new(av)), rollout }
 }
 
 /// Returns a rollout of a baseline with a given AV.
@@ -172,7 +174,7 @@ pub(crate) fn idm(scenario: &Scenario) -> Rollout {
 
 /// Returns the metrics of a rollout.
 pub(crate) fn scores(scenario: &Scenario, rollout: &Rollout) -> Scores {
-    metrics::score_case(&Case::of_rollout(scenario, rollout.tracks.clone(), Options::default()))
+    metrics::score_case(&Case::of_rollout(scenario, &rollout.tracks, Options::default()))
 }
 
 /// Returns the states of an agent from the current frame on. It must be present throughout.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::models::nn::Noise;
 use reactsim::models::ntp::smart::{
-    Agents, Batch, Edges, MapTokens, Scene, Smart, SmartConfig, Stage, Step, TokenTables, Vocabulary,
+    Agents, Batch, Edges, MapTokens, Scene, Smart, SmartConfig, Stage, Step, TokenShapes, TokenTables,
 };
 use safetensors::SafeTensors;
 use safetensors::tensor::Dtype;
@@ -140,7 +140,7 @@ fn golden() -> Vec<Golden> {
     let ends = |tokens: &Vec<[[[f32; 2]; 4]; 6]>| {
         tokens.iter().map(|t| std::array::from_fn(|i| t[5][i / 2][i % 2])).collect()
     };
-    let vocabulary = Vocabulary {
+    let shapes = TokenShapes {
         agents: [ends(&corners[0]), ends(&corners[1]), ends(&corners[2])],
         map: file.floats("map_token_traj_src").as_chunks::<22>().0.to_vec(),
     };
@@ -154,7 +154,7 @@ fn golden() -> Vec<Golden> {
         assert!(config.n_params > 0, "the number of parameters is compared in loading");
         let weights = fs::read(folder.join("weights.safetensors")).unwrap();
         let network = Smart::load(&config, &weights, &Device::flex()).unwrap();
-        let tables = network.tables(&vocabulary, &Device::flex()).unwrap();
+        let tables = network.tables(&shapes, &Device::flex()).unwrap();
         let name = folder.file_name().unwrap().to_string_lossy().into_owned();
         Golden { name, folder: folder.clone(), network, tables, corners: corners.clone() }
     };

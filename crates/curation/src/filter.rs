@@ -151,7 +151,7 @@ impl<'a> Trial<'a> {
         let states = candidate.future().iter().map(|s| Some(*s));
         tracks[0].truncate(HISTORY);
         tracks[0].extend(states);
-        let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone() };
+        let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone().into() };
         // With an AV index beyond the objects the AV is absent, and the candidate is a vehicle like any
         // other.
         let own = Case::new(scenario.start.road(), vec![av], usize::MAX, options);

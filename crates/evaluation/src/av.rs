@@ -7,8 +7,7 @@ use std::str::FromStr;
 use reactsim_rollout::{ParseScriptError, Script};
 
 /// The choices, for help and error texts.
-pub const AV_CHOICES: &str =
-    "deviated, log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>";
+pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>";
 
 /// The AV policy in the reactive protocol.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +16,8 @@ pub enum AvChoice {
     Deviated,
     /// The logged AV.
     Log,
+    /// The deviated AV of the scenarios that have one, the logged AV of the others.
+    DeviatedOrLog,
     /// A script.
     Scripted(Script),
     /// Deviated trajectories from this file.
@@ -44,6 +45,7 @@ impl FromStr for AvChoice {
         match text {
             "deviated" => Ok(Self::Deviated),
             "log" => Ok(Self::Log),
+            "deviated-or-log" => Ok(Self::DeviatedOrLog),
             _ => match text.strip_prefix("file:") {
                 Some("") => Err(ParseAvError::NoFile),
                 Some(path) => Ok(Self::File(path.into())),
@@ -63,6 +65,7 @@ impl fmt::Display for AvChoice {
         match self {
             Self::Deviated | Self::File(_) => f.write_str("deviated"),
             Self::Log => f.write_str("log"),
+            Self::DeviatedOrLog => f.write_str("deviated-or-log"),
             Self::Scripted(script) => script.fmt(f),
         }
     }
@@ -74,7 +77,8 @@ mod tests {
 
     #[test]
     fn names_round_trip() {
-        for text in ["deviated", "log", "constant-velocity", "brake:4", "retime:1.6", "shift:-2"] {
+        let scripts = ["constant-velocity", "brake:4", "retime:1.6", "shift:-2"];
+        for text in ["deviated", "log", "deviated-or-log"].into_iter().chain(scripts) {
             assert_eq!(text.parse::<AvChoice>().unwrap().to_string(), text);
         }
         assert_eq!("file:a/b:c.parquet".parse(), Ok(AvChoice::File("a/b:c.parquet".into())));

@@ -69,7 +69,7 @@ pub fn score_document(document: &Document) -> Result<Value, OptionError> {
 /// Returns the case of one scenario of a document.
 fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
     let objects =
-        scenario.agents.iter().map(|a| Object { agent: &a.agent, track: a.track.clone() }).collect();
+        scenario.agents.iter().map(|a| Object { agent: &a.agent, track: (&a.track).into() }).collect();
     let frames = scenario.current + 1 + scenario.future;
     let road = Road::new(&scenario.map, index);
     let mut case = Case::with_current(road, objects, scenario.av, scenario.current, frames, options);

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use reactsim_baseline::ModelError;
+use reactsim_baseline::{BackendError, ModelError};
 use reactsim_formats::FormatError;
 
 use super::av::AV_CHOICES;
@@ -12,6 +12,9 @@ use super::av::AV_CHOICES;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
+    /// The backend of a network does not work on this machine.
+    #[error(transparent)]
+    Backend(#[from] BackendError),
     /// A line of a file is damaged.
     #[error("{} is damaged in line {line}: {source}; repeat the run, or restore the file", path.display())]
     DamagedLine {
@@ -213,7 +216,7 @@ pub enum EvaluationError {
     #[error("give either --deviations or --av file:<path>")]
     DeviationsTwice,
     /// A file of deviations was given, and an AV policy that does not use it.
-    #[error("--deviations goes with --av deviated only")]
+    #[error("--deviations goes with --av deviated or deviated-or-log only")]
     DeviationsUnused,
     /// No AV policy was chosen, and the scenarios have no deviated AV.
     #[error(

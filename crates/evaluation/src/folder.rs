@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 
 use parking_lot::Mutex;
 use reactsim_files as files;
-use reactsim_metrics::{METRICS, Score};
+use reactsim_metrics::{Event, METRICS, Score};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::EvaluationError;
 use super::provenance::Provenance;
 use super::reference::{self, REFERENCE_RECORD};
-use super::row::{EventHead, Failure, RecordPosition, Row};
+use super::row::{EventHead, EventLine, Failure, RecordPosition, Row};
 use super::summary::Summary;
 use super::tally::Tally;
 
@@ -135,13 +135,16 @@ impl RunFolder {
         &self.path
     }
 
-    /// Appends the events (lines) and then the rows of one scenario and one simulator, so that complete rows
-    /// imply complete events.
+    /// Appends the events of each rollout and then the rows of one scenario and one simulator, so that complete
+    /// rows imply complete events.
     ///
     /// # Errors
     /// [`EvaluationError::Write`]; nothing is written after it, so that only the last line can be truncated.
-    pub fn append(&self, rows: &[Row], events: &str) -> Result<(), EvaluationError> {
-        write_to(&self.events, events)?;
+    pub fn append(&self, rows: &[Row], events: &[Vec<Event>]) -> Result<(), EvaluationError> {
+        let of_rollout = |((rollout, row), events): ((u32, _), &'_ Vec<Event>)| {
+            events.iter().map(|event| line(&EventLine::new(row, rollout, event))).collect::<String>()
+        };
+        write_to(&self.events, &(0..).zip(rows).zip(events).map(of_rollout).collect::<String>())?;
         write_to(&self.rows, &rows.iter().map(line).collect::<String>())
     }
 

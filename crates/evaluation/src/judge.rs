@@ -7,8 +7,7 @@ use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{Certificate, Scenario};
 
-use super::folder::line;
-use super::row::{EventLine, Row, Value};
+use super::row::{Row, Value};
 
 /// The scores of the rollouts of one scenario and one simulator.
 pub(super) struct PairScores {
@@ -27,23 +26,20 @@ pub(super) struct RolloutResult {
 }
 
 impl PairScores {
-    /// Returns one row per rollout and a last one over all rollouts, and the lines of the events. `template`
+    /// Returns one row per rollout and a last one over all rollouts, and the events of each rollout. `template`
     /// is the row of the scenario and the simulator without values.
-    pub(super) fn rows(self, template: Row, rollouts: &[Rollout]) -> (Vec<Row>, String) {
-        let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), String::new());
+    pub(super) fn rows(self, template: Row, rollouts: &[Rollout]) -> (Vec<Row>, Vec<Vec<Event>>) {
+        let (mut rows, mut events) = (Vec::with_capacity(rollouts.len() + 1), Vec::new());
         for ((index, rollout), result) in (0..).zip(rollouts).zip(self.rollouts) {
-            let row = Row {
+            rows.push(Row {
                 rollout: Some(index),
                 direction_tracking: Some(result.direction_tracking.to_owned()),
                 metrics: result.metrics,
                 deviation: result.deviation,
                 outcomes: rollout.outcomes.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect(),
                 ..template.clone()
-            };
-            for event in &result.events {
-                events.push_str(&line(&EventLine::new(&row, index, event)));
-            }
-            rows.push(row);
+            });
+            events.push(result.events);
         }
         rows.push(Row { metrics: self.over_all, ..template });
         (rows, events)
@@ -62,7 +58,7 @@ pub(super) fn judge(
     let all = metrics::score_rollouts(scenario, &tracks, options);
     let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
     let results = rollouts.iter().map(|rollout| {
-        let case = Case::of_rollout(scenario, rollout.tracks.clone(), options);
+        let case = Case::of_rollout(scenario, &rollout.tracks, options);
         let scores = metrics::score_case(&case.with_certificate(certificate));
         let own = scores.values.iter().filter(|(spec, _)| spec.scope == Scope::Rollout);
         RolloutResult {

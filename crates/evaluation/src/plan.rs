@@ -2,17 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use reactsim_formats::deviations::{self, DeviationRecord};
 use reactsim_metrics::Options;
 use reactsim_nn::cpu_class;
-use reactsim_rollout::{AvError, AvPolicy, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
-use reactsim_scene::{AgentState, DeviatedTrack, Scenario};
+use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
+use reactsim_scene::{DeviatedTrack, Scenario};
 
 use super::EvaluationError;
 use super::av::AvChoice;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
+use super::folder::RunFolder;
 use super::known_deviation::KnownDeviation;
 use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
 use super::selection::Selection;
@@ -162,6 +164,25 @@ impl Plan {
         ids.filter(|id| self.settings.selection.has_id(id)).count()
     }
 
+    /// Opens the folder of the run, if it has one, and returns it with the values of the run so far. `resume`
+    /// continues an interrupted run in it; otherwise the folder must be new or empty.
+    ///
+    /// # Errors
+    /// As for [`RunFolder::create`] and [`RunFolder::resume`].
+    pub fn open_folder(
+        &self,
+        path: Option<&Path>,
+        resume: bool,
+    ) -> Result<(Option<RunFolder>, Tally), EvaluationError> {
+        let (provenance, mut tally) = (self.provenance(), self.tally());
+        let open = |path| match resume {
+            true => RunFolder::resume(path, &provenance, &mut tally),
+            false => RunFolder::create(path, &provenance),
+        };
+        let folder = path.map(open).transpose()?;
+        Ok((folder, tally))
+    }
+
     /// Returns an empty tally for the values of the run.
     pub fn tally(&self) -> Tally {
         Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.settings.rollouts)
@@ -193,47 +214,40 @@ impl Plan {
         scenario.deviation.clone().ok_or(NoAv::Missing)
     }
 
-    /// Returns the AV policy of a scenario and the properties of its deviation from the log.
+    /// Returns the AV of a scenario, `None` if the simulator moves it, and the properties of its deviation from
+    /// the log.
     ///
     /// # Errors
     /// [`NoAv`] if the scenario has no AV, or an invalid trajectory.
-    pub fn av(&self, scenario: &Scenario) -> Result<(Box<dyn AvPolicy>, KnownDeviation), NoAv> {
+    pub fn av(&self, scenario: &Scenario) -> Result<(Option<Arc<dyn Av>>, KnownDeviation), NoAv> {
         if self.settings.rollout.protocol == Protocol::Realism {
             if self.deviations.is_some() {
                 self.deviated(scenario)?;
             }
-            return Ok((Box::new(SimulatorControlledAv), KnownDeviation::default()));
+            return Ok((None, KnownDeviation::default()));
         }
-        Ok(match &self.settings.av {
-            AvChoice::Deviated | AvChoice::File(_) => {
-                let deviated = self.deviated(scenario)?;
-                let known = KnownDeviation::of(&deviated);
-                let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
-                let av = av.map_err(|source| match &self.deviations {
-                    Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
-                    None => NoAv::Refused(source),
-                })?;
-                (Box::new(av), known)
-            }
-            AvChoice::Log => (Box::new(LogAv::new(scenario)?), KnownDeviation::default()),
-            AvChoice::Scripted(script) => {
-                (Box::new(ScriptedAv::new(scenario, *script)?), KnownDeviation::default())
-            }
-        })
-    }
-}
-
-/// Placeholder policy for the realism protocol: the simulator moves the AV, and the engine never calls the
-/// policy.
-#[derive(Clone)]
-struct SimulatorControlledAv;
-
-impl AvPolicy for SimulatorControlledAv {
-    fn copy(&self) -> Box<dyn AvPolicy> {
-        Box::new(self.clone())
+        let undeviated = |av: Arc<dyn Av>| (av, KnownDeviation::default());
+        let (av, deviation) = match &self.settings.av {
+            AvChoice::Deviated | AvChoice::File(_) => self.deviated_av(scenario)?,
+            AvChoice::Log => undeviated(Arc::new(LogAv::new(scenario)?)),
+            AvChoice::DeviatedOrLog => match self.deviated_av(scenario) {
+                Err(NoAv::Missing) => undeviated(Arc::new(LogAv::new(scenario)?)),
+                deviated => deviated?,
+            },
+            AvChoice::Scripted(script) => undeviated(Arc::new(ScriptedAv::new(scenario, *script)?)),
+        };
+        Ok((Some(av), deviation))
     }
 
-    fn next(&mut self, seen: &reactsim_rollout::Observation<'_>) -> Result<AgentState, AvError> {
-        Err(AvError::Absent { step: seen.step() + 1 })
+    /// Returns the deviated AV of a scenario and the properties of its deviation.
+    fn deviated_av(&self, scenario: &Scenario) -> Result<(Arc<dyn Av>, KnownDeviation), NoAv> {
+        let deviated = self.deviated(scenario)?;
+        let known = KnownDeviation::of(&deviated);
+        let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
+        let av = av.map_err(|source| match &self.deviations {
+            Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
+            None => NoAv::Refused(source),
+        })?;
+        Ok((Arc::new(av), known))
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use reactsim_formats::rollouts::RolloutRecord;
-use reactsim_metrics::Options;
+use reactsim_metrics::{Event, Options};
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
@@ -30,8 +30,8 @@ pub(super) struct ScoredPair {
     pub(super) simulator: usize,
     pub(super) rollouts: Vec<Rollout>,
     pub(super) rows: Vec<Row>,
-    /// Lines of the events.
-    pub(super) events: String,
+    /// Events of each rollout.
+    pub(super) events: Vec<Vec<Event>>,
 }
 
 impl Recorded {
@@ -131,14 +131,14 @@ pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
 }
 
 /// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
-/// and the lines of their events.
+/// and the events of each.
 pub(super) fn score_rollouts(
     place: RecordPosition,
     scenario: &Scenario,
     simulator: &str,
     rollouts: &[Rollout],
     options: Options,
-) -> (Vec<Row>, String) {
+) -> (Vec<Row>, Vec<Vec<Event>>) {
     let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
     let template = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
     judge(scenario, deviation.certificate.as_ref(), rollouts, options).rows(template, rollouts)

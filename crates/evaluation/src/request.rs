@@ -38,6 +38,22 @@ pub struct PlanRequest {
 }
 
 impl PlanRequest {
+    /// Asks for one rollout of all scenarios by these simulators, with the default settings.
+    pub fn new(sources: Vec<Source>, simulators: Vec<PlannedSimulator>) -> Self {
+        Self {
+            sources,
+            simulators,
+            deviations: None,
+            av: None,
+            rollout: Settings::default(),
+            rollouts: 1,
+            options: Options::default(),
+            limit: None,
+            selection: Selection::default(),
+            keep_rollouts: false,
+        }
+    }
+
     /// Plans the run. Every error of its inputs is reported here, before the first scenario.
     ///
     /// # Errors
@@ -84,9 +100,8 @@ impl PlanRequest {
         match (&self.deviations, &self.av) {
             (Some(_), Some(AvChoice::File(_))) => Err(EvaluationError::DeviationsTwice),
             (Some(_), Some(AvChoice::Log | AvChoice::Scripted(_))) => Err(EvaluationError::DeviationsUnused),
-            (Some(path), None | Some(AvChoice::Deviated)) | (None, Some(AvChoice::File(path))) => {
-                Ok(Some(path))
-            }
+            (Some(path), None | Some(AvChoice::Deviated | AvChoice::DeviatedOrLog))
+            | (None, Some(AvChoice::File(path))) => Ok(Some(path)),
             (None, _) => Ok(None),
         }
     }

@@ -2,10 +2,12 @@
 //! interruptions.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::Arc;
 use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
-use reactsim_rollout::{AvPolicy, Request, Rollout, roll_out};
+use reactsim_metrics::Event;
+use reactsim_rollout::{Av, Request, Rollout, roll_out};
 use reactsim_scene::Scenario;
 use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
@@ -226,8 +228,8 @@ struct PreparedScenario {
     place: RecordPosition,
     scenario: Scenario,
     digest: String,
-    /// AV at its initial state, copied for every rollout.
-    av: Box<dyn AvPolicy>,
+    /// AV of all rollouts; `None` if the simulator moves it.
+    av: Option<Arc<dyn Av>>,
     deviation: KnownDeviation,
 }
 
@@ -346,7 +348,7 @@ impl Runner<'_> {
                 if failed[i].is_some() {
                     continue;
                 }
-                requests.push(Request { scenario: &ready.scenario, av: ready.av.copy(), rollout });
+                requests.push(Request { scenario: &ready.scenario, av: ready.av.clone(), rollout });
                 requested.push(i);
             }
             let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
@@ -394,7 +396,12 @@ impl Runner<'_> {
         Ok(())
     }
 
-    fn rows(&self, ready: &PreparedScenario, simulator: usize, rollouts: &[Rollout]) -> (Vec<Row>, String) {
+    fn rows(
+        &self,
+        ready: &PreparedScenario,
+        simulator: usize,
+        rollouts: &[Rollout],
+    ) -> (Vec<Row>, Vec<Vec<Event>>) {
         let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();

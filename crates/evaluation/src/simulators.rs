@@ -8,7 +8,7 @@ use reactsim_external::ExternalSimulator;
 use reactsim_files::{name_of, read_regular};
 use reactsim_models as models;
 use reactsim_models::MODELS;
-use reactsim_nn::Backend;
+use reactsim_nn::{Backend, check_backend};
 use reactsim_qp as qp;
 use reactsim_qp::Smoothing;
 use reactsim_rollout::Controller;
@@ -150,6 +150,21 @@ impl PlannedSimulator {
         Self::make(&named(id)?, Some(weights), std::iter::empty(), Backend::default())
     }
 
+    /// Creates the entry of a simulator that is not a baseline. Its id is also its title.
+    pub fn own(id: impl Into<String>, controller: Controller) -> Self {
+        let id = id.into();
+        Self {
+            title: id.clone(),
+            id,
+            card: String::new(),
+            parameters: BTreeMap::new(),
+            weights: None,
+            backend: None,
+            external: None,
+            controller,
+        }
+    }
+
     /// Creates the entry of an external simulator, with a stage behind it if requested.
     ///
     /// # Errors
@@ -212,6 +227,9 @@ impl PlannedSimulator {
         let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
         if let Some(mark) = mark(selected, setup.weights.as_ref())? {
             title = format!("{title} ({mark})");
+        }
+        if backend.is_some() {
+            check_backend(setup.backend)?;
         }
         let mut controller = (baseline.make)(setup)?;
         let mut card = baseline.card.to_owned();

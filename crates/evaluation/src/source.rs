@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, Scenarios, UndecodedScenario, decoded};
@@ -72,7 +73,8 @@ impl Source {
 
     /// Scenarios in memory, of which at most `most` are used. Their digest is taken over those of the
     /// scenarios.
-    pub fn of_scenarios(scenarios: Vec<Scenario>, most: usize) -> Self {
+    pub fn of_scenarios(scenarios: impl Into<Arc<[Scenario]>>, most: usize) -> Self {
+        let scenarios = scenarios.into();
         let digests: String = scenarios.iter().map(Scenario::digest).collect();
         let file = FileRecord::of_content("memory", "memory", digests.as_bytes());
         let count = Some(scenarios.len().min(most));

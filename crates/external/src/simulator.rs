@@ -98,10 +98,10 @@ impl ExternalSimulator {
     /// may give other last bits in another batch. Scenarios that fail are left out.
     pub fn compare_batches(&self, batch: &[Request<'_>], settings: &Settings) -> BatchDifference {
         let controller = Controller::Fair(Box::new(self.clone()));
-        let together = roll_out(batch.iter().map(copy).collect(), &controller, settings);
+        let together = roll_out(batch.to_vec(), &controller, settings);
         let mut difference = BatchDifference::default();
         for (request, together) in batch.iter().zip(together) {
-            let alone = roll_out(vec![copy(request)], &controller, settings).pop();
+            let alone = roll_out(vec![request.clone()], &controller, settings).pop();
             let (Ok(together), Some(Ok(alone))) = (together, alone) else { continue };
             difference.scenarios += 1;
             let states = together.tracks.iter().flatten().zip(alone.tracks.iter().flatten());
@@ -120,10 +120,6 @@ pub struct BatchDifference {
     pub scenarios: usize,
     /// Largest distance between positions of an agent at the same step, metres.
     pub largest: f64,
-}
-
-fn copy<'a>(request: &Request<'a>) -> Request<'a> {
-    Request { scenario: request.scenario, av: request.av.copy(), rollout: request.rollout }
 }
 
 impl Simulator for ExternalSimulator {

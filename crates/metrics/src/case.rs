@@ -1,5 +1,7 @@
 //! The input of a metric: one scenario with one rollout.
 
+use std::borrow::Cow;
+
 use reactsim_scene::{AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
 
 use super::cache::Cache;
@@ -69,10 +71,15 @@ impl<'a> Case<'a> {
     }
 
     /// Creates the case of one rollout of a scenario, with its log. `tracks`: 91 frames per agent, in the
-    /// order of the scenario.
-    pub fn of_rollout(scenario: &'a Scenario, tracks: Vec<Vec<Frame>>, options: Options) -> Self {
+    /// order of the scenario, borrowed or owned.
+    pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
+        scenario: &'a Scenario,
+        tracks: impl IntoIterator<Item = T>,
+        options: Options,
+    ) -> Self {
         let start = &scenario.start;
-        let objects = start.agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track }).collect();
+        let object = |(agent, track): (_, T)| Object { agent, track: track.into() };
+        let objects = start.agents.iter().zip(tracks).map(object).collect();
         let log = start.history.iter().zip(&scenario.log_future.tracks);
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
         Self::new(start.road(), objects, 0, options).with_log(log.collect())

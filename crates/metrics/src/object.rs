@@ -1,5 +1,7 @@
 //! The agents of a case.
 
+use std::borrow::Cow;
+
 use reactsim_scene::{Agent, Frame};
 
 /// One agent with its evaluated track.
@@ -8,7 +10,7 @@ pub struct Object<'a> {
     /// The agent.
     pub agent: &'a Agent,
     /// All frames: history, then the evaluated future. Frames beyond its end are absent.
-    pub track: Vec<Frame>,
+    pub track: Cow<'a, [Frame]>,
 }
 
 /// The log of one agent, split at the current frame.

@@ -109,7 +109,7 @@ pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: 
         return RolloutScores { values, displacement: None, likelihood: None };
     };
     // Presence is decided at the current frame, which all rollouts share.
-    let case = Case::of_rollout(scenario, first.to_vec(), options)
+    let case = Case::of_rollout(scenario, *first, options)
         .with_rollouts(rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect());
     RolloutScores {
         values: metrics.map(|m| (m.spec(), m.score(&case, &mut Vec::new()))).collect(),

@@ -1,29 +1,49 @@
-//! AV policies: fixed trajectories, the logged AV, and scripts.
+//! AVs: fixed trajectories, the logged AV, and scripts.
 
 mod logged_drive;
 mod scripted;
 
 use super::Observation;
-use reactsim_scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
+use reactsim_scene::{AgentState, FUTURE, Scenario};
 
 pub use logged_drive::LoggedDrive;
 pub use scripted::{ParseScriptError, Script, ScriptedAv};
 
-/// Policy that moves the AV one step at a time.
-pub trait AvPolicy: Send {
+/// The AV of a scenario. It does not change: rollouts share it, and each begins a policy with a state of its
+/// own.
+pub trait Av: Send + Sync {
+    /// Creates the policy of one rollout.
+    fn begin(&self) -> Box<dyn AvPolicy + '_>;
+}
+
+/// Policy that moves the AV one step at a time during one rollout.
+pub trait AvPolicy {
     /// Returns the AV's state at the next step; `seen` holds states up to now.
     ///
     /// # Errors
     /// [`AvError`] when there is no such state.
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
 
-    /// Returns a copy for another rollout. The original must not have been asked for a state yet.
-    fn copy(&self) -> Box<dyn AvPolicy>;
-
     /// Returns whether the states come from a recording, so that their velocities were measured. For all
     /// other policies velocities are replaced by position differences.
     fn replays_recording(&self) -> bool {
         false
+    }
+}
+
+/// Policy that moves the AV along 80 fixed states.
+struct FixedStates<'a> {
+    track: &'a [AgentState],
+    is_recording: bool,
+}
+
+impl AvPolicy for FixedStates<'_> {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        Ok(self.track[seen.step()])
+    }
+
+    fn replays_recording(&self) -> bool {
+        self.is_recording
     }
 }
 
@@ -110,20 +130,16 @@ fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
     Ok(())
 }
 
-impl AvPolicy for DeviatedAv {
-    fn copy(&self) -> Box<dyn AvPolicy> {
-        Box::new(self.clone())
-    }
-
-    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-        Ok(self.track[seen.frame() - CURRENT])
+impl Av for DeviatedAv {
+    fn begin(&self) -> Box<dyn AvPolicy + '_> {
+        Box::new(FixedStates { track: &self.track, is_recording: false })
     }
 }
 
 /// AV that replays its log.
 #[derive(Clone, Debug)]
 pub struct LogAv {
-    track: Vec<Frame>,
+    track: Vec<AgentState>,
 }
 
 impl LogAv {
@@ -132,25 +148,15 @@ impl LogAv {
     /// # Errors
     /// [`AvError::Absent`] when the log does not hold the AV at every step.
     pub fn new(scenario: &Scenario) -> Result<Self, AvError> {
-        let track = scenario.log_future.tracks[0].clone();
-        match track.iter().position(Option::is_none) {
-            Some(i) => Err(AvError::Absent { step: i + 1 }),
-            None => Ok(Self { track }),
-        }
+        let states = (1..).zip(&scenario.log_future.tracks[0]);
+        let track =
+            states.map(|(step, state)| state.ok_or(AvError::Absent { step })).collect::<Result<_, _>>()?;
+        Ok(Self { track })
     }
 }
 
-impl AvPolicy for LogAv {
-    fn copy(&self) -> Box<dyn AvPolicy> {
-        Box::new(self.clone())
-    }
-
-    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-        let step = seen.frame() - CURRENT;
-        self.track[step].ok_or(AvError::Absent { step: step + 1 })
-    }
-
-    fn replays_recording(&self) -> bool {
-        true
+impl Av for LogAv {
+    fn begin(&self) -> Box<dyn AvPolicy + '_> {
+        Box::new(FixedStates { track: &self.track, is_recording: true })
     }
 }

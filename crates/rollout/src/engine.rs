@@ -1,18 +1,20 @@
 //! Algorithms 1 and 2: the loop that computes the realised states.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
 
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError};
-use super::{AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
+use super::{Av, AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
 
 /// Request for one rollout.
+#[derive(Clone)]
 pub struct Request<'a> {
     /// Scenario to roll out.
     pub scenario: &'a Scenario,
-    /// Policy that moves the AV; unused in the realism protocol.
-    pub av: Box<dyn AvPolicy>,
+    /// The AV; `None` if the simulator moves it, as in the realism protocol, which uses no other AV.
+    pub av: Option<Arc<dyn Av>>,
     /// Index among the rollouts of this scenario: part of the names of its random streams.
     pub rollout: u32,
 }
@@ -54,6 +56,15 @@ pub enum RolloutError {
         /// Step 1 to 80.
         step: usize,
     },
+    /// The reactive protocol needs an AV.
+    #[error(
+        "scenario `{scenario}`: the request has no AV, which the reactive protocol needs: give one, \
+         or choose the realism protocol"
+    )]
+    NoAv {
+        /// Id of the scenario.
+        scenario: String,
+    },
     /// The AV policy returned no state.
     #[error("scenario `{scenario}`: {source}")]
     Av {
@@ -67,7 +78,8 @@ pub enum RolloutError {
 /// State of one scenario of a batch during the rollout.
 struct ScenarioRollout<'a> {
     scenario: &'a Scenario,
-    av: Box<dyn AvPolicy>,
+    /// Policy of the AV; `None` if the simulator moves it.
+    av: Option<Box<dyn AvPolicy + 'a>>,
     /// Whether planned states come from a recording.
     replayed: bool,
     tracks: Vec<Vec<Frame>>,
@@ -127,7 +139,7 @@ fn attempt(
         plan_all(&mut running, controller, settings, steps);
         for k in 0..steps {
             for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
-                scenario.failed = scenario.advance(settings, k).err();
+                scenario.failed = scenario.advance(k).err();
             }
         }
         step += steps;
@@ -147,7 +159,7 @@ fn attempt(
 
 /// Begins the episodes of a batch.
 fn begin<'a>(
-    batch: &[Request<'a>],
+    batch: &'a [Request<'_>],
     controller: &Controller,
     settings: &Settings,
 ) -> Vec<ScenarioRollout<'a>> {
@@ -178,7 +190,9 @@ fn begin<'a>(
     let memories: Vec<Memory> = episodes.into_iter().map(|e| e.memory).collect();
     for (scenario, memory) in running.iter_mut().zip(memories) {
         scenario.memory = memory;
-        scenario.failed = begun.as_ref().err().map(|error| scenario.plan_error(error.for_each_episode()));
+        if let Err(error) = &begun {
+            scenario.failed = Some(scenario.plan_error(error.for_each_episode()));
+        }
     }
     running
 }
@@ -186,7 +200,7 @@ fn begin<'a>(
 /// Calls the controller once for the plans of all scenarios that have not failed.
 fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settings: &Settings, steps: usize) {
     for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
-        scenario.failed = scenario.look_ahead(settings).err();
+        scenario.failed = scenario.look_ahead().err();
     }
     let mut active: Vec<&mut ScenarioRollout<'_>> =
         running.iter_mut().filter(|r| r.failed.is_none()).collect();
@@ -223,13 +237,18 @@ fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settin
 }
 
 impl<'a> ScenarioRollout<'a> {
-    fn new(request: &Request<'a>, controller: &Controller, settings: &Settings) -> Self {
+    fn new(request: &'a Request<'_>, controller: &Controller, settings: &Settings) -> Self {
         let scenario = request.scenario;
         let with_room = |history: &Vec<Frame>| {
             let mut track = Vec::with_capacity(FRAMES);
             track.extend_from_slice(history);
             track
         };
+        let av = match settings.protocol {
+            Protocol::Reactive => request.av.as_ref().map(|av| av.begin()),
+            Protocol::Realism => None,
+        };
+        let lacks_av = settings.protocol == Protocol::Reactive && av.is_none();
         Self {
             tracks: scenario.start.history.iter().map(with_room).collect(),
             lights: scenario.start.light_history.clone(),
@@ -238,9 +257,9 @@ impl<'a> ScenarioRollout<'a> {
             outcomes: BTreeMap::new(),
             av_next: None,
             plan: JointPlan::new(0, 0),
-            failed: None,
+            failed: lacks_av.then(|| RolloutError::NoAv { scenario: scenario.id.clone() }),
             replayed: controller.is_oracle(),
-            av: request.av.copy(),
+            av,
             scenario,
         }
     }
@@ -252,25 +271,24 @@ impl<'a> ScenarioRollout<'a> {
 
     /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
     /// only.
-    fn look_ahead(&mut self, settings: &Settings) -> Result<(), RolloutError> {
-        if settings.protocol == Protocol::Realism || self.av_next.is_some() {
-            return Ok(());
-        }
+    fn look_ahead(&mut self) -> Result<(), RolloutError> {
+        let Some(av) = self.av.as_mut().filter(|_| self.av_next.is_none()) else { return Ok(()) };
         let seen = Observation::new(&self.scenario.start, &self.tracks, &self.lights, None);
-        let next = self.av.next(&seen);
+        let next = av.next(&seen);
         let next = next.map_err(|source| RolloutError::Av { scenario: self.scenario.id.clone(), source })?;
         self.av_next = Some(next);
         Ok(())
     }
 
     /// Realises one step: the AV by its policy (or by the plan), the agents by step `k` of the plan.
-    fn advance(&mut self, settings: &Settings, k: usize) -> Result<(), RolloutError> {
-        self.look_ahead(settings)?;
+    fn advance(&mut self, k: usize) -> Result<(), RolloutError> {
+        self.look_ahead()?;
         let step = self.tracks[0].len() - CURRENT;
         let external = self.av_next.take();
+        let replays_recording = self.av.as_ref().is_some_and(|av| av.replays_recording());
         for agent in 0..self.tracks.len() {
             let (planned, replayed) = if agent == 0 && external.is_some() {
-                (external, self.av.replays_recording())
+                (external, replays_recording)
             } else {
                 (self.plan.get(agent, k), self.replayed)
             };

@@ -10,7 +10,7 @@ mod observation;
 mod settings;
 mod stream;
 
-pub use av::{AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
+pub use av::{Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
 pub use engine::{Request, Rollout, RolloutError, roll_out};
 pub use episode::{
     Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,

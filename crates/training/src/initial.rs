@@ -36,8 +36,8 @@ pub fn draw_parameters<M: Module>(model: M, seed: u64, embedding_deviation: f32)
     parameters::write(model, &values)
 }
 
-/// Draws a number from the standard normal distribution (Box and Muller).
+/// Draws a number from the standard normal distribution.
 fn normal(stream: &mut Stream) -> f32 {
     let (u, v) = (1.0 - f64::from(unit(stream)), f64::from(unit(stream)));
-    ((-2.0 * math::ln(u)).sqrt() * math::cos(2.0 * std::f64::consts::PI * v)) as f32
+    math::standard_normal(u, v) as f32
 }

@@ -11,7 +11,7 @@ use super::super::drive::{Perturbation, drive};
 use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::linked_places::LinkedPlaces;
-use super::super::reactive::step::{EarlierNode, Step};
+use super::super::reactive::step::{EarlierNode, StepGraph};
 use super::super::token_loss::{Target, loss_weight};
 use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
 
@@ -39,7 +39,7 @@ pub struct Augmentation {
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(crate) linked: LinkedPlaces,
-    pub(crate) steps: Vec<Step>,
+    pub(crate) steps: Vec<StepGraph>,
     pub(crate) targets: Vec<Target>,
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn sample(
     while at + TOKEN_FRAMES < FRAMES && at < first + window * TOKEN_FRAMES {
         let lights = scene.lights_at(at);
         let view = scene.view(&tracks, at, blind, &lights);
-        let step = Step::of(&view, &sample.linked.places, &earlier, config);
+        let step = StepGraph::of(&view, &sample.linked.places, &earlier, config);
         if let Some(k) = at.checked_sub(first).map(|d| d / TOKEN_FRAMES) {
             for (i, (&slot, &class)) in step.slots.iter().zip(&step.classes).enumerate() {
                 if let Some(token) = labels[slot].get(k).copied().flatten() {

@@ -11,7 +11,7 @@ use super::linked_places::LinkedPlaces;
 use super::links::Links;
 use super::pair::PAIR_FEATURES;
 use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
-use super::step::{PAST_FEATURES, Step};
+use super::step::{PAST_FEATURES, StepGraph};
 
 /// Neighbours as tensors.
 #[derive(Clone, Debug)]
@@ -90,7 +90,11 @@ pub(crate) fn map_tensors(scenes: &[&LinkedPlaces], config: &Config, device: &De
 
 /// Lays out the steps of several scenes: for each scene its steps, oldest first, and the first rows of
 /// its places and of its earlier nodes.
-pub(crate) fn node_tensors(scenes: &[(&[Step], SceneRows)], config: &Config, device: &Device) -> NodeTensors {
+pub(crate) fn node_tensors(
+    scenes: &[(&[StepGraph], SceneRows)],
+    config: &Config,
+    device: &Device,
+) -> NodeTensors {
     let (mut past, mut places, mut agents) =
         (LinkCollector::default(), LinkCollector::default(), LinkCollector::default());
     let mut bodies = Vec::new();

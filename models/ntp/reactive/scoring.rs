@@ -7,7 +7,7 @@ use super::batch::{SceneRows, map_tensors, node_tensors};
 use super::linked_places::LinkedPlaces;
 use super::network::PastNodes;
 use super::policy::Policy;
-use super::step::Step;
+use super::step::StepGraph;
 
 /// Logits of an agent's next token at a step.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,10 +26,10 @@ impl Policy {
     pub fn logits(&self, known: &KnownMotion<'_>, frames: &[usize], device: &Device) -> Vec<Logits> {
         let config = &self.config;
         let linked = LinkedPlaces::known(known.start, config);
-        let (mut steps, mut earlier): (Vec<Step>, _) = (Vec::new(), Vec::new());
+        let (mut steps, mut earlier): (Vec<StepGraph>, _) = (Vec::new(), Vec::new());
         for &now in frames {
             let lights = known.lights_at(now);
-            let step = Step::of(&known.view(now, &lights), &linked.places, &earlier, config);
+            let step = StepGraph::of(&known.view(now, &lights), &linked.places, &earlier, config);
             earlier.extend_from_slice(&step.here);
             steps.push(step);
         }

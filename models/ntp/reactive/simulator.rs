@@ -16,7 +16,7 @@ use super::config::Config;
 use super::linked_places::LinkedPlaces;
 use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
-use super::step::{EarlierNode, Step};
+use super::step::{EarlierNode, StepGraph};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
 
 /// Simulator that moves agents by tokens drawn from the reactive network. The episodes of a batch go through
@@ -54,13 +54,13 @@ struct EpisodeMemory {
     next_frame: usize,
 }
 
-/// An episode whose plan is being made.
-struct PendingPlan<'e, 'a> {
+/// State of the decoding of one episode, whose plan is being made.
+struct DecodingState<'e, 'a> {
     episode: &'e mut Episode<'a>,
     memory: EpisodeMemory,
     /// Realized frames, then planned ones.
     tracks: Vec<Vec<Frame>>,
-    steps: Vec<Step>,
+    steps: Vec<StepGraph>,
     /// Remembered nodes, if the newest step continues from them.
     earlier: Vec<EarlierNode>,
     /// Steps up to the present one. Later ones are merely planned: others may move otherwise.
@@ -96,7 +96,7 @@ impl Simulator for ReactiveSimulator {
             };
             let agents = episode.seen.start().agents.len();
             let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
-            planned.push(PendingPlan {
+            planned.push(DecodingState {
                 episode,
                 memory,
                 tracks,
@@ -108,7 +108,7 @@ impl Simulator for ReactiveSimulator {
         let mut executor = Executor::new(self.driving.projection);
         let longest = planned.iter().map(|p| p.episode.plan.steps()).max().unwrap_or(0);
         for token in 0..longest.div_ceil(TOKEN_FRAMES) {
-            let mut active: Vec<&mut PendingPlan<'_, '_>> =
+            let mut active: Vec<&mut DecodingState<'_, '_>> =
                 planned.iter_mut().filter(|p| p.episode.plan.steps() > token * TOKEN_FRAMES).collect();
             self.next_tokens(&mut active, token, &mut executor);
         }
@@ -130,7 +130,7 @@ impl Simulator for ReactiveSimulator {
 
 impl ReactiveSimulator {
     /// Plans the `token`-th half second of every episode.
-    fn next_tokens(&self, active: &mut [&mut PendingPlan<'_, '_>], token: usize, executor: &mut Executor) {
+    fn next_tokens(&self, active: &mut [&mut DecodingState<'_, '_>], token: usize, executor: &mut Executor) {
         for p in active.iter_mut() {
             p.prepare_steps(token, &self.policy.config);
         }
@@ -165,7 +165,7 @@ impl ReactiveSimulator {
     }
 
     /// Encodes the steps of some episodes.
-    fn encode(&self, group: &mut [&mut &mut PendingPlan<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
+    fn encode(&self, group: &mut [&mut &mut DecodingState<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
         let (mut maps, mut past) = (RowCollector::default(), RowCollector::default());
         let (mut scenes, mut rows) = (Vec::new(), 0);
         for p in group {
@@ -188,7 +188,7 @@ impl ReactiveSimulator {
     }
 }
 
-impl PendingPlan<'_, '_> {
+impl DecodingState<'_, '_> {
     /// Prepares the network input for the `token`-th half second: the newest step alone if the earlier
     /// ones are remembered, else all steps.
     fn prepare_steps(&mut self, token: usize, config: &Config) {

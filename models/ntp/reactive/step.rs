@@ -26,9 +26,9 @@ pub(crate) struct EarlierNode {
     pub frame: usize,
 }
 
-/// One scene at one step as network input. Nodes are the agents that are present, in slot order.
+/// Graph of one scene at one step as network input. Nodes are the agents that are present, in slot order.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Step {
+pub(crate) struct StepGraph {
     /// Frame of the step.
     pub frame: usize,
     /// Slot of each node's agent.
@@ -47,7 +47,7 @@ pub(crate) struct Step {
     pub here: Vec<EarlierNode>,
 }
 
-impl Step {
+impl StepGraph {
     /// Builds the network input. `earlier` holds the nodes of earlier steps that may be attended to,
     /// oldest first.
     pub(crate) fn of(

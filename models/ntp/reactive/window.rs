@@ -7,7 +7,7 @@ use reactsim_scene::Frame;
 
 use super::super::tokens::TOKEN_FRAMES;
 use super::config::Config;
-use super::step::{EarlierNode, Step};
+use super::step::{EarlierNode, StepGraph};
 
 /// A computed step: its nodes and their input features for each block.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ pub(crate) fn observed_steps(
     frames: &[usize],
     places: &Places,
     config: &Config,
-) -> Vec<Step> {
+) -> Vec<StepGraph> {
     let mut earlier = Vec::new();
     let mut steps = Vec::with_capacity(frames.len());
     for &now in frames {
@@ -54,7 +54,7 @@ pub(crate) fn step_at(
     places: &Places,
     earlier: &[EarlierNode],
     config: &Config,
-) -> Step {
+) -> StepGraph {
     let realized = seen.frame();
     // After the last realized frame the AV is only predicted, and lights keep their states.
     let av_next = match seen.av_next() {
@@ -64,5 +64,5 @@ pub(crate) fn step_at(
     };
     let lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l)[now.min(realized)]).collect();
     let view = SceneView { agents: &seen.start().agents, tracks, now, av_next, lights: &lights };
-    Step::of(&view, places, earlier, config)
+    StepGraph::of(&view, places, earlier, config)
 }

@@ -8,7 +8,7 @@ use reactsim_nn::{Noise, RowCollector, SharedRows};
 
 use super::relation::Pose;
 use super::tables::pick;
-use super::{Agents, Edges, EncodedMap, Episode, Links, MapTokens, Smart, Step, TokenTables};
+use super::{Agents, CachedScene, Edges, EncodedMap, Links, MapTokens, Smart, Step, TokenTables};
 
 impl Smart {
     /// Encodes maps, which must have been checked.
@@ -46,12 +46,16 @@ impl Smart {
     }
 
     /// Starts scenes without steps. The agents must have been checked.
-    pub(super) fn begin_all(&self, tables: &TokenTables, scenes: Vec<(EncodedMap, Agents)>) -> Vec<Episode> {
+    pub(super) fn begin_all(
+        &self,
+        tables: &TokenTables,
+        scenes: Vec<(EncodedMap, Agents)>,
+    ) -> Vec<CachedScene> {
         let mut all = Agents::default();
         scenes.iter().for_each(|(_, agents)| all.append(agents));
         let identities = self.agent_encoder.identities(&all, &tables.device());
         let identities = SharedRows::divide(vec![identities], scenes.iter().map(|(_, agents)| agents.len()));
-        let begun = |((map, agents), identities)| Episode {
+        let begun = |((map, agents), identities)| CachedScene {
             map,
             agents,
             identities,
@@ -63,7 +67,7 @@ impl Smart {
 
     /// Adds the next steps of scenes, which must have been checked. Returns the scores of the next tokens,
     /// [agents of all scenes, tokens].
-    pub(super) fn step_all(&self, tables: &TokenTables, scenes: Vec<(&mut Episode, Step)>) -> Tensor<2> {
+    pub(super) fn step_all(&self, tables: &TokenTables, scenes: Vec<(&mut CachedScene, Step)>) -> Tensor<2> {
         let classes: Vec<u8> = scenes.iter().flat_map(|(e, _)| e.agents.class.iter().copied()).collect();
         let x = self.advance_all(tables, scenes);
         let counts = self.config().n_token_agent.of_classes();
@@ -78,15 +82,15 @@ impl Smart {
     pub(super) fn advance_all(
         &self,
         tables: &TokenTables,
-        mut scenes: Vec<(&mut Episode, Step)>,
+        mut scenes: Vec<(&mut CachedScene, Step)>,
     ) -> Tensor<2> {
         let (config, layers, device) = (self.config(), &self.agent_encoder, tables.device());
-        let counts: Vec<usize> = scenes.iter().map(|(episode, _)| episode.agents.len()).collect();
+        let counts: Vec<usize> = scenes.iter().map(|(scene, _)| scene.agents.len()).collect();
         let nodes: usize = counts.iter().sum();
         let pass = Pass::of(&scenes);
         let tokens = scenes
             .iter()
-            .flat_map(|(episode, step)| episode.agents.class.iter().copied().zip(step.token.iter().copied()));
+            .flat_map(|(scene, step)| scene.agents.class.iter().copied().zip(step.token.iter().copied()));
         let tokens = tables.agents(tokens);
         if nodes == 0 {
             return tokens;
@@ -95,14 +99,14 @@ impl Smart {
 
         let (mut own, mut from_map, mut among) = (Edges::new(4), Edges::new(3), Edges::new(3));
         let mut first = 0;
-        for ((episode, step), rows) in scenes.iter_mut().zip(&pass.rows) {
+        for ((scene, step), rows) in scenes.iter_mut().zip(&pass.rows) {
             let step = std::mem::take(step);
             let mut seen = Edges::new(3);
-            seen.add_from_map(config, &episode.map.poses, &step, |agent| agent);
+            seen.add_from_map(config, &scene.map.poses, &step, |agent| agent);
             from_map.append(&seen, rows.map, first);
             among.among_agents(config, &step, |agent| first + agent);
-            episode.steps.push_back(step);
-            let steps = episode.steps.make_contiguous();
+            scene.steps.push_back(step);
+            let steps = scene.steps.make_contiguous();
             let visible: Vec<Vec<bool>> = steps.iter().map(|s| s.valid.clone()).collect();
             let newest = steps.len() - 1;
             let source = |agent: usize, step: usize| rows.past[step] + agent;
@@ -130,11 +134,11 @@ impl Smart {
             let sources = layer.sources(x.clone());
             x = layer.forward_with(x, sources, &among.neighbors, &among.relations, noise);
         }
-        for ((episode, _), entering) in scenes.iter_mut().zip(SharedRows::divide(entering, counts)) {
-            episode.pasts.push_back(entering);
-            if episode.steps.len() > config.window() {
-                episode.steps.pop_front();
-                episode.pasts.pop_front();
+        for ((scene, _), entering) in scenes.iter_mut().zip(SharedRows::divide(entering, counts)) {
+            scene.pasts.push_back(entering);
+            if scene.steps.len() > config.window() {
+                scene.steps.pop_front();
+                scene.pasts.pop_front();
             }
         }
         x
@@ -163,19 +167,19 @@ struct SceneRows {
 }
 
 impl Pass {
-    fn of(scenes: &[(&mut Episode, Step)]) -> Self {
+    fn of(scenes: &[(&mut CachedScene, Step)]) -> Self {
         let mut pass = Self::default();
-        for (episode, step) in scenes {
-            let before = episode.steps.back();
-            pass.motion.extend((0..episode.agents.len()).map(|a| {
+        for (scene, step) in scenes {
+            let before = scene.steps.back();
+            pass.motion.extend((0..scene.agents.len()).map(|a| {
                 let own = Pose::new(step.position[a], step.heading[a]);
                 before.map_or([0.0; 2], |b| own.motion(b.position[a]))
             }));
             let rows = SceneRows {
-                identities: pass.identities.add(&episode.identities),
-                map: pass.map.add(&episode.map.sources),
-                past: episode.pasts.iter().map(|past| pass.past.add(past)).collect(),
-                agents: episode.agents.len(),
+                identities: pass.identities.add(&scene.identities),
+                map: pass.map.add(&scene.map.sources),
+                past: scene.pasts.iter().map(|past| pass.past.add(past)).collect(),
+                agents: scene.agents.len(),
             };
             pass.rows.push(rows);
         }
@@ -200,7 +204,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use reactsim_nn::{Initializer, device};
 
-    use super::super::{SmartConfig, Vocabulary};
+    use super::super::{SmartConfig, TokenShapes};
     use super::*;
 
     const STEPS: usize = 6;
@@ -214,14 +218,14 @@ mod tests {
     }
 
     /// Returns shapes of tokens, drawn at random.
-    fn vocabulary(config: &SmartConfig, stream: &mut ChaCha8Rng) -> Vocabulary {
+    fn token_shapes(config: &SmartConfig, stream: &mut ChaCha8Rng) -> TokenShapes {
         let counts = config.n_token_agent.of_classes();
         let agents =
             counts.map(|n| (0..n).map(|_| std::array::from_fn(|_| stream.random_range(-3.0..8.0))).collect());
         let map = (0..config.n_token_map)
             .map(|_| std::array::from_fn(|_| stream.random_range(-1.0..5.0)))
             .collect();
-        Vocabulary { agents, map }
+        TokenShapes { agents, map }
     }
 
     /// A scene of agents and pieces of map within 20 m, with its steps.
@@ -254,18 +258,19 @@ mod tests {
     fn together_and_alone(device: &Device) -> [Vec<Vec<f32>>; 2] {
         let config = config();
         let network = Smart::init(&config, &mut Initializer::new(5, device)).unwrap();
-        let tables = network.tables(&vocabulary(&config, &mut ChaCha8Rng::seed_from_u64(1)), device).unwrap();
+        let tables =
+            network.tables(&token_shapes(&config, &mut ChaCha8Rng::seed_from_u64(1)), device).unwrap();
         // The last scene has no map.
         let scenes = [(7, 5, 21), (8, 9, 40), (9, 2, 7), (10, 4, 0)].map(|(s, a, p)| scene(s, a, p));
         let steps = [0..STEPS, 0..STEPS, 0..3, 2..STEPS];
         let maps = network.encode_maps(&tables, &scenes.each_ref().map(|(map, ..)| map));
         let begun = maps.into_iter().zip(scenes.iter().map(|(_, agents, _)| agents.clone())).collect();
-        let mut episodes = network.begin_all(&tables, begun);
+        let mut cached = network.begin_all(&tables, begun);
         let [mut together, mut alone] = [(); 2].map(|()| vec![Vec::new(); scenes.len()]);
         for t in 0..STEPS {
             let running: Vec<usize> = (0..scenes.len()).filter(|i| steps[*i].contains(&t)).collect();
-            let group = episodes.iter_mut().enumerate().filter(|(i, _)| running.contains(i));
-            let group = group.map(|(i, episode)| (episode, scenes[i].2[t].clone())).collect();
+            let group = cached.iter_mut().enumerate().filter(|(i, _)| running.contains(i));
+            let group = group.map(|(i, scene)| (scene, scenes[i].2[t].clone())).collect();
             let scores = network.step_all(&tables, group);
             let width = scores.dims()[1];
             let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
@@ -279,9 +284,9 @@ mod tests {
         }
         for (i, (map, agents, all)) in scenes.iter().enumerate() {
             let map = network.encode_map(&tables, map).unwrap();
-            let mut episode = network.begin(&tables, map, agents.clone()).unwrap();
+            let mut scene = network.begin(&tables, map, agents.clone()).unwrap();
             for step in &all[steps[i].clone()] {
-                let scores = network.step(&tables, &mut episode, step.clone()).unwrap();
+                let scores = network.step(&tables, &mut scene, step.clone()).unwrap();
                 alone[i].extend(scores.into_data().iter::<f32>());
             }
         }

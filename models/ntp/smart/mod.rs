@@ -2,7 +2,7 @@
 //! unchanged.
 //!
 //! Read [`Scene`] first (input), then [`Smart`] (output: a score for every token of every agent), then
-//! [`Episode`] (step-by-step evaluation with cached steps). [`Edges`] defines which pairs attend and
+//! [`CachedScene`] (step-by-step evaluation with cached steps). [`Edges`] defines which pairs attend and
 //! their relation scalars. [`SmartSimulator`] is the simulator; a [`SmartPolicy`] is the network with
 //! its vocabularies in one file, and `README.md` describes how to make that file.
 //!
@@ -13,7 +13,7 @@ mod agent_encoder;
 mod batch;
 mod config;
 mod edges;
-mod episode;
+mod cached_scene;
 mod head;
 pub mod learn;
 mod links;
@@ -28,13 +28,13 @@ mod scene;
 mod simulator;
 mod stage;
 mod tables;
-mod vocabulary;
+mod token_shapes;
 
 pub use agent_encoder::AgentEncoder;
 pub use batch::Batch;
+pub use cached_scene::{CachedScene, EncodedMap};
 pub use config::{ConfigError, FeedForwardKind, SmartConfig, TokenCounts};
 pub use edges::Edges;
-pub use episode::{EncodedMap, Episode};
 pub use head::{ClassHeads, TokenHead};
 pub use links::Links;
 pub use map_encoder::MapEncoder;
@@ -46,4 +46,4 @@ pub use scene::{Agents, InputError, MapTokens, Scene, Step};
 pub use simulator::{SmartParameters, SmartSimulator};
 pub use stage::Stage;
 pub use tables::TokenTables;
-pub use vocabulary::Vocabulary;
+pub use token_shapes::TokenShapes;

@@ -6,8 +6,8 @@ use reactsim_nn::{Initializer, Noise, Tensors, WeightsError};
 
 use super::tables::{pick, rows};
 use super::{
-    AgentEncoder, Batch, ConfigError, InputError, Links, MapEncoder, SmartConfig, Stage, TokenTables,
-    Vocabulary,
+    AgentEncoder, Batch, ConfigError, InputError, Links, MapEncoder, SmartConfig, Stage, TokenShapes,
+    TokenTables,
 };
 
 /// The network: it maps scenes to a score for every token of every agent at every step. Its output is
@@ -124,7 +124,7 @@ impl Smart {
     /// classes have different numbers of tokens, tokens that a class does not have score -1e9.
     ///
     /// For training and for complete recorded scenes. Scenes of a batch do not see each other, but the
-    /// last bits of a scene's scores may depend on the rest of the batch; [`Episode`](super::Episode)
+    /// last bits of a scene's scores may depend on the rest of the batch; [`CachedScene`](super::CachedScene)
     /// evaluates one scene at a time.
     pub fn forward(&self, tables: &TokenTables, batch: &Batch, noise: &mut Noise) -> Tensor<2> {
         self.forward_watched(tables, batch, noise, &mut |_, _| {})
@@ -174,17 +174,17 @@ impl Smart {
     ///
     /// # Errors
     /// [`InputError::Vocabulary`] if their number is not that of the network.
-    pub fn tables(&self, vocabulary: &Vocabulary, device: &Device) -> Result<TokenTables, InputError> {
-        vocabulary.check(self.config())?;
+    pub fn tables(&self, shapes: &TokenShapes, device: &Device) -> Result<TokenTables, InputError> {
+        shapes.check(self.config())?;
         let mut starts = [0; 3];
         let mut vectors = Vec::new();
         let mut count = 0;
-        for (class, shapes) in vocabulary.agents.iter().enumerate() {
+        for (class, corners) in shapes.agents.iter().enumerate() {
             starts[class] = count;
-            count += shapes.len();
-            vectors.push(self.agent_encoder.token_embedding(class).forward(rows(shapes, device)));
+            count += corners.len();
+            vectors.push(self.agent_encoder.token_embedding(class).forward(rows(corners, device)));
         }
-        let map = self.map_encoder.token_embedding().forward(rows(&vocabulary.map, device));
+        let map = self.map_encoder.token_embedding().forward(rows(&shapes.map, device));
         Ok(TokenTables { agents: Tensor::cat(vectors, 0), starts, map })
     }
 }

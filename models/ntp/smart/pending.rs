@@ -1,21 +1,20 @@
 //! An episode whose plan is being made.
 
-use reactsim_rollout as rollout;
-use reactsim_rollout::{JointPlan, Observation, PlanError, Stream};
+use reactsim_rollout::{Episode, JointPlan, Observation, PlanError, Stream};
 use reactsim_scene::Frame;
 
 use super::super::execute::Executor;
 use super::super::sampling::Sampling;
 use super::super::tokens::TOKEN_FRAMES;
 use super::observed::{Participant, step_at};
-use super::{Episode, InputError, SmartPolicy, Step};
+use super::{CachedScene, InputError, SmartPolicy, Step};
 
 /// Memory of an episode between plans.
 #[derive(Debug)]
 pub(super) struct EpisodeMemory {
     participants: Vec<Participant>,
-    /// The episode before its first step.
-    fresh: Episode,
+    /// The scene before its first step.
+    fresh: CachedScene,
     /// Chains of steps, by the frame of their last step modulo 5.
     chains: [Option<StepChain>; TOKEN_FRAMES],
 }
@@ -28,7 +27,7 @@ pub(super) type BegunMemory = Result<EpisodeMemory, InputError>;
 struct StepChain {
     /// Frame of the last step.
     frame: usize,
-    episode: Episode,
+    scene: CachedScene,
 }
 
 /// An episode whose plan is being made.
@@ -41,13 +40,13 @@ pub(super) struct PendingPlan<'e> {
     /// Realized frames of every participant, then planned ones.
     tracks: Vec<Vec<Frame>>,
     /// The scene with the steps that the network has seen.
-    pub(super) scene: Episode,
+    pub(super) scene: CachedScene,
     /// Frame of the next step.
     next: usize,
 }
 
 impl EpisodeMemory {
-    pub(super) fn new(participants: Vec<Participant>, fresh: Episode) -> Self {
+    pub(super) fn new(participants: Vec<Participant>, fresh: CachedScene) -> Self {
         Self { participants, fresh, chains: [const { None }; TOKEN_FRAMES] }
     }
 }
@@ -59,8 +58,8 @@ fn unreadable(error: &InputError) -> PlanError {
 
 impl<'e> PendingPlan<'e> {
     /// Begins a plan; `None`, with the error in the episode, if its memory is none of the simulator `id`.
-    pub(super) fn of(id: &'static str, episode: &'e mut rollout::Episode<'_>) -> Option<Self> {
-        let rollout::Episode { seen, memory, stream, plan, error, .. } = episode;
+    pub(super) fn of(id: &'static str, episode: &'e mut Episode<'_>) -> Option<Self> {
+        let Episode { seen, memory, stream, plan, error, .. } = episode;
         let memory = match memory.get::<BegunMemory>() {
             Some(Ok(memory)) => memory,
             Some(Err(cause)) => {
@@ -75,7 +74,7 @@ impl<'e> PendingPlan<'e> {
         let now = seen.frame();
         let tracks = memory.participants.iter().map(|p| p.track(seen)).collect();
         let (next, scene) = match memory.chains[now % TOKEN_FRAMES].take() {
-            Some(chain) if chain.frame < now => (chain.frame + TOKEN_FRAMES, chain.episode),
+            Some(chain) if chain.frame < now => (chain.frame + TOKEN_FRAMES, chain.scene),
             _ => (TOKEN_FRAMES + now % TOKEN_FRAMES, memory.fresh.clone()),
         };
         Some(Self { seen: *seen, stream, plan, error, memory, tracks, scene, next })
@@ -114,7 +113,7 @@ impl<'e> PendingPlan<'e> {
     /// Keeps the steps up to the present one for the next plan. Planned ones are not kept.
     pub(super) fn remember(&mut self) {
         let frame = self.seen.frame();
-        let chain = StepChain { frame, episode: self.scene.clone() };
+        let chain = StepChain { frame, scene: self.scene.clone() };
         self.memory.chains[frame % TOKEN_FRAMES] = Some(chain);
     }
 

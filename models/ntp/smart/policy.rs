@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::super::tokens::file::PREFIX;
 use super::super::tokens::map_vocabulary::MAP_PREFIX;
 use super::super::tokens::{MapVocabulary, TOKEN_FRAMES, Vocabulary, VocabularyError};
-use super::{InputError, LoadError, Smart, SmartConfig, TokenTables, Vocabulary as Shapes};
+use super::{InputError, LoadError, Smart, SmartConfig, TokenShapes, TokenTables};
 
 /// Name of this kind of network in the configuration of a file.
 const KIND: &str = "smart";
@@ -116,7 +116,7 @@ impl SmartPolicy {
 }
 
 /// Converts the vocabularies to the token shapes that the network reads.
-pub(super) fn token_shapes(vocabulary: &Vocabulary, map: &MapVocabulary) -> Shapes {
+pub(super) fn token_shapes(vocabulary: &Vocabulary, map: &MapVocabulary) -> TokenShapes {
     let contours = |class| {
         let ends = (0..vocabulary.tokens(class)).map(|token| vocabulary.contour(class, token));
         ends.map(|c| std::array::from_fn(|i| c[i / 2][i % 2] as f32)).collect()
@@ -125,5 +125,5 @@ pub(super) fn token_shapes(vocabulary: &Vocabulary, map: &MapVocabulary) -> Shap
         let points = map.curve(token);
         std::array::from_fn(|i| points[i / 2][i % 2] as f32)
     };
-    Shapes { agents: Class::ALL.map(contours), map: (0..map.tokens()).map(curve).collect() }
+    TokenShapes { agents: Class::ALL.map(contours), map: (0..map.tokens()).map(curve).collect() }
 }

@@ -2,8 +2,7 @@
 
 use burn::tensor::Device;
 use reactsim_nn::is_host;
-use reactsim_rollout as rollout;
-use reactsim_rollout::{Beginning, Memory, PlanError, Simulator};
+use reactsim_rollout::{Beginning, Episode, Memory, PlanError, Simulator};
 use reactsim_scene::Start;
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +10,7 @@ use super::super::execute::Executor;
 use super::super::sampling::Sampling;
 use super::observed::{Participant, identities, map_tokens};
 use super::pending::{BegunMemory, EpisodeMemory, PendingPlan};
-use super::{Agents, Episode, InputError, MapTokens, SmartPolicy, Step};
+use super::{Agents, CachedScene, InputError, MapTokens, SmartPolicy, Step};
 
 /// Parameters on the cards.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -135,7 +134,7 @@ impl SmartSimulator {
 }
 
 /// Returns the scenes of a forward pass with their steps.
-fn scenes<'s>(pass: &'s mut [(&mut PendingPlan<'_>, Step)]) -> Vec<(&'s mut Episode, Step)> {
+fn scenes<'s>(pass: &'s mut [(&mut PendingPlan<'_>, Step)]) -> Vec<(&'s mut CachedScene, Step)> {
     pass.iter_mut().map(|(p, step)| (&mut p.scene, std::mem::take(step))).collect()
 }
 
@@ -172,7 +171,7 @@ impl Simulator for SmartSimulator {
         Ok(())
     }
 
-    fn plan(&self, batch: &mut [rollout::Episode<'_>]) -> Result<(), PlanError> {
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
         let mut pending: Vec<PendingPlan<'_>> =
             batch.iter_mut().filter_map(|episode| PendingPlan::of(self.id, episode)).collect();
         while pending.iter().any(PendingPlan::is_behind) {

@@ -1,5 +1,7 @@
 //! Rollouts of simulators that are run on request.
 
+use std::sync::Arc;
+
 use anyhow::anyhow;
 
 use super::recorded::marks_of;
@@ -23,7 +25,7 @@ pub(super) fn rollout(
         )
     })?;
     let av = DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?;
-    let request = Request { scenario, av: Box::new(av), rollout: index };
+    let request = Request { scenario, av: Some(Arc::new(av)), rollout: index };
     let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
     let done =
         results.pop().ok_or_else(|| anyhow!("scenario `{}`: no rollout was produced", scenario.id))??;

@@ -56,7 +56,7 @@ pub(super) fn marks(run: &Path, simulator: &str, rollout: u32, scenario: &str) -
 
 /// Computes the events of a rollout that no run has scored, and returns those that pictures mark.
 pub(super) fn marks_of(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Vec<Mark> {
-    let scores = score_case(&Case::of_rollout(scenario, tracks.to_vec(), Options::default()));
+    let scores = score_case(&Case::of_rollout(scenario, tracks, Options::default()));
     let mark = |e: Event| Some(Mark { step: e.step, kind: kind(e.metric, e.counted)?, agent: e.agent });
     scores.events.into_iter().filter_map(mark).collect()
 }

@@ -1,24 +1,27 @@
 //! Closed-loop evaluation of a network during training: benchmark metrics on a few scenarios.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use rayon::prelude::*;
 
 use crate::cli::find_inputs;
-use crate::metrics::{self, Case, Options};
-use crate::rollout::{AvPolicy, Controller, DeviatedAv, LogAv, Request, Settings, roll_out};
-use crate::scene::{Frame, Scenario};
+use crate::evaluation::{
+    self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator, Source,
+};
+use crate::rollout::Controller;
+use crate::scene::Scenario;
 
 /// Ids of the reported metrics.
-const REPORTED: [&str; 6] = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "ade"];
+const REPORTED: [&str; 7] =
+    ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "ade", "min-ade"];
 /// Number of scenarios rolled out together.
 const BATCH: usize = 4;
-
-/// Name of the metric that is the minimum over all rollouts of a scenario.
-const MIN_ADE: &str = "min-ade";
+/// Id of the network as a simulator.
+const NETWORK: &str = "network";
 
 /// Scenarios for closed-loop evaluation.
 #[derive(Debug, Args)]
@@ -44,7 +47,7 @@ impl ClosedLoopArgs {
 
 /// Scenarios to drive in, with their deviated AV if they have one, else with the logged AV.
 pub(super) struct ClosedLoop {
-    scenarios: Vec<Scenario>,
+    scenarios: Arc<[Scenario]>,
     /// Rollouts per scenario.
     rollouts: u32,
 }
@@ -52,21 +55,34 @@ pub(super) struct ClosedLoop {
 impl ClosedLoop {
     /// Reads the first `most` scenarios of a file or folder.
     fn read(path: &PathBuf, most: usize, rollouts: u32) -> anyhow::Result<Self> {
-        let mut scenarios = Vec::new();
+        let (mut scenarios, mut ids) = (Vec::new(), BTreeSet::new());
         for input in find_inputs(std::slice::from_ref(path))? {
-            for scenario in input.open()? {
-                if scenarios.len() < most {
-                    scenarios.push(scenario?);
+            for scenario in input.open()?.take(most - scenarios.len()) {
+                let scenario = scenario?;
+                if !ids.insert(scenario.id.clone()) {
+                    bail!("{}: scenario `{}`: an earlier one has this id", path.display(), scenario.id);
                 }
+                scenarios.push(scenario);
             }
         }
         if scenarios.is_empty() {
             bail!("{}: no scenario to drive in", path.display());
         }
-        for scenario in &scenarios {
-            av(scenario).with_context(|| format!("{}: scenario `{}`", path.display(), scenario.id))?;
+        let closed_loop = Self { scenarios: scenarios.into(), rollouts };
+        let plan = closed_loop.plan(Vec::new())?;
+        for scenario in closed_loop.scenarios.iter() {
+            plan.av(scenario).with_context(|| format!("{}: scenario `{}`", path.display(), scenario.id))?;
         }
-        Ok(Self { scenarios, rollouts })
+        Ok(closed_loop)
+    }
+
+    fn plan(&self, simulators: Vec<PlannedSimulator>) -> Result<Plan, EvaluationError> {
+        let request = PlanRequest {
+            av: Some(AvChoice::DeviatedOrLog),
+            rollouts: self.rollouts,
+            ..PlanRequest::new(vec![Source::of_scenarios(self.scenarios.clone(), usize::MAX)], simulators)
+        };
+        request.plan()
     }
 
     /// Returns the ids of the scenarios.
@@ -75,63 +91,20 @@ impl ClosedLoop {
     }
 
     /// Returns the means over scenarios of a simulator's metrics, by metric id.
-    pub(super) fn measure(&self, controller: &Controller) -> Result<BTreeMap<String, f64>, String> {
-        let scored: Result<Vec<_>, String> =
-            self.scenarios.par_chunks(BATCH).map(|chunk| self.score(chunk, controller)).collect();
-        let scored: Vec<_> = scored?.into_iter().flatten().collect();
-        let mut means = BTreeMap::new();
-        for id in REPORTED.into_iter().chain([MIN_ADE]) {
-            let values: Vec<f64> = scored.iter().filter_map(|s| s.get(id).copied()).collect();
-            if let Some(mean) = mean(&values) {
-                means.insert(id.to_owned(), mean);
-            }
+    pub(super) fn measure(&self, network: Controller, jobs: usize) -> Result<BTreeMap<String, f64>, String> {
+        let run = || {
+            let plan = self.plan(vec![PlannedSimulator::own(NETWORK, network)])?;
+            // An interrupted training ends after this evaluation, which is short.
+            let stop = AtomicBool::new(false);
+            evaluation::run(&plan, Execution { jobs, batch: BATCH }, None, plan.tally(), &(), &stop)
+        };
+        let Outcome::Finished(summary) = run().map_err(|error| error.to_string())? else {
+            unreachable!("nothing stops the run")
+        };
+        if let Some(failure) = summary.provenance.failures.first() {
+            return Err(failure.error.clone());
         }
-        Ok(means)
+        let metrics = &summary.simulators[NETWORK].metrics;
+        Ok(REPORTED.iter().filter_map(|id| Some(((*id).to_owned(), metrics.get(*id)?.mean?))).collect())
     }
-
-    /// Returns, per scenario, the means over its rollouts, by metric id.
-    fn score(
-        &self,
-        scenarios: &[Scenario],
-        controller: &Controller,
-    ) -> Result<Vec<BTreeMap<&'static str, f64>>, String> {
-        let request = |(scenario, rollout)| {
-            let av = av(scenario).map_err(|e| e.to_string())?;
-            Ok(Request { scenario, av, rollout })
-        };
-        let pairs = scenarios.iter().flat_map(|scenario| (0..self.rollouts).map(move |r| (scenario, r)));
-        let requests = pairs.map(request).collect::<Result<Vec<_>, String>>()?;
-        let tracks = roll_out(requests, controller, &Settings::default())
-            .into_iter()
-            .map(|rollout| rollout.map(|r| r.tracks).map_err(|e| e.to_string()))
-            .collect::<Result<Vec<_>, String>>()?;
-        let options = Options::default();
-        let of_scenario = |(scenario, tracks): (&Scenario, &[Vec<Vec<Frame>>])| {
-            let each: Vec<_> = tracks
-                .iter()
-                .map(|t| metrics::score_case(&Case::of_rollout(scenario, t.clone(), options)))
-                .collect();
-            let mut means = BTreeMap::new();
-            for id in REPORTED {
-                let values: Vec<f64> = each.iter().filter_map(|s| s.value(id)).collect();
-                means.extend(mean(&values).map(|value| (id, value)));
-            }
-            let tracks: Vec<_> = tracks.iter().map(Vec::as_slice).collect();
-            let all = metrics::score_rollouts(scenario, &tracks, options);
-            means.extend(all.displacement.map(|d| (MIN_ADE, d.min_ade)));
-            means
-        };
-        Ok(scenarios.iter().zip(tracks.chunks(self.rollouts as usize)).map(of_scenario).collect())
-    }
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-fn av(scenario: &Scenario) -> anyhow::Result<Box<dyn AvPolicy>> {
-    Ok(match &scenario.deviation {
-        Some(deviation) => Box::new(DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?),
-        None => Box::new(LogAv::new(scenario)?),
-    })
 }

@@ -113,7 +113,8 @@ pub(super) fn train(
     }
     let progress = Progress::new(out);
     let best_by = settings.best_by.clone();
-    let measure = closed_loop.map(|scenarios| |controller: &Controller| scenarios.measure(controller));
+    let measure =
+        closed_loop.map(|scenarios| |controller: Controller| scenarios.measure(controller, args.jobs()));
     let outcome = training.learn(Training {
         source: &data,
         settings,

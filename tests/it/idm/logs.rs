@@ -1,5 +1,7 @@
 //! Whole scenarios: those that ship, and real logs of the training split.
 
+use std::sync::Arc;
+
 use reactsim::geometry::wrap;
 use reactsim::metrics::{Event, Scores};
 use reactsim::rollout::{Request, Rollout, Script, ScriptedAv, Settings, roll_out};
@@ -36,7 +38,7 @@ fn violations(scenario: &Scenario, scores: &Scores) -> Vec<String> {
 fn scripted(scenario: &Scenario, script: &str) -> Rollout {
     let av = ScriptedAv::new(scenario, script.parse::<Script>().unwrap()).unwrap();
     let controller = reactsim::models::find("idm").unwrap().simulator().unwrap();
-    let request = Request { scenario, av: Box::new(av), rollout: 0 };
+    let request = Request { scenario, av: Some(Arc::new(av)), rollout: 0 };
     roll_out(vec![request], &controller, &Settings::default()).remove(0).unwrap()
 }
 

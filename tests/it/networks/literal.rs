@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim::models::nn::{Tensors, save};
-use reactsim::models::ntp::smart::{Scene, SmartConfig, Vocabulary};
+use reactsim::models::ntp::smart::{Scene, SmartConfig, TokenShapes};
 
 use super::naive::{Naive, Rows, add, relu};
-use super::smart::{forward, network, scene, shared_head, vocabulary};
+use super::smart::{forward, network, scene, shared_head, token_shapes};
 use super::worst;
 
 /// Pairs (source, target) and the scalars of their relations.
@@ -74,12 +74,11 @@ impl Literal<'_> {
         Pose(step.position[agent][0].into(), step.position[agent][1].into(), step.heading[agent].into())
     }
 
-    fn map(&self, vocabulary: &Vocabulary) -> Rows {
+    fn map(&self, shapes: &TokenShapes) -> Rows {
         let map = &self.scene.map;
         let mut x = Rows::new();
         for i in 0..map.len() {
-            let curve: Vec<f64> =
-                vocabulary.map[map.token[i] as usize].iter().map(|v| f64::from(*v)).collect();
+            let curve: Vec<f64> = shapes.map[map.token[i] as usize].iter().map(|v| f64::from(*v)).collect();
             let mut row = self.mlp("map_encoder.token_emb", 3, &curve);
             add(&mut row, &self.row("map_encoder.type_pt_emb.weight", map.kind[i].into()));
             add(&mut row, &self.row("map_encoder.polygon_type_emb.weight", map.polygon[i].into()));
@@ -101,13 +100,13 @@ impl Literal<'_> {
         x
     }
 
-    fn fused(&self, vocabulary: &Vocabulary) -> Rows {
+    fn fused(&self, shapes: &TokenShapes) -> Rows {
         let agents = &self.scene.agents;
         let mut x = Rows::new();
         for (agent, class) in agents.class.iter().enumerate() {
             for (t, step) in self.scene.steps.iter().enumerate() {
                 let class = usize::from(*class);
-                let corners = vocabulary.agents[class][step.token[agent] as usize].map(f64::from);
+                let corners = shapes.agents[class][step.token[agent] as usize].map(f64::from);
                 let name = ["veh", "ped", "cyc"][class];
                 let token = self.mlp(&format!("agent_encoder.token_emb_{name}"), 3, &corners);
                 let mut identity = self.row("agent_encoder.type_a_emb.weight", class);
@@ -128,8 +127,8 @@ impl Literal<'_> {
         x
     }
 
-    fn logits(&self, vocabulary: &Vocabulary) -> Rows {
-        let (map, mut x) = (self.map(vocabulary), self.fused(vocabulary));
+    fn logits(&self, shapes: &TokenShapes) -> Rows {
+        let (map, mut x) = (self.map(shapes), self.fused(shapes));
         let (agents, steps) = (self.scene.agents.len(), self.scene.steps.len());
         let valid = |agent: usize, step: usize| self.scene.steps[step].valid[agent];
         let [mut past, mut seen, mut others] = [Pairs::default(), Pairs::default(), Pairs::default()];
@@ -172,12 +171,12 @@ impl Literal<'_> {
 fn the_network_is_what_the_text_says() {
     let (config, device) = (shared_head(), Device::flex());
     let network = network(&config, &device);
-    let (vocabulary, scene) = (vocabulary(&config), scene(&config, 14, 5, 14, true));
-    let tables = network.tables(&vocabulary, &device).unwrap();
+    let (shapes, scene) = (token_shapes(&config), scene(&config, 14, 5, 14, true));
+    let tables = network.tables(&shapes, &device).unwrap();
     let bytes = save(&network, &BTreeMap::new());
     let weights = Tensors::read(&bytes).unwrap();
     let literal = Literal { weights: &weights, config: &config, scene: &scene };
-    let expected: Vec<f32> = literal.logits(&vocabulary).concat().into_iter().map(|v| v as f32).collect();
+    let expected: Vec<f32> = literal.logits(&shapes).concat().into_iter().map(|v| v as f32).collect();
     let gap = worst(&forward(&network, &tables, &[&scene]), &expected);
     assert!(gap < 1e-4, "{gap}");
 }

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::models::nn::{Initializer, Noise, Tensors, save};
 use reactsim::models::ntp::smart::{
-    Agents, Batch, InputError, MapTokens, Scene, Smart, SmartConfig, Step, TokenTables, Vocabulary,
+    Agents, Batch, InputError, MapTokens, Scene, Smart, SmartConfig, Step, TokenShapes, TokenTables,
 };
 
 use super::attention::Shaken;
@@ -38,10 +38,10 @@ pub(super) fn network(config: &SmartConfig, device: &Device) -> Smart {
     network.map(&mut Shaken(ChaCha8Rng::seed_from_u64(9)))
 }
 
-pub(super) fn vocabulary(config: &SmartConfig) -> Vocabulary {
+pub(super) fn token_shapes(config: &SmartConfig) -> TokenShapes {
     let stream = &mut ChaCha8Rng::seed_from_u64(21);
     let counts = config.n_token_agent.of_classes();
-    Vocabulary {
+    TokenShapes {
         agents: counts
             .map(|n| (0..n).map(|_| std::array::from_fn(|_| stream.random_range(-3.0..6.0))).collect()),
         map: (0..config.n_token_map)
@@ -117,7 +117,7 @@ struct Made {
 
 fn made(config: &SmartConfig, device: &Device) -> Made {
     let network = network(config, device);
-    let tables = network.tables(&vocabulary(config), device).unwrap();
+    let tables = network.tables(&token_shapes(config), device).unwrap();
     Made { network, tables }
 }
 
@@ -300,7 +300,7 @@ fn classes_have_heads_of_their_own() {
         assert_eq!(shapes[name], shape, "{name}");
     }
     let loaded = Smart::load(&config, &bytes, &Device::flex()).unwrap();
-    let tables = loaded.tables(&vocabulary(&config), &Device::flex()).unwrap();
+    let tables = loaded.tables(&token_shapes(&config), &Device::flex()).unwrap();
     assert_eq!(forward(&loaded, &tables, &[&scene]), scores);
 }
 
@@ -416,7 +416,7 @@ fn inputs_that_cannot_be_are_refused() {
         assert!(error.to_string().contains(expected), "{error}");
     }
     let Made { network, .. } = made(&config, &Device::flex());
-    let mut short = vocabulary(&config);
+    let mut short = token_shapes(&config);
     short.agents[2].pop();
     let error = network.tables(&short, &Device::flex()).unwrap_err();
     assert_eq!(error, InputError::Vocabulary { of: "cyclists", found: 11, expected: 12 });

@@ -3,33 +3,27 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use reactsim::models::learning::LEARNING_RANGES;
 use reactsim::models::{Baseline, Card, MODELS, TASKS, qp};
-use reactsim::rollout::{
-    AvError, AvPolicy, LogAv, Observation, Protocol, Request, Rollout, Settings, roll_out,
-};
-use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, FRAMES, HISTORY, LoggedAgent, MapParts, Scenario};
+use reactsim::rollout::{Av, AvPolicy, LogAv, Protocol, Request, Rollout, Settings, roll_out};
+use reactsim::scene::{AgentKind, CURRENT, DT, FRAMES, HISTORY, LoggedAgent, MapParts, Scenario};
 
 use super::{INTERVALS, every_baseline, scenarios, settings};
 use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
 
-/// An AV policy that must not be called.
-#[derive(Clone)]
+/// An AV that must not be used.
 struct Unasked;
 
-impl AvPolicy for Unasked {
-    fn copy(&self) -> Box<dyn AvPolicy> {
-        Box::new(self.clone())
-    }
-
-    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-        panic!("the AV policy was asked at step {}", seen.step())
+impl Av for Unasked {
+    fn begin(&self) -> Box<dyn AvPolicy> {
+        panic!("the simulator moves the AV")
     }
 }
 
 fn realism(scenario: &Scenario) -> Request<'_> {
-    Request { scenario, av: Box::new(Unasked), rollout: 0 }
+    Request { scenario, av: Some(Arc::new(Unasked)), rollout: 0 }
 }
 
 /// Returns the agents whose recorded states are replayed: all but an external AV by `log-replay`, none by
@@ -227,14 +221,14 @@ fn replayed_recordings_keep_their_velocities_and_nobody_else_does() {
         state.vx = f64::NAN;
     }
     let scenario = scene("measured", agents, straight());
-    let velocities = |id: &str, av: Box<dyn AvPolicy>| -> Vec<[f64; 2]> {
+    let velocities = |id: &str, av: Arc<dyn Av>| -> Vec<[f64; 2]> {
         let controller = reactsim::models::find(id).unwrap().simulator().unwrap();
-        let request = Request { scenario: &scenario, av, rollout: 0 };
+        let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
         let done = roll_out(vec![request], &controller, &Settings::default()).remove(0).unwrap();
         done.tracks.iter().map(|t| t[FRAMES - 1].map(|s| [s.vx.round(), s.vy]).unwrap()).collect()
     };
-    let log = || Box::new(LogAv::new(&scenario).unwrap());
-    let driven = || request(&scenario, coasting(&scenario), 0).av;
+    let log = || Arc::new(LogAv::new(&scenario).unwrap());
+    let driven = || request(&scenario, coasting(&scenario), 0).av.unwrap();
     assert_eq!(velocities("log-replay", log()), [[9.0, 0.25], [10.0, 0.25], [10.0, 0.0]]);
     // An AV that leaves the log is not a recording, nor is a simulator's plan.
     assert_eq!(velocities("log-replay", driven())[0], [9.0, 0.0]);

@@ -116,6 +116,17 @@ fn states_that_are_not_finite_are_refused_by_name() {
 }
 
 #[test]
+fn a_request_without_an_av_fails_in_the_reactive_protocol() {
+    let all = three();
+    let mut batch: Vec<_> = all.iter().map(|s| request(s, coasting(s), 0)).collect();
+    batch[1].av = None;
+    let done = roll_out(batch, &faulty(usize::MAX, Fault::GivesUp), &settings(5, true));
+    let errors: Vec<_> = done.into_iter().map(|result| result.err().map(|error| error.to_string())).collect();
+    let [None, Some(error), None] = errors.as_slice() else { panic!("{errors:?}") };
+    assert!(error.contains("`road-001`") && error.contains("has no AV"), "{error}");
+}
+
+#[test]
 fn an_agent_that_is_planned_absent_is_absent() {
     let all = three();
     let controller = faulty(30, Fault::Vanishes);

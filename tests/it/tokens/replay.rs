@@ -1,5 +1,7 @@
 //! Replay of the log by tokens.
 
+use std::sync::Arc;
+
 use reactsim::models::ntp::reactive::Policy;
 use reactsim::models::ntp::tokens::{Kinematic, Vocabulary};
 use reactsim::models::{WeightsFile, find};
@@ -16,7 +18,8 @@ fn replayed(scenario: &Scenario) -> Vec<Vec<Frame>> {
     let mut setup = baseline.setup().unwrap();
     setup.weights = Some(WeightsFile::new("kinematic.safetensors", bytes));
     let controller: Controller = (baseline.make)(setup).unwrap();
-    let request = Request { scenario, av: Box::new(LogAv::new(scenario).unwrap()), rollout: 0 };
+    let av = Arc::new(LogAv::new(scenario).unwrap());
+    let request = Request { scenario, av: Some(av), rollout: 0 };
     roll_out(vec![request], &controller, &Settings::default()).remove(0).unwrap().tracks
 }
 

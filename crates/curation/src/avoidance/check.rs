@@ -101,5 +101,5 @@ pub(super) fn case<'a>(traffic: &Traffic<'a>) -> Case<'a> {
         debug_assert_eq!(track.len(), FRAMES, "history and future");
         track
     };
-    Case::of_rollout(scenario, (0..traffic.len()).map(track).collect(), Options::default())
+    Case::of_rollout(scenario, (0..traffic.len()).map(track), Options::default())
 }

@@ -56,7 +56,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                     recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
                 let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options);
                 // Rows have a category only if the AV is the deviated one.
-                let deviated = run.settings.av == "deviated";
+                let deviated = ["deviated", "deviated-or-log"].contains(&run.settings.av.as_str());
                 let comparable = |row: &Row| Row {
                     category: row.category.clone().filter(|_| deviated),
                     difficulty: row.difficulty.clone().filter(|_| deviated),

@@ -78,7 +78,7 @@ impl World {
     fn scores(&self) -> Scores {
         let map = RoadMap::default();
         let index = MapIndex::new(&map);
-        let objects = self.agents.iter().map(|(agent, _, track)| Object { agent, track: track.clone() });
+        let objects = self.agents.iter().map(|(agent, _, track)| Object { agent, track: track.into() });
         let log = self.agents.iter().map(|(_, log, _)| LoggedTrack {
             history: &log[..HISTORY],
             future: &log[HISTORY..],

@@ -227,7 +227,7 @@ fn the_tracking_of_lanes_is_chosen_by_the_map() {
     let agents = [car("av", straight(0.0, 0.0, 5.0, 0.0))];
     let tracking = |map: &RoadMap| {
         let index = MapIndex::new(map);
-        let objects = vec![Object { agent: &agents[0].agent, track: agents[0].track.clone() }];
+        let objects = vec![Object { agent: &agents[0].agent, track: (&agents[0].track).into() }];
         Case::new(Road::new(map, &index), objects, 0, Options::default()).options.dir_tracking
     };
     let polygons = road();
@@ -261,7 +261,7 @@ fn a_parked_object_has_the_likelihood_of_the_specification() {
     let (map, track) = (RoadMap::default(), &agents[0].track);
     let index = MapIndex::new(&map);
     let log = LoggedTrack { history: &track[..HISTORY], future: &track[HISTORY..], recorded_history: None };
-    let objects = vec![Object { agent: &agents[0].agent, track: track.clone() }];
+    let objects = vec![Object { agent: &agents[0].agent, track: track.into() }];
     let case = Case::new(Road::new(&map, &index), objects, 0, Options::default())
         .with_log(vec![log])
         .with_rollouts(vec![vec![&track[HISTORY..]]]);

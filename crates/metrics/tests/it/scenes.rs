@@ -28,7 +28,7 @@ impl Scene {
 
     pub(super) fn case(&self, options: Options) -> Case<'_> {
         let objects =
-            self.agents.iter().map(|a| Object { agent: &a.agent, track: a.track.clone() }).collect();
+            self.agents.iter().map(|a| Object { agent: &a.agent, track: (&a.track).into() }).collect();
         let log = self.log.iter().map(|t| LoggedTrack {
             history: &t[..HISTORY],
             future: &t[HISTORY..],

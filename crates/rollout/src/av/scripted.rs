@@ -13,8 +13,7 @@ use reactsim_geometry::{direction, smooth_step};
 use reactsim_scene::{AgentState, DT, FUTURE, Scenario};
 
 use super::logged_drive::{LoggedDrive, velocity_now};
-use super::{AvError, AvPolicy};
-use crate::Observation;
+use super::{Av, AvError, AvPolicy, FixedStates};
 
 /// Behaviour of a scripted AV.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -141,13 +140,9 @@ impl ScriptedAv {
     }
 }
 
-impl AvPolicy for ScriptedAv {
-    fn copy(&self) -> Box<dyn AvPolicy> {
-        Box::new(self.clone())
-    }
-
-    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-        Ok(self.track[seen.step()])
+impl Av for ScriptedAv {
+    fn begin(&self) -> Box<dyn AvPolicy + '_> {
+        Box::new(FixedStates { track: &self.track, is_recording: false })
     }
 }
 

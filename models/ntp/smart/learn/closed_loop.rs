@@ -12,7 +12,7 @@ use super::super::super::token_loss::loss_weight;
 use super::super::super::tokens::{
     MapVocabulary, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, curve_pieces, token_of_motion,
 };
-use super::super::{Episode, InputError, Scene, Smart, TokenTables};
+use super::super::{CachedScene, InputError, Scene, Smart, TokenTables};
 use super::tracked::{LoggedScene, scene_without_agents, tracked_agents};
 
 /// Number of the AV among the agents of a sample.
@@ -102,17 +102,17 @@ pub(super) fn sample(
 }
 
 impl ClosedLoopSample {
-    /// Begins a rollout: the episode has seen all of the history but its last step.
+    /// Begins a rollout: the scene has all of the history but its last step.
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the sample.
-    pub(super) fn begin(&self, network: &Smart, tables: &TokenTables) -> Result<Episode, InputError> {
+    pub(super) fn begin(&self, network: &Smart, tables: &TokenTables) -> Result<CachedScene, InputError> {
         let map = network.encode_map(tables, &self.scene.map)?;
-        let mut episode = network.begin(tables, map, self.scene.agents.clone())?;
+        let mut scene = network.begin(tables, map, self.scene.agents.clone())?;
         for earlier in &self.scene.steps[..HISTORY - 1] {
-            network.advance(tables, &mut episode, earlier.clone())?;
+            network.advance(tables, &mut scene, earlier.clone())?;
         }
-        Ok(episode)
+        Ok(scene)
     }
 }
 

@@ -14,7 +14,7 @@ use super::super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::super::token_loss::{Target, token_loss};
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
 use super::super::{
-    Batch, Scene, Smart, SmartPolicy, SmartSimulator, TokenTables, Vocabulary as Shapes, token_shapes,
+    Batch, Scene, Smart, SmartPolicy, SmartSimulator, TokenShapes, TokenTables, token_shapes,
 };
 use super::Sample;
 
@@ -27,7 +27,7 @@ pub(super) struct TokenLearning {
     pub(super) map_vocabulary: MapVocabulary,
     /// Device without autodiff.
     pub(super) device: Device,
-    shapes: Shapes,
+    shapes: TokenShapes,
     /// Target distributions on the device without autodiff.
     distributions: TargetDistributions,
     /// The same on the device with autodiff.

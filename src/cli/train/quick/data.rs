@@ -3,6 +3,7 @@
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, anyhow};
@@ -101,8 +102,8 @@ fn with_reactions(mut scenario: Scenario, simulator: &Controller) -> anyhow::Res
     let mut chooser = Chooser::new();
     let Some(chosen) = chooser.choose_among(&mut record, |_| true) else { return Ok(None) };
     let track = chosen.candidate.track[1..].to_vec();
-    let av = Box::new(DeviatedAv::new(&scenario.start.now(0), track)?);
-    let request = Request { scenario: &scenario, av, rollout: 0 };
+    let av = Arc::new(DeviatedAv::new(&scenario.start.now(0), track)?);
+    let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
     let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
     let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;
     let futures = rollout.tracks.iter().map(|track| &track[crate::scene::CURRENT + 1..]);

@@ -23,13 +23,13 @@ pub(super) fn roll_out(
     vocabulary: &Vocabulary,
     mut stream: Option<&mut Stream>,
 ) -> Result<Sample, InputError> {
-    let mut episode = sample.begin(network, tables)?;
+    let mut cached = sample.begin(network, tables)?;
     let mut scene = sample.scene.clone();
     let (mut targets, steps) = (Vec::new(), HISTORY + recipe.excerpt.steps);
     let mut poses: Vec<Option<Pose>> = sample.agents.iter().map(|agent| agent.pose).collect();
     for step in 0..recipe.excerpt.steps {
         let now = HISTORY - 1 + step;
-        let scores = network.step(tables, &mut episode, scene.steps[now].clone())?;
+        let scores = network.step(tables, &mut cached, scene.steps[now].clone())?;
         let width = scores.dims()[1];
         let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
         let mut next = Step::default();

@@ -6,7 +6,7 @@ use reactsim_training::Stream;
 use super::super::super::super::policy_loss::Choice;
 use super::super::super::super::token_loss::Target;
 use super::super::super::super::tokens::{ORIGIN, TOKEN_FRAMES, Vocabulary, moved};
-use super::super::super::{Episode, InputError, Scene, Smart, Step, TokenTables};
+use super::super::super::{CachedScene, InputError, Scene, Smart, Step, TokenTables};
 use super::super::closed_loop::{AV, ClosedLoopSample, HISTORY};
 use super::GrpoRecipe;
 use super::reward::{Outcome, Paths, judge};
@@ -40,17 +40,17 @@ pub(super) fn group(
     vocabulary: &Vocabulary,
     stream: &mut Stream,
 ) -> Result<Vec<Rollout>, InputError> {
-    let episode = sample.begin(network, tables)?;
+    let cached = sample.begin(network, tables)?;
     (0..recipe.rollouts)
-        .map(|_| drive(network, tables, episode.clone(), sample, recipe, vocabulary, stream))
+        .map(|_| drive(network, tables, cached.clone(), sample, recipe, vocabulary, stream))
         .collect()
 }
 
-/// Drives a sample once, from an episode that has seen all of the history but its last step.
+/// Drives a sample once, from a scene that has all of the history but its last step.
 fn drive(
     network: &Smart,
     tables: &TokenTables,
-    mut episode: Episode,
+    mut cached: CachedScene,
     sample: &ClosedLoopSample,
     recipe: &GrpoRecipe,
     vocabulary: &Vocabulary,
@@ -61,7 +61,7 @@ fn drive(
     let mut paths: Paths = sample.agents.iter().map(|agent| vec![agent.pose]).collect();
     for step in 0..recipe.excerpt.steps {
         let now = HISTORY - 1 + step;
-        let scores = network.step(tables, &mut episode, scene.steps[now].clone())?;
+        let scores = network.step(tables, &mut cached, scene.steps[now].clone())?;
         let width = scores.dims()[1];
         let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
         let mut next = Step::default();

@@ -4,7 +4,7 @@ use super::{InputError, SmartConfig};
 
 /// Shapes of all tokens.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Vocabulary {
+pub struct TokenShapes {
     /// Agent tokens for vehicles, pedestrians and cyclists: the corners of the class's box after 0.5 s,
     /// x and y of left front, right front, right back, left back, in m, in the frame of the preceding
     /// pose (x forward, y left).
@@ -13,7 +13,7 @@ pub struct Vocabulary {
     pub map: Vec<[f32; 22]>,
 }
 
-impl Vocabulary {
+impl TokenShapes {
     /// Checks the numbers of tokens against a network with this configuration.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ pub struct EncodedMap {
 /// A scene that is evaluated step by step. Cloning is cheap, so that several rollouts can share a
 /// beginning.
 #[derive(Clone, Debug)]
-pub struct Episode {
+pub struct CachedScene {
     pub(super) map: EncodedMap,
     pub(super) agents: Agents,
     /// Features of class and shape, [A, h].
@@ -55,7 +55,7 @@ impl Smart {
         tables: &TokenTables,
         map: EncodedMap,
         agents: Agents,
-    ) -> Result<Episode, InputError> {
+    ) -> Result<CachedScene, InputError> {
         agents.check()?;
         let mut begun = self.begin_all(tables, vec![(map, agents)]);
         Ok(begun.remove(0))
@@ -65,34 +65,34 @@ impl Smart {
     /// [`Smart::forward`]. Neither other scenes nor threads affect a single bit.
     ///
     /// # Errors
-    /// [`InputError`] if the network cannot read the step; the episode is then unchanged.
+    /// [`InputError`] if the network cannot read the step; the scene is then unchanged.
     pub fn step(
         &self,
         tables: &TokenTables,
-        episode: &mut Episode,
+        scene: &mut CachedScene,
         step: Step,
     ) -> Result<Tensor<2>, InputError> {
-        episode.check(self.config(), &step)?;
-        Ok(self.step_all(tables, vec![(episode, step)]))
+        scene.check(self.config(), &step)?;
+        Ok(self.step_all(tables, vec![(scene, step)]))
     }
 
     /// Adds the next step of a scene and returns its features, [A, h], without scores. Used for steps of
     /// the history.
     ///
     /// # Errors
-    /// [`InputError`] if the network cannot read the step; the episode is then unchanged.
+    /// [`InputError`] if the network cannot read the step; the scene is then unchanged.
     pub fn advance(
         &self,
         tables: &TokenTables,
-        episode: &mut Episode,
+        scene: &mut CachedScene,
         step: Step,
     ) -> Result<Tensor<2>, InputError> {
-        episode.check(self.config(), &step)?;
-        Ok(self.advance_all(tables, vec![(episode, step)]))
+        scene.check(self.config(), &step)?;
+        Ok(self.advance_all(tables, vec![(scene, step)]))
     }
 }
 
-impl Episode {
+impl CachedScene {
     /// Returns the agents.
     pub fn agents(&self) -> &Agents {
         &self.agents
