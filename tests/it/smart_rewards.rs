@@ -27,7 +27,6 @@ fn rewards_alone(top_k: usize, distance: f64) -> GrpoRecipe {
         anchor: 0.0,
         sampling: Sampling { top_k, temperature: 1.0 },
         rewards: Rewards { distance, most_distance: 100.0, ..GrpoRecipe::default().rewards },
-        ..GrpoRecipe::default()
     }
 }
 

@@ -196,7 +196,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     let fan = folder.path().join("fan.safetensors");
     done(&["train", "intentions", BENCH, "--points", "3", "--out", text(&fan)]);
     let other = refused(&[&sizes[..], &["--input", &input(&fan)]].concat());
-    assert!(other.contains("other intention points"), "{other}");
+    assert!(other.contains("the weights to start from have another one"), "{other}");
     let wrong = folder.path().join("wrong.toml");
     fs::write(&wrong, "[network]\nstep = 7").unwrap();
     assert!(refused(&["--recipe", text(&wrong)]).contains("step = 7"));

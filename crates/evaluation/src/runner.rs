@@ -1,8 +1,8 @@
 //! Execution of a plan on several threads. Results do not depend on the number of threads, the batch size or
 //! interruptions.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};

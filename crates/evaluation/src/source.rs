@@ -1,8 +1,8 @@
 //! Sources of scenarios, and their distribution to several threads.
 
 use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, Scenarios, UndecodedScenario, decoded};

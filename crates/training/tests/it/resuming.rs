@@ -67,7 +67,7 @@ fn what_is_resumed_comes_out_as_if_it_had_never_ended() {
 fn what_was_killed_comes_out_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let mut child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "training::resuming::a_training_to_be_killed", "--ignored", "--nocapture"])
+        .args(["--exact", "resuming::a_training_to_be_killed", "--ignored", "--nocapture"])
         .env("REACTSIM_TEST_TRAINING", folder.path())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
