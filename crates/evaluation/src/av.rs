@@ -7,7 +7,8 @@ use std::str::FromStr;
 use reactsim_rollout::{ParseScriptError, Script};
 
 /// The choices, for help and error texts.
-pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m> or file:<path>";
+pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, \
+                              retime:<factor>, shift:<m> or file:<path>";
 
 /// The AV policy in the reactive protocol.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +37,13 @@ pub enum ParseAvError {
     /// The file name is missing.
     #[error("`file:` names no file: write `file:<path>`")]
     NoFile,
+}
+
+impl AvChoice {
+    /// Returns whether the AV follows the deviated trajectories of scenarios that have one.
+    pub const fn follows_deviations(&self) -> bool {
+        matches!(self, Self::Deviated | Self::DeviatedOrLog | Self::File(_))
+    }
 }
 
 impl FromStr for AvChoice {

@@ -7,8 +7,8 @@ use std::process::{Child, Command, Stdio};
 
 /// Environment variable with another command.
 const COMMAND: &str = "REACTSIM_STORE";
-/// Program of the helper. Python looks for modules in the current folder first, where anybody's `http.py` may be, so this
-/// folder is removed before the first import. Python 3.11 has the option `-P` for it.
+/// Program of the helper. Python looks for modules in the current folder first, where anybody's `http.py` may
+/// be, so this folder is removed before the first import. Python 3.11 has the option `-P` for it.
 const CODE: &str = "import sys; sys.path = [p for p in sys.path if p]; import reactsim.store as s; s.main()";
 
 /// Command that starts the helper: a program and its arguments.

@@ -10,7 +10,7 @@ use reactsim_shards::differences;
 use super::ReferenceError;
 use crate::folder::ROLLOUTS;
 use crate::recorded::{rollouts_of, score_rollouts};
-use crate::{RecordPosition, Row, Source, read_provenance, read_rows};
+use crate::{AvChoice, RecordPosition, Row, Source, read_provenance, read_rows};
 
 /// Scores the kept rollouts of a finished run again, with the scenarios of `sources` in the order of its
 /// inputs, and compares the scores with its rows. Returns the number of rows, or `None` if the run kept no
@@ -56,7 +56,8 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                     recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
                 let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options);
                 // Rows have a category only if the AV is the deviated one.
-                let deviated = ["deviated", "deviated-or-log"].contains(&run.settings.av.as_str());
+                let av = run.settings.av.parse::<AvChoice>();
+                let deviated = av.is_ok_and(|av| av.follows_deviations());
                 let comparable = |row: &Row| Row {
                     category: row.category.clone().filter(|_| deviated),
                     difficulty: row.difficulty.clone().filter(|_| deviated),

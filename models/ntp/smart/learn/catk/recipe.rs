@@ -9,7 +9,7 @@ use super::super::closed_loop::Excerpt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CatkRecipe {
-    /// What becomes a sample.
+    /// Excerpt of each scene that becomes a sample.
     #[serde(flatten)]
     pub excerpt: Excerpt,
     /// Number of likeliest tokens of which the nearest to the record is executed.

@@ -9,7 +9,7 @@ use super::super::closed_loop::Excerpt;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrpoRecipe {
-    /// What becomes a sample.
+    /// Excerpt of each scene that becomes a sample.
     #[serde(flatten)]
     pub excerpt: Excerpt,
     /// Number of rollouts of a scenario that are compared with each other.
