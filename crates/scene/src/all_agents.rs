@@ -1,5 +1,7 @@
 //! Scenarios in which all agents are simulated.
 
+use std::sync::OnceLock;
+
 use super::{CURRENT, HISTORY, LoggedAgent, Scenario};
 
 impl Scenario {
@@ -26,6 +28,6 @@ impl Scenario {
             self.log_future.tracks.push(future);
         }
         self.start.obstacles.clear();
-        Self { unselected: rest, ..self }
+        Self { unselected: rest, notes: OnceLock::new(), ..self }
     }
 }

@@ -81,6 +81,7 @@ impl Scenario {
             unselected,
             deviation,
             repairs: builder.repairs,
+            notes: OnceLock::new(),
         })
     }
 }

@@ -10,6 +10,7 @@ pub mod limits;
 mod lights;
 mod map;
 mod map_index;
+mod notes;
 mod parts;
 mod scenario;
 mod time;
@@ -27,6 +28,7 @@ pub use map::{
     RoadLine, RoadMap, StopKind, StopLine, Surface,
 };
 pub use map_index::{LaneHit, MapIndex, Road};
+pub use notes::Notes;
 pub use parts::{
     DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
 };

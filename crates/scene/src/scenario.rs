@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 use reactsim_geometry::{OrientedBox, Vec2};
 
 use super::{
-    Agent, AgentState, CURRENT, Certificate, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Road,
-    RoadMap, TrafficLight,
+    Agent, AgentState, CURRENT, Certificate, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Notes,
+    Road, RoadMap, TrafficLight,
 };
 
 /// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
@@ -81,6 +81,7 @@ pub struct Scenario {
     pub deviation: Option<DeviatedTrack>,
     /// Number of items that had to be dropped from the file's data, by description.
     pub repairs: BTreeMap<String, u32>,
+    pub(super) notes: OnceLock<Notes>,
 }
 
 /// The information known at the current frame: agents, their history, the map, the lights so far. It contains

@@ -81,6 +81,9 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
     for (what, n) in &scenario.repairs {
         lines.push(("left out", format!("{n} {what}")));
     }
+    for (what, n) in scenario.notes() {
+        lines.push(("note", format!("{n} {what}")));
+    }
     lines
 }
 
