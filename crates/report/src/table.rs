@@ -32,6 +32,7 @@ pub const COLUMNS: &[Column] = &[
     Column { metric: "progress" },
     Column { metric: "over-reaction" },
     Column { metric: "undisturbed-loss" },
+    Column { metric: "red-light" },
     Column { metric: "kinematic-likelihood" },
 ];
 
