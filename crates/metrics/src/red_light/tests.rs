@@ -80,15 +80,14 @@ fn scored(
         .map(|(i, kind)| Agent { id: i.to_string(), kind: *kind, length: 4.0, width: 2.0 })
         .collect();
     let objects = agents.iter().zip(tracks).map(|(agent, track)| Object { agent, track: track.into() });
-    let light = |(lane, states): &'_ (usize, Vec<_>)| ObservedLight {
+    let lights = lights.iter().map(|(lane, states)| ObservedLight {
         lane: *lane,
         stop_point: Vec2::new(0.0, 0.0),
         history: &states[..HISTORY],
         future: &states[HISTORY..],
-    };
-    let lights = lights.iter().map(light).collect();
-    let case =
-        Case::new(Road::new(&map, &index), objects.collect(), 0, Options::default()).with_lights(lights);
+    });
+    let case = Case::new(Road::new(&map, &index), objects.collect(), 0, Options::default())
+        .with_lights(lights.collect());
     let scores = score_case(&case);
     (scores.score("red-light"), scores.events.into_iter().filter(|e| e.metric == "red-light").collect())
 }
