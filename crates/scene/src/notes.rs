@@ -50,3 +50,38 @@ impl Scenario {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenario, ScenarioParts};
+
+    /// Returns the notes of a scenario with agents of 4 m, of these kinds and at these places on the x axis.
+    fn notes(agents: &[(AgentKind, f64)]) -> Vec<(&'static str, u32)> {
+        let agent = |(i, &(kind, x)): (usize, &(AgentKind, f64))| LoggedAgent {
+            agent: Agent { id: i.to_string(), kind, length: 4.0, width: 2.0 },
+            track: vec![Some(AgentState { x, y: 0.0, heading: 0.0, vx: 0.0, vy: 0.0 }); FRAMES],
+        };
+        let agents = agents.iter().enumerate().map(agent).collect();
+        let parts = ScenarioParts { id: "notes".to_owned(), agents, ..ScenarioParts::default() };
+        let scenario = Scenario::assemble(parts).unwrap();
+        scenario.notes().iter().map(|(what, n)| (*what, *n)).collect()
+    }
+
+    #[test]
+    fn overlapping_agents_are_noted() {
+        use AgentKind::{Cyclist, Other, Pedestrian, Vehicle};
+        let count = |agents: &[(AgentKind, f64)]| {
+            let found = notes(agents);
+            let overlaps = found.iter().find(|(what, _)| what.starts_with("agents overlap another one"));
+            overlaps.map(|(_, n)| *n)
+        };
+        let av = (Vehicle, 0.0);
+        // Touching boxes do not overlap.
+        assert_eq!(count(&[av, (Vehicle, 4.0), (Vehicle, 20.0)]), None);
+        assert_eq!(count(&[av, (Vehicle, 20.0), (Vehicle, 23.0)]), Some(2));
+        assert_eq!(count(&[av, (Vehicle, 3.0), (Vehicle, 6.0), (Vehicle, 20.0)]), Some(3));
+        assert_eq!(count(&[av, (Vehicle, 20.0), (Cyclist, 21.0)]), Some(2));
+        assert_eq!(count(&[av, (Pedestrian, 20.0), (Cyclist, 21.0), (Pedestrian, 20.5)]), None);
+        assert_eq!(count(&[av, (Other, 1.0)]), None);
+    }
+}
