@@ -10,8 +10,8 @@ use super::{Case, Event, Metric, MetricSpec, ObservedLight, Scope, Score, Unit};
 const CROSSING_OFFSET: f64 = 2.5;
 /// Largest angle between a vehicle and its lane, degrees.
 const ALONG_DEGREES: f64 = 45.0;
-/// Distance driven beyond the stop line, in metres, at which the lane that a vehicle has taken is determined:
-/// lanes that begin at the same line overlap before. At most half of the lane behind the line.
+/// Distance driven beyond the stop line, in metres, at which the lane of a vehicle is determined: lanes that
+/// begin at the same line overlap before. At most half of the lane behind the line.
 const LANE_CHECK_DISTANCE: f64 = 8.0;
 
 /// The crossing of a stop line under a red light.
@@ -31,8 +31,9 @@ struct StopLine<'a> {
     /// Heading of the lane at the line, radians.
     heading: f64,
     ahead: Vec2,
-    /// Distance driven beyond the line at which the lane is determined, metres.
-    check_distance: f64,
+    /// Distance driven beyond the line at which the lane is determined, metres; `None` for a lane that ends
+    /// at its line, which is determined before the line.
+    check_distance: Option<f64>,
 }
 
 impl<'a> StopLine<'a> {
@@ -42,7 +43,9 @@ impl<'a> StopLine<'a> {
         let line = &case.road.lane(light.lane).baseline;
         let on = line.project(light.stop_point);
         let heading = line.heading(on.segment);
-        let check_distance = LANE_CHECK_DISTANCE.min(0.5 * (line.length() - on.s));
+        let rest = line.length() - on.s;
+        let ends = rest < LANE_CHECK_DISTANCE && rest < on.s;
+        let check_distance = (!ends).then(|| LANE_CHECK_DISTANCE.min(0.5 * rest));
         Some(Self { light, heading, ahead: direction(heading), check_distance })
     }
 
@@ -70,7 +73,7 @@ impl<'a> StopLine<'a> {
             let Some(first) = self.front_crossing(case, agent, f) else { continue };
             let red = |f: usize| self.light.at(f).filter(|s| s.is_red());
             let Some(state) = red(first).filter(|_| (first..=f).all(|f| red(f).is_some())) else { continue };
-            if self.takes_lane(case, agent, f, tracker) {
+            if self.is_on_lane(case, agent, f, tracker) {
                 return Some(RedCrossing { first, last: f, state });
             }
         }
@@ -93,23 +96,29 @@ impl<'a> StopLine<'a> {
         None
     }
 
-    /// Returns whether a vehicle whose centre crosses the line at `frame` takes the lane of the line.
-    fn takes_lane(&self, case: &Case<'_>, agent: usize, frame: usize, tracker: &mut Tracker<'_>) -> bool {
-        let mut driven = self.beyond(case.motion.position(agent, frame));
-        let mut at = frame;
-        while driven < self.check_distance {
-            let next = at + 1;
-            if next >= case.frames() || !case.motion.valid(agent, next) {
-                return false;
-            }
-            driven += (case.motion.position(agent, next) - case.motion.position(agent, at)).norm();
-            at = next;
-        }
+    /// Returns whether a vehicle whose centre crosses the line at `frame` drives the lane of the line.
+    fn is_on_lane(&self, case: &Case<'_>, agent: usize, frame: usize, tracker: &mut Tracker<'_>) -> bool {
+        let Some(at) = self.check_frame(case, agent, frame) else { return false };
         let placed = tracker.pointwise_at(case, agent, at);
         placed.is_some_and(|placed| {
             placed.lane == self.light.lane
                 && is_along(case.motion.heading[case.motion.at(agent, at)], placed.theta)
         })
+    }
+
+    /// Returns the frame at which the lane is determined; `None` if the vehicle does not get there.
+    fn check_frame(&self, case: &Case<'_>, agent: usize, frame: usize) -> Option<usize> {
+        let Some(distance) = self.check_distance else { return Some(frame - 1) };
+        let position = |f: usize| case.motion.position(agent, f);
+        let (mut at, mut driven) = (frame, self.beyond(position(frame)));
+        while driven < distance {
+            at += 1;
+            if at >= case.frames() || !case.motion.valid(agent, at) {
+                return None;
+            }
+            driven += (position(at) - position(at - 1)).norm();
+        }
+        Some(at)
     }
 }
 

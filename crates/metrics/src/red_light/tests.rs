@@ -12,6 +12,7 @@ use super::super::{Case, Event, Object, ObservedLight, Options, Score, score_cas
 /// Radius of the lane to the left, metres: 8 m behind the line the straight lane still contains its middle.
 const RADIUS: f64 = 25.0;
 
+const APPROACH: usize = 0;
 const STRAIGHT: usize = 1;
 const LEFT: usize = 2;
 
@@ -194,6 +195,13 @@ fn each_lane_has_its_own_light() {
         let lanes: Vec<f64> = events.iter().map(|e| e.values[0].1).collect();
         assert_eq!(lanes, lane.map(|lane| lane as f64).into_iter().collect::<Vec<_>>());
     }
+    // The lane before the line may have the light as well.
+    let tracks = [along(false, |_| -150.0), turn()];
+    let approach = [(APPROACH, states(red))];
+    assert_eq!(
+        scored(&[AgentKind::Vehicle; 2], &tracks, &approach).1[0].values[0],
+        ("lane", APPROACH as f64)
+    );
     // A vehicle on another road, beside the line or across it.
     let beside = |dy: f64, heading: f64| -> Vec<Frame> {
         let place = |frame: Frame| {
