@@ -344,7 +344,8 @@ fn references_are_compared_in_the_metrics_that_they_have() {
     edit_json(&old.join("summary.json"), |summary| {
         summary["simulators"]["stop"]["metrics"].as_object_mut().unwrap().remove("ade");
     });
-    let make = ["reference", "make", text(&old), "--name", "test", "--out", text(&at("lacking"))];
+    let lacking = at("lacking");
+    let make = ["reference", "make", text(&old), "--name", "test", "--out", text(&lacking)];
     assert!(said(&make, 2).1.contains("do not agree"));
 }
 
