@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use reactsim_scene::{AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
 
 use super::cache::Cache;
+use super::light::ObservedLight;
 use super::motion::Motion;
 use super::object::{LoggedTrack, Object};
 use super::options::{DirTracking, Options};
@@ -22,6 +23,8 @@ pub struct Case<'a> {
     pub options: Options,
     /// Index of the current frame.
     pub current: usize,
+    /// The lights of the map.
+    pub lights: Vec<ObservedLight<'a>>,
     /// The log, aligned with `objects`.
     pub log: Option<Vec<LoggedTrack<'a>>>,
     /// All rollouts of this scenario, each aligned with `objects`, future frames only; for metrics over
@@ -62,6 +65,7 @@ impl<'a> Case<'a> {
             av,
             options,
             current,
+            lights: Vec::new(),
             log: None,
             rollouts: Vec::new(),
             certificate: None,
@@ -70,7 +74,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Creates the case of one rollout of a scenario, with its log. `tracks`: 91 frames per agent, in the
+    /// Creates the case of one rollout of a scenario, with its log and lights. `tracks`: 91 frames per agent, in the
     /// order of the scenario, borrowed or owned.
     pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
         scenario: &'a Scenario,
@@ -82,13 +86,21 @@ impl<'a> Case<'a> {
         let objects = start.agents.iter().zip(tracks).map(object).collect();
         let log = start.history.iter().zip(&scenario.log_future.tracks);
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
-        Self::new(start.road(), objects, 0, options).with_log(log.collect())
+        let lights = ObservedLight::all(scenario);
+        Self::new(start.road(), objects, 0, options).with_log(log.collect()).with_lights(lights)
     }
 
     /// Adds the log, aligned with the objects. Missing entries are absent at every frame.
     pub fn with_log(mut self, mut log: Vec<LoggedTrack<'a>>) -> Self {
         log.resize(self.objects.len(), LoggedTrack { history: &[], future: &[], recorded_history: None });
         self.log = Some(log);
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Adds the lights of the map.
+    pub fn with_lights(mut self, lights: Vec<ObservedLight<'a>>) -> Self {
+        self.lights = lights;
         self.cache = Cache::default();
         self
     }
