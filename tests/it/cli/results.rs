@@ -235,8 +235,9 @@ fn red_lights_are_in_tables_and_events_of_scenarios_with_lights() {
         states: vec![Some(LightState::Stop); FRAMES],
     });
     write(&input, std::iter::once(Scenario::assemble(parts).unwrap()));
-    let run = ["run", text(&input), "--av", "log", "--models", "log-replay,stop", "--out", text(&out)];
-    let (table, _) = said(&run, 0);
+    let models = "--models=log-replay,stop";
+    let also = "--also=red-light";
+    let (table, _) = said(&["run", text(&input), "--av", "log", models, also, "--out", text(&out)], 0);
     assert!(table.lines().next().unwrap().contains(" Red light (%) ↓ "), "{table}");
     assert!(table.lines().nth(2).unwrap().contains(" 33.33 "), "{table}");
     let summary = read_summary(&out).unwrap();
@@ -247,10 +248,10 @@ fn red_lights_are_in_tables_and_events_of_scenarios_with_lights() {
         events.len() == 1 && events[0].contains("\"behind\"") && events[0].contains("\"stop\""),
         "{events:?}"
     );
-    assert!(said(&["report", text(&out), "--format", "csv"], 0).0.contains("red-light"));
-    // Without lights nothing is judged, and the column is left out.
+    assert!(said(&["report", text(&out), "--format", "csv", also], 0).0.contains("red-light"));
+    // Without lights nothing is judged.
     let dark = home.path().join("dark.parquet");
     write(&dark, std::iter::once(scenario(0)));
-    let (table, _) = said(&["run", text(&dark), "--av", "log", "--models", "log-replay"], 0);
-    assert!(!table.contains("Red light"), "{table}");
+    let (table, _) = said(&["run", text(&dark), "--av", "log", "--models", "log-replay", also], 0);
+    assert!(table.lines().nth(2).unwrap().trim_end().ends_with("– |"), "{table}");
 }
