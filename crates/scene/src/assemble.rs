@@ -25,13 +25,25 @@ impl Scenario {
     ///
     /// Unusual input has defined meanings: a box of size zero marks an absent agent (it is never selected);
     /// links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
-    /// NaN velocities are unknown.
+    /// NaN velocities are unknown, and are estimated from positions where there are any; links between lanes
+    /// that do not meet are dropped and counted.
     ///
     /// # Errors
     /// [`SceneError`] names the field and the value: a wrong number of frames or a wrong rate, no AV,
     /// coordinates that are not finite or farther than 100 km from the AV, negative sizes, and ids that are
     /// repeated, empty or invalid.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
+        let mut scenario = Self::assemble_as_stored(parts)?;
+        scenario.complete();
+        Ok(scenario)
+    }
+
+    /// Like [`Self::assemble`], without the estimates of velocities and the removal of links, for files with
+    /// digests: scenarios of older files must match their digest before [`Self::complete`] changes them.
+    ///
+    /// # Errors
+    /// As for [`Self::assemble`].
+    pub fn assemble_as_stored(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut builder = Builder::new(&parts.id);
         builder.check_name(|| "id".into(), &parts.id)?;
         builder.check_time(&parts.timestamps)?;
@@ -83,6 +95,13 @@ impl Scenario {
             repairs: builder.repairs,
             notes: OnceLock::new(),
         })
+    }
+
+    /// Estimates unknown velocities, and drops links between lanes that do not meet. A scenario that is
+    /// complete does not change.
+    pub fn complete(&mut self) {
+        self.estimate_velocities();
+        self.drop_distant_links();
     }
 }
 

@@ -62,6 +62,8 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                     category: row.category.clone().filter(|_| deviated),
                     difficulty: row.difficulty.clone().filter(|_| deviated),
                     outcomes: BTreeMap::new(),
+                    // The digest covers the scenario; earlier versions stored no notes.
+                    notes: BTreeMap::new(),
                     ..row.clone()
                 };
                 for (stated, again) in stated.iter().zip(&again) {
