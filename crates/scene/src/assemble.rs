@@ -9,6 +9,7 @@ use reactsim_geometry::left;
 
 use self::checks::Builder;
 use self::lanes::LaneIndex;
+use super::headings::estimate_headings;
 use super::parts::{DeviationParts, LightParts, MapParts, ScenarioParts, StopLineParts};
 use super::{
     AgentKind, AgentState, CURRENT, DeviatedTrack, FRAMES, FUTURE, HISTORY, LANE_HALF_WIDTH, Lane, LaneArea,
@@ -51,6 +52,7 @@ impl Scenario {
         let origin = builder.set_origin(&parts)?;
         let mut agents = parts.agents;
         for (i, agent) in agents.iter_mut().enumerate() {
+            estimate_headings(&mut agent.track);
             builder.shift_track(agent.track.iter_mut().map(Option::as_mut), &format!("agents[{i}].track"))?;
         }
         let mut map = parts.map;

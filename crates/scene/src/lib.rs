@@ -7,6 +7,7 @@ mod certificate;
 mod digest;
 mod distant_links;
 mod error;
+mod headings;
 pub mod limits;
 mod lights;
 mod map;
