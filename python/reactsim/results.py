@@ -220,8 +220,9 @@ def _flat(line: dict[str, Any], prefixes: dict[str, str]) -> dict[str, Any]:
 
 def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
     metrics = {name: _value(value) for name, value in row["metrics"].items()}
-    prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_"}
-    return _flat({**row, "metrics": metrics}, prefixes)
+    notes = {name: note["count"] for name, note in row.get("notes", {}).items()}
+    prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_", "notes": "note_"}
+    return _flat({**row, "metrics": metrics, "notes": notes}, prefixes)
 
 
 def _frame(lines: list[dict[str, Any]], columns: list[str] | None = None) -> Any:

@@ -16,6 +16,7 @@ pub(super) fn put_table(folder: &RunFolder, summary: &Summary, style: TableStyle
     markdown.export(&run, style, &mut text).context("could not make the table")?;
     let mut text = String::from_utf8_lossy(&text).into_owned();
     text.push_str(&outcomes(summary));
+    text.push_str(&notes(summary));
     text.push_str(&failures(summary));
     Ok(folder.put(TABLE, &text)?)
 }
@@ -46,6 +47,20 @@ pub(super) fn report_left_out(summary: &Summary) {
         let n = count(p.unused_deviations, "deviation");
         say(format_args!("warning: {n} not used: for scenarios that are not among those that were read"));
     }
+}
+
+/// Prints what readers of the results must be told about the scenarios.
+pub(super) fn report_notes(summary: &Summary) {
+    for (id, found) in &summary.provenance.notes {
+        say(format_args!("note: {}", found.text(id)));
+    }
+}
+
+/// Returns the notes about the scenarios as a Markdown list.
+fn notes(summary: &Summary) -> String {
+    let notes = &summary.provenance.notes;
+    let lines: String = notes.iter().map(|(id, found)| format!("- {}\n", found.text(id))).collect();
+    if lines.is_empty() { lines } else { format!("\nNotes:\n\n{lines}") }
 }
 
 /// Returns one line per simulator that counts plan outcomes.

@@ -10,7 +10,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::external::{check_batches, keep_stderr};
-use super::finished::{outcomes, put_table, report_left_out, show_next_steps};
+use super::finished::{outcomes, put_table, report_left_out, report_notes, show_next_steps};
 use super::live_table::LiveTable;
 use super::progress::Progress;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
@@ -120,6 +120,7 @@ pub(crate) fn finish(
         put_table(folder, summary, args.table.style())?;
     }
     report_left_out(summary);
+    report_notes(summary);
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");
     }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::finished::{put_table, show_next_steps};
+use super::finished::{put_table, report_notes, show_next_steps};
 use super::table_output::{TableArgs, formats as table_formats};
 use super::{ExitStatus, find_inputs, metric_options, say, write_result};
 use crate::evaluation::document::score_document;
@@ -117,6 +117,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     if let Some(folder) = &folder {
         put_table(folder, &summary, args.table.style())?;
     }
+    report_notes(&summary);
     args.table.write(&[Run { name: "", summary: &summary }], args.format.as_deref(), None, "")?;
     if let Some(path) = &args.out {
         show_next_steps(path, true);

@@ -21,6 +21,7 @@ mod external;
 mod formats;
 mod generated;
 mod generation;
+mod ground;
 mod guard;
 mod hostile_input;
 mod idm;

@@ -85,7 +85,7 @@ pub use provenance::{
 pub use request::PlanRequest;
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
-pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, Value};
+pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, RowNote, Value};
 pub use runner::{Execution, Outcome, RunObserver, run};
 pub use scenario_files::ScenarioFiles;
 pub use scoring::Scoring;
@@ -99,6 +99,6 @@ pub use study::{
     StudyResults, is_study, read_study,
 };
 pub use summary::{
-    CategorySummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
+    CategorySummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
 };
 pub use tally::{Cell, Entry, Tally};

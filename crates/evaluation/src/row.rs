@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_metrics::{Event, Score};
-use reactsim_scene::Scenario;
+use reactsim_scene::{Note, Scenario};
 use serde::{Deserialize, Serialize};
 
 use super::known_deviation::KnownDeviation;
@@ -50,11 +50,27 @@ pub struct Row {
     /// Number of outcomes of parts of plans, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub outcomes: BTreeMap<String, u64>,
+    /// Properties of the scenario that readers of the results must be told, by id.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub notes: BTreeMap<String, RowNote>,
+}
+
+/// A property of a scenario ([`Scenario::notes`]) as stored in files.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowNote {
+    /// Number of occurrences.
+    pub count: u32,
+    /// The first occurrence, if it has a place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detail: Option<String>,
 }
 
 impl Row {
     /// Creates the row of a scenario and a simulator over all rollouts, without values.
     pub(super) fn about(place: RecordPosition, scenario: &Scenario, digest: String, simulator: &str) -> Self {
+        let note = |note: &Note| RowNote { count: note.count, detail: note.detail.clone() };
+        let notes = scenario.notes().iter().map(|(id, found)| (id, note(found)));
         Self {
             input: place.input,
             record: place.record,
@@ -68,6 +84,7 @@ impl Row {
             metrics: BTreeMap::new(),
             deviation: BTreeMap::new(),
             outcomes: BTreeMap::new(),
+            notes: notes.map(|(id, note)| (id.to_string(), note)).collect(),
         }
     }
 

@@ -293,6 +293,7 @@ mod tests {
                 metrics: [("ade".to_owned(), value)].into(),
                 deviation: [("ade".to_owned(), i as f64)].into(),
                 outcomes: BTreeMap::new(),
+                notes: BTreeMap::new(),
             }]);
         }
         tally.entries.remove(&RecordPosition { input: 0, record: i }).unwrap()

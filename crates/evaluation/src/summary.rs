@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use reactsim_scene::note_text;
 use serde::{Deserialize, Serialize};
 
 use super::access::Access;
@@ -107,10 +108,35 @@ pub struct SummaryProvenance {
     /// them are resampled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intervals: Option<String>,
+    /// Properties of scenarios that readers of the results must be told, by id.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub notes: BTreeMap<String, NoteSummary>,
     /// Number of scenarios by the method of assigning lanes for the driving direction.
     pub direction_tracking: BTreeMap<String, usize>,
     /// Failures.
     pub failures: Vec<Failure>,
+}
+
+/// A property of scenarios.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoteSummary {
+    /// Number of scenarios with the property.
+    pub scenarios: usize,
+    /// Number of occurrences in all of them.
+    pub count: u64,
+    /// Scenario and place of the first occurrence, if it has a place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub first: Option<String>,
+}
+
+impl NoteSummary {
+    /// Returns the text of the note with this id, with its counts.
+    pub fn text(&self, id: &str) -> String {
+        let scenarios = format!("{} scenario{}", self.scenarios, if self.scenarios == 1 { "" } else { "s" });
+        let first = self.first.as_ref().map(|first| format!(" (first: {first})")).unwrap_or_default();
+        format!("{scenarios}: {}{first}", note_text(id, self.count))
+    }
 }
 
 fn is_zero(n: &usize) -> bool {

@@ -7,7 +7,7 @@ use super::provenance::Provenance;
 use super::row::Failure;
 use super::samples::{NamedSamples, Part, Samples};
 use super::summary::{
-    CategorySummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
+    CategorySummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
 };
 use super::tally::{Entry, Tally};
 
@@ -21,6 +21,7 @@ pub(super) struct SummaryBuilder<'a> {
     scenarios: usize,
     digest: blake3::Hasher,
     direction_tracking: BTreeMap<String, usize>,
+    notes: BTreeMap<String, NoteSummary>,
 }
 
 /// Counts of one simulator.
@@ -49,6 +50,7 @@ impl<'a> SummaryBuilder<'a> {
             scenarios: 0,
             digest: blake3::Hasher::new(),
             direction_tracking: BTreeMap::new(),
+            notes: BTreeMap::new(),
         }
     }
 
@@ -63,6 +65,14 @@ impl<'a> SummaryBuilder<'a> {
         self.digest.update(b"\n");
         if let Some(method) = &entry.direction_tracking {
             *self.direction_tracking.entry(method.clone()).or_default() += 1;
+        }
+        for (id, note) in &entry.notes {
+            let summary = self.notes.entry(id.clone()).or_default();
+            summary.scenarios += 1;
+            summary.count += u64::from(note.count);
+            if summary.first.is_none() {
+                summary.first = note.detail.as_ref().map(|detail| format!("`{}`, {detail}", entry.scenario));
+            }
         }
         for (totals, cell) in self.simulators.iter_mut().zip(&entry.cells) {
             let Some(cell) = cell else { continue };
@@ -137,6 +147,7 @@ impl<'a> SummaryBuilder<'a> {
                 unused_deviations: 0,
                 allowed: BTreeMap::new(),
                 intervals,
+                notes: self.notes,
                 direction_tracking: self.direction_tracking,
                 failures: failures.to_vec(),
             },

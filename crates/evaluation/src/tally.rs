@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_metrics::{METRICS, Score};
 
-use super::row::{RecordPosition, Row};
+use super::row::{RecordPosition, Row, RowNote};
 use super::statistics::mean;
 
 /// The values of one simulator in one scenario, averaged over its rollouts.
@@ -35,6 +35,8 @@ pub struct Entry {
     /// Statistics of the AV against the logged AV. In the realism protocol, in which every simulator moves
     /// the AV in its own way, those of the first simulator.
     pub deviation: BTreeMap<String, f64>,
+    /// Properties of the scenario that readers of the results must be told, by id.
+    pub notes: BTreeMap<String, RowNote>,
     /// Index of the simulator of these statistics.
     deviation_of: usize,
     /// One cell per simulator; `None` without a result.
@@ -82,6 +84,7 @@ impl Tally {
             difficulty: first.difficulty.clone(),
             direction_tracking: None,
             deviation: BTreeMap::new(),
+            notes: first.notes.clone(),
             deviation_of: usize::MAX,
             cells: vec![None; count],
         });

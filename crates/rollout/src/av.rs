@@ -4,7 +4,7 @@ mod logged_drive;
 mod scripted;
 
 use super::Observation;
-use reactsim_scene::{AgentState, FUTURE, Scenario};
+use reactsim_scene::{AgentState, FUTURE, Scenario, estimate_av_velocities};
 
 pub use logged_drive::LoggedDrive;
 pub use scripted::{ParseScriptError, Script, ScriptedAv};
@@ -99,16 +99,18 @@ pub struct DeviatedAv {
 }
 
 impl DeviatedAv {
-    /// Creates an AV from a trajectory of 80 states that continues from the AV's current state.
+    /// Creates an AV from a trajectory of 80 states that continues from the AV's current state. Unknown
+    /// velocities become differences of positions.
     ///
     /// # Errors
     /// [`AvError`] when the trajectory does not have 80 states, holds values that are not finite, or
     /// jumps.
-    pub fn new(now: &AgentState, track: Vec<AgentState>) -> Result<Self, AvError> {
+    pub fn new(now: &AgentState, mut track: Vec<AgentState>) -> Result<Self, AvError> {
         if track.len() != FUTURE {
             return Err(AvError::Length { found: track.len() });
         }
         check_steps(now, &track)?;
+        estimate_av_velocities(now, &mut track);
         Ok(Self { track })
     }
 }

@@ -9,6 +9,7 @@ use reactsim_geometry::left;
 
 use self::checks::Builder;
 use self::lanes::LaneIndex;
+use super::headings::estimate_headings;
 use super::parts::{DeviationParts, LightParts, MapParts, ScenarioParts, StopLineParts};
 use super::{
     AgentKind, AgentState, CURRENT, DeviatedTrack, FRAMES, FUTURE, HISTORY, LANE_HALF_WIDTH, Lane, LaneArea,
@@ -25,16 +26,34 @@ impl Scenario {
     /// Checks parts and assembles a scenario: shifts coordinates to the AV, selects and orders agents,
     /// resolves links.
     ///
+<<<<<<< HEAD
     /// Unusual input has defined meanings: an agent with a box of size zero is not selected (see
     /// [`Self::with_all_agents`]), and states of it that are beyond the limits are absent: files fill unused
     /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
     /// NaN velocities are unknown.
+=======
+    /// Unusual input has defined meanings: a box of size zero marks an absent agent (it is never selected);
+    /// links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
+    /// NaN velocities are unknown, and are estimated from positions where there are any; links between lanes
+    /// that do not meet are dropped and counted.
+>>>>>>> ground
     ///
     /// # Errors
     /// [`SceneError`] names the field and the value: a wrong number of frames or a wrong rate, no AV,
     /// coordinates that are not finite or farther than 100 km from the AV, negative sizes, and ids that are
     /// repeated, empty or invalid.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
+        let mut scenario = Self::assemble_as_stored(parts)?;
+        scenario.complete();
+        Ok(scenario)
+    }
+
+    /// Like [`Self::assemble`], without the estimates of velocities and the removal of links, for files with
+    /// digests: scenarios of older files must match their digest before [`Self::complete`] changes them.
+    ///
+    /// # Errors
+    /// As for [`Self::assemble`].
+    pub fn assemble_as_stored(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut builder = Builder::new(&parts.id);
         builder.check_name(|| "id".into(), &parts.id)?;
         builder.check_time(&parts.timestamps)?;
@@ -42,9 +61,13 @@ impl Scenario {
         let origin = builder.set_origin(&parts)?;
         let mut agents = parts.agents;
         for (i, agent) in agents.iter_mut().enumerate() {
+<<<<<<< HEAD
             if !agent.agent.has_extent() {
                 builder.drop_padding(&mut agent.track);
             }
+=======
+            estimate_headings(&mut agent.track);
+>>>>>>> ground
             builder.shift_track(agent.track.iter_mut().map(Option::as_mut), &format!("agents[{i}].track"))?;
         }
         let mut map = parts.map;
@@ -89,6 +112,13 @@ impl Scenario {
             repairs: builder.repairs,
             notes: OnceLock::new(),
         })
+    }
+
+    /// Estimates unknown velocities, and drops links between lanes that do not meet. A scenario that is
+    /// complete does not change.
+    pub fn complete(&mut self) {
+        self.estimate_velocities();
+        self.drop_distant_links();
     }
 }
 

@@ -5,7 +5,9 @@ mod all_agents;
 mod assemble;
 mod certificate;
 mod digest;
+mod distant_links;
 mod error;
+mod headings;
 pub mod limits;
 mod lights;
 mod map;
@@ -14,6 +16,7 @@ mod notes;
 mod parts;
 mod scenario;
 mod time;
+mod velocities;
 pub mod wosac;
 
 pub use agent::{Agent, AgentKind, AgentState, Frame, LoggedAgent};
@@ -28,9 +31,10 @@ pub use map::{
     RoadLine, RoadMap, StopKind, StopLine, Surface,
 };
 pub use map_index::{LaneHit, MapIndex, Road};
-pub use notes::Notes;
+pub use notes::{Note, Notes, note_text};
 pub use parts::{
     DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
 };
 pub use scenario::{DeviatedTrack, Deviation, LogFuture, MAX_AGENTS, Scenario, Start};
 pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY};
+pub use velocities::estimate_av_velocities;

@@ -2,6 +2,7 @@
 
 use reactsim_geometry::{
     Bounds, Grid, NearestEdge, OrientedEdges, PolygonIndex, Projection, Vec2, point_in_ring, point_segment,
+    ring_distance,
 };
 
 use super::{Lane, LaneArea, RoadMap};
@@ -26,6 +27,7 @@ pub struct MapIndex {
     area_grid: Grid,
     areas: Vec<PolygonIndex>,
     intersection_grid: Grid,
+    driveway_grid: Grid,
 }
 
 /// Successive segments of a lane's baseline.
@@ -65,6 +67,7 @@ impl MapIndex {
         }
         let area = map.drivable_area.iter().flatten();
         let intersections = map.intersections.iter();
+        let driveways = map.driveways.iter();
         Self {
             piece_grid: Grid::new(&bounds, CELL_SIZE),
             pieces,
@@ -75,6 +78,10 @@ impl MapIndex {
             area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL_SIZE),
             intersection_grid: Grid::new(
                 &intersections.map(|r| Bounds::of(r.iter().copied())).collect::<Vec<_>>(),
+                CELL_SIZE,
+            ),
+            driveway_grid: Grid::new(
+                &driveways.map(|d| Bounds::of(d.outline.iter().copied())).collect::<Vec<_>>(),
                 CELL_SIZE,
             ),
         }
@@ -207,7 +214,7 @@ impl<'a> Road<'a> {
     }
 
     /// Returns whether `p` is on drivable ground: strictly inside a polygon or, in maps without polygons,
-    /// left of the nearest edge. `start` carries the nearest edge from one point of a track to the next.
+    /// left of the nearest edge or strictly inside a driveway, which edges run past. `start` carries the nearest edge from one point of a track to the next.
     /// `None` if the map does not record its drivable area.
     pub fn drivable(&self, p: Vec2, start: &mut Option<u32>) -> Option<bool> {
         if self.map.drivable_area.is_some() {
@@ -216,7 +223,12 @@ impl<'a> Road<'a> {
         }
         let nearest = self.nearest_edge(p, *start)?;
         *start = Some(nearest.segment);
-        Some(!nearest.outside)
+        Some(!nearest.outside || self.in_driveway(p))
+    }
+
+    fn in_driveway(&self, p: Vec2) -> bool {
+        let at = self.index.driveway_grid.at(p);
+        at.iter().any(|&i| point_in_ring(p, &self.map.driveways[i as usize].outline) == Some(true))
     }
 
     /// Returns the distance from `p` to the drivable ground, metres; 0 on it. `start` and `None` as in
@@ -227,11 +239,15 @@ impl<'a> Road<'a> {
                 return Some(0.0);
             }
             let rings = area.iter().flat_map(|a| std::iter::once(&a.exterior).chain(&a.holes));
-            return Some(rings.map(|r| reactsim_geometry::ring_distance(p, r)).fold(f64::INFINITY, f64::min));
+            return Some(rings.map(|r| ring_distance(p, r)).fold(f64::INFINITY, f64::min));
         }
         let nearest = self.nearest_edge(p, *start)?;
         *start = Some(nearest.segment);
-        Some(if nearest.outside { nearest.distance } else { 0.0 })
+        if !nearest.outside || self.in_driveway(p) {
+            return Some(0.0);
+        }
+        let driveways = self.map.driveways.iter();
+        Some(driveways.map(|d| ring_distance(p, &d.outline)).fold(nearest.distance, f64::min))
     }
 
     /// Returns whether `p` is strictly inside a junction.
@@ -244,7 +260,7 @@ impl<'a> Road<'a> {
     pub fn distance_to_lane(&self, p: Vec2, lane: usize) -> f64 {
         match &self.map.lanes[lane].area {
             LaneArea::Polygon(ring) if point_in_ring(p, ring) == Some(true) => 0.0,
-            LaneArea::Polygon(ring) => reactsim_geometry::ring_distance(p, ring),
+            LaneArea::Polygon(ring) => ring_distance(p, ring),
             LaneArea::Corridor { half_width } => {
                 (self.map.lanes[lane].baseline.project(p).distance - half_width).max(0.0)
             }

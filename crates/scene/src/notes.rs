@@ -1,18 +1,39 @@
 //! Properties of a scenario that readers of its results must be told.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
+<<<<<<< HEAD
 use reactsim_geometry::rounded_distance;
 
+=======
+>>>>>>> ground
 use super::{AgentKind, Scenario};
 
-/// Counts by description, e.g. `agents whose velocity is unknown`.
-pub type Notes = BTreeMap<&'static str, u32>;
+/// A property of a scenario, with the number of its occurrences.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// Number of occurrences, at least 1.
+    pub count: u32,
+    /// The first occurrence, if it has a place, e.g. `0.30 s before frame 41`.
+    pub detail: Option<String>,
+}
 
-/// Counts one property of a scenario; the property is noted unless the count is 0.
-type Note = (&'static str, fn(&Scenario) -> u32);
+/// Notes by id, e.g. `vehicles-off-road`.
+pub type Notes = BTreeMap<&'static str, Note>;
+
+/// A property that is noted if it occurs.
+struct NoteKind {
+    id: &'static str,
+    /// Text for one occurrence.
+    one: &'static str,
+    /// Text for several occurrences, or for several scenarios; `{}` stands for the number.
+    many: &'static str,
+    find: fn(&Scenario) -> Option<Note>,
+}
 
 /// All properties that are noted.
+<<<<<<< HEAD
 const NOTES: [Note; 1] = [(
     "agents overlap another one at the current frame (towed, or boxes that are too large): \
      the metric option exclude_initial_overlap leaves such pairs out",
@@ -39,15 +60,246 @@ fn overlapping_agents(scenario: &Scenario) -> u32 {
     let in_pair = |i: usize| (0..agents.len()).any(|j| i != j && overlap(i, j));
     (0..agents.len()).filter(|&i| in_pair(i)).count() as u32
 }
+=======
+const KINDS: &[NoteKind] = &[
+    NoteKind {
+        id: "irregular-clock",
+        one: "1 time step is not 0.1 s",
+        many: "{} time steps are not 0.1 s",
+        find: irregular_steps,
+    },
+    NoteKind {
+        id: "velocity-unknown",
+        one: "1 agent has an unknown velocity at the current frame",
+        many: "{} agents have an unknown velocity at the current frame",
+        find: |scenario| {
+            let agents = scenario.start.agents.iter().enumerate();
+            // Objects that stay at one place need no velocity.
+            let agents = agents.filter(|(_, agent)| agent.kind != AgentKind::Other);
+            count(agents.filter(|(i, _)| scenario.start.now(*i).velocity().is_none()).count())
+        },
+    },
+    NoteKind {
+        id: "no-drivable-area",
+        one: "the map has no drivable area, so nobody is judged off the road",
+        many: "the map has no drivable area, so nobody is judged off the road",
+        find: |scenario| count(usize::from(!scenario.start.road().has_drivable_area())),
+    },
+    NoteKind {
+        id: "reversed-edges",
+        one: "most vehicles on lanes start off the road: the drivable side of road edges must be the left one",
+        many: "most vehicles on lanes start off the road: the drivable side of road edges must be the left one",
+        find: reversed_edges,
+    },
+    NoteKind {
+        id: "av-off-road",
+        one: "the AV starts off the road",
+        many: "the AV starts off the road",
+        find: |scenario| count(usize::from(is_off_road(scenario, 0))),
+    },
+    NoteKind {
+        id: "vehicles-off-road",
+        one: "1 vehicle starts off the road and is not judged there",
+        many: "{} vehicles start off the road and are not judged there",
+        find: |scenario| {
+            let agents = 1..scenario.start.agents.len();
+            count(agents.filter(|&i| is_vehicle(scenario, i) && is_off_road(scenario, i)).count())
+        },
+    },
+];
+
+/// Times from a frame to the next that are taken for 0.1 s, seconds: those that the reader of nuPlan logs
+/// accepts.
+const REGULAR_STEPS: RangeInclusive<f64> = 0.05..=0.15;
+>>>>>>> ground
 
 impl Scenario {
-    /// Returns what readers of results of this scenario must be told, with counts. Most scenarios have no
-    /// notes. They are computed at the first call.
+    /// Returns what readers of results of this scenario must be told. Most scenarios have no notes. They are
+    /// computed at the first call.
     pub fn notes(&self) -> &Notes {
-        self.notes.get_or_init(|| {
-            let counts = NOTES.iter().map(|(what, count)| (*what, count(self)));
-            counts.filter(|(_, n)| *n > 0).collect()
-        })
+        self.notes
+            .get_or_init(|| KINDS.iter().filter_map(|kind| Some((kind.id, (kind.find)(self)?))).collect())
+    }
+}
+
+/// Returns the text of a note with a number of occurrences in one or several scenarios.
+pub fn note_text(id: &str, count: u64) -> String {
+    match KINDS.iter().find(|kind| kind.id == id) {
+        Some(kind) if count == 1 => kind.one.to_owned(),
+        Some(kind) => kind.many.replace("{}", &count.to_string()),
+        None => format!("{count} {id}"),
+    }
+}
+
+fn count(n: usize) -> Option<Note> {
+    (n > 0).then_some(Note { count: n as u32, detail: None })
+}
+
+fn irregular_steps(scenario: &Scenario) -> Option<Note> {
+    let steps = scenario.timestamps.windows(2).map(|pair| pair[1] - pair[0]).enumerate();
+    let irregular: Vec<(usize, f64)> = steps.filter(|(_, step)| !REGULAR_STEPS.contains(step)).collect();
+    let (before, step) = irregular.first()?;
+    let detail = Some(format!("{step:.2} s before frame {}", before + 1));
+    Some(Note { count: irregular.len() as u32, detail })
+}
+
+fn is_vehicle(scenario: &Scenario, agent: usize) -> bool {
+    scenario.start.agents[agent].kind == AgentKind::Vehicle
+}
+
+/// Returns whether an agent is off the road at the current frame; false if the map records no drivable area.
+fn is_off_road(scenario: &Scenario, agent: usize) -> bool {
+    scenario.start.road().drivable(scenario.start.now(agent).position(), &mut None) == Some(false)
+}
+
+/// Notes road edges that contradict the lanes: most vehicles on lanes are off the road.
+fn reversed_edges(scenario: &Scenario) -> Option<Note> {
+    let road = scenario.start.road();
+    if scenario.start.map.drivable_area.is_some() || !road.has_drivable_area() {
+        return None;
+    }
+    let mut hits = Vec::new();
+    let (mut on_lanes, mut off_road) = (0_u32, 0_u32);
+    for agent in (0..scenario.start.agents.len()).filter(|&i| is_vehicle(scenario, i)) {
+        road.lanes_at(scenario.start.now(agent).position(), &mut hits);
+        if !hits.is_empty() {
+            on_lanes += 1;
+            off_road += u32::from(is_off_road(scenario, agent));
+        }
+    }
+    (2 * off_road > on_lanes).then_some(Note { count: 1, detail: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_geometry::Vec2;
+
+    use super::*;
+    use crate::{
+        Agent, AgentState, DT, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts,
+        RoadEdge, RoadEdgeKind, ScenarioParts, SceneError, Surface,
+    };
+
+    /// Returns vehicles that stand at these positions, the AV first, on a road along the x axis whose edges
+    /// are 3 m from its middle. `reversed` edges have the drivable side on the right.
+    fn scenario(
+        positions: &[(f64, f64)],
+        reversed: bool,
+        change: impl FnOnce(&mut ScenarioParts),
+    ) -> Scenario {
+        assemble(positions, reversed, change).unwrap()
+    }
+
+    fn assemble(
+        positions: &[(f64, f64)],
+        reversed: bool,
+        change: impl FnOnce(&mut ScenarioParts),
+    ) -> Result<Scenario, SceneError> {
+        let agents = positions.iter().enumerate().map(|(i, &(x, y))| LoggedAgent {
+            agent: Agent { id: i.to_string(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
+            track: vec![Some(AgentState { x, y, heading: 0.0, vx: 0.0, vy: 0.0 }); FRAMES],
+        });
+        let edge = |y: f64| {
+            let x = if (y < 0.0) == reversed { 500.0 } else { -500.0 };
+            RoadEdge { kind: RoadEdgeKind::Boundary, points: vec![Vec2::new(x, y), Vec2::new(-x, y)] }
+        };
+        let lane = LaneParts {
+            id: "lane".into(),
+            kind: LaneKind::Lane,
+            class: LaneClass::SurfaceStreet,
+            speed_limit: None,
+            points: vec![Vec2::new(-500.0, 0.0), Vec2::new(500.0, 0.0)],
+            area: LaneArea::Corridor { half_width: 1.75 },
+            successors: Vec::new(),
+            predecessors: Vec::new(),
+            left: Vec::new(),
+            right: Vec::new(),
+        };
+        let map =
+            MapParts { lanes: vec![lane], road_edges: vec![edge(-3.0), edge(3.0)], ..MapParts::default() };
+        let mut parts = ScenarioParts {
+            id: "made".into(),
+            origin: Some(Vec2::zeros()),
+            agents: agents.collect(),
+            map,
+            ..ScenarioParts::default()
+        };
+        change(&mut parts);
+        Scenario::assemble(parts)
+    }
+
+    fn found(scenario: &Scenario) -> Vec<(&'static str, u32)> {
+        scenario.notes().iter().map(|(id, note)| (*id, note.count)).collect()
+    }
+
+    #[test]
+    fn texts_fit_their_counts() {
+        assert_eq!(
+            note_text("vehicles-off-road", 1),
+            "1 vehicle starts off the road and is not judged there"
+        );
+        assert_eq!(
+            note_text("vehicles-off-road", 5),
+            "5 vehicles start off the road and are not judged there"
+        );
+        assert_eq!(note_text("av-off-road", 3), "the AV starts off the road");
+        assert_eq!(note_text("of-a-newer-version", 2), "2 of-a-newer-version");
+    }
+
+    #[test]
+    fn vehicles_off_the_road_are_counted() {
+        let all_on = [(0.0, 0.0), (20.0, 1.0), (40.0, 0.0)];
+        assert_eq!(found(&scenario(&all_on, false, |_| ())), []);
+        let parked = [(0.0, 0.0), (20.0, 0.0), (40.0, 9.0), (60.0, 9.0)];
+        assert_eq!(found(&scenario(&parked, false, |_| ())), [("vehicles-off-road", 2)]);
+        let av_parked = [(0.0, -9.0), (20.0, 0.0)];
+        assert_eq!(found(&scenario(&av_parked, false, |_| ())), [("av-off-road", 1)]);
+        let no_edges = scenario(&parked, false, |parts| parts.map.road_edges.clear());
+        assert_eq!(found(&no_edges), [("no-drivable-area", 1)]);
+    }
+
+    #[test]
+    fn edges_against_the_convention_are_recognised_by_vehicles_on_lanes() {
+        let positions = [(0.0, 0.0), (20.0, 0.0), (40.0, 0.0), (60.0, 9.0)];
+        assert_eq!(
+            found(&scenario(&positions, true, |_| ())),
+            [("av-off-road", 1), ("reversed-edges", 1), ("vehicles-off-road", 2)]
+        );
+    }
+
+    #[test]
+    fn driveways_are_drivable_where_edges_judge() {
+        let square = [(35.0, 2.5), (45.0, 2.5), (45.0, 15.0), (35.0, 15.0)];
+        let outline: Vec<Vec2> = square.into_iter().map(|(x, y)| Vec2::new(x, y)).collect();
+        let s = scenario(&[(0.0, 0.0), (40.0, 9.0), (60.0, 9.0)], false, |parts| {
+            parts.map.driveways.push(Surface { outline });
+        });
+        assert_eq!(found(&s), [("vehicles-off-road", 1)]);
+        let road = s.start.road();
+        let at = |x: f64, y: f64| {
+            let p = Vec2::new(x, y);
+            (road.drivable(p, &mut None).unwrap(), road.distance_off_road(p, &mut None).unwrap())
+        };
+        assert_eq!(at(40.0, 9.0), (true, 0.0));
+        assert_eq!(at(60.0, 9.0), (false, 6.0));
+        // Nearer to the driveway than to the edge.
+        assert_eq!(at(47.0, 9.0), (false, 2.0));
+    }
+
+    #[test]
+    fn irregular_clocks_are_noted_and_long_gaps_refused() {
+        let clock = |late: f64| {
+            move |parts: &mut ScenarioParts| {
+                parts.timestamps =
+                    (0..FRAMES).map(|f| DT * f as f64 + if f > 40 { late } else { 0.0 }).collect();
+            }
+        };
+        assert_eq!(found(&scenario(&[(0.0, 0.0)], false, clock(0.02))), []);
+        let gap = scenario(&[(0.0, 0.0)], false, clock(0.2));
+        let detail = Some("0.30 s before frame 41".to_owned());
+        assert_eq!(gap.notes()["irregular-clock"], Note { count: 1, detail });
+        let error = assemble(&[(0.0, 0.0)], false, clock(1.5)).unwrap_err().to_string();
+        assert!(error.contains("timestamps[41] is 1.600 s after the frame before"), "{error}");
     }
 }
 

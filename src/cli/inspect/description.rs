@@ -1,6 +1,8 @@
 //! Textual description of a scenario.
 
-use crate::scene::{AgentKind, CURRENT, Certificate, Difficulty, FUTURE, LaneKind, Response, Scenario};
+use crate::scene::{
+    AgentKind, CURRENT, Certificate, Difficulty, FUTURE, LaneKind, Response, Scenario, note_text,
+};
 
 /// Describes a scenario: pairs of a property and its text.
 pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
@@ -82,8 +84,9 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
     for (what, n) in &scenario.repairs {
         lines.push(("left out", format!("{n} {what}")));
     }
-    for (what, n) in scenario.notes() {
-        lines.push(("note", format!("{n} {what}")));
+    for (id, note) in scenario.notes() {
+        let detail = note.detail.as_ref().map(|detail| format!(": {detail}")).unwrap_or_default();
+        lines.push(("note", note_text(id, note.count.into()) + &detail));
     }
     lines
 }

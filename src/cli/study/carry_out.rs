@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::external::keep_stderr;
-use crate::cli::finished::{put_table, report_left_out};
+use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
@@ -64,6 +64,7 @@ pub(super) fn finish_member(
     // All members leave out the same.
     if is_first || summary.provenance.scenarios == 0 {
         report_left_out(summary);
+        report_notes(summary);
     }
     if summary.provenance.scenarios == 0 {
         bail!("no scenario could be run: see the warnings above");

@@ -10,7 +10,7 @@ use reactsim_formats::{
     table::{Column, Leaf, TableReader, TableWriter, Value as Cell, View},
 };
 
-use crate::{Row, Value};
+use crate::{Row, RowNote, Value};
 
 /// Kind of the file in its metadata.
 const KIND: &str = "reactsim-rows";
@@ -25,12 +25,12 @@ const MAX_COUNT: u64 = 1 << 53;
 ///
 /// A metric is an element of four parallel lists: `metric`, `kind` (`rate`, `count`, `mean` or `value`; null
 /// if nothing was evaluated), `numerator` and `denominator`. The value of rates and means is numerator over
-/// denominator, the value of the others is the numerator.
+/// denominator, the value of the others is the numerator. The columns of notes exist only if a row has notes.
 ///
 /// # Errors
 /// [`FormatError`] if the file cannot be written, or a count is too large for it.
 pub(super) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
-    let columns = vec![
+    let mut columns = vec![
         Column::new("input", Leaf::Whole, 0, false),
         Column::new("record", Leaf::Whole, 0, false),
         Column::new("scenario", Leaf::Text, 0, false),
@@ -49,16 +49,25 @@ pub(super) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
         Column::new("outcome", Leaf::Text, 1, false),
         Column::new("outcome_count", Leaf::Whole, 1, false),
     ];
+    // Rows of most runs have no notes.
+    let has_notes = rows.iter().any(|row| !row.notes.is_empty());
+    if has_notes {
+        columns.extend([
+            Column::new("note", Leaf::Text, 1, false),
+            Column::new("note_count", Leaf::Whole, 1, false),
+            Column::new("note_detail", Leaf::Text, 1, true),
+        ]);
+    }
     let mut table = TableWriter::create(path, (KIND, VERSION), GROUP_ROWS, columns)?;
     for (record, row) in (0..).zip(rows) {
         let refuse = |cause| FormatError::record(path, record, Some(row.scenario.clone()), cause);
-        put(&mut table, row).map_err(refuse)?;
+        put(&mut table, row, has_notes).map_err(refuse)?;
         table.end_row()?;
     }
     table.finish()
 }
 
-fn put(table: &mut TableWriter, row: &Row) -> Result<(), Cause> {
+fn put(table: &mut TableWriter, row: &Row, has_notes: bool) -> Result<(), Cause> {
     // Destructured, so that a new field cannot be forgotten.
     let Row {
         input,
@@ -73,6 +82,7 @@ fn put(table: &mut TableWriter, row: &Row) -> Result<(), Cause> {
         metrics,
         deviation,
         outcomes,
+        notes,
     } = row;
     let mut one = |column: &str, cell: Cell<'_>| table.column(column).push(cell);
     one("input", Cell::Whole(whole("input", *input as u64)?));
@@ -98,6 +108,11 @@ fn put(table: &mut TableWriter, row: &Row) -> Result<(), Cause> {
     let counts: Vec<u32> = outcomes.iter().map(|(name, n)| whole(name, *n)).collect::<Result<_, _>>()?;
     table.column("outcome").list(outcomes.keys().map(|name| Cell::Text(name)));
     table.column("outcome_count").list(counts.into_iter().map(Cell::Whole));
+    if has_notes {
+        table.column("note").list(notes.keys().map(|id| Cell::Text(id)));
+        table.column("note_count").list(notes.values().map(|note| Cell::Whole(note.count)));
+        table.column("note_detail").list(notes.values().map(|note| Cell::from(note.detail.as_deref())));
+    }
     Ok(())
 }
 
@@ -168,12 +183,18 @@ struct Columns {
     deviation_value: View,
     outcome: View,
     outcome_count: View,
+    /// Id, count and detail of notes; `None` if no row has notes.
+    notes: Option<[View; 3]>,
 }
 
 impl Columns {
     fn of(batch: &RecordBatch) -> Result<Self, Cause> {
         let one = |name, leaf| View::need(batch, name, leaf, 0);
         let list = |name, leaf| View::need(batch, name, leaf, 1);
+        let notes = match View::find(batch, "note", Leaf::Text, 1)? {
+            Some(ids) => Some([ids, list("note_count", Leaf::Whole)?, list("note_detail", Leaf::Text)?]),
+            None => None,
+        };
         Ok(Self {
             len: batch.num_rows(),
             input: one("input", Leaf::Whole)?,
@@ -193,6 +214,7 @@ impl Columns {
             deviation_value: list("deviation_value", Leaf::Number)?,
             outcome: list("outcome", Leaf::Text)?,
             outcome_count: list("outcome_count", Leaf::Whole)?,
+            notes,
         })
     }
 
@@ -217,6 +239,13 @@ impl Columns {
             let count = self.outcome_count.whole(cell).ok_or_else(|| missing_value(&name))?;
             outcomes.insert(name, count.into());
         }
+        let mut notes = BTreeMap::new();
+        if let Some([ids, counts, details]) = &self.notes {
+            for (id, [count, detail]) in self.named(row, ids, [counts, details])? {
+                let count = counts.whole(count).ok_or_else(|| missing_value(&id))?;
+                notes.insert(id, RowNote { count, detail: details.text(detail).map(str::to_owned) });
+            }
+        }
         let text = |view: &View| view.text(row).map(str::to_owned);
         Ok(Row {
             input: number(&self.input, row)? as usize,
@@ -231,6 +260,7 @@ impl Columns {
             metrics,
             deviation,
             outcomes,
+            notes,
         })
     }
 
@@ -310,15 +340,21 @@ mod tests {
             metrics: metrics.into_iter().take(record % 7).map(|(n, v)| (n.to_owned(), v)).collect(),
             deviation: (0..record % 3).map(|i| (format!("d{i}"), 1e-300 * i as f64)).collect(),
             outcomes: (0..record % 4).map(|i| (format!("o{i}"), i as u64)).collect(),
+            notes: (1..record % 3).map(|i| (format!("n{i}"), note(i))).collect(),
         }
+    }
+
+    fn note(count: usize) -> RowNote {
+        RowNote { count: count as u32, detail: count.is_multiple_of(2).then(|| "frame 7".into()) }
     }
 
     #[test]
     fn rows_round_trip() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.parquet");
-        for count in [0, 1, 300] {
+        for count in [0, 1, 2, 300] {
             let rows: Vec<Row> = (0..count).map(row).collect();
+            assert_eq!(rows.iter().any(|row| !row.notes.is_empty()), count == 300);
             write(&path, &rows).unwrap();
             assert_eq!(read(&path).unwrap(), rows);
             let content = std::fs::read(&path).unwrap();

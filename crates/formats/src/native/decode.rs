@@ -50,12 +50,14 @@ impl Rows {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
         let parts = self.parts(row).map_err(refuse)?;
-        let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
+        let assembled = Scenario::assemble_as_stored(parts);
+        let mut scenario = assembled.map_err(|e| FormatError::scene(path, record, e))?;
         // Stop lines are stored after projection: projecting them again would move them by a rounding error.
         scenario.start.map.stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
         if found == expected {
+            scenario.complete();
             return Ok(scenario);
         }
         // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario

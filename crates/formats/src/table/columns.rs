@@ -217,7 +217,7 @@ enum Cells {
 impl View {
     /// Finds a column by name and checks the nesting depth of its lists and the type of its cells. `None` if
     /// it is missing.
-    pub(crate) fn find(
+    pub fn find(
         batch: &RecordBatch,
         name: &'static str,
         leaf: Leaf,

@@ -65,6 +65,8 @@ struct RunData<'a> {
     group: usize,
     /// Provenance in one line.
     about: String,
+    /// What readers must be told about the scenarios, one text per kind of note.
+    notes: Vec<String>,
     summary: &'a Summary,
 }
 
@@ -153,6 +155,7 @@ impl Gallery {
                     study: &member.study,
                     group,
                     about: table::provenance(run),
+                    notes: run.summary.provenance.notes.iter().map(|(id, note)| note.text(id)).collect(),
                     summary: run.summary,
                 })
                 .collect(),

@@ -13,6 +13,9 @@ use crate::{
 const MAX_NAME_BYTES: usize = 1000;
 /// Maximum relative deviation of the median timestamp step from 0.1 s.
 const STEP_TOLERANCE: f64 = 0.1;
+/// Maximum time from a frame to the next, seconds: a recording with a longer gap is two recordings. Shorter
+/// irregular steps are noted ([`crate::Scenario::notes`]).
+const MAX_STEP: f64 = 1.0;
 
 /// Checks and shifts the parts of a scenario.
 pub(super) struct Builder {
@@ -80,6 +83,11 @@ impl Builder {
                 format!("a step of {median} s"),
                 "steps of 0.1 s (10 Hz)",
             ));
+        }
+        if let Some(i) = timestamps.windows(2).position(|w| w[1] - w[0] > MAX_STEP) {
+            let value = format!("{:.3} s after the frame before", timestamps[i + 1] - timestamps[i]);
+            let expected = "about 0.1 s; frames are missing here, choose a window before or after the gap";
+            return Err(self.error(format!("timestamps[{}]", i + 1), value, expected));
         }
         Ok(())
     }

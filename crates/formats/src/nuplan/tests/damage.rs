@@ -149,9 +149,16 @@ fn odd_logs_are_read() {
             ("stop lines on missing lanes", 1)
         ]
     );
-    // Missing velocities are unknown.
+    // Missing velocities are estimated from positions and recorded times.
     let fixture = Fixture::write().log("UPDATE lidar_box SET vx = NULL; UPDATE ego_pose SET vy = NULL");
-    assert!(good(&fixture.log)[0].start.now(1).velocity().is_none());
+    let s = &good(&fixture.log)[0];
+    let step = s.timestamps[10] - s.timestamps[9];
+    for agent in [0, 1] {
+        let (before, now) = (s.start.history[agent][9].unwrap(), s.start.now(agent));
+        let estimated = (now.position() - before.position()) / step;
+        assert_eq!(now.velocity(), Some(estimated));
+    }
+    assert!(s.unselected[0].track[10].unwrap().vx.is_nan(), "an object that stays needs no velocity");
 }
 
 #[test]

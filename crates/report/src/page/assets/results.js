@@ -169,6 +169,7 @@ export function provenance() {
           ...Object.entries(s.parameters ?? {}).map(([k, v]) => `${k} = ${v}`),
           ...Object.entries(run.summary.simulators[s.id]?.outcomes ?? {}).map(([k, n]) => `${n} ${k}`),
         ].filter(Boolean).join("; "))),
+        run.notes.length ? row("notes", el("ul", {}, ...run.notes.map((text) => el("li", {}, text)))) : null,
         row("failures", p.failures.length ? el("ul", {}, ...p.failures.map((f) => el("li", {}, `${f.file} record ${f.record}${f.simulator ? ` (${f.simulator})` : ""}: ${f.error}`))) : "none"))));
   }));
 }

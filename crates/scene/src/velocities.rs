@@ -1,0 +1,183 @@
+//! Velocities that a recording does not state, estimated from positions.
+
+use reactsim_geometry::Vec2;
+
+use super::limits::MAX_VELOCITY;
+use super::{AgentKind, AgentState, DT, Frame, HISTORY, LoggedAgent, Scenario};
+
+/// Distance in metres within which an object of kind `other` stays at one place: more than the noise of
+/// tracked boxes.
+const STATIC_EXTENT: f64 = 1.0;
+
+impl Scenario {
+    /// Replaces the unknown velocities of all agents by estimates; the only place that decides about them.
+    ///
+    /// The estimate is the difference from the position one frame earlier, else the difference to the
+    /// position one frame later. In the history, frames after the current one are never used. Velocities that
+    /// cannot be estimated stay unknown, as do those of objects of kind `other` that stay at one place.
+    pub(super) fn estimate_velocities(&mut self) {
+        let times = &self.timestamps;
+        let step = |frame: usize| match frame.checked_sub(1).and_then(|f| times.get(f)).zip(times.get(frame))
+        {
+            Some((earlier, now)) => now - earlier,
+            None => DT,
+        };
+        let tracks = self.start.history.iter_mut().zip(&mut self.log_future.tracks);
+        for (agent, (history, future)) in self.start.agents.iter().zip(tracks) {
+            estimate_track(agent.kind, history, future, step);
+        }
+        for LoggedAgent { agent, track } in &mut self.unselected {
+            let (history, future) = track.split_at_mut(HISTORY);
+            estimate_track(agent.kind, history, future, step);
+        }
+    }
+}
+
+/// Replaces the unknown velocities of an AV trajectory that continues from the state `now`, one frame
+/// earlier, by differences of its positions.
+pub fn estimate_av_velocities(now: &AgentState, track: &mut [AgentState]) {
+    if track.iter().all(|state| state.velocity().is_some()) {
+        return;
+    }
+    let mut frames: Vec<Frame> = track.iter().copied().map(Some).collect();
+    fill(&mut frames, Some(*now), |_| DT);
+    for (state, estimated) in track.iter_mut().zip(frames.into_iter().flatten()) {
+        *state = estimated;
+    }
+}
+
+/// Fills a track that is split after the current frame. `step` is the time from the frame before to a frame,
+/// seconds.
+fn estimate_track(kind: AgentKind, history: &mut [Frame], future: &mut [Frame], step: impl Fn(usize) -> f64) {
+    if history.iter().chain(future.iter()).flatten().all(|state| state.velocity().is_some()) {
+        return;
+    }
+    let is_static = |states: &[&[Frame]]| kind == AgentKind::Other && stays(states);
+    if !is_static(&[history]) {
+        fill(history, None, &step);
+    }
+    if !is_static(&[history, future]) {
+        // The first future frame is compared with the current one.
+        let now = history.last().copied().flatten();
+        fill(future, now, |i| step(HISTORY + i));
+    }
+}
+
+/// Returns whether all states are at one place.
+fn stays(parts: &[&[Frame]]) -> bool {
+    let mut states = parts.iter().copied().flatten().flatten();
+    let Some(first) = states.next() else { return true };
+    states.all(|state| (state.position() - first.position()).norm() < STATIC_EXTENT)
+}
+
+/// Fills the unknown velocities of successive frames. `before` is the frame before the first one, and
+/// `step(i)` the time from frame `i - 1` to frame `i` of the slice, seconds, where `before` is frame −1.
+fn fill(track: &mut [Frame], before: Frame, step: impl Fn(usize) -> f64) {
+    for i in 0..track.len() {
+        let Some(state) = track[i].filter(|state| state.velocity().is_none()) else { continue };
+        let earlier = if i == 0 { before } else { track[i - 1] };
+        let later = track.get(i + 1).copied().flatten();
+        let backward = earlier.and_then(|b| difference(&b, &state, step(i)));
+        let forward = || later.and_then(|l| difference(&state, &l, step(i + 1)));
+        if let Some(v) = backward.or_else(forward) {
+            track[i] = Some(AgentState { vx: v.x, vy: v.y, ..state });
+        }
+    }
+}
+
+/// Returns the mean velocity between two states; `None` if it is beyond those of any agent.
+fn difference(from: &AgentState, to: &AgentState, seconds: f64) -> Option<Vec2> {
+    let v = (to.position() - from.position()) / seconds;
+    (v.x.abs() < MAX_VELOCITY && v.y.abs() < MAX_VELOCITY).then_some(v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CURRENT, FRAMES, ScenarioParts};
+
+    /// Returns an agent with positions along the x axis and unknown velocities.
+    fn unknown(id: &str, kind: AgentKind, x: impl Fn(usize) -> Option<f64>) -> LoggedAgent {
+        let state = |x: f64| AgentState { x, y: 5.0, heading: 0.0, vx: f64::NAN, vy: 0.0 };
+        let agent = crate::Agent { id: id.to_owned(), kind, length: 4.0, width: 2.0 };
+        LoggedAgent { agent, track: (0..FRAMES).map(|f| x(f).map(state)).collect() }
+    }
+
+    fn assembled(agents: Vec<LoggedAgent>, timestamps: Vec<f64>) -> Scenario {
+        let parts = ScenarioParts {
+            id: "made".into(),
+            origin: Some(Vec2::zeros()),
+            agents,
+            timestamps,
+            ..ScenarioParts::default()
+        };
+        Scenario::assemble(parts).unwrap()
+    }
+
+    fn velocities(scenario: &Scenario, agent: usize) -> Vec<Option<f64>> {
+        scenario.logged(agent).iter().map(|f| f.and_then(|s| s.velocity()).map(|v| v.x)).collect()
+    }
+
+    #[test]
+    fn unknown_velocities_are_differences_over_recorded_times() {
+        // Each step is one metre; the step to frame 6 takes 0.2 s.
+        let times = (0..FRAMES).map(|f| 0.1 * f as f64 + if f > 5 { 0.1 } else { 0.0 }).collect();
+        let av = unknown("av", AgentKind::Vehicle, |f| Some(f as f64));
+        for (times, late) in [(times, 5.0), (Vec::new(), 10.0)] {
+            let s = assembled(vec![av.clone()], times);
+            for (f, v) in velocities(&s, 0).into_iter().enumerate() {
+                let expected = if f == 6 { late } else { 10.0 };
+                assert!((v.unwrap() - expected).abs() < 1e-9, "frame {f}: {v:?}");
+            }
+            assert!(
+                s.notes().contains_key("no-drivable-area") && !s.notes().contains_key("velocity-unknown")
+            );
+            assert!(s.repairs.is_empty());
+        }
+    }
+
+    #[test]
+    fn the_future_is_not_used_for_the_history() {
+        let av = unknown("av", AgentKind::Vehicle, |f| Some(if f <= CURRENT { 0.0 } else { f as f64 }));
+        let new = unknown("new", AgentKind::Vehicle, |f| (f >= CURRENT).then_some(f as f64));
+        let s = assembled(vec![av, new], Vec::new());
+        assert_eq!(velocities(&s, 0)[CURRENT], Some(0.0));
+        // An agent that appears now has no earlier position: its velocity is unknown, and noted.
+        let seen = velocities(&s, 1);
+        assert_eq!(seen[CURRENT], None);
+        assert!((seen[CURRENT + 1].unwrap() - 10.0).abs() < 1e-9);
+        assert_eq!(s.notes()["velocity-unknown"], crate::Note { count: 1, detail: None });
+        let hidden = s.clone().without_future();
+        assert_eq!(velocities(&hidden, 1)[..HISTORY], seen[..HISTORY]);
+    }
+
+    #[test]
+    fn known_velocities_jumps_and_static_objects_are_left_as_they_are() {
+        let mut av = unknown("av", AgentKind::Vehicle, |f| Some(f as f64));
+        av.track.iter_mut().flatten().for_each(|state| state.vx = 7.0);
+        let jump = unknown("jump", AgentKind::Cyclist, |f| (f == 0 || f > 3).then_some(1e3 * f as f64));
+        let cone = unknown("cone", AgentKind::Other, |f| Some(0.1 * (f % 2) as f64));
+        let cart = unknown("cart", AgentKind::Other, |f| Some(f as f64));
+        let s = assembled(vec![av, jump, cone, cart], Vec::new());
+        assert_eq!(velocities(&s, 0), [Some(7.0); FRAMES]);
+        assert_eq!(velocities(&s, 1), [None; FRAMES], "ten times beyond the velocity of any agent");
+        let of = |id: &str| s.unselected.iter().find(|a| a.agent.id == id).unwrap().track[CURRENT].unwrap();
+        assert!(of("cone").vx.is_nan());
+        assert!((of("cart").vx - 10.0).abs() < 1e-9);
+        assert_eq!(s.notes()["velocity-unknown"].count, 1);
+        // What is complete does not change.
+        let mut again = s.clone();
+        again.complete();
+        assert_eq!(again.digest(), s.digest());
+    }
+
+    #[test]
+    fn trajectories_begin_with_the_difference_from_now() {
+        let now = AgentState { x: 0.0, y: 0.0, heading: 0.0, vx: 8.0, vy: 0.0 };
+        let mut track: Vec<AgentState> = (1..4)
+            .map(|k| AgentState { x: f64::from(k), vx: if k == 2 { 3.0 } else { f64::NAN }, ..now })
+            .collect();
+        estimate_av_velocities(&now, &mut track);
+        assert_eq!(track.iter().map(|s| s.vx).collect::<Vec<_>>(), [10.0, 3.0, 10.0]);
+    }
+}
