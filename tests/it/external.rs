@@ -88,7 +88,7 @@ pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> 
         limit: None,
         selection: Selection::default(),
     };
-    Plan { sources, simulators, deviations: None, settings, keep_rollouts: false }
+    Plan { sources, simulators, deviations: None, settings, keep_rollouts: false, allowed: Vec::new() }
 }
 
 #[derive(Default)]

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::evaluation::{EvaluationError, RolloutCheck, Scoring, Summary};
+use reactsim::evaluation::{EvaluationError, Pose, RolloutCheck, Scoring, Summary};
 use reactsim::formats::rollouts::{RolloutRecord, Writer};
 use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
@@ -42,7 +42,7 @@ impl Fixture {
         let mut writer = Writer::create(&path).unwrap();
         records.iter().for_each(|record| writer.write(record).unwrap());
         writer.finish().unwrap();
-        Scoring::new(&[path], &self.inputs, Options::default())?.run(allowed, None, &())
+        Scoring::new(&[path], &self.inputs, Options::default(), Pose::Centre)?.run(allowed, None, &())
     }
 
     fn refusal(&self, change: impl Fn(&mut Vec<RolloutRecord>)) -> (String, Summary) {
