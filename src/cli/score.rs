@@ -11,8 +11,8 @@ use clap::Args;
 use super::finished::{put_table, show_next_steps};
 use super::subject::MotionArgs;
 use super::table_output::{TableArgs, formats as table_formats};
-use super::{ExitStatus, find_inputs, metric_options, say, write_result};
-use crate::evaluation::document::score_document;
+use super::{ExitStatus, count, find_inputs, metric_options, say, write_result};
+use crate::evaluation::document::{check_document, score_document};
 use crate::evaluation::{Failure, RunFolder, RunObserver, Scoring};
 use crate::files::read_regular;
 use crate::formats;
@@ -82,6 +82,13 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     for option in &args.metric_options {
         let (name, value) = super::split_option(option)?;
         document.options.push((name.to_owned(), value.to_owned()));
+    }
+    for (check, n, first) in check_document(&document).iter() {
+        let n = count(n, "scenario");
+        say(format_args!(
+            "warning: check `{}` of the motion fails in {n}, the first: {first}",
+            check.allowance()
+        ));
     }
     let result = score_document(&document).with_context(read)?;
     write_result(args.out.as_deref(), |out| {

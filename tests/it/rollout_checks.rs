@@ -147,7 +147,7 @@ fn allowances_are_marked_below_the_table() {
     let table = String::from_utf8(allowed.stdout).unwrap();
     assert!(table.contains("1 exception allowed as partial"), "{table}");
     let unknown = String::from_utf8(score(&["--allow", "everything"]).stderr).unwrap();
-    assert!(unknown.contains("expected one of other-av, jumps, missing-agents, partial"), "{unknown}");
+    assert!(unknown.contains("expected one of other-av, jumps, coordinates,"), "{unknown}");
 }
 
 #[test]

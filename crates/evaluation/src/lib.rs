@@ -79,8 +79,8 @@ pub use folder::{
 };
 pub use foreign_rollout::ForeignRollout;
 pub use known_deviation::KnownDeviation;
-pub use pose::{AxleDistance, ParsePoseError, Pose};
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
+pub use pose::{AxleDistance, ParsePoseError, Pose};
 pub use provenance::{
     ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
     program_version, set_program_commit,

@@ -85,8 +85,7 @@ impl Recorded {
                 for (index, rollout) in rollouts.iter_mut().enumerate() {
                     to_centres(pose, scenario, rollout)?;
                     let place = format!("scenario `{}`, `{name}`, rollout {index}", scenario.id);
-                    let failed =
-                        rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
+                    let failed = rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
                     rollout.outcomes.extend(failed.into_iter().map(|check| (check.outcome(), 1)));
                 }
                 let (rows, events) = score_rollouts(place, scenario, name, &rollouts, self.options);

@@ -148,10 +148,7 @@ impl Scoring {
         let mut summary = Summary::new(&tally, &self.failures, &self.provenance);
         // Scenarios without rollouts have no rows to be marked.
         let absent = self.recorded.findings().iter().filter(|(check, ..)| *check == RolloutCheck::Coverage);
-        summary
-            .provenance
-            .allowed
-            .extend(absent.map(|(check, n, _)| (check.allowance().to_owned(), n)));
+        summary.provenance.allowed.extend(absent.map(|(check, n, _)| (check.allowance().to_owned(), n)));
         if let Some(folder) = folder {
             finish(folder, &tally, &self.failures, &summary, true)?;
         }

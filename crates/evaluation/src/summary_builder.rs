@@ -127,7 +127,8 @@ impl<'a> SummaryBuilder<'a> {
         let simulators: BTreeMap<String, SimulatorSummary> = simulators.collect();
         let mut allowed: BTreeMap<String, usize> = BTreeMap::new();
         for (check, n) in simulators.values().flat_map(SimulatorSummary::allowed) {
-            *allowed.entry(check.allowance().to_owned()).or_default() += usize::try_from(n).unwrap_or(usize::MAX);
+            *allowed.entry(check.allowance().to_owned()).or_default() +=
+                usize::try_from(n).unwrap_or(usize::MAX);
         }
         Summary {
             simulators,

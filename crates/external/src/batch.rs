@@ -92,12 +92,11 @@ impl OpenBatch {
         if let Some(worker) = &mut self.worker {
             worker.has_planned = true;
         }
-        replies::take_plans(&planned, (b, n), active)
-            .map_err(|e| {
-                let text = format!("`planned` cannot be used: {e}");
-                self.workers.failed(&self.seeds, &text, false);
-                PlanError::BrokenOff(text)
-            })
+        replies::take_plans(&planned, (b, n), active).map_err(|e| {
+            let text = format!("`planned` cannot be used: {e}");
+            self.workers.failed(&self.seeds, &text, false);
+            PlanError::BrokenOff(text)
+        })
     }
 
     /// Ends the batch and gives the worker back.

@@ -66,7 +66,14 @@ impl Workers {
     pub(super) fn new(settings: ExternalSettings, outline: RunOutline) -> Self {
         let count = if settings.command == Command::Stdio { 1 } else { settings.workers };
         let free = (0..count).map(|_| None).collect();
-        let state = State { free, description: None, failed_starts: 0, given_up: None, failing: Vec::new(), faults: None };
+        let state = State {
+            free,
+            description: None,
+            failed_starts: 0,
+            given_up: None,
+            failing: Vec::new(),
+            faults: None,
+        };
         let (stderr, returned) = (Stderr::default(), Condvar::new());
         Self { settings, outline, stderr, state: Mutex::new(state), returned }
     }
@@ -118,7 +125,9 @@ impl Workers {
         }
         if state.failing.len() >= MOST_FAILED_EPISODES {
             let n = MOST_FAILED_EPISODES;
-            let text = format!("{n} episodes in a row ended its process or had no answer in time, the last: {reason}");
+            let text = format!(
+                "{n} episodes in a row ended its process or had no answer in time, the last: {reason}"
+            );
             state.given_up.get_or_insert(text);
         }
     }

@@ -46,7 +46,9 @@ fn lines(entries: &[Entry]) -> Vec<Line<'_>> {
 
 fn lines_of(entry: &Entry) -> Vec<Line<'_>> {
     let order = entry.summary.order();
-    order.map(|(id, title, s)| Line { entry, id, title, standing: s.standing(), metrics: &s.metrics }).collect()
+    order
+        .map(|(id, title, s)| Line { entry, id, title, standing: s.standing(), metrics: &s.metrics })
+        .collect()
 }
 
 /// Returns the columns for which at least one entry has a number.

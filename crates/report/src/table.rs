@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use reactsim_evaluation::{
-    CategorySummary, Condition, Estimate, Mark, Provenance, SettingsRecord, SimulatorSummary, Standing, Summary,
-    changed_options,
+    CategorySummary, Condition, Estimate, Mark, Provenance, SettingsRecord, SimulatorSummary, Standing,
+    Summary, changed_options,
 };
 use reactsim_metrics as metrics;
 use reactsim_metrics::Unit;

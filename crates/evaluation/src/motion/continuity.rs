@@ -51,7 +51,8 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
     let agents: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
     let jumping = agents.iter().filter(|a| is_jump(a)).count();
     // Mistakes of frames and order move most agents far.
-    if jumping >= 2 && 2 * jumping >= agents.len()
+    if jumping >= 2
+        && 2 * jumping >= agents.len()
         && let Some(finding) = frame(scene, &agents).or_else(|| order(&agents))
     {
         return Some(finding);
@@ -67,7 +68,9 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
 
 fn is_jump(agent: &GivenMotion<'_>) -> bool {
     // NaN is not within the tolerance either.
-    agent.residual().is_some_and(|residual| !matches!(residual.norm().total_cmp(&JUMP), std::cmp::Ordering::Less))
+    agent
+        .residual()
+        .is_some_and(|residual| !matches!(residual.norm().total_cmp(&JUMP), std::cmp::Ordering::Less))
 }
 
 /// Poses of the rear axle, or of another point of the vehicles.
@@ -182,7 +185,10 @@ fn frame(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding>
         (&|_, p| Vec2::new(-p.y, p.x), "positions look turned by 90° clockwise"),
         (&|i, p| agents[i].now.position() + p, "positions look relative to each agent's own position"),
         (&own, "positions look like those of each agent's own frame"),
-        (&|_, p| av + in_frame(p, ahead), "positions look like those of the AV's frame, turned by its heading"),
+        (
+            &|_, p| av + in_frame(p, ahead),
+            "positions look like those of the AV's frame, turned by its heading",
+        ),
         (&|_, p| p + av, "positions look relative to the AV"),
     ];
     for (map, text) in maps {

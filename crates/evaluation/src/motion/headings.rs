@@ -46,7 +46,8 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
     let what = if fits(&|h| h.to_radians()) {
         "they look like degrees; give radians".to_owned()
     } else if fits(&|h| -h.to_radians()) || fits(&|h| FRAC_PI_2 - h.to_radians()) {
-        "they look like degrees that increase clockwise; give radians counter-clockwise from the x axis".to_owned()
+        "they look like degrees that increase clockwise; give radians counter-clockwise from the x axis"
+            .to_owned()
     } else if fits(&|h| h - mean) {
         format!(
             "they look turned by a constant {:.0}°; give radians counter-clockwise from the x axis",

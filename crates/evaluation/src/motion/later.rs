@@ -42,8 +42,7 @@ pub(super) fn teleports(scene: &GivenScene<'_>) -> Option<Finding> {
             (by > top_speed(agent.kind) * DT || change > TELEPORT).then_some((k, by))
         })
     };
-    let found: Vec<_> =
-        scene.agents.iter().filter_map(|a| teleport(a).map(|(k, by)| (a, k, by))).collect();
+    let found: Vec<_> = scene.agents.iter().filter_map(|a| teleport(a).map(|(k, by)| (a, k, by))).collect();
     let (agent, step, by) = found.first()?;
     Some(Finding::new(
         RolloutCheck::Teleports,
@@ -97,9 +96,8 @@ pub(super) fn freeze(scene: &GivenScene<'_>) -> Option<Finding> {
             k => position(agent, k - 1).zip(position(agent, k)).map(|(a, b)| (b - a).norm() / DT),
         };
         moving += usize::from((0..=steps).any(|k| speed(k).is_some_and(|v| v >= DEAD_STOP)));
-        let stays = |k: usize| {
-            (k + STAYS <= steps) && (k..steps).all(|j| speed(j + 1).is_none_or(|v| v <= 1e-3))
-        };
+        let stays =
+            |k: usize| (k + STAYS <= steps) && (k..steps).all(|j| speed(j + 1).is_none_or(|v| v <= 1e-3));
         let stop = (0..steps).find(|k| speed(*k).is_some_and(|v| v >= DEAD_STOP) && stays(*k));
         frozen.extend(stop.map(|k| (agent, k, speed(k).unwrap_or_default())));
     }

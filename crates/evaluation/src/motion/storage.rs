@@ -18,12 +18,10 @@ const LEAST: usize = 8;
 
 /// Checks whether all coordinates in the world frame are 32-bit numbers with a spacing of more than 1 cm.
 pub(super) fn float32(scene: &GivenScene<'_>) -> Option<Finding> {
-    let given = |axis: fn(Vec2) -> f64| {
-        coarse(scene.agents.iter().map(|a| a.future), scene.origin, axis)
-    };
-    let recorded = |axis: fn(Vec2) -> f64| {
-        coarse(scene.agents.iter().map(|a| a.history), scene.origin, axis)
-    };
+    let given =
+        |axis: fn(Vec2) -> f64| coarse(scene.agents.iter().map(|a| a.future), scene.origin, axis, LEAST);
+    let recorded =
+        |axis: fn(Vec2) -> f64| coarse(scene.agents.iter().map(|a| a.history), scene.origin, axis, 1);
     for (name, axis) in [("x", (|p: Vec2| p.x) as fn(Vec2) -> f64), ("y", |p: Vec2| p.y)] {
         // A recording that is stored like this is not the fault of the motion.
         let Some(spacing) = given(axis).filter(|_| recorded(axis).is_none()) else { continue };
@@ -39,11 +37,13 @@ pub(super) fn float32(scene: &GivenScene<'_>) -> Option<Finding> {
     None
 }
 
-/// Returns the spacing of 32-bit numbers if all coordinates are such numbers and coarser than 1 cm.
+/// Returns the spacing of 32-bit numbers if all coordinates, at least `least` different ones, are
+/// such numbers and coarser than 1 cm.
 fn coarse<'a>(
     tracks: impl Iterator<Item = &'a [Frame]>,
     origin: Vec2,
     axis: fn(Vec2) -> f64,
+    least: usize,
 ) -> Option<f64> {
     let mut different = BTreeSet::new();
     let mut spacing: f64 = 0.0;
@@ -57,5 +57,5 @@ fn coarse<'a>(
         spacing = spacing.max(apart);
         different.insert(stored.to_bits());
     }
-    (different.len() >= LEAST).then_some(spacing)
+    (different.len() >= least).then_some(spacing)
 }
