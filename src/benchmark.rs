@@ -43,7 +43,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
     self, Adjustments, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator,
-    RunObserver, Selection, Source, Summary, weights_file,
+    RolloutCheck, RunObserver, Selection, Source, Summary, weights_file,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
@@ -79,6 +79,7 @@ pub struct Benchmark {
     folder: Option<PathBuf>,
     resume: bool,
     keep_rollouts: bool,
+    allowed: Vec<RolloutCheck>,
     observer: Arc<dyn RunObserver + Send>,
     stop: Arc<AtomicBool>,
 }
@@ -164,6 +165,7 @@ impl Benchmark {
             folder: None,
             resume: false,
             keep_rollouts: false,
+            allowed: Vec::new(),
             observer: Arc::new(()),
             stop: Arc::default(),
         }
@@ -323,6 +325,13 @@ impl Benchmark {
         self
     }
 
+    /// Judges motion of external simulators and deviations although it fails a check, and marks its rows in every
+    /// table.
+    pub fn allow(mut self, check: RolloutCheck) -> Self {
+        self.allowed.push(check);
+        self
+    }
+
     /// Reports progress to an observer.
     pub fn observer(mut self, observer: Arc<impl RunObserver + Send + 'static>) -> Self {
         self.observer = observer;
@@ -405,6 +414,7 @@ impl Benchmark {
             limit: self.limit,
             selection: self.selection,
             keep_rollouts: self.keep_rollouts,
+            allowed: self.allowed,
             ..PlanRequest::new(sources, simulators)
         };
         Ok(request.plan()?)

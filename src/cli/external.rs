@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::duration::duration;
-use super::say;
+use super::{count, say};
 use crate::evaluation::Plan;
 use crate::external::{Command, ExternalSettings, ExternalSimulator, RunOutline, StderrTarget, TimeLimits};
 use crate::rollout::Request;
@@ -106,12 +106,30 @@ pub(super) fn keep_stderr(simulators: &[ExternalSimulator], folder: Option<&Path
     for simulator in simulators {
         let name = simulator.name().to_owned();
         let target = match folder {
-            Some(folder) => StderrTarget::File(folder.join(format!("external-{name}.log"))),
+            Some(folder) => StderrTarget::File(folder.join(log_name(&name))),
             None => StderrTarget::Lines(Box::new(move |line| say(format_args!("{name}: {line}")))),
         };
         simulator.set_stderr(target).context("could not write the log of an external simulator")?;
     }
     Ok(())
+}
+
+/// Warns of batches of external simulators that failed, although a repetition may have hidden it.
+pub(super) fn report_faults(simulators: &[ExternalSimulator], folder: Option<&Path>) {
+    for simulator in simulators {
+        let Some((n, first)) = simulator.faults() else { continue };
+        let name = simulator.name();
+        let log = folder.map_or_else(String::new, |folder| {
+            format!("; all are in {}", folder.join(log_name(name)).display())
+        });
+        let n = count(n, "time");
+        say(format_args!("warning: {name}: a batch failed and ran again ({n}), the first: {first}{log}"));
+    }
+}
+
+/// Returns the name of the file with the standard error of an external simulator.
+fn log_name(simulator: &str) -> String {
+    format!("external-{simulator}.log")
 }
 
 /// Repeats the first `count` scenarios singly and reports the largest difference to their batches.

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::bail;
 use clap::Args;
 
-use super::external::{check_batches, keep_stderr};
+use super::external::{check_batches, keep_stderr, report_faults};
 use super::finished::{outcomes, put_table, report_left_out, report_notes, show_next_steps};
 use super::live_table::LiveTable;
 use super::progress::Progress;
@@ -90,6 +90,7 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
     let execution = args.work.execution();
     let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, stop);
     progress.end();
+    report_faults(&external, args.out.as_deref());
     match outcome? {
         Outcome::Interrupted => {
             match &args.out {

@@ -9,10 +9,11 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::finished::{put_table, report_notes, show_next_steps};
+use super::subject::MotionArgs;
 use super::table_output::{TableArgs, formats as table_formats};
-use super::{ExitStatus, find_inputs, metric_options, say, write_result};
-use crate::evaluation::document::score_document;
-use crate::evaluation::{Failure, RolloutCheck, RunFolder, RunObserver, Scoring};
+use super::{ExitStatus, count, find_inputs, metric_options, say, write_result};
+use crate::evaluation::document::{check_document, score_document};
+use crate::evaluation::{Failure, RunFolder, RunObserver, Scoring};
 use crate::files::read_regular;
 use crate::formats;
 use crate::formats::document::Document;
@@ -28,11 +29,8 @@ pub(super) struct ScoreArgs {
     /// Scenarios of the rollouts; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
-    /// Score rollouts that fail a check, and mark the table: other-av (the AV does not follow the
-    /// deviated trajectory), jumps (agents do not continue from their history), missing-agents
-    /// (agents of the log are absent) or partial (scenarios without rollouts); may be repeated
-    #[arg(long, value_name = "CHECK", value_delimiter = ',', value_parser = allowance)]
-    allow: Vec<RolloutCheck>,
+    #[command(flatten)]
+    motion: MotionArgs,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated. `reactsim list
     /// metric-options` shows all
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
@@ -71,7 +69,7 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.scenarios.is_empty() {
         bail!("a rollout document holds its scenarios: leave --scenarios out");
     }
-    if !args.allow.is_empty() {
+    if !args.motion.allow.is_empty() {
         bail!("a rollout document is scored as it is: leave --allow out");
     }
     if !args.table.is_usual() || args.format.is_some() {
@@ -84,6 +82,13 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     for option in &args.metric_options {
         let (name, value) = super::split_option(option)?;
         document.options.push((name.to_owned(), value.to_owned()));
+    }
+    for (check, n, first) in check_document(&document).iter() {
+        let n = count(n, "scenario");
+        say(format_args!(
+            "warning: check `{}` of the motion fails in {n}, the first: {first}",
+            check.allowance()
+        ));
     }
     let result = score_document(&document).with_context(read)?;
     write_result(args.out.as_deref(), |out| {
@@ -99,9 +104,9 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     let options = metric_options(&args.metric_options)?;
     let inputs = find_inputs(&args.scenarios)?;
-    let scoring = Scoring::new(paths, &inputs, options)?;
+    let scoring = Scoring::new(paths, &inputs, options, args.motion.pose)?;
     let folder = args.out.as_ref().map(|path| RunFolder::create(path, scoring.provenance())).transpose()?;
-    let scored = scoring.run(&args.allow, folder.as_ref(), &Warnings).map_err(anyhow::Error::from);
+    let scored = scoring.run(&args.motion.allow, folder.as_ref(), &Warnings).map_err(anyhow::Error::from);
     let scored = scored.and_then(|summary| match summary.provenance.scenarios {
         0 => bail!("no rollout could be scored: see the warnings above"),
         _ => Ok(summary),
@@ -123,12 +128,6 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
         show_next_steps(path, true);
     }
     Ok(if summary.provenance.failures.is_empty() { ExitStatus::Done } else { ExitStatus::SomeFailed })
-}
-
-/// Parses the name of an allowance.
-fn allowance(name: &str) -> Result<RolloutCheck, String> {
-    let known = || RolloutCheck::ALL.map(RolloutCheck::allowance).join(", ");
-    RolloutCheck::from_allowance(name).ok_or_else(|| format!("expected one of {}", known()))
 }
 
 /// Prints failures as warnings.

@@ -13,7 +13,8 @@ use super::metric_options;
 use super::scenario_args::ScenarioArgs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
-    Adjustments, AvChoice, Execution, FileRecord, Plan, PlanRequest, PlannedSimulator, Source, weights_file,
+    Adjustments, AvChoice, Execution, FileRecord, Plan, PlanRequest, PlannedSimulator, Pose, RolloutCheck,
+    Source, weights_file,
 };
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::WeightsFile;
@@ -52,10 +53,34 @@ pub(super) struct EvaluationArgs {
     pub(super) seed: u64,
     #[command(flatten)]
     pub(super) external: ExternalArgs,
+    #[command(flatten)]
+    pub(super) motion: MotionArgs,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated. `reactsim list
     /// metric-options` shows all
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
     metric_options: Vec<String>,
+}
+
+/// Treatment of motion that other programs made.
+#[derive(Debug, Args)]
+pub(super) struct MotionArgs {
+    /// Judge motion of external simulators, deviations or rollouts although it fails a check, and mark its
+    /// rows in every table: jumps, coordinates, rear-axle, units, time, agent-order, headings,
+    /// teleports, freeze or float32; for `score` also other-av (the AV does not follow the
+    /// deviated trajectory), missing-agents (agents of the log are absent) and partial (scenarios without
+    /// rollouts); may be repeated
+    #[arg(long, value_name = "CHECK", value_delimiter = ',', value_parser = allowance)]
+    pub(super) allow: Vec<RolloutCheck>,
+    /// Point of vehicles whose poses the deviations or rollouts have: centre, rear-axle (distance from entry 0
+    /// of 81 states), rear-axle=METRES or rear-axle=SHARE% of the length
+    #[arg(long, value_name = "POINT", default_value_t, hide_default_value = true)]
+    pub(super) pose: Pose,
+}
+
+/// Parses the name of an allowance.
+fn allowance(name: &str) -> Result<RolloutCheck, String> {
+    let known = || RolloutCheck::ALL.map(RolloutCheck::allowance).join(", ");
+    RolloutCheck::from_allowance(name).ok_or_else(|| format!("expected one of {}", known()))
 }
 
 /// Name of a protocol.
@@ -192,6 +217,7 @@ impl EvaluationArgs {
             sources,
             simulators,
             deviations: self.input.deviations.clone(),
+            pose: self.motion.pose,
             av: self.av.clone(),
             rollout,
             rollouts,
@@ -199,6 +225,7 @@ impl EvaluationArgs {
             limit: self.input.limit.map(NonZeroUsize::get),
             selection: self.input.selection.selection(),
             keep_rollouts,
+            allowed: self.motion.allow.clone(),
         };
         Ok(request.plan()?)
     }

@@ -28,6 +28,7 @@ fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
             selection: Selection::default(),
         },
         keep_rollouts: false,
+        allowed: Vec::new(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! External simulators: the same numbers as baselines, and no fault stalls or falsifies a run.
 
 mod faults;
+mod mistakes;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -67,13 +68,13 @@ impl Child {
     }
 }
 
-const LONG: Duration = Duration::from_secs(60);
+pub(super) const LONG: Duration = Duration::from_secs(60);
 
-fn outline(protocol: Protocol) -> RunOutline {
+pub(super) fn outline(protocol: Protocol) -> RunOutline {
     RunOutline { intervals: vec![5], protocols: vec![protocol.name()] }
 }
 
-fn start(settings: ExternalSettings) -> Result<PlannedSimulator, ExternalError> {
+pub(super) fn start(settings: ExternalSettings) -> Result<PlannedSimulator, ExternalError> {
     let simulator = ExternalSimulator::start(settings, outline(Protocol::Reactive))?;
     Ok(PlannedSimulator::external(simulator, None).unwrap())
 }
@@ -88,7 +89,7 @@ pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> 
         limit: None,
         selection: Selection::default(),
     };
-    Plan { sources, simulators, deviations: None, settings, keep_rollouts: false }
+    Plan { sources, simulators, deviations: None, settings, keep_rollouts: false, allowed: Vec::new() }
 }
 
 #[derive(Default)]
@@ -133,7 +134,7 @@ fn results(collector: Collector) -> Results {
     (rows.collect(), failures.collect())
 }
 
-fn baseline(protocol: Protocol) -> BTreeMap<String, Value> {
+pub(super) fn baseline(protocol: Protocol) -> BTreeMap<String, Value> {
     let baseline = PlannedSimulator::by_ids(&["constant-velocity".to_owned()]).unwrap();
     let (rows, failures) = run(&plan_of(baseline, protocol), 1);
     assert!(rows.len() >= 12 && failures.is_empty());

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::evaluation::{EvaluationError, RolloutCheck, Scoring, Summary};
+use reactsim::evaluation::{EvaluationError, Pose, RolloutCheck, Scoring, Summary};
 use reactsim::formats::rollouts::{RolloutRecord, Writer};
 use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
@@ -46,7 +46,7 @@ impl Fixture {
         let mut writer = Writer::create(&path).unwrap();
         records.iter().for_each(|record| writer.write(record).unwrap());
         writer.finish().unwrap();
-        Scoring::new(&[path], &self.inputs, Options::default())?.run(allowed, None, &())
+        Scoring::new(&[path], &self.inputs, Options::default(), Pose::Centre)?.run(allowed, None, &())
     }
 
     fn refusal(&self, change: impl Fn(&mut Vec<RolloutRecord>)) -> (String, Summary) {
@@ -151,7 +151,7 @@ fn allowances_are_marked_below_the_table() {
     let table = String::from_utf8(allowed.stdout).unwrap();
     assert!(table.contains("1 exception allowed as partial"), "{table}");
     let unknown = String::from_utf8(score(&["--allow", "everything"]).stderr).unwrap();
-    assert!(unknown.contains("expected one of other-av, jumps, missing-agents, partial"), "{unknown}");
+    assert!(unknown.contains("expected one of other-av, jumps, coordinates,"), "{unknown}");
 }
 
 #[test]

@@ -288,6 +288,7 @@ fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
             selection: Selection::default(),
         },
         keep_rollouts: false,
+        allowed: Vec::new(),
     }
 }
 

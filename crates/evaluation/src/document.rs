@@ -1,13 +1,16 @@
 //! Scores of a rollout document, as JSON.
 
 use reactsim_formats::document::{Document, DocumentLog, DocumentScenario};
+use reactsim_geometry::Vec2;
 use reactsim_metrics::{
     Case, DirTracking, Displacement, KinematicLikelihood, LoggedTrack, Object, OptionError, Options, Score,
     Scores, score_case,
 };
-use reactsim_scene::{MapIndex, Road};
+use reactsim_scene::{AgentKind, DT, LoggedAgent, MapIndex, Road};
 use serde_json::{Map, Value, json};
 
+use super::motion::{GivenMotion, GivenScene};
+use super::rollout_checks::Findings;
 use super::statistics::mean;
 
 /// Count metrics: name in the result, metric id.
@@ -64,6 +67,40 @@ pub fn score_document(document: &Document) -> Result<Value, OptionError> {
         "scenarios": scenarios,
         "options": named,
     }))
+}
+
+/// Checks the motion of every scenario of a document as `score` and runs do.
+pub fn check_document(document: &Document) -> Findings {
+    let mut findings = Findings::default();
+    for scenario in &document.scenarios {
+        let agents = scenario.agents.iter().filter_map(|logged| given_motion(logged, scenario.current));
+        let agents: Vec<_> = agents.filter(|agent| agent.kind != AgentKind::Other).collect();
+        let Some(av) = scenario.agents.get(scenario.av) else { continue };
+        let Some(av) = av.track.get(scenario.current).copied().flatten() else { continue };
+        let motion = GivenScene { agents, origin: Vec2::zeros(), av, is_single: false };
+        for finding in motion.findings() {
+            findings.add(finding.check, || format!("scenario `{}`: {}", scenario.id, finding.text));
+        }
+    }
+    findings
+}
+
+/// Returns the motion of an agent after the current frame; `None` if it is absent then.
+fn given_motion(logged: &LoggedAgent, current: usize) -> Option<GivenMotion<'_>> {
+    let (history, future) = logged.track.split_at_checked(current + 1)?;
+    let now = history.last().copied().flatten()?;
+    let before = history.iter().rev().nth(1).copied().flatten();
+    let difference = || before.map(|b| (now.position() - b.position()) / DT);
+    Some(GivenMotion {
+        id: &logged.agent.id,
+        kind: logged.agent.kind,
+        length: logged.agent.length,
+        now,
+        velocity: now.velocity().or_else(difference),
+        history,
+        entry0: None,
+        future,
+    })
 }
 
 /// Returns the case of one scenario of a document.

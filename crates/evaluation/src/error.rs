@@ -45,6 +45,36 @@ pub enum EvaluationError {
         /// One line per check.
         findings: String,
     },
+    /// The motion of an external simulator or of a file of deviations fails a check.
+    #[error(
+        "stopped: the motion of {subject} cannot be judged as it is. Scenario `{scenario}`: {findings}. \
+         Finished rows are kept: mend it and run again in a new folder, or continue with --allow {allow} \
+         (and --resume), which marks its rows in every table"
+    )]
+    Motion {
+        /// The simulator, or the file of deviations.
+        subject: String,
+        /// Id of the first scenario.
+        scenario: String,
+        /// What it looks like, and how to mend it.
+        findings: String,
+        /// Names of what would allow it, separated by commas.
+        allow: String,
+    },
+    /// An external simulator failed too often in a row.
+    #[error(
+        "stopped: `{simulator}` was given up: {reason}\nfinished rows are kept: mend it, and continue with \
+         --resume"
+    )]
+    GivenUp {
+        /// Id of the simulator.
+        simulator: String,
+        /// The reason.
+        reason: String,
+    },
+    /// A pose is chosen, but no trajectories are given.
+    #[error("--pose is the point of the AV whose poses a file of deviations has: give --deviations")]
+    PoseUnused,
     /// The batches of external simulators have no common size.
     #[error(
         "external simulators with batches of {batches:?} episodes: their least common multiple exceeds \

@@ -37,7 +37,9 @@ mod judge;
 mod known_deviation;
 mod left_out;
 mod long_tables;
+mod motion;
 mod plan;
+mod pose;
 mod provenance;
 pub mod realism;
 mod recorded;
@@ -62,7 +64,7 @@ mod summary;
 mod summary_builder;
 mod tally;
 
-pub use access::Access;
+pub use access::{Access, Mark, Standing};
 pub use av::{AV_CHOICES, AvChoice, ParseAvError};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use case_study::{CASE_STUDIES, CaseStudy};
@@ -78,6 +80,7 @@ pub use folder::{
 pub use foreign_rollout::ForeignRollout;
 pub use known_deviation::KnownDeviation;
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
+pub use pose::{AxleDistance, ParsePoseError, Pose};
 pub use provenance::{
     ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
     program_version, set_program_commit,

@@ -8,7 +8,7 @@ use reactsim_formats::deviations::{self, DeviationRecord};
 use reactsim_metrics::Options;
 use reactsim_nn::cpu_class;
 use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
-use reactsim_scene::{DeviatedTrack, Scenario};
+use reactsim_scene::{DeviatedTrack, Frame, Scenario};
 
 use super::EvaluationError;
 use super::av::AvChoice;
@@ -16,7 +16,10 @@ use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use super::folder::RunFolder;
 use super::known_deviation::KnownDeviation;
+use super::motion::{Finding, GivenScene};
+use super::pose::Pose;
 use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
+use super::rollout_checks::RolloutCheck;
 use super::selection::Selection;
 use super::simulators::PlannedSimulator;
 use super::source::Source;
@@ -46,6 +49,8 @@ pub struct Deviations {
     pub file: FileRecord,
     /// Deviated AVs by scenario id.
     pub tracks: BTreeMap<String, DeviationRecord>,
+    /// The point of the AV whose poses they are.
+    pub pose: Pose,
 }
 
 impl Deviations {
@@ -55,7 +60,7 @@ impl Deviations {
     /// [`EvaluationError`] if the file cannot be read or is invalid.
     pub fn read(path: &Path) -> Result<Self, EvaluationError> {
         let tracks = deviations::read(path)?;
-        Ok(Self { file: FileRecord::of(path, "deviations")?, tracks })
+        Ok(Self { file: FileRecord::of(path, "deviations")?, tracks, pose: Pose::Centre })
     }
 }
 
@@ -73,6 +78,8 @@ pub struct Plan {
     pub settings: RunSettings,
     /// Whether the run folder keeps the rollouts.
     pub keep_rollouts: bool,
+    /// Checks of given motion that need not be met: rows of rollouts that fail them are marked.
+    pub allowed: Vec<RolloutCheck>,
 }
 
 /// The reason why a scenario has no AV.
@@ -94,6 +101,9 @@ pub enum NoAv {
         /// Digest of the scenario.
         found: String,
     },
+    /// The poses cannot be converted to box centres.
+    #[error("{0}")]
+    Pose(String),
     /// The trajectory is invalid.
     #[error(transparent)]
     Refused(#[from] AvError),
@@ -126,6 +136,7 @@ impl Plan {
                 seed,
                 rollouts: self.settings.rollouts,
                 limit: self.settings.limit,
+                pose: self.deviations.as_ref().and_then(|d| SettingsRecord::pose(d.pose)),
                 selection: self.settings.selection.clone(),
             },
             metric_options: {
@@ -206,13 +217,27 @@ impl Plan {
                     return Err(NoAv::OtherScenario { file, wanted, found });
                 }
             }
-            return Ok(DeviatedTrack {
-                category: record.category,
-                track: record.track_in(scenario.origin),
-                certificate: record.certificate_in(scenario.origin),
-            });
+            let mut track = record.track_in(scenario.origin);
+            let entry0 = record.now_in(scenario.origin).map(|given| (given, scenario.start.now(0)));
+            let converted = deviations.pose.to_centre(&scenario.start.agents[0], entry0, track.iter_mut());
+            converted.map_err(NoAv::Pose)?;
+            let certificate = record.certificate_in(scenario.origin);
+            return Ok(DeviatedTrack { category: record.category, track, certificate });
         }
         scenario.deviation.clone().ok_or(NoAv::Missing)
+    }
+
+    /// Checks the trajectory that the file of deviations has for a scenario, if there is one.
+    pub(super) fn check_deviation(&self, scenario: &Scenario) -> Vec<Finding> {
+        let Some(deviations) = &self.deviations else { return Vec::new() };
+        let Some(record) = deviations.tracks.get(&scenario.id) else { return Vec::new() };
+        let Ok(deviated) = self.deviated(scenario) else { return Vec::new() };
+        let mut entry0 = record.now_in(scenario.origin);
+        let given = entry0.map(|given| (given, scenario.start.now(0)));
+        // The track could be converted, so that this can be, too.
+        deviations.pose.to_centre(&scenario.start.agents[0], given, entry0.iter_mut()).ok();
+        let track: Vec<Frame> = deviated.track.into_iter().map(Some).collect();
+        GivenScene::of_av(scenario, entry0, &track).findings()
     }
 
     /// Returns the AV of a scenario, `None` if the simulator moves it, and the properties of its deviation from

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::access::Access;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
+use super::pose::Pose;
 use super::selection::Selection;
 
 /// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
@@ -74,6 +75,9 @@ pub struct SettingsRecord {
     /// Maximum number of scenarios per file; absent if unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<usize>,
+    /// The point of vehicles whose poses were given, if not the box centre: `rear-axle`, with its distance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<String>,
     /// Scenarios that were selected; absent if all.
     #[serde(default, skip_serializing_if = "Selection::is_all")]
     pub selection: Selection,
@@ -90,8 +94,14 @@ impl SettingsRecord {
             seed: 0,
             rollouts,
             limit: None,
+            pose: None,
             selection: Selection::default(),
         }
+    }
+
+    /// Returns the record of a pose; `None` for box centres.
+    pub(super) fn pose(pose: Pose) -> Option<String> {
+        (pose != Pose::Centre).then(|| pose.to_string())
     }
 }
 

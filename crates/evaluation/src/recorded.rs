@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Options};
 use reactsim_rollout::Rollout;
-use reactsim_scene::Scenario;
+use reactsim_scene::{HISTORY, Scenario};
 
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
+use super::pose::Pose;
 use super::rollout_checks::{self, Findings, RolloutCheck};
 use super::rollouts::recorded_tracks;
 use super::row::{RecordPosition, Row};
@@ -22,6 +23,8 @@ pub(super) struct Recorded {
     rollouts: usize,
     findings: Findings,
     options: Options,
+    /// The point of vehicles whose poses are recorded.
+    pose: Pose,
 }
 
 /// The scores of the rollouts of one scenario and one simulator.
@@ -36,7 +39,7 @@ pub(super) struct ScoredPair {
 
 impl Recorded {
     /// Takes recorded rollouts. Simulators are in the order of their first rollout.
-    pub(super) fn new(rollouts: Vec<RolloutRecord>, options: Options) -> Self {
+    pub(super) fn new(rollouts: Vec<RolloutRecord>, options: Options, pose: Pose) -> Self {
         let mut simulators: Vec<String> = Vec::new();
         let mut records: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
         let mut counts: BTreeMap<(String, String), usize> = BTreeMap::new();
@@ -48,7 +51,7 @@ impl Recorded {
             records.entry(record.scenario_id.clone()).or_default().push(record);
         }
         let rollouts = counts.into_values().max().unwrap_or_default();
-        Self { records, simulators, rollouts, findings: Findings::default(), options }
+        Self { records, simulators, rollouts, findings: Findings::default(), options, pose }
     }
 
     /// Scores all rollouts of a scenario. Returns the scores per simulator, and the failures with the name of
@@ -63,6 +66,7 @@ impl Recorded {
             groups.entry(record.simulator.clone()).or_default().push(record);
         }
         let mut scored = Vec::new();
+        let pose = self.pose;
         for (simulator, name) in self.simulators.iter().enumerate() {
             let Some(mut records) = groups.remove(name) else {
                 self.findings.add(RolloutCheck::Coverage, || {
@@ -71,16 +75,18 @@ impl Recorded {
                 continue;
             };
             records.sort_by_key(|r| r.rollout);
-            let pair = rollouts_of(scenario, &records).and_then(|rollouts| {
+            let pair = rollouts_of(scenario, &records).and_then(|mut rollouts| {
                 if rollouts.len() != self.rollouts {
                     let (n, all) = (rollouts.len(), self.rollouts);
                     return Err(format!(
                         "{n} rollouts, where others have {all}; give the same number for all"
                     ));
                 }
-                for (index, rollout) in rollouts.iter().enumerate() {
+                for (index, rollout) in rollouts.iter_mut().enumerate() {
+                    to_centres(pose, scenario, rollout)?;
                     let place = format!("scenario `{}`, `{name}`, rollout {index}", scenario.id);
-                    rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
+                    let failed = rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
+                    rollout.outcomes.extend(failed.into_iter().map(|check| (check.outcome(), 1)));
                 }
                 let (rows, events) = score_rollouts(place, scenario, name, &rollouts, self.options);
                 Ok(ScoredPair { simulator, rollouts, rows, events })
@@ -109,6 +115,14 @@ impl Recorded {
     pub(super) fn simulators(&self) -> &[String] {
         &self.simulators
     }
+}
+
+/// Converts the recorded steps of a rollout to poses of box centres.
+fn to_centres(pose: Pose, scenario: &Scenario, rollout: &mut Rollout) -> Result<(), String> {
+    for (agent, track) in scenario.start.agents.iter().zip(&mut rollout.tracks) {
+        pose.to_centre(agent, None, track[HISTORY..].iter_mut().flatten())?;
+    }
+    Ok(())
 }
 
 /// Returns the recorded rollouts of one scenario and one simulator, given in their order, with the tracks of

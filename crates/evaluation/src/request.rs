@@ -9,6 +9,8 @@ use super::EvaluationError;
 use super::av::AvChoice;
 use super::benchmarks::BenchmarkRecord;
 use super::plan::{Deviations, Plan, RunSettings};
+use super::pose::Pose;
+use super::rollout_checks::RolloutCheck;
 use super::selection::Selection;
 use super::simulators::PlannedSimulator;
 use super::source::Source;
@@ -21,6 +23,8 @@ pub struct PlanRequest {
     pub simulators: Vec<PlannedSimulator>,
     /// File of deviated AVs, Parquet or JSON.
     pub deviations: Option<PathBuf>,
+    /// The point of the AV whose poses the file of deviations has.
+    pub pose: Pose,
     /// AV policy in the reactive protocol; `None` for the deviated AV.
     pub av: Option<AvChoice>,
     /// Protocol, replan interval, lookahead, seed.
@@ -35,6 +39,8 @@ pub struct PlanRequest {
     pub selection: Selection,
     /// Whether the run folder keeps the rollouts.
     pub keep_rollouts: bool,
+    /// Checks of given motion that need not be met.
+    pub allowed: Vec<RolloutCheck>,
 }
 
 impl PlanRequest {
@@ -44,6 +50,7 @@ impl PlanRequest {
             sources,
             simulators,
             deviations: None,
+            pose: Pose::Centre,
             av: None,
             rollout: Settings::default(),
             rollouts: 1,
@@ -51,6 +58,7 @@ impl PlanRequest {
             limit: None,
             selection: Selection::default(),
             keep_rollouts: false,
+            allowed: Vec::new(),
         }
     }
 
@@ -73,7 +81,12 @@ impl PlanRequest {
         if is_realism && self.av.is_some() {
             return Err(EvaluationError::AvInRealism);
         }
-        let deviations = self.deviations_file()?.map(Deviations::read).transpose()?;
+        let mut deviations = self.deviations_file()?.map(Deviations::read).transpose()?;
+        match &mut deviations {
+            Some(deviations) => deviations.pose = self.pose,
+            None if self.pose != Pose::Centre => return Err(EvaluationError::PoseUnused),
+            None => {}
+        }
         let av = match self.av {
             Some(av) => av,
             // Never asked: the simulator moves the AV.
@@ -91,8 +104,8 @@ impl PlanRequest {
             limit: self.limit,
             selection: self.selection,
         };
-        let Self { sources, simulators, keep_rollouts, .. } = self;
-        Ok(Plan { sources, simulators, deviations, settings, keep_rollouts })
+        let Self { sources, simulators, keep_rollouts, allowed, .. } = self;
+        Ok(Plan { sources, simulators, deviations, settings, keep_rollouts, allowed })
     }
 
     /// Returns the file of deviations, which the AV policy may name too.

@@ -2,26 +2,38 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_geometry::Vec2;
-use reactsim_scene::{CURRENT, DT, Frame, HISTORY, Scenario};
+use reactsim_scene::{Frame, HISTORY, Scenario};
+
+use super::motion::GivenScene;
 
 /// Largest distance of a recorded AV from the prescribed trajectory, metres: more than rounding to `f32`.
 const AV_TOLERANCE: f64 = 0.05;
 
-/// Largest distance of the first recorded position from the one that the current velocity leads to, metres:
-/// an acceleration of 200 m/s².
-const JUMP: f64 = 1.0;
-
-/// Smallest distance of an origin from the world's origin at which the two frames can be told apart, metres.
-const FAR_ORIGIN: f64 = 10.0;
-
-/// A condition that recorded rollouts must meet unless the user allows otherwise.
+/// A condition that given motion must meet unless the user allows otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RolloutCheck {
     /// The AV follows the deviated trajectory of the scenario.
     Av,
     /// Agents continue from their last recorded state.
     Continuity,
+    /// Positions are in the frame of the states that they continue.
+    Coordinates,
+    /// Positions are box centres.
+    RearAxle,
+    /// Lengths, speeds and times are in metres, m/s and steps of 0.1 s.
+    Units,
+    /// Motion continues from the latest frame.
+    Time,
+    /// Agents are in the order of the scenario.
+    Order,
+    /// Headings are radians counter-clockwise from the x axis, along the motion.
+    Headings,
+    /// No agent moves further in 0.1 s than its class can.
+    Teleports,
+    /// Moving agents do not stop dead.
+    Freeze,
+    /// Stored coordinates resolve a centimetre.
+    Float32,
     /// Agents that the log contains are present.
     Presence,
     /// Every simulator has rollouts of every scenario.
@@ -30,15 +42,57 @@ pub enum RolloutCheck {
 
 impl RolloutCheck {
     /// All checks.
-    pub const ALL: [Self; 4] = [Self::Av, Self::Continuity, Self::Presence, Self::Coverage];
+    pub const ALL: [Self; 13] = [
+        Self::Av,
+        Self::Continuity,
+        Self::Coordinates,
+        Self::RearAxle,
+        Self::Units,
+        Self::Time,
+        Self::Order,
+        Self::Headings,
+        Self::Teleports,
+        Self::Freeze,
+        Self::Float32,
+        Self::Presence,
+        Self::Coverage,
+    ];
 
     /// Returns the name of what the user allows if the condition need not be met.
     pub const fn allowance(self) -> &'static str {
         match self {
             Self::Av => "other-av",
             Self::Continuity => "jumps",
+            Self::Coordinates => "coordinates",
+            Self::RearAxle => "rear-axle",
+            Self::Units => "units",
+            Self::Time => "time",
+            Self::Order => "agent-order",
+            Self::Headings => "headings",
+            Self::Teleports => "teleports",
+            Self::Freeze => "freeze",
+            Self::Float32 => "float32",
             Self::Presence => "missing-agents",
             Self::Coverage => "partial",
+        }
+    }
+
+    /// Returns the outcome that marks a rollout in which the check failed and was allowed.
+    pub const fn outcome(self) -> &'static str {
+        match self {
+            Self::Av => "allowed-other-av",
+            Self::Continuity => "allowed-jumps",
+            Self::Coordinates => "allowed-coordinates",
+            Self::RearAxle => "allowed-rear-axle",
+            Self::Units => "allowed-units",
+            Self::Time => "allowed-time",
+            Self::Order => "allowed-agent-order",
+            Self::Headings => "allowed-headings",
+            Self::Teleports => "allowed-teleports",
+            Self::Freeze => "allowed-freeze",
+            Self::Float32 => "allowed-float32",
+            Self::Presence => "allowed-missing-agents",
+            Self::Coverage => "allowed-partial",
         }
     }
 
@@ -76,17 +130,28 @@ impl Findings {
     }
 }
 
-/// Checks the tracks of a rollout, history included.
-pub(super) fn check(scenario: &Scenario, place: &str, tracks: &[Vec<Frame>], findings: &mut Findings) {
+/// Checks the tracks of a rollout, history included. Returns the checks that fail.
+pub(super) fn check(
+    scenario: &Scenario,
+    place: &str,
+    tracks: &[Vec<Frame>],
+    findings: &mut Findings,
+) -> Vec<RolloutCheck> {
+    let mut failed = Vec::new();
+    let mut add = |check, text: String| {
+        findings.add(check, || format!("{place}: {text}"));
+        failed.push(check);
+    };
     if let Some(text) = other_av(scenario, tracks) {
-        findings.add(RolloutCheck::Av, || format!("{place}: {text}"));
+        add(RolloutCheck::Av, text);
     }
-    if let Some(text) = jump(scenario, tracks) {
-        findings.add(RolloutCheck::Continuity, || format!("{place}: {text}"));
+    for finding in GivenScene::of_rollout(scenario, tracks, scenario.deviation.is_some()).findings() {
+        add(finding.check, finding.text);
     }
     if let Some(text) = missing(scenario, tracks) {
-        findings.add(RolloutCheck::Presence, || format!("{place}: {text}"));
+        add(RolloutCheck::Presence, text);
     }
+    failed
 }
 
 fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
@@ -109,38 +174,6 @@ fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
         }
     }
     None
-}
-
-fn jump(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
-    let mut first = None;
-    let (mut jumps, mut displacements) = (0, Vec::new());
-    for (slot, track) in tracks.iter().enumerate() {
-        let (now, next) = (scenario.start.now(slot), track.get(HISTORY).copied().flatten());
-        let Some(next) = next else { continue };
-        let velocity = scenario.logged_velocity(slot, CURRENT).unwrap_or(Vec2::zeros());
-        let displacement = next.position() - now.position() - velocity * DT;
-        displacements.push(displacement);
-        let is_continuous = displacement.norm() <= JUMP;
-        if !is_continuous {
-            jumps += 1;
-            let id = &scenario.start.agents[slot].id;
-            let distance = displacement.norm();
-            first.get_or_insert_with(|| {
-                format!("agent `{id}` is {distance:.1} m from where its velocity leads at step 1")
-            });
-        }
-    }
-    let first = first?;
-    // All agents by the same distance: another origin.
-    let origin = scenario.origin;
-    let is_shifted = |by: Vec2| displacements.iter().all(|d| (d - by).norm() <= JUMP.max(1e-3 * by.norm()));
-    if jumps > 1 && origin.norm() > FAR_ORIGIN && (is_shifted(origin) || is_shifted(-origin)) {
-        return Some(format!(
-            "{first}; all agents are, by the origin of the scenario: the coordinates are in the other frame \
-             (the column `origin` states which)"
-        ));
-    }
-    Some(first)
 }
 
 fn missing(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {

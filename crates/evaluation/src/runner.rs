@@ -7,7 +7,7 @@ use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_metrics::Event;
-use reactsim_rollout::{Av, Request, Rollout, roll_out};
+use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
 use reactsim_scene::Scenario;
 use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
@@ -17,7 +17,9 @@ use super::folder::RunFolder;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::left_out::LeftOut;
+use super::motion::{Finding, GivenScene};
 use super::plan::{NoAv, Plan};
+use super::rollout_checks::RolloutCheck;
 use super::row::{Failure, RecordPosition, Row};
 use super::simulators::PlannedSimulator;
 use super::source::{Supply, UndecodedRecord};
@@ -223,6 +225,13 @@ struct Runner<'a> {
     broken: Mutex<Option<EvaluationError>>,
 }
 
+/// The origin of given motion.
+enum GivenBy<'a> {
+    Deviations,
+    /// A simulator, by id.
+    Simulator(&'a str),
+}
+
 /// A scenario of a batch that is ready to run.
 struct PreparedScenario {
     place: RecordPosition,
@@ -231,6 +240,16 @@ struct PreparedScenario {
     /// AV of all rollouts; `None` if the simulator moves it.
     av: Option<Arc<dyn Av>>,
     deviation: KnownDeviation,
+    /// Checks that the given trajectory of the AV fails, all of them allowed.
+    allowed: Vec<RolloutCheck>,
+}
+
+/// Reason why a record is not run.
+enum Refused {
+    /// The record has no result.
+    Record(Box<Failure>),
+    /// The whole run stops.
+    Run(EvaluationError),
 }
 
 impl Runner<'_> {
@@ -260,7 +279,8 @@ impl Runner<'_> {
             match self.prepare(item) {
                 Ok(Some(scenario)) => ready.push(scenario),
                 Ok(None) => {}
-                Err(failure) => self.fail(*failure)?,
+                Err(Refused::Record(failure)) => self.fail(*failure)?,
+                Err(Refused::Run(error)) => return Err(error),
             }
         }
         for simulator in 0..self.names.len() {
@@ -301,8 +321,9 @@ impl Runner<'_> {
     }
 
     /// Decodes a scenario and checks that it has an AV. `None` for a scenario that is skipped.
-    fn prepare(&self, item: UndecodedRecord) -> Result<Option<PreparedScenario>, Box<Failure>> {
-        let refuse = |id, error: String| Box::new(failure(self.plan, item.place, None, id, error));
+    fn prepare(&self, item: UndecodedRecord) -> Result<Option<PreparedScenario>, Refused> {
+        let refuse =
+            |id, error: String| Refused::Record(Box::new(failure(self.plan, item.place, None, id, error)));
         let decoded = item.content.and_then(|decode| decode());
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
         let selection = &self.plan.settings.selection;
@@ -310,11 +331,16 @@ impl Runner<'_> {
             return Ok(self.unselected());
         }
         self.left_out().read(self.plan, [&scenario.id]);
+        let mut allowed = Vec::new();
+        if self.plan.settings.rollout.protocol == Protocol::Reactive {
+            let found = self.plan.check_deviation(&scenario);
+            allowed = self.allow(GivenBy::Deviations, &scenario.id, found).map_err(Refused::Run)?;
+        }
         match self.plan.av(&scenario) {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
                 let digest = scenario.digest();
-                Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, scenario }))
+                Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, allowed, scenario }))
             }
             Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
@@ -326,6 +352,34 @@ impl Runner<'_> {
                 Err(refuse(Some(scenario.id), text))
             }
         }
+    }
+
+    /// Returns the checks that given motion fails.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Motion`] if one of them is not allowed.
+    fn allow(
+        &self,
+        by: GivenBy<'_>,
+        scenario: &str,
+        found: Vec<Finding>,
+    ) -> Result<Vec<RolloutCheck>, EvaluationError> {
+        if found.iter().all(|finding| self.plan.allowed.contains(&finding.check)) {
+            return Ok(found.into_iter().map(|finding| finding.check).collect());
+        }
+        let missing = found.iter().filter(|finding| !self.plan.allowed.contains(&finding.check));
+        let names: Vec<&str> = missing.clone().map(|finding| finding.check.allowance()).collect();
+        let texts: Vec<&str> = missing.map(|finding| finding.text.as_str()).collect();
+        let subject = match by {
+            GivenBy::Deviations => "the file of deviations".to_owned(),
+            GivenBy::Simulator(id) => format!("`{id}`"),
+        };
+        Err(EvaluationError::Motion {
+            subject,
+            scenario: scenario.to_owned(),
+            findings: texts.join(". Also: "),
+            allow: names.join(","),
+        })
     }
 
     /// Counts a scenario that the selection leaves out.
@@ -359,19 +413,60 @@ impl Runner<'_> {
                 }
             }
         }
+        // An interrupt ends simulators, too.
+        let given_up = planned.given_up().filter(|_| !self.stop.load(Ordering::Relaxed));
+        let mut stopped = None;
         for ((ready, rollouts), error) in todo.iter().zip(finished).zip(failed) {
             // Part of a batch that is repeated for another record.
             if self.before.has(ready.place, simulator) {
                 continue;
             }
             match error {
-                None => self.keep(ready, simulator, rollouts)?,
+                None => {
+                    let mut rollouts = rollouts;
+                    match self.mark(ready, simulator, &mut rollouts) {
+                        Ok(()) => self.keep(ready, simulator, rollouts)?,
+                        // The others of the batch are kept.
+                        Err(error) => _ = stopped.get_or_insert(error),
+                    }
+                }
+                // Not a result of this scenario: it runs again when the run is resumed.
+                Some(_) if given_up.is_some() => {}
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
                     let text = self.named(ready.place, &error);
                     self.fail(failure(self.plan, ready.place, Some(&planned.id), id, text))?;
                 }
             }
+        }
+        if let Some(reason) = given_up {
+            return Err(EvaluationError::GivenUp { simulator: planned.id.clone(), reason });
+        }
+        stopped.map_or(Ok(()), Err)
+    }
+
+    /// Checks the motion of an external simulator, and marks rollouts that fail allowed checks.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Motion`] if a check fails that is not allowed.
+    fn mark(
+        &self,
+        ready: &PreparedScenario,
+        simulator: usize,
+        rollouts: &mut [Rollout],
+    ) -> Result<(), EvaluationError> {
+        let planned = &self.plan.simulators[simulator];
+        let without_av = self.plan.settings.rollout.protocol == Protocol::Reactive;
+        for rollout in rollouts {
+            let mut failed = ready.allowed.clone();
+            if planned.external.is_some() {
+                let given = GivenScene::of_rollout(&ready.scenario, &rollout.tracks, without_av);
+                let by = GivenBy::Simulator(&planned.id);
+                failed.extend(self.allow(by, &ready.scenario.id, given.findings())?);
+            }
+            failed.sort();
+            failed.dedup();
+            rollout.outcomes.extend(failed.into_iter().map(|check| (check.outcome(), 1)));
         }
         Ok(())
     }

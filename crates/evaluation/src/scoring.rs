@@ -12,7 +12,7 @@ use super::finish::finish;
 use super::recorded::{Recorded, ScoredPair};
 use super::rollouts::write_part;
 use super::{
-    BenchmarkRecord, EvaluationError, Failure, FileRecord, Provenance, RecordPosition, Registrar,
+    BenchmarkRecord, EvaluationError, Failure, FileRecord, Pose, Provenance, RecordPosition, Registrar,
     RolloutCheck, RunFolder, RunObserver, SettingsRecord, SimulatorRecord, Summary, Tally, program_commit,
     program_version,
 };
@@ -27,12 +27,18 @@ pub struct Scoring {
 }
 
 impl Scoring {
-    /// Reads rollouts in Parquet and the digests of their scenario files.
+    /// Reads rollouts in Parquet and the digests of their scenario files. `pose`: the point of vehicles whose
+    /// poses they are.
     ///
     /// # Errors
     /// [`EvaluationError`] if a file cannot be read. Single rollouts that cannot be read become failures of
     /// the run.
-    pub fn new(rollouts: &[PathBuf], scenarios: &[Input], options: Options) -> Result<Self, EvaluationError> {
+    pub fn new(
+        rollouts: &[PathBuf],
+        scenarios: &[Input],
+        options: Options,
+        pose: Pose,
+    ) -> Result<Self, EvaluationError> {
         let (mut failures, mut records, mut files) = (Vec::new(), Vec::new(), Vec::new());
         for (input, path) in rollouts.iter().enumerate() {
             let file = FileRecord::of(path, "rollouts")?;
@@ -51,7 +57,7 @@ impl Scoring {
         for input in scenarios {
             files.push(registrar.record(input)?);
         }
-        let recorded = Recorded::new(records, options);
+        let recorded = Recorded::new(records, options, pose);
         let benchmark = match &files[rollouts.len()..] {
             [scenarios] => BenchmarkRecord::of(scenarios),
             _ => None,
@@ -59,7 +65,10 @@ impl Scoring {
         let provenance = Provenance {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
-            settings: SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX)),
+            settings: SettingsRecord {
+                pose: SettingsRecord::pose(pose),
+                ..SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX))
+            },
             metric_options: {
                 let named = options.named();
                 named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
@@ -137,9 +146,9 @@ impl Scoring {
         self.failures.sort();
         self.failures.iter().for_each(|failure| observer.failed(failure));
         let mut summary = Summary::new(&tally, &self.failures, &self.provenance);
-        let findings = self.recorded.findings().iter();
-        summary.provenance.allowed =
-            findings.map(|(check, n, _)| (check.allowance().to_owned(), n)).collect();
+        // Scenarios without rollouts have no rows to be marked.
+        let absent = self.recorded.findings().iter().filter(|(check, ..)| *check == RolloutCheck::Coverage);
+        summary.provenance.allowed.extend(absent.map(|(check, n, _)| (check.allowance().to_owned(), n)));
         if let Some(folder) = folder {
             finish(folder, &tally, &self.failures, &summary, true)?;
         }

@@ -36,6 +36,8 @@ pub struct PlannedSimulator {
     pub external: Option<ExternalRecord>,
     /// The simulator.
     pub controller: Controller,
+    /// Its processes, if it is an external program.
+    pub(super) processes: Option<ExternalSimulator>,
 }
 
 /// Requested changes to simulators, beyond their cards and the weights that ship.
@@ -162,6 +164,7 @@ impl PlannedSimulator {
             backend: None,
             external: None,
             controller,
+            processes: None,
         }
     }
 
@@ -179,6 +182,7 @@ impl PlannedSimulator {
         }
         let (mut title, mut card) = (id.clone(), String::new());
         let external = Some(ExternalRecord::of(&simulator));
+        let processes = Some(simulator.clone());
         let mut controller = Controller::Fair(Box::new(simulator));
         if let Some(smoothing) = smoothing {
             controller = smoothing.behind("external", controller)?;
@@ -186,13 +190,28 @@ impl PlannedSimulator {
             card.push_str(qp::CARD);
         }
         let parameters = BTreeMap::new();
-        Ok(Self { id, title, card, parameters, weights: None, backend: None, external, controller })
+        Ok(Self {
+            id,
+            title,
+            card,
+            parameters,
+            weights: None,
+            backend: None,
+            external,
+            controller,
+            processes,
+        })
     }
 
     /// Returns the number of scenarios of a file that are always rolled out together: the batch of an
     /// external simulator.
     pub(super) fn batch(&self) -> Option<usize> {
         self.external.as_ref().map(|external| external.batch)
+    }
+
+    /// Returns the reason why its processes were given up, if they were.
+    pub(super) fn given_up(&self) -> Option<String> {
+        self.processes.as_ref()?.given_up()
     }
 
     fn make<'a>(
@@ -247,6 +266,7 @@ impl PlannedSimulator {
             backend,
             external: None,
             controller,
+            processes: None,
         })
     }
 }

@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_scene::note_text;
 use serde::{Deserialize, Serialize};
 
-use super::access::Access;
+use super::access::{Access, Standing};
 use super::provenance::Provenance;
+use super::rollout_checks::RolloutCheck;
 use super::row::Failure;
 use super::statistics::Estimate;
 use super::tally::Tally;
@@ -101,7 +102,7 @@ pub struct SummaryProvenance {
     /// Number of deviations whose scenario was not read: unknown, or beyond the limit.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unused_deviations: usize,
-    /// Number of recorded rollouts that fail a check which the user allowed, by allowance.
+    /// Number of rollouts that fail a check which the user allowed, by allowance.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub allowed: BTreeMap<String, usize>,
     /// How intervals are computed if not by resampling single scenarios: with very many scenarios, blocks of
@@ -147,6 +148,17 @@ impl SimulatorSummary {
     /// Returns what the simulator can know beyond its observations.
     pub fn access(&self) -> Access {
         if self.oracle { Access::Oracle } else { self.external.unwrap_or(Access::Blind) }
+    }
+
+    /// Returns what tables mark about the simulator.
+    pub fn standing(&self) -> Standing {
+        Standing { access: self.access(), is_allowed: self.allowed().next().is_some() }
+    }
+
+    /// Returns the checks that some of its rollouts fail and the user allowed, with their numbers of rollouts.
+    pub fn allowed(&self) -> impl Iterator<Item = (RolloutCheck, u64)> {
+        let count = |check: RolloutCheck| Some((check, *self.outcomes.get(check.outcome())?));
+        RolloutCheck::ALL.into_iter().filter_map(count)
     }
 }
 

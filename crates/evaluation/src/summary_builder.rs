@@ -134,8 +134,14 @@ impl<'a> SummaryBuilder<'a> {
             };
             (simulator.id.clone(), summary)
         });
+        let simulators: BTreeMap<String, SimulatorSummary> = simulators.collect();
+        let mut allowed: BTreeMap<String, usize> = BTreeMap::new();
+        for (check, n) in simulators.values().flat_map(SimulatorSummary::allowed) {
+            *allowed.entry(check.allowance().to_owned()).or_default() +=
+                usize::try_from(n).unwrap_or(usize::MAX);
+        }
         Summary {
-            simulators: simulators.collect(),
+            simulators,
             deviation: self.deviation.finish(),
             provenance: SummaryProvenance {
                 run: Provenance { keep_rollouts: None, ..self.provenance.clone() },
@@ -145,7 +151,7 @@ impl<'a> SummaryBuilder<'a> {
                 unselected: 0,
                 missing_ids: Vec::new(),
                 unused_deviations: 0,
-                allowed: BTreeMap::new(),
+                allowed,
                 intervals,
                 notes: self.notes,
                 direction_tracking: self.direction_tracking,

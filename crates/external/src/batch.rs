@@ -19,6 +19,8 @@ pub(super) struct OpenBatch {
     limits: TimeLimits,
     /// Handles of the episodes.
     episodes: Vec<u64>,
+    /// Seeds of the episodes.
+    seeds: Vec<u64>,
     /// Largest number of agents.
     agents: usize,
     /// Number of lights of each episode.
@@ -40,7 +42,11 @@ impl OpenBatch {
         batch: &[Beginning<'_>],
         seeds: &[u64],
     ) -> Result<Self, PlanError> {
-        let mut worker = workers.take().map_err(PlanError::BrokenOff)?;
+        let mut worker = workers.take().map_err(|text| {
+            // A process that cannot be started says nothing about the episodes.
+            workers.failed(seeds, &text, false);
+            PlanError::BrokenOff(text)
+        })?;
         let episodes = worker.handles(batch.len());
         let starts: Vec<_> = batch.iter().map(|e| e.start).collect();
         let mut open = Self {
@@ -52,6 +58,7 @@ impl OpenBatch {
             frames: HISTORY,
             has_ended: false,
             episodes,
+            seeds: seeds.to_vec(),
         };
         let mut request = FrameWriter::new("begin");
         request
@@ -85,8 +92,11 @@ impl OpenBatch {
         if let Some(worker) = &mut self.worker {
             worker.has_planned = true;
         }
-        replies::take_plans(&planned, (b, n), active)
-            .map_err(|e| PlanError::BrokenOff(format!("`planned` cannot be used: {e}")))
+        replies::take_plans(&planned, (b, n), active).map_err(|e| {
+            let text = format!("`planned` cannot be used: {e}");
+            self.workers.failed(&self.seeds, &text, false);
+            PlanError::BrokenOff(text)
+        })
     }
 
     /// Ends the batch and gives the worker back.
@@ -96,6 +106,9 @@ impl OpenBatch {
             request.tensor("episode", Values::u64(&[self.episodes.len()], self.episodes.iter().copied()));
             // A process that fails here is replaced; the plans of the batch are complete.
             self.has_ended = self.request(request, "ended", 0).is_ok();
+            if self.has_ended {
+                self.workers.succeeded();
+            }
         }
     }
 
@@ -103,10 +116,13 @@ impl OpenBatch {
         let Some(worker) = &mut self.worker else { return Err("its process has ended".to_owned()) };
         let limit = if worker.has_planned { self.limits.plan } else { self.limits.first };
         worker.connection.request(request, wanted, numbers, limit).map_err(|error| {
-            if matches!(error, RequestError::Broken(_)) {
+            let is_broken = matches!(error, RequestError::Broken(_));
+            if is_broken {
                 self.worker = None;
             }
-            error.text()
+            let text = error.text();
+            self.workers.failed(&self.seeds, &text, is_broken);
+            text
         })
     }
 }

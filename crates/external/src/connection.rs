@@ -149,6 +149,11 @@ impl Connection {
         }
     }
 
+    /// Returns the last lines of the standard error of the process, as a text to append to a message.
+    pub(super) fn last_lines(&self) -> String {
+        self.last_lines.text()
+    }
+
     /// Says `bye` and gives the process the time to end; then it is ended.
     pub(super) fn close(mut self, limit: Duration) {
         let mut bye = FrameWriter::new("bye");

@@ -86,6 +86,17 @@ impl ExternalSimulator {
         self.settings.batch.or(self.description.batch).unwrap_or(DEFAULT_BATCH)
     }
 
+    /// Returns the number of batches that failed and were repeated or given up, and the reason of the first;
+    /// `None` if none did.
+    pub fn faults(&self) -> Option<(usize, String)> {
+        self.workers.faults()
+    }
+
+    /// Returns the reason why no further process is started: starts or single episodes that failed in a row.
+    pub fn given_up(&self) -> Option<String> {
+        self.workers.given_up()
+    }
+
     /// Sends the standard error of its processes to a target, also what they wrote before.
     ///
     /// # Errors

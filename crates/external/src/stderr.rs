@@ -10,7 +10,10 @@ use std::time::Duration;
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
 /// Number of lines that messages repeat.
-const LAST_LINES: usize = 12;
+const LAST_LINES: usize = 24;
+
+/// Text before the last lines of a process in messages.
+pub(super) const LAST_WORDS_HEAD: &str = "; the end of its standard error:";
 
 /// Length to which a line is cut in messages, bytes.
 const LINE_LENGTH: usize = 400;
@@ -77,7 +80,7 @@ impl LastLines {
             return String::new();
         }
         let lines: Vec<String> = lines.iter().map(|line| format!("\n    {line}")).collect();
-        format!("; the end of its standard error:{}", lines.concat())
+        format!("{LAST_WORDS_HEAD}{}", lines.concat())
     }
 
     fn push(&self, line: &[u8]) {
@@ -146,8 +149,17 @@ impl Stderr {
         last.end();
     }
 
+    /// Adds a text of this program to the log.
+    pub(super) fn note(&self, text: &str) {
+        text.lines().for_each(|line| self.store(format!("{line}\n").as_bytes()));
+    }
+
     fn put(&self, line: &[u8], last: &LastLines) {
         last.push(line.strip_suffix(b"\n").unwrap_or(line));
+        self.store(line);
+    }
+
+    fn store(&self, line: &[u8]) {
         let mut state = self.0.lock();
         match &state.target {
             Some(_) => state.put(line),

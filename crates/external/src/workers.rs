@@ -8,10 +8,14 @@ use super::connection::{Connection, RequestError};
 use super::document::FrameWriter;
 use super::replies::Description;
 use super::settings::{Command, ExternalSettings, RunOutline};
-use super::stderr::Stderr;
+use super::stderr::{LAST_WORDS_HEAD, Stderr};
 
 /// Number of failed starts in a row after which no further process is started.
 const MOST_FAILED_STARTS: u32 = 3;
+
+/// Number of episodes in a row that end their process or exceed a limit, each run singly, after which no
+/// further process is started. Each can cost two limits of time.
+const MOST_FAILED_EPISODES: usize = 3;
 
 /// Time in which a process must end after `bye`.
 const TIME_TO_CLOSE: Duration = Duration::from_secs(5);
@@ -52,13 +56,24 @@ struct State {
     failed_starts: u32,
     /// Reason why no further process is started.
     given_up: Option<String>,
+    /// Seeds of the latest episodes that ran singly and ended their process, without another one in between.
+    failing: Vec<u64>,
+    /// Number of batches that failed, and the reason of the first.
+    faults: Option<(usize, String)>,
 }
 
 impl Workers {
     pub(super) fn new(settings: ExternalSettings, outline: RunOutline) -> Self {
         let count = if settings.command == Command::Stdio { 1 } else { settings.workers };
         let free = (0..count).map(|_| None).collect();
-        let state = State { free, description: None, failed_starts: 0, given_up: None };
+        let state = State {
+            free,
+            description: None,
+            failed_starts: 0,
+            given_up: None,
+            failing: Vec::new(),
+            faults: None,
+        };
         let (stderr, returned) = (Stderr::default(), Condvar::new());
         Self { settings, outline, stderr, state: Mutex::new(state), returned }
     }
@@ -93,6 +108,43 @@ impl Workers {
         state.free.push(worker);
         drop(state);
         self.returned.notify_all();
+    }
+
+    /// Notes that a batch failed, in the log of the simulator as well. `seeds` are the seeds of its episodes;
+    /// `is_broken`: whether its process is lost.
+    pub(super) fn failed(&self, seeds: &[u64], reason: &str, is_broken: bool) {
+        // Its standard error is in the log already.
+        let own = reason.split(LAST_WORDS_HEAD).next().unwrap_or(reason);
+        self.stderr.note(&format!("reactsim: a batch of {} failed: {own}", seeds.len()));
+        let mut state = self.state.lock();
+        state.faults.get_or_insert_with(|| (0, own.to_owned())).0 += 1;
+        let [seed] = seeds else { return };
+        // An episode that is tried again counts once.
+        if is_broken && state.failing.last() != Some(seed) {
+            state.failing.push(*seed);
+        }
+        if state.failing.len() >= MOST_FAILED_EPISODES {
+            let n = MOST_FAILED_EPISODES;
+            let text = format!(
+                "{n} episodes in a row ended its process or had no answer in time, the last: {reason}"
+            );
+            state.given_up.get_or_insert(text);
+        }
+    }
+
+    /// Notes that a batch came to its end.
+    pub(super) fn succeeded(&self) {
+        self.state.lock().failing.clear();
+    }
+
+    /// Returns the number of batches that failed, and the reason of the first; `None` if none did.
+    pub(super) fn faults(&self) -> Option<(usize, String)> {
+        self.state.lock().faults.clone()
+    }
+
+    /// Returns the reason why no further process is started; `None` if one is.
+    pub(super) fn given_up(&self) -> Option<String> {
+        self.state.lock().given_up.clone()
     }
 
     fn start(&self) -> Result<Worker, String> {
@@ -144,9 +196,13 @@ impl Workers {
             .text("reveals_ids", if settings.reveal_ids { "1" } else { "0" });
         let read = |connection: &mut Connection| {
             let welcome = connection.request(hello, "welcome", 0, settings.limits.start)?;
-            Description::read(&welcome).map_err(|e| RequestError::Broken(e.to_string()))
+            Description::read(&welcome).map_err(|e| RequestError::Refused(e.to_string()))
         };
-        let description = read(&mut connection).map_err(RequestError::text)?;
+        let description = read(&mut connection).map_err(|error| match error {
+            RequestError::Broken(text) => text,
+            // Its process still runs, and its standard error may say more.
+            RequestError::Refused(text) => format!("{text}{}", connection.last_lines()),
+        })?;
         Ok((connection, description))
     }
 

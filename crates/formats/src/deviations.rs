@@ -66,6 +66,8 @@ pub struct DeviationRecord {
     /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
     /// origin.
     pub origin: Option<Vec2>,
+    /// State at the current frame, if the file contains it (entry 0 of 81).
+    pub now: Option<AgentState>,
     /// States at steps 1 to 80, without gaps.
     pub track: Vec<AgentState>,
     /// Responses of the agents that it disturbs, relative to the same origin; present in files of curations.
@@ -76,6 +78,11 @@ impl DeviationRecord {
     /// Returns the states in the frame of a scenario with this origin.
     pub fn track_in(&self, origin: Vec2) -> Vec<AgentState> {
         self.track.iter().map(|s| states::translate(*s, self.origin, origin)).collect()
+    }
+
+    /// Returns the state at the current frame in the frame of a scenario with this origin.
+    pub fn now_in(&self, origin: Vec2) -> Option<AgentState> {
+        self.now.map(|s| states::translate(s, self.origin, origin))
     }
 
     /// Returns the certificate in the frame of a scenario with this origin.
@@ -173,13 +180,14 @@ impl Rows<'_> {
         &mut self,
         texts: Texts<'_>,
         origin: Option<Vec2>,
+        now: Result<Frame, Cause>,
         frames: Result<Vec<Frame>, Cause>,
     ) -> Result<(), FormatError> {
         let index = self.next;
         self.next += 1;
         let scenario = texts.scenario;
         let refuse = |cause| FormatError::record(self.path, index, Some(scenario.to_owned()), cause);
-        let record = texts.record(origin, frames).map_err(refuse)?;
+        let record = texts.record(origin, now, frames).map_err(refuse)?;
         (self.take)(scenario, record).map_err(refuse)
     }
 
@@ -226,7 +234,12 @@ impl Rows<'_> {
                 (self.next, skipped) = (self.next + 1, skipped + 1);
                 continue;
             }
-            let frames = columns.frames("", &future(columns.ranges(|v| v.range(0, row))), FUTURE);
+            let ranges = columns.ranges(|v| v.range(0, row));
+            let now = match current(&ranges) {
+                Some(current) => columns.frames("", &current, 1).map(|frames| frames[0]),
+                None => Ok(None),
+            };
+            let frames = columns.frames("", &future(ranges), FUTURE);
             let Some(scenario) = ids.text(row) else {
                 let cause = Cause::value("scenario_id", "null", "the id of a scenario");
                 return Err(FormatError::record(self.path, self.next, None, cause));
@@ -242,7 +255,7 @@ impl Rows<'_> {
                 scenario_digest: digests.as_ref().and_then(|c| c.text(row)),
                 certificate,
             };
-            self.add(texts, origin, frames)?;
+            self.add(texts, origin, now, frames)?;
         }
         Ok(skipped)
     }
@@ -265,7 +278,7 @@ impl Rows<'_> {
                 scenario_digest: one.scenario_digest.as_deref(),
                 certificate: None,
             };
-            self.add(texts, origin, one.frames())?;
+            self.add(texts, origin, Ok(None), one.frames())?;
         }
         Ok(())
     }
@@ -275,6 +288,7 @@ impl Texts<'_> {
     fn record(
         self,
         origin: Option<Vec2>,
+        now: Result<Frame, Cause>,
         frames: Result<Vec<Frame>, Cause>,
     ) -> Result<DeviationRecord, Cause> {
         let category = match self.category {
@@ -293,10 +307,17 @@ impl Texts<'_> {
             maneuver: self.maneuver.unwrap_or_default().to_owned(),
             scenario_digest: self.scenario_digest.filter(|d| !d.is_empty()).map(str::to_owned),
             origin,
+            now: now?,
             track: frames.into_iter().flatten().collect(),
             certificate: self.certificate,
         })
     }
+}
+
+/// Returns the entry of the current frame (step 0) of lists that begin with it.
+fn current(lists: &[Option<Range<usize>>; 5]) -> Option<[Option<Range<usize>>; 5]> {
+    let has_entry = lists.iter().flatten().all(|list| list.len() == FUTURE + 1);
+    has_entry.then(|| lists.clone().map(|list| list.map(|list| list.start..list.start + 1)))
 }
 
 /// Removes the state of the current frame (step 0) from lists that begin with it.

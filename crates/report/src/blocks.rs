@@ -146,7 +146,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
             run: None,
             group: 0,
             title,
-            access: simulator.access(),
+            standing: simulator.standing(),
             scenarios: of_part.scenarios,
             failed: 0,
             metrics: &of_part.metrics,

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Access, Estimate};
+use reactsim_evaluation::{Access, Estimate, Mark, Standing};
 
 use super::table::{self, Column, Line};
 use super::{Exporter, Run, TableStyle};
@@ -33,7 +33,7 @@ impl Exporter for Latex {
         writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
         for (i, line) in lines.iter().enumerate() {
             // The paper separates the oracles.
-            if i > 0 && lines[i - 1].access == Access::Oracle && line.access != Access::Oracle {
+            if i > 0 && lines[i - 1].standing.is_oracle() && !line.standing.is_oracle() {
                 writeln!(out, "    \\midrule")?;
             }
             let best: Vec<bool> = best.iter().map(|column| style.bold && column[i]).collect();
@@ -74,13 +74,13 @@ fn caption(lines: &[Line<'_>], bold: bool) -> String {
     if bold {
         text.push_str(" Bold: the best simulator among comparable runs, oracles excepted.");
     }
-    text.push_str(&meanings(lines.iter().map(|line| line.access)));
+    text.push_str(&meanings(lines.iter().map(|line| line.standing)));
     text
 }
 
 /// Returns the meaning of the marks of these simulators, as sentences.
-pub(super) fn meanings(of: impl Iterator<Item = Access>) -> String {
-    table::marked(of).map(|access| format!(" {} {}.", mark(access), escape(access.meaning()))).collect()
+pub(super) fn meanings(of: impl Iterator<Item = Standing>) -> String {
+    table::marked(of).map(|mark| format!(" {} {}.", sign(mark), escape(mark.meaning()))).collect()
 }
 
 /// Returns the characters of a label that LaTeX takes: letters, digits and a few signs.
@@ -88,20 +88,25 @@ fn label_text(label: &str) -> String {
     label.chars().filter(|c| c.is_ascii_alphanumeric() || "-_:.+/".contains(*c)).collect()
 }
 
-/// Returns the mark of what a simulator can know.
-pub(super) fn mark(access: Access) -> &'static str {
-    match access {
-        Access::Blind => "",
-        Access::BlindByMessage => "$^\\ddagger$",
-        Access::Ids => "$^\\S$",
-        Access::Oracle => "$^\\dagger$",
+/// Returns the signs behind the name of a simulator.
+pub(super) fn mark(standing: Standing) -> String {
+    standing.marks().map(sign).collect()
+}
+
+fn sign(mark: Mark) -> &'static str {
+    match mark {
+        Mark::Access(Access::Blind) => "",
+        Mark::Access(Access::BlindByMessage) => "$^\\ddagger$",
+        Mark::Access(Access::Ids) => "$^\\S$",
+        Mark::Access(Access::Oracle) => "$^\\dagger$",
+        Mark::Allowed => "$^\\P$",
     }
 }
 
 /// Returns the cells of a line; `best` says which of its numbers are bold.
 fn row(columns: &[Column], line: &Line<'_>, best: &[bool]) -> String {
     let mut cells: Vec<String> = line.run.map(escape).into_iter().collect();
-    cells.push(format!("{}{}", escape(line.title), mark(line.access)));
+    cells.push(format!("{}{}", escape(line.title), mark(line.standing)));
     cells.extend(columns.iter().zip(best).map(|(column, best)| {
         let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {
             return "--".to_owned();

@@ -11,7 +11,7 @@ use super::csv::quote;
 use super::markdown::{cell, escape, legend, method, write_aligned};
 use super::table::{Column, count};
 use reactsim_evaluation::reference::{Entry, Status};
-use reactsim_evaluation::{Access, BenchmarkRecord, Estimate, Summary};
+use reactsim_evaluation::{BenchmarkRecord, Estimate, Standing, Summary};
 
 pub use page::write_page;
 
@@ -26,7 +26,7 @@ struct Line<'a> {
     entry: &'a Entry,
     id: &'a str,
     title: &'a str,
-    access: Access,
+    standing: Standing,
     metrics: &'a BTreeMap<String, Estimate>,
 }
 
@@ -46,7 +46,9 @@ fn lines(entries: &[Entry]) -> Vec<Line<'_>> {
 
 fn lines_of(entry: &Entry) -> Vec<Line<'_>> {
     let order = entry.summary.order();
-    order.map(|(id, title, s)| Line { entry, id, title, access: s.access(), metrics: &s.metrics }).collect()
+    order
+        .map(|(id, title, s)| Line { entry, id, title, standing: s.standing(), metrics: &s.metrics })
+        .collect()
 }
 
 /// Returns the columns for which at least one entry has a number.
@@ -99,14 +101,14 @@ fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     head.extend(columns.iter().map(Column::head));
     let mut rows = vec![head];
     for line in &lines {
-        let mut row = vec![escape(&line.entry.name), method(line.title, line.access)];
+        let mut row = vec![escape(&line.entry.name), method(line.title, line.standing)];
         row.push(line.entry.status.name().to_owned());
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
         rows.push(row);
     }
     write_aligned(out, &rows, 3)?;
     writeln!(out)?;
-    legend(out, lines.iter().map(|l| l.access))?;
+    legend(out, lines.iter().map(|l| l.standing))?;
     for text in status_legend(entries) {
         writeln!(out, "{text}.")?;
     }
@@ -128,7 +130,7 @@ fn write_csv(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
             "{entry},{},{},{},{status}",
             quote(line.id),
             quote(line.title),
-            line.access == Access::Oracle
+            line.standing.is_oracle()
         )?;
         for c in &columns {
             let e = line.metrics.get(c.metric).copied().unwrap_or_default();
@@ -160,7 +162,7 @@ fn write_json(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         entry: &line.entry.name,
         simulator: line.id,
         method: line.title,
-        oracle: line.access == Access::Oracle,
+        oracle: line.standing.is_oracle(),
         status: line.entry.status,
         metrics: line.metrics,
     });

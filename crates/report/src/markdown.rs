@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Access, Estimate};
+use reactsim_evaluation::{Estimate, Standing};
 
 use super::table::{self, Column, Division, Line};
 use super::{Exporter, Run, TableStyle};
@@ -33,7 +33,7 @@ impl Exporter for Markdown {
             }
         }
         writeln!(out)?;
-        legend(out, lines.iter().map(|l| l.access))?;
+        legend(out, lines.iter().map(|l| l.standing))?;
         for provenance in table::provenances(runs) {
             writeln!(out, "{}.", escape(&provenance))?;
         }
@@ -60,7 +60,7 @@ pub(super) fn write_table(
     let best = table::best_of_columns(columns, lines);
     for (i, line) in lines.iter().enumerate() {
         let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
-        row.push(method(line.title, line.access));
+        row.push(method(line.title, line.standing));
         row.extend(columns.iter().zip(&best).map(|(column, best)| {
             let text = cell(column, line.metrics.get(column.metric));
             if bold && best[i] { format!("**{text}**") } else { text }
@@ -72,7 +72,7 @@ pub(super) fn write_table(
 }
 
 /// Writes the explanation of the marks of a table.
-pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Access>) -> io::Result<()> {
+pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Standing>) -> io::Result<()> {
     for text in marks(of) {
         writeln!(out, "{text}.")?;
     }
@@ -83,13 +83,13 @@ pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Access>) 
 }
 
 /// Returns the marks of these simulators with their explanations.
-pub(super) fn marks(of: impl IntoIterator<Item = Access>) -> Vec<String> {
-    table::marked(of).map(|access| format!("{} {}", access.mark(), access.meaning())).collect()
+pub(super) fn marks(of: impl IntoIterator<Item = Standing>) -> Vec<String> {
+    table::marked(of).map(|mark| format!("{} {}", mark.sign(), mark.meaning())).collect()
 }
 
-/// Returns the name of a simulator with the mark of what it can know.
-pub(super) fn method(title: &str, access: Access) -> String {
-    format!("{} {}", escape(title), access.mark()).trim_end().to_owned()
+/// Returns the name of a simulator with its marks.
+pub(super) fn method(title: &str, standing: Standing) -> String {
+    format!("{} {}", escape(title), standing.signs()).trim_end().to_owned()
 }
 
 /// Writes rows of equal length as a table; the first row is the head. The first `texts` columns hold text

@@ -6,7 +6,7 @@ mod markdown;
 
 use super::TableStyle;
 use super::table::{Column, MAIN_COLUMNS, best_number};
-use reactsim_evaluation::{Access, Difference, Estimate, Member, StudyKind, StudyResults, Summary};
+use reactsim_evaluation::{Difference, Estimate, Member, Standing, StudyKind, StudyResults, Summary};
 
 pub use json::write_json;
 pub use latex::write_latex;
@@ -52,7 +52,7 @@ enum Head {
 /// The numbers of a simulator.
 struct StudyRow<'a> {
     title: &'a str,
-    access: Access,
+    standing: Standing,
     variant: Option<&'a str>,
     cells: Vec<StudyCell>,
 }
@@ -134,7 +134,7 @@ fn by_interval<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
             .order()
             .map(|(id, title, simulator)| StudyRow {
                 title,
-                access: simulator.access(),
+                standing: simulator.standing(),
                 variant: None,
                 cells: results.summaries.iter().map(|s| StudyCell::of(s, id, column)).collect(),
             })
@@ -156,7 +156,7 @@ fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
         let cells = members(results).flat_map(|(member, summary)| {
             columns_of(member).into_iter().map(move |column| StudyCell::of(summary, id, column))
         });
-        StudyRow { title, access: simulator.access(), variant: None, cells: cells.collect() }
+        StudyRow { title, standing: simulator.standing(), variant: None, cells: cells.collect() }
     };
     vec![StudyTable {
         title: Title::None,
@@ -176,7 +176,7 @@ fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
             for (id, _) in member.originals.iter().filter(|(_, of)| *of == original) {
                 let row = |cells: Vec<StudyCell>| StudyRow {
                     title,
-                    access: simulator.access(),
+                    standing: simulator.standing(),
                     variant: Some(member.label.as_str()),
                     cells,
                 };
@@ -210,7 +210,7 @@ fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> 
 fn mark_best(table: &mut StudyTable<'_>) {
     for c in 0..table.heads.len() {
         let ranked = |row: &StudyRow<'_>| {
-            row.cells[c].numbers().filter(|_| row.access != Access::Oracle && !row.cells[c].is_difference)
+            row.cells[c].numbers().filter(|_| !row.standing.is_oracle() && !row.cells[c].is_difference)
         };
         let best: Vec<bool> = table
             .rows

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use reactsim_evaluation::{
-    Access, CategorySummary, Condition, Estimate, Provenance, SettingsRecord, SimulatorSummary, Summary,
-    changed_options,
+    CategorySummary, Condition, Estimate, Mark, Provenance, SettingsRecord, SimulatorSummary, Standing,
+    Summary, changed_options,
 };
 use reactsim_metrics as metrics;
 use reactsim_metrics::Unit;
@@ -123,7 +123,7 @@ pub(super) struct Line<'a> {
     /// Number of the group of runs with which its numbers can be compared.
     pub(super) group: usize,
     pub(super) title: &'a str,
-    pub(super) access: Access,
+    pub(super) standing: Standing,
     pub(super) scenarios: usize,
     pub(super) failed: usize,
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
@@ -137,7 +137,7 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
             run: several.then_some(run.name),
             group,
             title,
-            access: s.access(),
+            standing: s.standing(),
             scenarios: s.scenarios,
             failed: s.failed,
             metrics: &s.metrics,
@@ -153,9 +153,9 @@ pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
 }
 
 /// Returns the marks that these simulators have.
-pub(super) fn marked(of: impl IntoIterator<Item = Access>) -> impl Iterator<Item = Access> {
-    let found: Vec<Access> = of.into_iter().collect();
-    Access::MARKED.into_iter().filter(move |access| found.contains(access))
+pub(super) fn marked(of: impl IntoIterator<Item = Standing>) -> impl Iterator<Item = Mark> {
+    let found: Vec<Mark> = of.into_iter().flat_map(Standing::marks).collect();
+    Mark::ALL.into_iter().filter(move |mark| found.contains(mark))
 }
 
 /// Returns for every column whether the number of each line is the best of its group.
@@ -179,9 +179,9 @@ pub(super) fn groups(runs: &[super::Run<'_>]) -> Vec<usize> {
 pub(super) fn best(column: &Column, lines: &[Line<'_>]) -> Vec<bool> {
     let value = |line: &Line<'_>| line.metrics.get(column.metric).and_then(|estimate| estimate.mean);
     let of = |line: &Line<'_>| {
-        let ranked = lines.iter().filter(|l| l.group == line.group && l.access != Access::Oracle);
+        let ranked = lines.iter().filter(|l| l.group == line.group && !l.standing.is_oracle());
         let ranked: Vec<f64> = ranked.filter_map(value).collect();
-        let own = value(line).filter(|_| line.access != Access::Oracle).map(|value| column.number(value));
+        let own = value(line).filter(|_| !line.standing.is_oracle()).map(|value| column.number(value));
         own.is_some() && own == best_number(column, &ranked)
     };
     lines.iter().map(of).collect()
@@ -243,7 +243,7 @@ pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, par
             run: several.then_some(run.name),
             group,
             title,
-            access: simulator.access(),
+            standing: simulator.standing(),
             scenarios: part.scenarios,
             failed: 0,
             metrics: &part.metrics,
@@ -270,12 +270,12 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     if p.run.is_recorded() {
         parts.push("recorded elsewhere".to_owned());
         parts.push(count(s.rollouts as usize, "rollout"));
-        let allowed =
-            p.allowed.iter().map(|(name, n)| format!("{} allowed as {name}", count(*n, "exception")));
-        parts.extend(allowed);
     } else {
         protocol(s, &mut parts);
     }
+    parts.extend(s.pose.iter().map(|pose| format!("poses of {pose}")));
+    let allowed = p.allowed.iter().map(|(name, n)| format!("{} allowed as {name}", count(*n, "exception")));
+    parts.extend(allowed);
     let changed = changed_options(&p.run);
     if !changed.is_empty() {
         parts.push(format!("metric options {}", changed.join(" ")));

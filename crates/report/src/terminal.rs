@@ -48,7 +48,7 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
         }
     }
     writeln!(out)?;
-    for text in markdown::marks(lines.iter().map(|l| l.access)) {
+    for text in markdown::marks(lines.iter().map(|l| l.standing)) {
         write_wrapped(&format!("{text}."), style.width, out)?;
     }
     for provenance in table::provenances(runs) {
@@ -148,9 +148,9 @@ fn columns(
 /// Returns the name of a simulator with its mark, and its run if there are several.
 fn name(line: &Line<'_>) -> String {
     let run = line.run.map(|run| format!("{run}: ")).unwrap_or_default();
-    let mark = line.access.mark();
+    let mark = line.standing.signs();
     let name = format!("{run}{}", line.title);
-    let room = MAX_NAME - if mark.is_empty() { 0 } else { length(mark) + 1 };
+    let room = MAX_NAME - if mark.is_empty() { 0 } else { length(&mark) + 1 };
     let name = match length(&name) > room {
         true => format!("{}…", name.chars().take(room - 1).collect::<String>()),
         false => name,

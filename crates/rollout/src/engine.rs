@@ -95,6 +95,9 @@ struct ScenarioRollout<'a> {
 /// Outcome of an episode of a batch that the simulator broke off twice, so that it was rolled out alone.
 const PLANNED_ALONE: &str = "planned-alone";
 
+/// Outcome of an episode of a batch that the simulator broke off once and then completed.
+const PLANNED_AGAIN: &str = "planned-again";
+
 /// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
 /// the batch, unless the simulator breaks off the whole batch ([`PlanError::BrokenOff`]): then the batch is
 /// repeated once, and after that its scenarios are rolled out singly.
@@ -107,7 +110,10 @@ pub fn roll_out(
     if !is_broken_off(&first) {
         return first;
     }
-    let second = attempt(&batch, controller, settings);
+    let mut second = attempt(&batch, controller, settings);
+    for rollout in second.iter_mut().flatten() {
+        *rollout.outcomes.entry(PLANNED_AGAIN).or_default() += 1;
+    }
     if batch.len() == 1 || !is_broken_off(&second) {
         return second;
     }

@@ -98,7 +98,7 @@ pub(super) fn check(args: &ScoreArgs) -> anyhow::Result<&Path> {
     let [path] = args.rollouts.as_slice() else {
         bail!("give one submission or run folder with --wosac");
     };
-    if !args.metric_options.is_empty() || !args.allow.is_empty() || !args.table.is_usual() {
+    if !args.metric_options.is_empty() || !args.motion.allow.is_empty() || !args.table.is_usual() {
         bail!("--metric-option, --allow and options of tables have no effect with --wosac: leave them out");
     }
     Format::of(args.format.as_deref())?;

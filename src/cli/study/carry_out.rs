@@ -4,7 +4,7 @@ use anyhow::{Context, bail};
 
 use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
-use crate::cli::external::keep_stderr;
+use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
@@ -49,6 +49,7 @@ pub(super) fn carry_out(
         finish_member(&run, &summary, shared, i == 0)?;
         failed += summary.provenance.failures.len();
     }
+    report_faults(&external, Some(folder.path()));
     finish(&folder, shared, plan.study().kind, failed)
 }
 

@@ -3,10 +3,12 @@
 child.py [FAULT MESSAGE [COUNT [CONDITION]]]
 
 FAULT happens at the COUNT-th message of type MESSAGE (from 0; `any` for every one). CONDITION is `seed:N`, only in batches
-with this seed, or `once:FILE`, only if FILE does not exist; it is then made.
+with this seed, `once:FILE`, only if FILE does not exist; it is then made, or `after:N`, after the first N episodes, unless a
+file `after` is next to this one.
 """
 
 import json
+import math
 import os
 import signal
 import struct
@@ -75,11 +77,49 @@ def plan(texts, tensors, last):
     return {"states": ["F64", [b, n, steps, 3], planned]}
 
 
+def mistaken(kind, tensors):
+    """Changes a plan as an ordinary mistake in a simulator would."""
+    _, (b, n, steps, _), values = tensors["states"]
+    agents = [[values[(i * steps + k) * 3 : (i * steps + k + 1) * 3] for k in range(steps)] for i in range(b * n)]
+    if kind == "order":
+        agents = [agents[e * n + n - 1 - i] for e in range(b) for i in range(n)]
+    changed = []
+    for plan in agents:
+        (x0, y0, _), (x1, y1, _) = plan[:2]
+        dx, dy = x1 - x0, y1 - y0
+        for k, (x, y, heading) in enumerate(plan):
+            if kind == "degrees":
+                heading = math.degrees(heading)
+            elif kind == "clockwise":
+                heading = -heading
+            elif kind == "swapped":
+                x, y = y, x
+            elif kind == "teleport":
+                x += 30 if k >= 2 else 0
+            elif kind == "local":
+                x, y = x - x0 + dx, y - y0 + dy
+            elif kind == "feet":
+                x, y = 3.281 * x, 3.281 * y
+            elif kind == "lag":
+                x, y = x - dx, y - dy
+            elif kind == "stale":
+                x, y = x - 10 * dx, y - 10 * dy
+            elif kind == "freeze":
+                x, y = x0 - dx, y0 - dy
+            elif kind == "rear":
+                x, y = x - 1.4 * math.cos(heading), y - 1.4 * math.sin(heading)
+            changed += [x, y, heading]
+    tensors["states"][2] = changed
+
+
 def fault(kind, answer, seq, texts, tensors):
     """Does something wrong in place of an answer. Returns whether the answer is still to be sent."""
     whole = document(texts, tensors)
     if kind.startswith("exit"):
         os._exit(int(kind[4:]))
+    elif kind.startswith("mistake-"):
+        mistaken(kind[8:], tensors)
+        return True
     elif kind == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     elif kind == "raise":
@@ -207,6 +247,17 @@ def fault(kind, answer, seq, texts, tensors):
 
 def is_due(condition, seeds):
     kind, _, value = condition.partition(":")
+    if kind == "after":
+        folder = os.path.dirname(os.path.abspath(sys.argv[0]))
+        if os.path.exists(os.path.join(folder, "after")):
+            return False
+        # Every process notes the seeds of the episodes that it began.
+        path = os.path.join(folder, "begun-" + sys.argv[1])
+        before = open(path).read().split() if os.path.exists(path) else []
+        with open(path, "w") as file:
+            file.write(" ".join(before + [str(s) for s in seeds if str(s) not in before]))
+        first = (before + [str(s) for s in seeds if str(s) not in before])[: int(value)]
+        return not all(str(s) in first for s in seeds)
     if kind == "seed":
         return int(value) in seeds
     if kind == "once":

@@ -50,6 +50,7 @@ impl Reference {
             deviations: inputs.deviations,
             settings: self.settings()?,
             keep_rollouts: false,
+            allowed: Vec::new(),
         };
         let (stated, found) = (comparable(stated, stated), comparable(&plan.provenance(), stated));
         match differences(&stated, &found).into_iter().next() {

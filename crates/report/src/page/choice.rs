@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_evaluation::Access;
-
 use super::gallery::Gallery;
 
 /// Metrics by which simulators are contrasted, most important first.
@@ -33,7 +31,7 @@ impl Gallery {
         let mut weight = 1.0;
         let mut contrast = 0.0;
         for metric in CONTRAST_METRICS {
-            let counts = self.subjects.iter().filter(|s| s.access != Access::Oracle).filter_map(|subject| {
+            let counts = self.subjects.iter().filter(|s| !s.standing.is_oracle()).filter_map(|subject| {
                 let place = self.scenarios[index].places[subject.run]?;
                 let finished = &self.runs[subject.run].finished;
                 let done = finished.tally().has(place, subject.simulator);

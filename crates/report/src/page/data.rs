@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_evaluation::{Access, Entry, Summary, program_commit, program_version};
+use reactsim_evaluation::{Entry, Mark, Standing, Summary, program_commit, program_version};
 use reactsim_metrics::{EVENT_UNITS, METRICS};
 use serde::Serialize;
 use serde_json::value::RawValue;
@@ -76,8 +76,8 @@ struct SubjectData<'a> {
     id: &'a str,
     title: &'a str,
     oracle: bool,
-    mark: &'static str,
-    meaning: &'static str,
+    mark: String,
+    meaning: String,
 }
 
 /// The scenarios, column by column.
@@ -166,9 +166,9 @@ impl Gallery {
                     run: s.run,
                     id: &s.id,
                     title: &s.title,
-                    oracle: s.access == Access::Oracle,
-                    mark: s.access.mark(),
-                    meaning: s.access.meaning(),
+                    oracle: s.standing.is_oracle(),
+                    mark: s.standing.signs(),
+                    meaning: meaning(s.standing),
                 })
                 .collect(),
             scenarios: self.scenario_data(scenes),
@@ -256,4 +256,9 @@ mod tests {
         assert_eq!(short(-1_234_567.0), -1_234_570.0);
         assert_eq!(short(0.0), 0.0);
     }
+}
+
+/// Returns the explanation of the marks of a simulator.
+fn meaning(standing: Standing) -> String {
+    standing.marks().map(Mark::meaning).collect::<Vec<_>>().join("; ")
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use reactsim_evaluation::{Access, FinishedRun, RecordPosition, ScenarioFiles, StudyResults};
+use reactsim_evaluation::{FinishedRun, RecordPosition, ScenarioFiles, Standing, StudyResults};
 
 use super::PageError;
 use super::scene::{SubjectRollout, scene};
@@ -44,7 +44,7 @@ pub(super) struct Subject {
     pub(super) simulator: usize,
     pub(super) id: String,
     pub(super) title: String,
-    pub(super) access: Access,
+    pub(super) standing: Standing,
 }
 
 /// A scenario of one or several runs.
@@ -85,7 +85,10 @@ impl Gallery {
                 let tally = run.finished.tally();
                 let Some(simulator) = tally.simulators.iter().position(|s| *s == record.id) else { continue };
                 let (id, title) = (record.id.clone(), record.title.clone());
-                subjects.push(Subject { run: number, simulator, id, title, access: record.access() });
+                let summary = run.finished.summary().simulators.get(&record.id);
+                let is_allowed = summary.is_some_and(|s| s.standing().is_allowed);
+                let standing = Standing { access: record.access(), is_allowed };
+                subjects.push(Subject { run: number, simulator, id, title, standing });
             }
             for (place, entry) in &run.finished.tally().entries {
                 let key = (entry.scenario.clone(), entry.digest.clone());

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Access, StudyResults};
+use reactsim_evaluation::StudyResults;
 
 use super::{Head, StudyCell, StudyTable, Title, members, tables};
 use crate::comparison::signed;
@@ -48,11 +48,11 @@ fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
         // Simulators with several variants are separated, and so are oracles from the others.
         if before.is_some_and(|before| match table.with_variants {
             true => before.title != row.title,
-            false => before.access == Access::Oracle && row.access != Access::Oracle,
+            false => before.standing.is_oracle() && !row.standing.is_oracle(),
         }) {
             writeln!(out, "    \\midrule")?;
         }
-        let method = format!("{}{}", escape(row.title), mark(row.access));
+        let method = format!("{}{}", escape(row.title), mark(row.standing));
         let texts = std::iter::once(method).chain(row.variant.map(escape));
         let cells: Vec<String> = texts.chain(row.cells.iter().map(cell)).collect();
         writeln!(out, "    {} \\\\", cells.join(" & "))?;
@@ -93,6 +93,6 @@ fn caption(tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
         text.push_str(" Differences are paired; bold where the interval leaves 0 out.");
     }
     let rows = tables.iter().flat_map(|table| &table.rows);
-    text.push_str(&meanings(rows.map(|row| row.access)));
+    text.push_str(&meanings(rows.map(|row| row.standing)));
     text
 }

@@ -52,7 +52,7 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
     }
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;
-    legend(out, all().map(SimulatorSummary::access))?;
+    legend(out, all().map(SimulatorSummary::standing))?;
     if results.study.kind.has_variants() {
         writeln!(
             out,
@@ -72,7 +72,7 @@ fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     let head = std::iter::once("Method".to_owned()).chain(variant).chain(table.heads.iter().map(head));
     let mut rows: Vec<Vec<String>> = vec![head.collect()];
     for row in &table.rows {
-        let texts = std::iter::once(method(row.title, row.access)).chain(row.variant.map(str::to_owned));
+        let texts = std::iter::once(method(row.title, row.standing)).chain(row.variant.map(str::to_owned));
         rows.push(texts.chain(row.cells.iter().map(text)).collect());
     }
     write_aligned(out, &rows, 1 + usize::from(table.with_variants))

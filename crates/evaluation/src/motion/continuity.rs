@@ -1,0 +1,343 @@
+//! Continuity of positions with the current frame, and the mistakes that break it.
+
+use reactsim_geometry::{Vec2, direction, left};
+use reactsim_scene::{AgentKind, DT};
+
+use super::super::rollout_checks::RolloutCheck;
+use super::{Finding, GivenMotion, GivenScene, JUMP, median, share};
+
+/// Largest distance of positions that a known mistake explains, metres.
+const FIT: f64 = 0.5;
+/// Share of the agents that a known mistake must explain.
+const MOST: f64 = 0.8;
+/// Speed from which agents show delays and wrong units, m/s.
+const MOVING: f64 = 3.0;
+/// Smallest offset along the heading that counts as another point of the vehicle, metres: more than what
+/// braking adds in 0.1 s (0.05 m at 10 m/s²) and than noise of recorded velocities.
+const AXLE_OFFSET: f64 = 0.5;
+/// Ratio of displacements from which motion is too fast, and its inverse too slow, to continue.
+const RATIO: f64 = 1.5;
+/// Smallest distance of an origin from the world's origin at which the two frames can be told apart, metres.
+const FAR_ORIGIN: f64 = 10.0;
+/// Largest distance of the entry at the current frame from the current state, metres: more than rounding.
+const ENTRY0_TOLERANCE: f64 = 0.05;
+
+/// Ratios with a name: given over expected.
+const RATIOS: &[(f64, &str)] = &[
+    (3.6, "km/h read as m/s"),
+    (1.0 / 3.6, "m/s read as km/h"),
+    (3.281, "feet in place of metres"),
+    (0.3048, "metres converted from feet although they are metres"),
+    (2.237, "miles per hour read as m/s"),
+    (0.447, "m/s read as miles per hour"),
+    (10.0, "motion of 1 s in place of 0.1 s"),
+    (0.1, "motion of 0.01 s in place of 0.1 s"),
+    (5.0, "motion of 0.5 s in place of 0.1 s"),
+    (2.0, "motion of 0.2 s in place of 0.1 s"),
+    (100.0, "centimetres in place of metres"),
+    (0.01, "metres divided by 100"),
+    (1000.0, "millimetres in place of metres"),
+    (0.001, "kilometres in place of metres"),
+];
+
+/// Checks whether the motion continues from the current frame.
+pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
+    if let Some(finding) = rear_axle(scene) {
+        return Some(finding);
+    }
+    if let Some(text) = entry0(scene) {
+        return Some(Finding::new(RolloutCheck::Continuity, text));
+    }
+    let agents: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
+    let jumping = agents.iter().filter(|a| is_jump(a)).count();
+    // Mistakes of frames and order move most agents far.
+    if jumping >= 2
+        && 2 * jumping >= agents.len()
+        && let Some(finding) = frame(scene, &agents).or_else(|| order(&agents))
+    {
+        return Some(finding);
+    }
+    if let Some(finding) = time(scene, &agents).or_else(|| speed_ratio(scene, &agents)) {
+        return Some(finding);
+    }
+    if jumping > 0 {
+        return Some(Finding::new(RolloutCheck::Continuity, jump(&agents)?));
+    }
+    None
+}
+
+fn is_jump(agent: &GivenMotion<'_>) -> bool {
+    // NaN is not within the tolerance either.
+    agent
+        .residual()
+        .is_some_and(|residual| !matches!(residual.norm().total_cmp(&JUMP), std::cmp::Ordering::Less))
+}
+
+/// Poses of the rear axle, or of another point of the vehicles.
+fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
+    let vehicles = scene.agents.iter().filter(|a| a.kind == AgentKind::Vehicle && a.length > 0.0);
+    let offsets: Vec<(f64, f64, f64)> = vehicles
+        .filter_map(|a| {
+            let by = match a.entry0 {
+                Some(entry) => entry.position() - a.now.position(),
+                None => a.residual()?,
+            };
+            let ahead = direction(a.now.heading);
+            Some((by.dot(&ahead), by.dot(&left(ahead)), a.length))
+        })
+        .collect();
+    if offsets.len() < scene.least(3) {
+        return None;
+    }
+    let along = median(offsets.iter().map(|o| o.0))?;
+    let of_length = median(offsets.iter().map(|o| o.0 / o.2))?;
+    // A single trajectory without its current state cannot be told apart from a late one by its size only.
+    let (least, most) = match scene.agents.first().is_some_and(|a| a.entry0.is_some()) || !scene.is_single {
+        true => (0.0, 0.5),
+        false => (0.2, 0.4),
+    };
+    let is_axle = |&(s, l, length): &(f64, f64, f64)| {
+        let part = s / length;
+        s * along > 0.0
+            && s.abs() >= AXLE_OFFSET
+            && (least..=most).contains(&part.abs())
+            && l.abs() <= 0.25
+            && ((part - of_length).abs() <= 0.05 || (s - along).abs() <= 0.15)
+    };
+    let fitting = offsets.iter().filter(|o| is_axle(o)).count();
+    if (fitting as f64) < MOST * offsets.len() as f64 {
+        return None;
+    }
+    let (what, mend) = if along < 0.0 {
+        ("poses of the rear axle", "give --pose rear-axle, or box centres")
+    } else {
+        ("poses of a point ahead of the centre", "give box centres")
+    };
+    Some(Finding::new(
+        RolloutCheck::RearAxle,
+        format!(
+            "the positions look like {what}: {fitting} of {} vehicles are {:.3} m {} their box centres along \
+             the heading ({:.1} % of their length); {mend}",
+            offsets.len(),
+            along.abs(),
+            if along < 0.0 { "behind" } else { "ahead of" },
+            100.0 * of_length.abs(),
+        ),
+    ))
+}
+
+/// An entry at the current frame that is not the current state.
+fn entry0(scene: &GivenScene<'_>) -> Option<String> {
+    let agent = scene.agents.iter().find(|a| {
+        let distance = a.entry0.map(|entry| (entry.position() - a.now.position()).norm());
+        distance.is_some_and(|d| d > ENTRY0_TOLERANCE)
+    })?;
+    let by = agent.entry0?.position() - agent.now.position();
+    Some(format!(
+        "entry 0 of agent `{}` is ({:.2}, {:.2}) m from its state at the current frame, where it must be; \
+         give box centres in the frame of the scenario, or in world coordinates",
+        agent.id, by.x, by.y
+    ))
+}
+
+/// Another frame of coordinates.
+fn frame(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+    let given: Vec<Vec2> = agents.iter().filter_map(|a| a.first()).collect();
+    let expected: Vec<Vec2> = agents.iter().map(|a| a.expected()).collect();
+    let fits = |map: &dyn Fn(usize, Vec2) -> Vec2| {
+        let errors: Vec<f64> =
+            given.iter().enumerate().map(|(i, p)| (map(i, *p) - expected[i]).norm()).collect();
+        share(&errors, |e| e <= FIT) >= MOST
+    };
+    let found = |text: String| Some(Finding::new(RolloutCheck::Coordinates, text));
+    // By one offset.
+    let by = Vec2::new(
+        median(given.iter().zip(&expected).map(|(g, e)| g.x - e.x))?,
+        median(given.iter().zip(&expected).map(|(g, e)| g.y - e.y))?,
+    );
+    let origin = scene.origin;
+    if fits(&|_, p| p - by) {
+        let is_origin = origin.norm() > FAR_ORIGIN
+            && [origin, -origin].iter().any(|o| (by - o).norm() <= JUMP.max(1e-3 * by.norm()));
+        return found(if is_origin {
+            "all agents are moved by the origin of the scenario: the coordinates are in the other frame (the \
+             column `origin` states which)"
+                .to_owned()
+        } else {
+            format!(
+                "all agents are moved by ({:.1}, {:.1}) m at step 1; give positions with the origin of the \
+                 states that the program sends",
+                by.x, by.y
+            )
+        });
+    }
+    let ahead = direction(scene.av.heading);
+    let in_frame = |p: Vec2, ahead: Vec2| ahead * p.x + left(ahead) * p.y;
+    let av = scene.av.position();
+    let own = |i: usize, p: Vec2| agents[i].now.position() + in_frame(p, direction(agents[i].now.heading));
+    type Map<'a> = &'a dyn Fn(usize, Vec2) -> Vec2;
+    let maps: [(Map<'_>, &str); 10] = [
+        (&|_, p| Vec2::new(p.y, p.x), "x and y look swapped"),
+        (&|_, p| Vec2::new(p.x, -p.y), "y looks mirrored (an axis that points to the right or downwards)"),
+        (&|_, p| Vec2::new(-p.x, p.y), "x looks mirrored"),
+        (&|_, p| Vec2::new(-p.x, -p.y), "x and y look negated"),
+        (&|_, p| Vec2::new(p.y, -p.x), "positions look turned by 90° counter-clockwise"),
+        (&|_, p| Vec2::new(-p.y, p.x), "positions look turned by 90° clockwise"),
+        (&|i, p| agents[i].now.position() + p, "positions look relative to each agent's own position"),
+        (&own, "positions look like those of each agent's own frame"),
+        (
+            &|_, p| av + in_frame(p, ahead),
+            "positions look like those of the AV's frame, turned by its heading",
+        ),
+        (&|_, p| p + av, "positions look relative to the AV"),
+    ];
+    for (map, text) in maps {
+        if fits(map) {
+            return found(format!(
+                "{text}: step 1 does not continue from the current frame otherwise; give positions along the \
+                 axes of the states that the program sends"
+            ));
+        }
+    }
+    // Another unit of length.
+    let dots = |f: fn(&Vec2, &Vec2) -> f64| given.iter().zip(&expected).map(|(g, e)| f(g, e)).sum::<f64>();
+    let scale = dots(|g, e| g.dot(e)) / dots(|_, e| e.dot(e));
+    let is_other = scale.is_finite() && scale > 0.0 && !(0.9..1.1).contains(&scale);
+    if is_other && fits(&|_, p| p / scale) {
+        let text = format!(
+            "positions are {scale:.3} times as large as those of the current frame{}; give metres",
+            named_ratio(scale)
+        );
+        return Some(Finding::new(RolloutCheck::Units, text));
+    }
+    None
+}
+
+/// Agents in another order.
+fn order(agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+    if agents.len() < 3 {
+        return None;
+    }
+    let at_other = |(i, agent): &(usize, &&GivenMotion<'_>)| {
+        let Some(first) = agent.first() else { return false };
+        let other = agents.iter().enumerate().find(|(j, o)| j != i && (first - o.expected()).norm() <= FIT);
+        is_jump(agent) && other.is_some()
+    };
+    let jumping = agents.iter().filter(|a| is_jump(a)).count();
+    let moved: Vec<_> = agents.iter().enumerate().filter(at_other).collect();
+    if (moved.len() as f64) < MOST * jumping as f64 {
+        return None;
+    }
+    Some(Finding::new(
+        RolloutCheck::Order,
+        format!(
+            "the agents look exchanged: {} of {} agents are at step 1 where another one should be, the first \
+             `{}`; answer in the order in which the agents are sent",
+            moved.len(),
+            agents.len(),
+            moved.first()?.1.id
+        ),
+    ))
+}
+
+/// Motion that is late: of an earlier frame, or one step behind.
+fn time(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+    let moving: Vec<&&GivenMotion<'_>> = agents.iter().filter(|a| a.speed() >= MOVING).collect();
+    if moving.len() < scene.least(2) {
+        return None;
+    }
+    let later = |a: &GivenMotion<'_>, k: usize| Some(a.future.get(k)?.as_ref()?.position());
+    let sets_off = |a: &GivenMotion<'_>| {
+        let moved = later(a, 1).zip(a.first()).map_or(0.0, |(second, first)| (second - first).norm());
+        moved >= 0.5 * a.speed() * DT
+    };
+    let is_same =
+        |a: &GivenMotion<'_>| a.first().is_some_and(|p| (p - a.now.position()).norm() <= 1e-6) && sets_off(a);
+    let same = moving.iter().filter(|a| is_same(a)).count();
+    if same as f64 >= MOST * moving.len() as f64 {
+        return Some(Finding::new(
+            RolloutCheck::Time,
+            format!(
+                "the motion looks late by one step: step 1 of {same} of {} moving agents is exactly the \
+                 current frame; answer with the states after 1, 2, … steps, without the current one",
+                moving.len()
+            ),
+        ));
+    }
+    if scene.is_single || moving.len() < 3 {
+        return None;
+    }
+    // All behind by one time.
+    let delay = median(moving.iter().filter_map(|a| {
+        let v = a.velocity?;
+        Some(-a.residual()?.dot(&v) / v.dot(&v))
+    }))?;
+    if !(0.095..5.0).contains(&delay) {
+        return None;
+    }
+    let errors: Vec<f64> = moving
+        .iter()
+        .filter_map(|a| Some((a.residual()? + a.velocity? * delay).norm() / (delay * a.speed())))
+        .collect();
+    // Agents that stay from here on are frozen, not late.
+    let move_on = moving.iter().filter(|a| sets_off(a)).count();
+    if share(&errors, |e| e <= 0.25) < MOST || (move_on as f64) < MOST * moving.len() as f64 {
+        return None;
+    }
+    Some(Finding::new(
+        RolloutCheck::Time,
+        format!(
+            "the motion looks like that of an earlier frame: {} moving agents are {delay:.1} s behind at step 1; \
+             continue from the latest frame of the states (the last one, not the first)",
+            moving.len()
+        ),
+    ))
+}
+
+/// Displacements in other units of length or time.
+fn speed_ratio(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+    let ratios: Vec<f64> = agents
+        .iter()
+        .filter(|a| a.speed() >= MOVING && a.residual().is_some_and(|r| r.norm() >= 0.25))
+        .filter_map(|a| {
+            let v = a.velocity?;
+            Some((a.first()? - a.now.position()).dot(&v) / (v.dot(&v) * DT))
+        })
+        .collect();
+    let moving = agents.iter().filter(|a| a.speed() >= MOVING).count();
+    if ratios.len() < scene.least(3) || (ratios.len() as f64) < 0.5 * moving as f64 {
+        return None;
+    }
+    let ratio = median(ratios.iter().copied())?;
+    let is_possible = (1.0 / RATIO..=RATIO).contains(&ratio) || ratio <= 0.005;
+    if is_possible || share(&ratios, |r| (r / ratio - 1.0).abs() <= 0.15) < MOST {
+        return None;
+    }
+    Some(Finding::new(
+        RolloutCheck::Units,
+        format!(
+            "{} of {moving} moving agents are {ratio:.2} times as fast at step 1 as at the current frame{}; give \
+             metres, one state per 0.1 s, from velocities in m/s",
+            ratios.len(),
+            named_ratio(ratio)
+        ),
+    ))
+}
+
+/// Returns what a ratio looks like, if it is a known one.
+fn named_ratio(ratio: f64) -> String {
+    let nearest = RATIOS.iter().min_by(|a, b| {
+        let distance = |known: f64| (ratio / known).ln().abs();
+        distance(a.0).total_cmp(&distance(b.0))
+    });
+    let close = nearest.filter(|(known, _)| (ratio / known - 1.0).abs() <= 0.05);
+    close.map_or_else(String::new, |(_, name)| format!(" ({name})"))
+}
+
+fn jump(agents: &[&GivenMotion<'_>]) -> Option<String> {
+    let first = agents.iter().find(|a| is_jump(a))?;
+    let distance = first.residual()?.norm();
+    let n = agents.iter().filter(|a| is_jump(a)).count();
+    let others = if n > 1 { format!("; {n} of {} agents are such", agents.len()) } else { String::new() };
+    Some(format!("agent `{}` is {distance:.1} m from where its velocity leads at step 1{others}", first.id))
+}

@@ -1,0 +1,164 @@
+//! Checks of given motion: states that another program made are compared with the recording that they
+//! continue, and with what a road user can do, before they are judged.
+//!
+//! Every check is a statistic over the agents of one rollout with a threshold that all recorded logs and all
+//! baselines keep with a margin (`docs/guides/external-simulators.md` has the table).
+
+mod continuity;
+mod headings;
+mod later;
+mod storage;
+#[cfg(test)]
+mod tests;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
+
+use super::rollout_checks::RolloutCheck;
+
+/// Largest distance of the first given position from the one that the current velocity leads to, metres:
+/// an acceleration of 200 m/s².
+pub(super) const JUMP: f64 = 1.0;
+
+/// An agent whose motion is given.
+pub(super) struct GivenMotion<'a> {
+    pub(super) id: &'a str,
+    pub(super) kind: AgentKind,
+    /// Length of its box, metres.
+    pub(super) length: f64,
+    /// State at the current frame.
+    pub(super) now: AgentState,
+    /// Velocity at the current frame, m/s, if known.
+    pub(super) velocity: Option<Vec2>,
+    /// Recorded frames, the current one last.
+    pub(super) history: &'a [Frame],
+    /// State that the given motion has at the current frame, if it has one.
+    pub(super) entry0: Option<AgentState>,
+    /// Given frames from step 1 on.
+    pub(super) future: &'a [Frame],
+}
+
+/// The given motion of a scenario.
+pub(super) struct GivenScene<'a> {
+    pub(super) agents: Vec<GivenMotion<'a>>,
+    /// World coordinates of the origin of the states, metres.
+    pub(super) origin: Vec2,
+    /// The AV at the current frame.
+    pub(super) av: AgentState,
+    /// Whether one agent is enough evidence: the motion is that of a single agent.
+    pub(super) is_single: bool,
+}
+
+/// What a check found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Finding {
+    pub(super) check: RolloutCheck,
+    /// What it looks like, and how to mend it.
+    pub(super) text: String,
+}
+
+impl Finding {
+    fn new(check: RolloutCheck, text: String) -> Self {
+        Self { check, text }
+    }
+}
+
+impl GivenMotion<'_> {
+    /// Position at step 1.
+    fn first(&self) -> Option<Vec2> {
+        Some(self.future.first()?.as_ref()?.position())
+    }
+
+    fn speed(&self) -> f64 {
+        self.velocity.map_or(0.0, |v| v.norm())
+    }
+
+    /// Position to which the current velocity leads at step 1.
+    fn expected(&self) -> Vec2 {
+        self.now.position() + self.velocity.unwrap_or(Vec2::zeros()) * DT
+    }
+
+    /// Difference of the position at step 1 from [`Self::expected`].
+    fn residual(&self) -> Option<Vec2> {
+        Some(self.first()? - self.expected())
+    }
+}
+
+impl<'a> GivenScene<'a> {
+    /// Returns the given motion of a rollout: history, then the given steps. The AV is left out if
+    /// `without_av`: its motion is not that of the simulator.
+    pub(super) fn of_rollout(scenario: &'a Scenario, tracks: &'a [Vec<Frame>], without_av: bool) -> Self {
+        let slots = usize::from(without_av)..tracks.len();
+        let agents = slots.map(|slot| {
+            let agent = &scenario.start.agents[slot];
+            GivenMotion {
+                id: &agent.id,
+                kind: agent.kind,
+                length: agent.length,
+                now: scenario.start.now(slot),
+                velocity: scenario.logged_velocity(slot, CURRENT),
+                history: &scenario.start.history[slot],
+                entry0: None,
+                future: &tracks[slot][HISTORY..],
+            }
+        });
+        let agents = agents.filter(|agent| agent.kind != AgentKind::Other).collect();
+        Self { agents, origin: scenario.origin, av: scenario.start.now(0), is_single: false }
+    }
+
+    /// Returns the given trajectory of an AV, with its state at the current frame if it has one.
+    pub(super) fn of_av(scenario: &'a Scenario, entry0: Option<AgentState>, future: &'a [Frame]) -> Self {
+        let agent = &scenario.start.agents[0];
+        let av = GivenMotion {
+            id: &agent.id,
+            kind: agent.kind,
+            length: agent.length,
+            now: scenario.start.now(0),
+            velocity: scenario.logged_velocity(0, CURRENT),
+            history: &scenario.start.history[0],
+            entry0,
+            future,
+        };
+        Self { agents: vec![av], origin: scenario.origin, av: scenario.start.now(0), is_single: true }
+    }
+
+    /// Smallest number of agents that are evidence.
+    fn least(&self, several: usize) -> usize {
+        if self.is_single { 1 } else { several }
+    }
+
+    /// Checks the motion. Findings that follow from another one are left out.
+    pub(super) fn findings(&self) -> Vec<Finding> {
+        let mut found: Vec<Finding> = Vec::new();
+        let freeze = later::freeze(self);
+        // Agents that stop dead at once are not where their velocity leads.
+        let first_step = continuity::finding(self)
+            .filter(|finding| finding.check != RolloutCheck::Continuity || freeze.is_none());
+        let is_continuous = first_step.is_none();
+        found.extend(first_step);
+        found.extend(headings::finding(self));
+        found.extend(later::repeated(self));
+        found.extend(freeze);
+        if is_continuous && found.is_empty() {
+            found.extend(headings::against_motion(self));
+            found.extend(later::teleports(self));
+        }
+        found.extend(storage::float32(self));
+        found
+    }
+}
+
+/// Returns the median of numbers; `None` if there are none.
+fn median(numbers: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut all: Vec<f64> = numbers.into_iter().collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied()
+}
+
+/// Returns the share of numbers that meet a condition; 0 if there are none.
+fn share(numbers: &[f64], condition: impl Fn(f64) -> bool) -> f64 {
+    if numbers.is_empty() {
+        return 0.0;
+    }
+    numbers.iter().filter(|n| condition(**n)).count() as f64 / numbers.len() as f64
+}
