@@ -34,19 +34,25 @@ fn road() -> Value {
     })
 }
 
-/// Returns a scenario file.
+/// Returns the content of a scenario file, without its format.
 fn file(agents: Vec<Value>, map: Value) -> Value {
     json!({
-        "format": "reactsim-scenario-v1", "id": "made", "intent": "A recording with an unusual property.",
+        "id": "made", "intent": "A recording with an unusual property.",
         "agents": agents, "map": map
     })
+}
+
+/// Writes a scenario file. The format comes first, since files are recognised by their beginning.
+fn write(path: &Path, scenario: &Value) {
+    let text = scenario.to_string();
+    std::fs::write(path, format!("{{\"format\": \"reactsim-scenario-v1\", {}", &text[1..])).unwrap();
 }
 
 /// Writes a scenario and returns the output of a run and of `inspect`.
 fn run(scenario: &Value, arguments: &[&str]) -> (Value, String, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("made.json");
-    std::fs::write(&path, scenario.to_string()).unwrap();
+    write(&path, scenario);
     let ran = program(&[&["run", text(&path)], arguments, &["--format", "json"]].concat());
     let seen = program(&["inspect", text(&path)]);
     let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
@@ -146,7 +152,7 @@ fn irregular_clocks_are_reported_with_their_frame() {
     scenario["timestamps"] = clock(2.0);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("made.json");
-    std::fs::write(&path, scenario.to_string()).unwrap();
+    write(&path, &scenario);
     let refused = reactsim(&["inspect", text(&path)]);
     let said = String::from_utf8(refused.stderr).unwrap();
     assert!(said.contains("timestamps[40] is 2.100 s after the frame before"), "{said}");
@@ -172,7 +178,7 @@ fn written_scenarios_read_back_with_estimates_and_without_links() {
     map["lanes"][0]["successors"] = json!(["aside"]);
     map["lanes"].as_array_mut().unwrap().push(json!({ "id": "aside", "points": [[60, 200], [300, 200]] }));
     let scenario = file(vec![driver("av", 0.0, 3.5, 10.0), driver("b", 20.0, 0.0, 10.0)], map);
-    std::fs::write(&path, scenario.to_string()).unwrap();
+    write(&path, &scenario);
     program(&["convert", text(&path), "--out", text(&written)]);
     let [made, back] = [&path, &written].map(|path| program(&["inspect", text(path)]).stdout);
     assert_eq!(String::from_utf8(made).unwrap(), String::from_utf8(back).unwrap());
