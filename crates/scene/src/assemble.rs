@@ -26,17 +26,11 @@ impl Scenario {
     /// Checks parts and assembles a scenario: shifts coordinates to the AV, selects and orders agents,
     /// resolves links.
     ///
-<<<<<<< HEAD
     /// Unusual input has defined meanings: an agent with a box of size zero is not selected (see
     /// [`Self::with_all_agents`]), and states of it that are beyond the limits are absent: files fill unused
-    /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
-    /// NaN velocities are unknown.
-=======
-    /// Unusual input has defined meanings: a box of size zero marks an absent agent (it is never selected);
-    /// links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
-    /// NaN velocities are unknown, and are estimated from positions where there are any; links between lanes
-    /// that do not meet are dropped and counted.
->>>>>>> ground
+    /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are dropped
+    /// and counted, as are links between lanes that do not meet; headings need not be wrapped; NaN velocities
+    /// are unknown, and are estimated from positions where there are any.
     ///
     /// # Errors
     /// [`SceneError`] names the field and the value: a wrong number of frames or a wrong rate, no AV,
@@ -61,13 +55,10 @@ impl Scenario {
         let origin = builder.set_origin(&parts)?;
         let mut agents = parts.agents;
         for (i, agent) in agents.iter_mut().enumerate() {
-<<<<<<< HEAD
             if !agent.agent.has_extent() {
                 builder.drop_padding(&mut agent.track);
             }
-=======
             estimate_headings(&mut agent.track);
->>>>>>> ground
             builder.shift_track(agent.track.iter_mut().map(Option::as_mut), &format!("agents[{i}].track"))?;
         }
         let mut map = parts.map;

@@ -3,11 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-<<<<<<< HEAD
 use reactsim_geometry::rounded_distance;
 
-=======
->>>>>>> ground
 use super::{AgentKind, Scenario};
 
 /// A property of a scenario, with the number of its occurrences.
@@ -33,34 +30,6 @@ struct NoteKind {
 }
 
 /// All properties that are noted.
-<<<<<<< HEAD
-const NOTES: [Note; 1] = [(
-    "agents overlap another one at the current frame (towed, or boxes that are too large): \
-     the metric option exclude_initial_overlap leaves such pairs out",
-    overlapping_agents,
-)];
-
-/// Corner rounding of boxes, the default of the collision metrics.
-const CORNER_ROUNDING: f64 = 0.7;
-
-/// Returns the number of agents, including the AV, in pairs with a vehicle that overlap at the current frame.
-fn overlapping_agents(scenario: &Scenario) -> u32 {
-    let agents = &scenario.start.agents;
-    let boxes: Vec<_> = (0..agents.len()).map(|i| scenario.start.now(i).footprint(&agents[i])).collect();
-    let sized = |i: usize| agents[i].length > 0.0 && agents[i].width > 0.0;
-    let overlap = |i: usize, j: usize| {
-        let kinds = [agents[i].kind, agents[j].kind];
-        kinds.contains(&AgentKind::Vehicle)
-            && !kinds.contains(&AgentKind::Other)
-            && sized(i)
-            && sized(j)
-            && (boxes[i].center - boxes[j].center).norm() <= boxes[i].radius() + boxes[j].radius()
-            && rounded_distance(&boxes[i], &boxes[j], CORNER_ROUNDING) < 0.0
-    };
-    let in_pair = |i: usize| (0..agents.len()).any(|j| i != j && overlap(i, j));
-    (0..agents.len()).filter(|&i| in_pair(i)).count() as u32
-}
-=======
 const KINDS: &[NoteKind] = &[
     NoteKind {
         id: "irregular-clock",
@@ -99,19 +68,52 @@ const KINDS: &[NoteKind] = &[
     },
     NoteKind {
         id: "vehicles-off-road",
-        one: "1 vehicle starts off the road and is not judged there",
-        many: "{} vehicles start off the road and are not judged there",
+        one: "1 moving vehicle starts off the road and is not judged there",
+        many: "{} moving vehicles start off the road and are not judged there",
         find: |scenario| {
             let agents = 1..scenario.start.agents.len();
-            count(agents.filter(|&i| is_vehicle(scenario, i) && is_off_road(scenario, i)).count())
+            // Cars are parked next to the road everywhere.
+            let moves = |i: usize| scenario.start.now(i).speed() > STANDSTILL_SPEED;
+            count(agents.filter(|&i| is_vehicle(scenario, i) && moves(i) && is_off_road(scenario, i)).count())
         },
     },
+    NoteKind {
+        id: "overlapping-agents",
+        one: "1 agent overlaps another one at the current frame (towed, or boxes that are too large); the metric \
+              option exclude_initial_overlap leaves such pairs out",
+        many: "{} agents overlap another one at the current frame (towed, or boxes that are too large); the \
+               metric option exclude_initial_overlap leaves such pairs out",
+        find: |scenario| count(overlapping_agents(scenario)),
+    },
 ];
+
+/// Speed up to which a vehicle counts as standing, m/s.
+const STANDSTILL_SPEED: f64 = 0.5;
 
 /// Times from a frame to the next that are taken for 0.1 s, seconds: those that the reader of nuPlan logs
 /// accepts.
 const REGULAR_STEPS: RangeInclusive<f64> = 0.05..=0.15;
->>>>>>> ground
+
+/// Corner rounding of boxes, the default of the collision metrics.
+const CORNER_ROUNDING: f64 = 0.7;
+
+/// Returns the number of agents, including the AV, in pairs with a vehicle that overlap at the current frame.
+fn overlapping_agents(scenario: &Scenario) -> usize {
+    let agents = &scenario.start.agents;
+    let boxes: Vec<_> = (0..agents.len()).map(|i| scenario.start.now(i).footprint(&agents[i])).collect();
+    let sized = |i: usize| agents[i].length > 0.0 && agents[i].width > 0.0;
+    let overlap = |i: usize, j: usize| {
+        let kinds = [agents[i].kind, agents[j].kind];
+        kinds.contains(&AgentKind::Vehicle)
+            && !kinds.contains(&AgentKind::Other)
+            && sized(i)
+            && sized(j)
+            && (boxes[i].center - boxes[j].center).norm() <= boxes[i].radius() + boxes[j].radius()
+            && rounded_distance(&boxes[i], &boxes[j], CORNER_ROUNDING) < 0.0
+    };
+    let in_pair = |i: usize| (0..agents.len()).any(|j| i != j && overlap(i, j));
+    (0..agents.len()).filter(|&i| in_pair(i)).count()
+}
 
 impl Scenario {
     /// Returns what readers of results of this scenario must be told. Most scenarios have no notes. They are

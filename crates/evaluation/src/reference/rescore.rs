@@ -60,7 +60,6 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                 // Rows have a category only if the AV is the deviated one.
                 let av = run.settings.av.parse::<AvChoice>();
                 let deviated = av.is_ok_and(|av| av.follows_deviations());
-<<<<<<< HEAD
                 let comparable = |row: &Row| {
                     let mut row = row.clone();
                     row.restrict_to(&metrics);
@@ -68,17 +67,10 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                         category: row.category.filter(|_| deviated),
                         difficulty: row.difficulty.filter(|_| deviated),
                         outcomes: BTreeMap::new(),
+                        // The digest covers the scenario; earlier versions stored no notes.
+                        notes: BTreeMap::new(),
                         ..row
                     }
-=======
-                let comparable = |row: &Row| Row {
-                    category: row.category.clone().filter(|_| deviated),
-                    difficulty: row.difficulty.clone().filter(|_| deviated),
-                    outcomes: BTreeMap::new(),
-                    // The digest covers the scenario; earlier versions stored no notes.
-                    notes: BTreeMap::new(),
-                    ..row.clone()
->>>>>>> ground
                 };
                 for (stated, again) in stated.iter().zip(&again) {
                     let (stated, again) = (comparable(stated), comparable(again));

@@ -24,15 +24,12 @@ pub(super) fn rows(
     every: usize,
     same_machine: bool,
 ) -> Verification {
-<<<<<<< HEAD
     let metrics = Row::metrics_of(expected);
     found.iter_mut().for_each(|row| row.restrict_to(&metrics));
-=======
     // References of earlier versions store no notes.
     if expected.iter().all(|row| row.notes.is_empty()) {
         found.iter_mut().for_each(|row| row.notes.clear());
     }
->>>>>>> ground
     let mut verification =
         Verification { subject: Subject::Rows, simulators: Vec::new(), differences: Vec::new(), left_out: 0 };
     for simulator in &reference.provenance.simulators {
