@@ -6,6 +6,7 @@ mod assemble;
 mod certificate;
 mod digest;
 mod error;
+pub mod levels;
 pub mod limits;
 mod lights;
 mod map;
@@ -22,6 +23,7 @@ pub use certificate::{
     HARD_TIME_TO_REACT, Response,
 };
 pub use error::{SceneError, brief};
+pub use levels::MapHeights;
 pub use lights::{LightState, TrafficLight};
 pub use map::{
     Crosswalk, LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, LaneKind, LaneNeighbor, RoadEdge, RoadEdgeKind,

@@ -307,7 +307,7 @@ fn agent(
     };
     let (length, width) = (size("length", raw.length)?, size("width", raw.width)?);
     let track = track(at, &field, [raw.x, raw.y, raw.heading], Some(&raw.valid), [raw.vx, raw.vy], frames)?;
-    Ok(LoggedAgent { agent: Agent { id: raw.id.0, kind, length, width }, track })
+    Ok(LoggedAgent { agent: Agent { id: raw.id.0, kind, length, width }, track, heights: Vec::new() })
 }
 
 fn logged(

@@ -57,6 +57,8 @@ pub(super) struct RawObject {
     pub(super) kind: String,
     pub(super) length: f64,
     pub(super) width: f64,
+    #[serde(default)]
+    pub(super) height: Option<f64>,
     pub(super) position: Vec<Point>,
     pub(super) velocity: Vec<Point>,
     pub(super) heading: Vec<f64>,
@@ -85,12 +87,14 @@ pub(super) struct RawLight {
     pub(super) time_index: Vec<i64>,
 }
 
-/// A point or a vector; a z coordinate is not read.
+/// A point or a vector. Old files have no z.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct Point {
     pub(super) x: f64,
     pub(super) y: f64,
+    #[serde(default)]
+    pub(super) z: Option<f64>,
 }
 
 impl From<Point> for Vec2 {
