@@ -25,6 +25,7 @@ mod guard;
 mod hostile_input;
 mod idm;
 mod leaderboard;
+mod levels;
 mod long_tables;
 mod mini_scenarios;
 mod model_weights;

@@ -4,11 +4,12 @@
 //! above any datum, and only their differences count. A scenario keeps them only if it has several levels at
 //! one place; every other scenario is flat, and all of its objects are on one level.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use reactsim_geometry::{Projection, Vec2};
 
-use super::{AgentKind, CURRENT, Frame, Road, RoadMap, Scenario, Start};
+use super::{AgentKind, AgentState, CURRENT, Frame, Road, RoadMap, Scenario, Start};
 
 /// Difference of the heights of two things at one place, in metres, above which they are on different
 /// levels.
@@ -81,11 +82,55 @@ impl MapHeights {
     pub(super) fn of_lane(&self, lane: usize, at: &Projection) -> f64 {
         self.lanes.get(lane).map_or(f64::NAN, |heights| between(heights, at.segment, at.t))
     }
+}
 
-    /// Returns the mean height of an item of a list, metres; NaN if unknown. Things are drawn in the order of
-    /// their heights.
-    pub fn mean(list: &[Vec<f64>], item: usize) -> f64 {
-        list.get(item).map_or(f64::NAN, |h| h.iter().sum::<f64>() / h.len() as f64)
+impl RoadMap {
+    /// Returns the map in layers, the lowest first, for pictures: what is above hides what is below. Lanes,
+    /// edges, lines and surfaces are in the layer of their mean height; what has no height is in the lowest. A
+    /// map of one level is one layer. Layers have no stop lines and no heights.
+    pub fn layers(&self) -> Vec<Cow<'_, Self>> {
+        if self.heights.is_empty() {
+            return vec![Cow::Borrowed(self)];
+        }
+        let known = self.heights.lists().into_iter().flatten().flatten().copied();
+        let lowest = known.fold(f64::INFINITY, f64::min);
+        let layer = |heights: &[f64]| {
+            let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+            // The cast turns NaN into 0.
+            ((mean - lowest) / LEVEL_GAP) as usize
+        };
+        let mut layers: BTreeMap<usize, Self> = BTreeMap::new();
+        let heights = &self.heights;
+        let of = |list: &[Vec<f64>], i: usize| list.get(i).map_or(0, |heights| layer(heights));
+        for (i, lane) in self.lanes.iter().enumerate() {
+            layers.entry(of(&heights.lanes, i)).or_default().lanes.push(lane.clone());
+        }
+        for (i, edge) in self.road_edges.iter().enumerate() {
+            layers.entry(of(&heights.road_edges, i)).or_default().road_edges.push(edge.clone());
+        }
+        for (i, line) in self.road_lines.iter().enumerate() {
+            layers.entry(of(&heights.road_lines, i)).or_default().road_lines.push(line.clone());
+        }
+        for (i, crosswalk) in self.crosswalks.iter().enumerate() {
+            layers.entry(of(&heights.crosswalks, i)).or_default().crosswalks.push(crosswalk.clone());
+        }
+        for (i, bump) in self.speed_bumps.iter().enumerate() {
+            layers.entry(of(&heights.speed_bumps, i)).or_default().speed_bumps.push(bump.clone());
+        }
+        for (i, driveway) in self.driveways.iter().enumerate() {
+            layers.entry(of(&heights.driveways, i)).or_default().driveways.push(driveway.clone());
+        }
+        layers.entry(0).or_default().intersections.clone_from(&self.intersections);
+        for (i, polygon) in self.drivable_area.iter().flatten().enumerate() {
+            let layer = layers.entry(of(&heights.drivable_area, i)).or_default();
+            layer.drivable_area.get_or_insert_default().push(polygon.clone());
+        }
+        if self.drivable_area.is_some() {
+            for layer in layers.values_mut() {
+                layer.drivable_area.get_or_insert_default();
+            }
+        }
+        layers.into_values().map(Cow::Owned).collect()
     }
 }
 
@@ -205,6 +250,16 @@ impl Start {
             last
         };
         track.iter().enumerate().map(&mut height).collect()
+    }
+
+    /// Returns the height of an agent at each of these states, metres, which follow its current one; NaN where
+    /// unknown. Without levels the result is empty.
+    pub fn heights_on_way(&self, agent: usize, future: &[AgentState]) -> Vec<f64> {
+        if !self.has_levels() {
+            return Vec::new();
+        }
+        let track: Vec<Frame> = std::iter::once(&self.now(agent)).chain(future).copied().map(Some).collect();
+        self.heights_along(agent, &track).split_off(1)
     }
 
     /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown. The first
