@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Carries out the units of a plan as a Slurm array job. On the login node, with a folder on the shared file system:
+# Runs the units of a plan as a Slurm array job. On the login node, with a folder on the shared file system:
 #
 #   reactsim shard plan /shared/units run /shared/scenarios --models idm --out /shared/runs/idm
 #   job=$(sbatch --parsable --array=0-63 slurm_array.sh /shared/units)
 #   sbatch --dependency="afterany:$job" --wrap "reactsim shard merge /shared/units"
 #
-# The array may have fewer tasks than the plan has units: task k carries out units k, k + tasks, k + 2 tasks, ...
-# Submit the job again to carry out units that are missing; finished ones take no time.
+# The array may have fewer tasks than the plan has units: task k runs units k, k + tasks, k + 2 tasks, ...
+# Submit the job again to run missing units; finished units take no time.
 
 #SBATCH --job-name=reactsim
 #SBATCH --array=0-63
@@ -25,5 +25,5 @@ units=$(reactsim shard status "$folder" | sed -E 's/.*"units":([0-9]+).*/\1/')
 mapfile -t numbers < <(seq "$((SLURM_ARRAY_TASK_ID - least))" "$tasks" "$((units - 1))")
 [[ ${#numbers[@]} -gt 0 ]] || exit 0 # more tasks than units
 
-# Exit code 1: all units are finished, and scenarios failed in them. The results list these.
+# Exit code 1: all units are finished, and scenarios failed in them. The results list them.
 reactsim shard run "$folder" "${numbers[@]}" --jobs "${SLURM_CPUS_PER_TASK:-1}" || [[ $? -eq 1 ]]

@@ -4,23 +4,25 @@
     reactsim run --external catk='python smart_catk.py CHECKOUT CHECKPOINT'
 
 CHECKOUT is a folder with the code of github.com/NVlabs/catk. CHECKPOINT is a checkpoint of its
-training, or a safetensors file with the tensors of the network. Needs torch, torch_geometric,
-omegaconf and scipy. Without torch_cluster, functions of this file find the neighbours.
+training, or a safetensors file with the tensors of the network. The script needs torch,
+torch_geometric, omegaconf and scipy. Without torch_cluster, functions of this file find the
+neighbours.
 
-Taken from the checkout: the classes of the network with its rollout loop, the tokenizer with both
-vocabularies, and the cutting of the map. This file converts scenes to their input and splits the
-loop: at every plan the loop runs for the tokens of the plan only, on a past that consists of the
-motion that was really executed. Differences from the published inference:
+The checkout provides the classes of the network with its rollout loop, the tokenizer with both
+vocabularies, and the division of the map into pieces. This file converts scenes to their input and
+splits the loop: at every plan the loop runs only for the tokens of the plan, on a past that
+consists of the executed motion. Differences from the published inference:
 
 - The AV does not execute tokens in the reactive protocol. Its motion of the last half second is
   matched to the nearest vehicle token, and its true pose is used; likewise for all other agents.
-- Tokens are executed from the true pose of an agent, not from the end of its last token of the
+- Tokens are executed from the true pose of an agent, not from the end of its last token in the
   history.
-- The published code puts zeros where an agent was not yet observed. Agents that were first observed
-  less than a second ago are extrapolated backwards instead.
-- The map is cropped around the AV and cut in 64-bit numbers. Boxes have no height in this benchmark
-  and get one.
-- Agents of kind `other` have no tokens. They keep their pose and are not seen by the network.
+- The published code fills in zeros where an agent was not yet observed. Agents that were first
+  observed less than a second ago are extrapolated backwards instead.
+- The map is cropped around the AV and divided in 64-bit arithmetic. Boxes have no height in this
+  benchmark and receive a default height.
+- Agents of kind `other` have no tokens. They keep their pose, and the network does not observe
+  them.
 
 Plans must be multiples of half a second, the length of a token.
 """
@@ -80,8 +82,8 @@ def radius(
 ) -> torch.Tensor:
     """Returns index pairs [2, E] of an element of `y` and an element of `x` closer than `r`.
 
-    The same pairs as those of `torch_cluster.radius`: only within a batch, and for every element of
-    `y` at most `max_num_neighbors`, lowest indices first.
+    The pairs are the same as from `torch_cluster.radius`: only within a batch, and at most
+    `max_num_neighbors` for every element of `y`, lowest indices first.
     """
     batch_x = x.new_zeros(len(x), dtype=torch.long) if batch_x is None else batch_x
     batch_y = y.new_zeros(len(y), dtype=torch.long) if batch_y is None else batch_y
@@ -123,7 +125,7 @@ def radius_graph(
 def use_checkout(folder: Path) -> None:
     """Makes the code of a checkout importable.
 
-    Where torch_cluster is not installed, the functions of this file take its place.
+    If torch_cluster is not installed, functions of this file replace it.
     """
     if not (folder / "src" / "smart" / "modules" / "smart_decoder.py").is_file():
         raise FileNotFoundError(f"{folder} is no checkout of github.com/NVlabs/catk")
@@ -137,9 +139,9 @@ def use_checkout(folder: Path) -> None:
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-    """Returns the tensors of the network, and the settings `model_config` or nothing.
+    """Returns the tensors of the network, and the settings `model_config` or None.
 
-    Nothing in the file is executed: pickles may hold tensors, containers and settings of omegaconf.
+    Nothing in the file is executed: pickles may contain tensors, containers and omegaconf settings.
     """
     settings: dict[str, Any] = {}
     if path.suffix == ".safetensors":
@@ -220,7 +222,7 @@ class Network:
         for name in ("valid_mask", "gt_idx", "gt_pos", "gt_heading"):
             rest = past[name].new_zeros((agents, count, *past[name].shape[2:]))
             wider[name] = torch.cat([past[name], rest], dim=1)
-        # The loop reads the recorded future, which is unknown, only for training.
+        # The loop reads the recorded future only in training; here it is unknown.
         wider["gt_pos_raw"] = torch.zeros_like(wider["gt_pos"])
         wider["gt_head_raw"] = torch.zeros_like(wider["gt_heading"])
         wider["gt_valid_raw"] = torch.zeros_like(wider["valid_mask"])
@@ -334,14 +336,14 @@ def tokenize_map(network: Network, scene: reactsim.Scene, within: float) -> dict
 
 
 def without_gaps(states: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns states [n, T, 5] with interpolated gaps and known velocities, and who is present."""
+    """Returns states [n, T, 5] with interpolated gaps and known velocities, and a presence mask."""
     states, present = states.copy(), valid.copy()
     for agent, known in enumerate(valid):
         at = np.flatnonzero(known)
         inside = np.arange(at[0], at[-1] + 1)
         own = states[agent, at]
         own[:, 2] = np.unwrap(own[:, 2])
-        # A missing velocity is that to the next frame.
+        # A missing velocity is computed from the displacement to the next frame.
         moved = np.diff(own[:, :2], axis=0, append=own[-1:, :2]) / reactsim.DT
         own[:, 3:] = np.where(np.isfinite(own[:, 3:]), own[:, 3:], moved)
         for column in range(5):
@@ -386,7 +388,7 @@ class Episode:
             }
             agent["position"] = torch.nn.functional.pad(agent["position"], (0, 1))
             self.past: dict[str, Any] = network.tokenizer.tokenize_agent(Data(agent=agent))
-        # Poses of agents that were observed too late for a whole token.
+        # Poses of agents that were first observed too late for a whole token.
         late = ~self.past["valid_mask"]
         self.past["gt_pos"][late] = self.past["gt_pos_raw"][late]
         self.past["gt_heading"][late] = self.past["gt_head_raw"][late]
@@ -473,7 +475,7 @@ class SmartCatk(reactsim.Simulator):
 
     def plan(self, seen: reactsim.Observation) -> np.ndarray:
         plan = np.repeat(seen.states[:, :, -1:, :3], seen.steps, axis=2)
-        # Episodes run singly: their random numbers are their own, and so is every last bit.
+        # Episodes run one at a time, so random numbers and last bits do not depend on the batch.
         for i in np.flatnonzero(seen.active).tolist():
             episode = self.episodes[i]
             first = seen.frame + 1 - seen.n_new

@@ -1,10 +1,10 @@
 """A small PyTorch policy: trained on logged futures for less than a minute, then evaluated.
 
-`python torch_policy.py` generates scenarios to train on, `python torch_policy.py SCENARIOS` trains
-on yours. Both save the weights in the current folder and run the shipped benchmark.
+`python torch_policy.py` generates scenarios to train on; `python torch_policy.py SCENARIOS` trains
+on your own. Both save the weights in the current folder and run the shipped benchmark.
 
-The network sees the motion of one agent and its nearest neighbours, in the frame of the agent, and
-predicts changes of the constant-velocity trajectory.
+The input of the network is the motion of one agent and its nearest neighbours, in the frame of the
+agent. The output is a correction of the constant-velocity trajectory.
 """
 
 import hashlib
@@ -62,7 +62,7 @@ def constant_velocity(now, steps):
 
 
 def targets(now, future):
-    """Returns logged positions minus the constant-velocity ones, along and across the heading."""
+    """Returns logged minus constant-velocity positions, along and across the heading."""
     delta = future[..., :2] - constant_velocity(now, future.shape[1])
     cos, sin = np.cos(now[:, None, 2]), np.sin(now[:, None, 2])
     return np.stack(

@@ -3,20 +3,20 @@
     python waymax_idm.py [--waymax FOLDER] [options]
     reactsim run --external waymax-idm='python waymax_idm.py --waymax FOLDER'
 
-Needs Waymax (github.com/waymo-research/waymax), which is not on PyPI: install it with pip from its
-repository, or give a checkout with `--waymax` in an environment with jax, chex and dm_env. Its
-licence allows only non-commercial use. The package `waymax` on PyPI is not Waymax.
+The script needs Waymax (github.com/waymo-research/waymax), which is not on PyPI: install it with
+pip from its repository, or pass a checkout with `--waymax` in an environment with jax, chex and
+dm_env. Its licence allows only non-commercial use. The package `waymax` on PyPI is not Waymax.
 
-Taken from Waymax: `IDMRoutePolicy` with its defaults, which chooses speeds and moves agents along a
+Waymax provides `IDMRoutePolicy` with its defaults, which chooses speeds and moves agents along a
 route every 0.1 s. This file fills its `SimulatorState`. Differences from Waymax:
 
-- There, the route of an agent is its logged future, which no simulator of this benchmark may see.
-  Here, `log_trajectory` holds the centre line of the agent's lane and of the straightest lanes
-  after it, joined smoothly to the pose of the agent.
-- Vehicles off the lanes drive straight ahead. Those that also did not move in the history are
+- In Waymax, the route of an agent is its logged future, which no simulator of this benchmark may
+  observe. Here, `log_trajectory` contains the centre line of the agent's lane and of the
+  straightest lanes after it, joined smoothly to the pose of the agent.
+- Vehicles off the lanes drive straight ahead. Vehicles that also did not move in the history are
   parked and stay. Pedestrians, cyclists and others keep their velocity, because the policy has one
   desired speed for all agents.
-- Only the first step ahead of the AV is known. In later steps of a plan it keeps its velocity.
+- Only the next state of the AV is known. In later steps of a plan it keeps its velocity.
 
 The policy brakes for boxes in a straight strip of 10 m ahead. It ignores lights, stop signs, curves
 and speed limits.
@@ -55,8 +55,8 @@ BUCKET = 16  # scenes are padded to multiples of so many agents: each size is co
 def load_waymax(folder: Path | None) -> None:
     """Makes Waymax importable.
 
-    Its utilities import TensorFlow only for a type annotation. Where TensorFlow is not installed,
-    a module with the name of that type takes its place.
+    Its utilities import TensorFlow only for a type annotation. If TensorFlow is not installed,
+    a module with the name of that type replaces it.
     """
     if folder is not None:
         if not (folder / "waymax" / "agents").is_dir():
@@ -97,7 +97,7 @@ def straightest(lanes: list[reactsim.Lane], lane: int) -> int | None:
 
 @dataclass
 class Place:
-    """The place of a vehicle on a lane."""
+    """The position of a vehicle on a lane."""
 
     lane: int
     segment: int
@@ -132,7 +132,7 @@ def find_place(lanes: list[reactsim.Lane], pose: np.ndarray) -> Place | None:
 
 
 def route_along(lanes: list[reactsim.Lane], place: Place, speed: float) -> np.ndarray:
-    """Returns waypoints [WAYPOINTS, 3] of x, y and heading that begin at a place on a lane."""
+    """Returns waypoints [WAYPOINTS, 3] of x, y and heading that begin at a position on a lane."""
     first = lanes[place.lane].points
     chord = first[place.segment + 1] - first[place.segment]
     start = first[place.segment] + chord * (place.along / max(np.hypot(*chord), 1e-9))
@@ -201,7 +201,7 @@ class Episode:
                 self.routes[agent] = route_along(scene.lanes, place, speed)
         self.sizes = scene.sizes
         self.velocity = np.nan_to_num(now[:, 3:])
-        """Velocities of the policy, which are exact, and not differences of positions."""
+        """Velocities of the policy, which are exact, instead of differences of positions."""
 
 
 class WaymaxIdm(reactsim.Simulator):
@@ -255,9 +255,9 @@ class WaymaxIdm(reactsim.Simulator):
         return moved
 
     def simulator_state(self, episode: Episode, states: np.ndarray) -> Any:
-        """Returns the state of Waymax: the agents now, and routes in place of the log.
+        """Returns the Waymax state: the current agents, and routes in place of the log.
 
-        The policy reads neither the map nor the lights; they are left out.
+        The policy reads neither the map nor the lights; they are omitted.
         """
         n, padded = episode.n_agents, episode.padded
         rest = [(0, padded - n), (0, 0)]

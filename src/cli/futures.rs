@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
+use crate::evaluation::ROLLOUTS;
 use crate::formats::rollouts::{self, Reader, RolloutRecord};
 use crate::scene::{FUTURE, Frame, Scenario, limits};
 
@@ -22,6 +23,10 @@ pub(super) struct Futures {
 impl Futures {
     /// Opens a file of rollouts.
     pub(super) fn open(path: &Path, model: &str) -> anyhow::Result<Self> {
+        if path.is_dir() {
+            let file = path.join(ROLLOUTS);
+            bail!("{} is a folder: give the file of its rollouts, {}", path.display(), file.display());
+        }
         let mut available = BTreeSet::new();
         for record in rollouts::read(path)? {
             let record = record?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::ReadingArgs;
 use super::find_inputs;
 use crate::evaluation::realism::LogSource;
+use crate::formats::CurrentFrames;
 
 /// Returns the sources of logs as they were recorded, as far as files are recordings of the Waymo Open Motion
 /// Dataset; the shipped scenarios without paths.
@@ -24,9 +25,10 @@ pub(super) fn recorded(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
     Ok(sources)
 }
 
-/// Returns the sources of logs with the agents that a run simulates: recordings as they are if these are all.
+/// Returns the sources of logs with the agents that a run simulates: recordings as they are if these are all,
+/// at the current frame that they state.
 pub(super) fn simulated(paths: &[PathBuf], reading: &ReadingArgs) -> anyhow::Result<Vec<LogSource>> {
-    if reading.all_agents || paths.is_empty() {
+    if reading.all_agents && reading.frames() == CurrentFrames::Stated || paths.is_empty() {
         return recorded(paths);
     }
     Ok(reading.find_inputs(paths)?.into_iter().map(LogSource::Scenarios).collect())

@@ -42,6 +42,7 @@ use std::env;
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -54,7 +55,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use self::suggestion::{did_you_mean, most_similar, question};
 use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
 use crate::files;
-use crate::formats::{self, Input};
+use crate::formats::{self, CurrentFrames, Input};
 use crate::metrics::{OptionError, Options};
 use crate::models::{self, MODELS, ModelError};
 use crate::training::TrainingError;
@@ -365,10 +366,14 @@ fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
 /// Options for formats that leave a choice to the reader.
 #[derive(Debug, Args)]
 struct ReadingArgs {
-    /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet)
-    /// [default: 49 for Argoverse 2, the recorded index for ScenarioNet]
+    /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet, Waymo
+    /// files of more than 91 frames) [default: 49 for Argoverse 2, else the recorded index]
     #[arg(long, value_name = "N")]
     current_frame: Option<usize>,
+    /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a
+    /// current frame, as far as 80 frames follow; ids get the frame, such as ID@60
+    #[arg(long, value_name = "N", conflicts_with = "current_frame")]
+    window_step: Option<NonZeroUsize>,
     /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
     /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
     #[arg(long)]
@@ -381,17 +386,37 @@ impl ReadingArgs {
         if self.current_frame.is_some() {
             bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
         }
+        if self.window_step.is_some() {
+            bail!("the shipped scenarios have one window each: leave --window-step out");
+        }
         if self.all_agents {
             bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
         }
         Ok(())
     }
 
-    /// Finds inputs as [`find_inputs`] and sets their current frame.
+    /// Returns the current frames of recordings.
+    fn frames(&self) -> CurrentFrames {
+        match (self.current_frame, self.window_step) {
+            (Some(frame), _) => CurrentFrames::At(frame),
+            (None, Some(step)) => CurrentFrames::Every(step),
+            (None, None) => CurrentFrames::Stated,
+        }
+    }
+
+    /// Returns the options that are given, by name.
+    fn named(&self) -> impl Iterator<Item = (String, String)> {
+        let frame = self.current_frame.map(|frame| ("current-frame", frame.to_string()));
+        let step = self.window_step.map(|step| ("window-step", step.to_string()));
+        let all = self.all_agents.then(|| ("all-agents", true.to_string()));
+        [frame, step, all].into_iter().flatten().map(|(name, value)| (name.to_owned(), value))
+    }
+
+    /// Finds inputs as [`find_inputs`] and sets how they are read.
     fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
         let mut inputs = find_inputs(paths)?;
         for input in &mut inputs {
-            (input.current_frame, input.all_agents) = (self.current_frame, self.all_agents);
+            (input.frames, input.all_agents) = (self.frames(), self.all_agents);
         }
         Ok(inputs)
     }

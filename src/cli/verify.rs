@@ -87,9 +87,9 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
         vec![Source::shipped(most)]
     } else {
         let mut inputs = find_inputs(&args.scenarios)?;
-        // The provenance holds the current frame of each file.
+        // The provenance holds the current frames of each file.
         for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
-            input.current_frame = file.current_frame;
+            input.frames = file.frames();
             input.all_agents = file.all_agents;
         }
         Source::of_inputs(inputs, most)?

@@ -20,7 +20,7 @@ mod tables;
 use std::fs;
 use std::path::Path;
 
-use reactsim::formats::{FormatError, Input, find_inputs, native, open};
+use reactsim::formats::{CurrentFrames, FormatError, Input, find_inputs, native, open};
 use reactsim::scene::Scenario;
 
 use reactsim_test_support::proto::{self, Proto};
@@ -42,7 +42,7 @@ pub(crate) fn good(path: &Path) -> Vec<Scenario> {
 /// Returns the scenario of a file with this current frame.
 pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
     let input = find_inputs(path).unwrap().remove(0);
-    let input = Input { current_frame: Some(current_frame), ..input };
+    let input = Input { frames: CurrentFrames::At(current_frame), ..input };
     let undecoded: Vec<_> = input.open_undecoded().unwrap().collect();
     assert_eq!(undecoded.len(), 1);
     let read = input.open().and_then(|mut scenarios| scenarios.next().unwrap());

@@ -145,6 +145,7 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
             bytes: 0,
             blake3: String::new(),
             current_frame: None,
+            window_step: None,
             all_agents: false,
             companions: Vec::new(),
         },

@@ -310,6 +310,45 @@ fn equal_numbers_verify_and_one_other_number_is_named() {
     assert!(line.contains("| aav-collision |") && line.contains("3 ") && line.contains("0 "), "{table}");
 }
 
+/// References of earlier programs lack the metrics that were added since.
+#[test]
+fn references_are_compared_in_the_metrics_that_they_have() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let old = copy(run(), &at("old"));
+    let added = "red-light";
+    edit_rows(&old, |rows| {
+        rows.iter_mut().for_each(|row| {
+            row.metrics.remove(added);
+        });
+    });
+    edit_json(&old.join("summary.json"), |summary| {
+        for simulator in summary["simulators"].as_object_mut().unwrap().values_mut() {
+            let parts = ["by_category", "by_difficulty"].map(|part| simulator.get(part).cloned());
+            for (name, part) in ["by_category", "by_difficulty"].into_iter().zip(parts) {
+                for key in part.iter().flat_map(|part| part.as_object().unwrap().keys()) {
+                    simulator[name][key]["metrics"].as_object_mut().unwrap().remove(added);
+                }
+            }
+            for name in ["metrics", "paired_to_log_replay"] {
+                simulator[name].as_object_mut().unwrap().remove(added);
+            }
+        }
+    });
+    let rows = made(&old, &at("rows"), &[]);
+    assert!(said(&["verify", text(&rows)], 0).0.contains(": 900 rows compared."));
+    let aggregates = made(&old, &at("aggregates"), &["--aggregates-only"]);
+    let (table, _) = said(&["verify", text(&aggregates)], 0);
+    assert!(table.contains("values compared") && table.contains("equal"), "{table}");
+    // A metric that only the summary lacks is not forgiven.
+    edit_json(&old.join("summary.json"), |summary| {
+        summary["simulators"]["stop"]["metrics"].as_object_mut().unwrap().remove("ade");
+    });
+    let lacking = at("lacking");
+    let make = ["reference", "make", text(&old), "--name", "test", "--out", text(&lacking)];
+    assert!(said(&make, 2).1.contains("do not agree"));
+}
+
 #[test]
 fn sets_of_recordings_have_aggregates_only() {
     let home = tempfile::tempdir().unwrap();

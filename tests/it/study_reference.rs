@@ -72,7 +72,7 @@ fn every_member_is_verified() {
     fs::write(member.join("reference.toml"), record.replace(&digest(&summary), &digest(&changed))).unwrap();
     let (table, _) = verify(1);
     assert!(
-        table.contains("ade.mean") && table.contains("test.steps-05: 562 values compared.\n\n| Simulator"),
+        table.contains("ade.mean") && table.contains("test.steps-05: 594 values compared.\n\n| Simulator"),
         "{table}"
     );
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use reactsim::evaluation::realism::LogFiles;
@@ -165,6 +166,39 @@ fn runs_become_submissions_with_the_same_scores() {
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(refused.status.code() == Some(2) && said.contains(fault), "{name}: {said}");
     }
+}
+
+#[test]
+fn objects_of_size_zero_are_simulated_scored_and_submitted() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let (file, run, archive, metadata) =
+        (at("v.tfrecord"), at("run"), at("submission.tar.gz"), at("method.toml"));
+    let mut message = Proto::default();
+    message.tracks[0].4 = 0.0;
+    message.edges = true;
+    fs::write(&file, records(&[message])).unwrap();
+    fs::write(&metadata, METADATA).unwrap();
+    let begin = ["run", text(&file), "--models", "idm", "--protocol", "realism", "--keep-rollouts"];
+    let rest = ["--rollouts", "32", "--all-agents", "--out", text(&run)];
+    said(&[&begin[..], &rest].concat(), 0);
+    let scenarios = ["--scenarios", text(&file)];
+    let found = json(&[&["score", text(&run), "--wosac"][..], &scenarios].concat());
+    assert_eq!(found["scenarios"], 1, "{found}");
+    let out = ["--metadata", text(&metadata), "--out", text(&archive)];
+    said(&[&["export", "wosac", text(&run)][..], &scenarios, &out].concat(), 0);
+    let submitted = SubmissionReader::open(&archive).unwrap().next().unwrap().unwrap().rollouts;
+    let objects: BTreeSet<i32> = submitted.joint_scenes[0].trajectories.iter().map(|t| t.object_id).collect();
+    assert_eq!(objects, [7, 8, 9].into());
+    // A plain archive is scored, and the server would refuse it.
+    let mut plain = Vec::new();
+    flate2::read::GzDecoder::new(fs::File::open(&archive).unwrap()).read_to_end(&mut plain).unwrap();
+    let tar = at("plain.tar");
+    fs::write(&tar, plain).unwrap();
+    let (_, warned) = said(&[&["score", text(&tar), "--wosac"][..], &scenarios].concat(), 0);
+    assert!(warned.contains("the server would refuse the submission"), "{warned}");
+    let (_, refused) = said(&["score", text(&at("none")), "--wosac", "--simulator", "idm"], 2);
+    assert!(refused.contains("could not find"), "{refused}");
 }
 
 #[test]

@@ -186,6 +186,15 @@ pub enum EvaluationError {
         /// Those of the run.
         ids: Vec<String>,
     },
+    /// A run with other current frames is compared with recordings.
+    #[error(
+        "{path} was run with --current-frame or --window-step, and recordings are scored at the current frame \
+         that they state: run without these options"
+    )]
+    OtherCurrentFrames {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Another run is writing to the folder.
     #[error("another run is writing to {path}")]
     Busy {

@@ -1,10 +1,11 @@
 //! Records of files: name, size and digest.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use reactsim_files::{FileDigest, digest, name_of};
-use reactsim_formats::Input;
+use reactsim_formats::{CurrentFrames, Input};
 use serde::{Deserialize, Serialize};
 
 use super::EvaluationError;
@@ -24,6 +25,9 @@ pub struct FileRecord {
     /// The requested current frame; absent if it is the one defined by the format.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub current_frame: Option<usize>,
+    /// The number of frames between the current frames of windows; absent if recordings give one scenario.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub window_step: Option<NonZeroUsize>,
     /// Whether all agents are simulated, of all kinds and any number.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub all_agents: bool,
@@ -58,6 +62,7 @@ impl FileRecord {
             bytes,
             blake3,
             current_frame: None,
+            window_step: None,
             all_agents: false,
             companions: Vec::new(),
         })
@@ -71,6 +76,7 @@ impl FileRecord {
             bytes: content.len() as u64,
             blake3: blake3::hash(content).to_hex().to_string(),
             current_frame: None,
+            window_step: None,
             all_agents: false,
             companions: Vec::new(),
         }
@@ -80,12 +86,21 @@ impl FileRecord {
     pub(super) fn is_named(&self, input: &Input) -> bool {
         name_of(&input.path) == self.name.as_str()
             && input.format.id() == self.format
-            && (input.current_frame, input.all_agents) == (self.current_frame, self.all_agents)
+            && (input.frames, input.all_agents) == (self.frames(), self.all_agents)
     }
 
     /// Returns whether its scenarios are read as the format defines them.
     pub(super) fn is_plain(&self) -> bool {
-        self.current_frame.is_none() && !self.all_agents
+        self.frames() == CurrentFrames::Stated && !self.all_agents
+    }
+
+    /// Returns the current frames with which its recordings are read.
+    pub fn frames(&self) -> CurrentFrames {
+        match (self.current_frame, self.window_step) {
+            (Some(frame), _) => CurrentFrames::At(frame),
+            (None, Some(step)) => CurrentFrames::Every(step),
+            (None, None) => CurrentFrames::Stated,
+        }
     }
 
     /// Returns the digest of everything that determines the scenarios: the content, and the current frame and
@@ -97,6 +112,9 @@ impl FileRecord {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.blake3.as_bytes());
         hasher.update(format!(" {:?}", self.current_frame).as_bytes());
+        if let Some(step) = self.window_step {
+            hasher.update(format!(" every {step}").as_bytes());
+        }
         if self.all_agents {
             hasher.update(b" all agents");
         }
@@ -133,7 +151,11 @@ impl Registrar {
     /// here: reading the scenarios will report it.
     pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
         let mut record = FileRecord::of(&input.path, input.format.id())?;
-        record.current_frame = input.current_frame;
+        match input.frames {
+            CurrentFrames::Stated => {}
+            CurrentFrames::At(frame) => record.current_frame = Some(frame),
+            CurrentFrames::Every(step) => record.window_step = Some(step),
+        }
         record.all_agents = input.all_agents;
         for path in input.format.companions(&input.path) {
             if let Some(known) = self.companions.get(&path) {

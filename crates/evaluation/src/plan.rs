@@ -83,7 +83,8 @@ pub enum NoAv {
     Missing,
     /// The trajectory was made for another scenario.
     #[error(
-        "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} (in {file})"
+        "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} (in {file}); \
+         if it was made from these files, read them with the same options: --all-agents, --current-frame"
     )]
     OtherScenario {
         /// Name of the file of deviations.

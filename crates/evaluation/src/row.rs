@@ -1,6 +1,6 @@
 //! Rows of a run folder: the scores of one rollout, as one line.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_metrics::{Event, Score};
 use reactsim_scene::Scenario;
@@ -78,6 +78,16 @@ impl Row {
             difficulty: deviation.difficulty().map(|d| d.name().to_owned()),
             ..self
         }
+    }
+
+    /// Returns the ids of all metrics that some row has, with or without a value.
+    pub(super) fn metrics_of<'r>(rows: impl IntoIterator<Item = &'r Self>) -> BTreeSet<String> {
+        rows.into_iter().flat_map(|row| row.metrics.keys().cloned()).collect()
+    }
+
+    /// Removes all metrics but these. Results of an earlier program lack metrics that were added since.
+    pub(super) fn restrict_to(&mut self, metrics: &BTreeSet<String>) {
+        self.metrics.retain(|metric, _| metrics.contains(metric));
     }
 
     /// Returns the position of the scenario.

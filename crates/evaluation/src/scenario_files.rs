@@ -66,12 +66,11 @@ impl ScenarioFiles {
         let found = match scenario_file {
             ScenarioFile::Native(scenarios) if record < scenarios.len() => Some(scenarios.read(record)?),
             ScenarioFile::Native(_) => None,
-            // The run may have read the file with another current frame than it was added with.
-            ScenarioFile::Stream { input: Some(input), .. }
-                if file.current_frame.is_some() && record == 0 =>
-            {
-                let input = Input { current_frame: file.current_frame, ..input.clone() };
-                input.open()?.next().transpose()?
+            // The run may have read the file with other current frames than it was added with.
+            ScenarioFile::Stream { input: Some(input), .. } if file.frames() != input.frames => {
+                let input = Input { frames: file.frames(), ..input.clone() };
+                let pending = input.open_from(record)?.next();
+                pending.map(|decode| decode.and_then(|d| d())).transpose()?
             }
             ScenarioFile::Stream { open, position, .. } => {
                 let mut position = position.lock();

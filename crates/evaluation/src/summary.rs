@@ -1,6 +1,6 @@
 //! The result of a run: `summary.json`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -130,6 +130,22 @@ impl Summary {
         let with_result = |i: usize| tally.entries.values().filter(|e| e.cells[i].is_some()).count();
         let mut counts = tally.simulators.iter().enumerate().map(|(i, id)| (id, with_result(i)));
         counts.all(|(id, n)| self.simulators.get(id).is_some_and(|s| s.scenarios == n))
+    }
+
+    /// Returns the ids of all metrics that some simulator has, with or without a value.
+    pub(super) fn metrics(&self) -> BTreeSet<String> {
+        self.simulators.values().flat_map(|simulator| simulator.metrics.keys().cloned()).collect()
+    }
+
+    /// Removes all metrics but these. Results of an earlier program lack metrics that were added since.
+    pub(super) fn restrict_to(&mut self, metrics: &BTreeSet<String>) {
+        for simulator in self.simulators.values_mut() {
+            let parts = simulator.by_category.values_mut().chain(simulator.by_difficulty.values_mut());
+            let parts = parts.map(|part| &mut part.metrics);
+            for estimates in parts.chain([&mut simulator.metrics, &mut simulator.paired_to_log_replay]) {
+                estimates.retain(|metric, _| metrics.contains(metric));
+            }
+        }
     }
 
     /// Returns the text of `summary.json`.

@@ -5,7 +5,7 @@
 //! selected nor reordered, and their number is not limited.
 
 mod read;
-mod values;
+pub(crate) mod values;
 
 use reactsim_scene::{Frame, LoggedAgent, RoadMap, SceneError};
 

@@ -1,6 +1,7 @@
 //! The interface of a format, and what its implementations share.
 
 use std::io::Read;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use reactsim_files::{name_of, open_regular};
@@ -27,6 +28,19 @@ pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + S
 /// be opened has one, so that whoever reads it reports the reason.
 pub fn count_records(open: &Opener) -> usize {
     open(0).map_or(1, Iterator::count)
+}
+
+/// Frames of a recording that become the current frame of a scenario.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurrentFrames {
+    /// The frame that the recording states or the format defines.
+    #[default]
+    Stated,
+    /// This frame, counted from 0.
+    At(usize),
+    /// Frame 10 and every so many frames after it, as far as 80 frames follow: each gives a scenario, whose
+    /// id is that of the recording, `@` and the frame.
+    Every(NonZeroUsize),
 }
 
 /// Name of the repair that counts the frames after the last one of a recording; they are absent.
@@ -81,6 +95,11 @@ pub trait ScenarioFormat: Sync {
     fn count(&self, _path: &Path) -> Option<usize> {
         None
     }
+    /// Opens one file with other current frames, if its format has files of several recordings that leave the
+    /// choice: `None` if not.
+    fn open_at(&self, _path: &Path, _frames: CurrentFrames) -> Option<Result<PendingScenarios, FormatError>> {
+        None
+    }
     /// Reads the scenario of a single-scenario file with the given frame (counted from 0) as the current one.
     /// Most formats fix the current frame and return an error.
     ///
@@ -110,6 +129,11 @@ pub(super) const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// If the file cannot be read.
 pub fn is_parquet(path: &Path) -> std::io::Result<bool> {
     Ok(head(path, PARQUET.len() as u64)? == PARQUET)
+}
+
+/// Returns whether a file begins like a gzip file.
+pub(super) fn is_gzip(path: &Path) -> std::io::Result<bool> {
+    Ok(head(path, GZIP.len() as u64)? == GZIP)
 }
 
 /// Reads the whole content of a file. Files longer than `max_size` bytes are refused; `expected` describes a

@@ -27,8 +27,8 @@ pub mod wosac;
 
 pub use error::{Cause, FormatError};
 pub use format::{
-    Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records, decoded,
-    is_parquet,
+    CurrentFrames, Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records,
+    decoded, is_parquet,
 };
 pub use json::parse as parse_json;
 pub use list::{FORMATS, Input, PassedOver, Survey, find_inputs, open, open_all, survey};

@@ -13,7 +13,8 @@ use reactsim_scene::Scenario;
 use super::argoverse2::Argoverse2;
 use super::error::{Cause, FormatError};
 use super::format::{
-    GZIP, Opener, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, ZSTD, head, named,
+    CurrentFrames, GZIP, Opener, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario,
+    ZSTD, head, named,
 };
 use super::gpudrive::GpuDrive;
 use super::json::Json;
@@ -33,9 +34,8 @@ pub struct Input {
     pub path: PathBuf,
     /// Its format.
     pub format: &'static dyn ScenarioFormat,
-    /// Index of the current frame, from 0, if it overrides that of the format: see
-    /// [`ScenarioFormat::read_at`].
-    pub current_frame: Option<usize>,
+    /// Current frames of its recordings.
+    pub frames: CurrentFrames,
     /// Whether all agents that are present at the current frame are simulated, of all kinds and any number:
     /// [`Scenario::with_all_agents`].
     pub all_agents: bool,
@@ -45,11 +45,11 @@ impl Input {
     /// Opens the file.
     ///
     /// # Errors
-    /// [`FormatError`] if the file cannot be read at all, or not with this current frame.
+    /// [`FormatError`] if the file cannot be read at all, or not with these current frames.
     pub fn open(&self) -> Result<Scenarios, FormatError> {
-        let scenarios: Scenarios = match self.current_frame {
-            None => self.format.open(&self.path)?,
-            Some(frame) => Box::new(std::iter::once(Ok(self.format.read_at(&self.path, frame)?))),
+        let scenarios: Scenarios = match self.frames {
+            CurrentFrames::Stated => self.format.open(&self.path)?,
+            _ => Box::new(self.open_at_frames()?.map(|record| record.and_then(|decode| decode()))),
         };
         if !self.all_agents {
             return Ok(scenarios);
@@ -66,7 +66,7 @@ impl Input {
     /// Opens the file for reading by several threads: [`ScenarioFormat::open_undecoded`].
     ///
     /// # Errors
-    /// Same as [`Input::open`]; with a given current frame, errors appear when the record is decoded.
+    /// Same as [`Input::open`]; errors of given current frames may appear when a record is decoded.
     pub fn open_undecoded(&self) -> Result<PendingScenarios, FormatError> {
         self.open_from(0)
     }
@@ -76,13 +76,9 @@ impl Input {
     /// # Errors
     /// Same as [`Self::open_undecoded`].
     pub fn open_from(&self, first: usize) -> Result<PendingScenarios, FormatError> {
-        let scenarios: PendingScenarios = match self.current_frame {
-            None => self.format.open_from(&self.path, first)?,
-            Some(frame) => {
-                let Self { path, format, .. } = self.clone();
-                let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
-                Box::new(std::iter::once(Ok(decode)).skip(first))
-            }
+        let scenarios: PendingScenarios = match self.frames {
+            CurrentFrames::Stated => self.format.open_from(&self.path, first)?,
+            _ => Box::new(self.open_at_frames()?.skip(first)),
         };
         if !self.all_agents {
             return Ok(scenarios);
@@ -93,6 +89,24 @@ impl Input {
         Ok(Box::new(scenarios.map(move |decode| decode.map(with_all))))
     }
 
+    /// Opens the file with other current frames than those that its format defines.
+    fn open_at_frames(&self) -> Result<PendingScenarios, FormatError> {
+        let Self { path, format, frames, .. } = self.clone();
+        match (format.open_at(&path, frames), frames) {
+            (Some(opened), _) => opened,
+            (None, CurrentFrames::At(frame)) => {
+                let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
+                Ok(Box::new(std::iter::once(Ok(decode))))
+            }
+            (None, CurrentFrames::Every(step)) => {
+                let expected = format!("none: the format {} has one window per recording", format.id());
+                let cause = Cause::value("the number of frames between windows", step, expected);
+                Err(FormatError::file(&path, cause))
+            }
+            (None, CurrentFrames::Stated) => format.open_undecoded(&path),
+        }
+    }
+
     /// Returns what opens the file, of which at most `most` records are read.
     pub fn opener(self, most: usize) -> Opener {
         Box::new(move |first| Ok(Box::new(self.open_from(first)?.take(most.saturating_sub(first)))))
@@ -100,7 +114,7 @@ impl Input {
 
     /// Returns the number of records if it can be found without reading them.
     pub fn count(&self) -> Option<usize> {
-        self.format.count(&self.path)
+        if matches!(self.frames, CurrentFrames::Every(_)) { None } else { self.format.count(&self.path) }
     }
 }
 
@@ -137,7 +151,7 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
                 refused.get_or_insert(error);
                 continue;
             }
-            inputs.push(Input { path, format, current_frame: None, all_agents: false });
+            inputs.push(Input { path, format, frames: CurrentFrames::Stated, all_agents: false });
         } else if SCENARIO_ENDINGS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {

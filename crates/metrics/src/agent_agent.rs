@@ -2,7 +2,7 @@
 
 use reactsim_scene::AgentKind;
 
-use super::boxes::overlapping_frames;
+use super::boxes::{excluded, overlapping_frames};
 use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 
 /// Steps at which an agent overlaps another agent.
@@ -63,7 +63,7 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
             let reach = motion.radius[i] + motion.radius[j] + 1e-6;
             let apart =
                 a[0] > b[1] + reach || b[0] > a[1] + reach || a[2] > b[3] + reach || b[2] > a[3] + reach;
-            if apart {
+            if apart || excluded(case, i, j) {
                 continue;
             }
             let mut open: Option<(usize, usize)> = None;

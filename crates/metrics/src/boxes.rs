@@ -29,6 +29,13 @@ pub(super) fn overlapping_frames(
     motion.close_frames(a, b, first).filter(touches)
 }
 
+/// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the current
+/// frame and the options exclude such pairs.
+pub(super) fn excluded(case: &Case<'_>, a: usize, b: usize) -> bool {
+    case.options.exclude_initial_overlap
+        && overlap(&case.motion, a, b, case.current, case.options.corner_rounding)
+}
+
 /// Overlaps with the AV, per object × frame.
 struct AvOverlaps(Vec<bool>);
 
@@ -38,7 +45,7 @@ impl Judgement for AvOverlaps {
         if !case.present(case.av) {
             return Self(hits);
         }
-        for i in case.vehicles() {
+        for i in case.vehicles().filter(|&i| !excluded(case, i, case.av)) {
             let rounding = case.options.corner_rounding;
             for f in overlapping_frames(&case.motion, i, case.av, case.current, rounding) {
                 hits[case.motion.at(i, f)] = true;
@@ -49,7 +56,7 @@ impl Judgement for AvOverlaps {
 }
 
 /// Returns whether an object overlaps the AV, per object × frame. Only evaluated vehicles from the current
-/// frame on are filled in.
+/// frame on are filled in, and not those that are excluded.
 pub(super) fn av_overlaps<'c>(case: &'c Case<'_>) -> &'c [bool] {
     &case.judgement::<AvOverlaps>().0
 }

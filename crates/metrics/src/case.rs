@@ -7,6 +7,7 @@ use reactsim_scene::{
 };
 
 use super::cache::Cache;
+use super::light::ObservedLight;
 use super::motion::Motion;
 use super::object::{LoggedTrack, Object};
 use super::options::{DirTracking, Options};
@@ -24,6 +25,8 @@ pub struct Case<'a> {
     pub options: Options,
     /// Index of the current frame.
     pub current: usize,
+    /// The lights of the map.
+    pub lights: Vec<ObservedLight<'a>>,
     /// The log, aligned with `objects`.
     pub log: Option<Vec<LoggedTrack<'a>>>,
     /// All rollouts of this scenario, each aligned with `objects`, future frames only; for metrics over
@@ -67,6 +70,7 @@ impl<'a> Case<'a> {
             av,
             options,
             current,
+            lights: Vec::new(),
             log: None,
             rollouts: Vec::new(),
             certificate: None,
@@ -76,7 +80,7 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Creates the case of one rollout of a scenario, with its log. `tracks`: 91 frames per agent, in the
+    /// Creates the case of one rollout of a scenario, with its log and lights. `tracks`: 91 frames per agent, in the
     /// order of the scenario, borrowed or owned.
     pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
         scenario: &'a Scenario,
@@ -88,7 +92,9 @@ impl<'a> Case<'a> {
         let objects = start.agents.iter().zip(tracks).map(object).collect();
         let log = start.history.iter().zip(&scenario.log_future.tracks);
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
-        Self::new(start.road(), objects, 0, options).with_log(log.collect()).with_heights(start)
+        let lights = ObservedLight::all(scenario);
+        let case = Self::new(start.road(), objects, 0, options).with_log(log.collect());
+        case.with_lights(lights).with_heights(start)
     }
 
     /// Adds the heights of the objects, which are the agents of `start`: in scenarios with several levels they
@@ -130,6 +136,13 @@ impl<'a> Case<'a> {
     pub fn with_log(mut self, mut log: Vec<LoggedTrack<'a>>) -> Self {
         log.resize(self.objects.len(), LoggedTrack { history: &[], future: &[], recorded_history: None });
         self.log = Some(log);
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Adds the lights of the map.
+    pub fn with_lights(mut self, lights: Vec<ObservedLight<'a>>) -> Self {
+        self.lights = lights;
         self.cache = Cache::default();
         self
     }

@@ -91,9 +91,6 @@ pub(super) fn log_distance(case: &Case<'_>, agent: usize, contact: &Contact) -> 
 
 fn first_contact(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Option<Contact> {
     let hits = &overlaps[case.motion.at(agent, 0)..][..case.frames()];
-    if case.options.exclude_initial_overlap && hits[case.current] {
-        return None;
-    }
     let first = case.future().find(|&f| hits[f])?;
     let last = (first..case.frames()).take_while(|&f| hits[f]).last().unwrap_or(first);
     Some(Contact {

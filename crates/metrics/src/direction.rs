@@ -1,7 +1,7 @@
 //! Driving against the direction of the lane (ReactSim-Bench, "Metric Computation Details"; lane tracking of
 //! nuPlan).
 
-mod lane_tracking;
+pub(super) mod lane_tracking;
 
 use reactsim_geometry::wrap;
 

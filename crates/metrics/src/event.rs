@@ -22,7 +22,7 @@ pub struct Event {
     pub values: Vec<(&'static str, f64)>,
 }
 
-/// Names and units of the values of events; a value without a unit is a number of steps.
+/// Names and units of the values of events; a value without a unit is a number of steps or an index of the map.
 pub const EVENT_UNITS: &[(&str, &str)] = &[
     ("acceleration", "m/s²"),
     ("av_speed", "m/s"),
@@ -30,6 +30,7 @@ pub const EVENT_UNITS: &[(&str, &str)] = &[
     ("driven", "m"),
     ("excess", "m/s²"),
     ("heading_error", "rad"),
+    ("lane", ""),
     ("log_distance", "m"),
     ("lost", "m"),
     ("peak", "m/s²"),

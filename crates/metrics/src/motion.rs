@@ -49,7 +49,7 @@ impl Motion {
             m.half.push((0.5 * length, 0.5 * width));
             m.radius.push(math::hypot(0.5 * length, 0.5 * width));
             let now = object.track.get(current).copied().flatten();
-            let present = now.is_some_and(|s| s.is_finite()) && length > 0.0 && width > 0.0;
+            let present = now.is_some_and(|s| s.is_finite()) && object.agent.has_extent();
             m.present.push(present);
             if present {
                 m.fill(i * frames, object, options);

@@ -2,7 +2,7 @@
 
 use reactsim_scene::{DT, Response};
 
-use super::boxes::overlap;
+use super::boxes::{excluded, overlap};
 use super::ttc::approaches;
 use super::{Case, Judgement};
 
@@ -105,7 +105,7 @@ fn peak_deceleration(speeds: impl Iterator<Item = f64>) -> f64 {
 /// Returns the first and last step at which an agent touches the AV (rounded boxes, regardless of fault) or,
 /// if it is a vehicle, is risky.
 fn under_reaction(case: &Case<'_>, agent: usize) -> Option<(usize, usize)> {
-    if !case.present(case.av) {
+    if !case.present(case.av) || excluded(case, agent, case.av) {
         return None;
     }
     let touches = |&f: &usize| overlap(&case.motion, agent, case.av, f, case.options.corner_rounding);

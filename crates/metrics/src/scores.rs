@@ -13,6 +13,7 @@ use super::log_clinging;
 use super::offroad::{self, OffRoadSteps};
 use super::over_reaction;
 use super::progress;
+use super::red_light;
 use super::ttc::{self, Approach};
 use super::undisturbed;
 use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Scope, Score};
@@ -28,6 +29,7 @@ pub const METRICS: &[&dyn Metric] = &[
     &kinematics::Curvature,
     &kinematics::CurvatureVelocity,
     &collision::AnyOverlap,
+    &red_light::RedLight,
     &ade::Ade,
     &ade::MinAde,
     &progress::Progress,

@@ -4,7 +4,7 @@
 use reactsim_geometry::{OrientedBox, math, wrap};
 use reactsim_scene::DT;
 
-use super::boxes::av_overlaps;
+use super::boxes::{av_overlaps, excluded};
 use super::options::TtcSpeed;
 use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 
@@ -52,7 +52,7 @@ pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
 
 fn approach(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Approach {
     let mut found = Approach { min_ttc: MAX_TTC, step: None, risky: None };
-    if !case.present(case.av) {
+    if !case.present(case.av) || excluded(case, agent, case.av) {
         return found;
     }
     for f in case.future() {

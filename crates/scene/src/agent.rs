@@ -56,6 +56,15 @@ pub struct Agent {
     pub width: f64,
 }
 
+impl Agent {
+    /// Returns whether its box has a positive length and width. An agent without an extent is not judged by
+    /// the metrics and is nobody's obstacle.
+    #[inline]
+    pub fn has_extent(&self) -> bool {
+        self.length > 0.0 && self.width > 0.0
+    }
+}
+
 /// Pose and velocity of an agent at one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AgentState {

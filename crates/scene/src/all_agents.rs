@@ -2,18 +2,18 @@
 
 use std::sync::OnceLock;
 
+use super::assemble::WITHOUT_EXTENT;
 use super::{CURRENT, FRAMES, HISTORY, LoggedAgent, Scenario};
 
 impl Scenario {
-    /// Selects all agents with an extent that are present at the current frame, of all kinds and any number,
-    /// as the Sim Agents challenge requires; without this the benchmark selects the 63 nearest vehicles,
-    /// pedestrians and cyclists. The agents that are added follow those selected before, by distance to the
-    /// AV. Obstacles become agents of kind `other`.
+    /// Selects all agents that are present at the current frame, of all kinds, sizes and any number, as the
+    /// Sim Agents challenge requires; without this the benchmark selects the 63 nearest vehicles, pedestrians
+    /// and cyclists with an extent. The agents that are added follow those selected before, by distance to
+    /// the AV. Obstacles become agents of kind `other`. Agents with a box of size zero are simulated, but no
+    /// metric of the benchmark judges them.
     pub fn with_all_agents(mut self) -> Self {
         let av = self.start.now(0).position();
-        let is_here = |logged: &LoggedAgent| {
-            logged.track[CURRENT].is_some() && logged.agent.length > 0.0 && logged.agent.width > 0.0
-        };
+        let is_here = |logged: &LoggedAgent| logged.track[CURRENT].is_some();
         let (mut added, rest): (Vec<LoggedAgent>, Vec<LoggedAgent>) =
             self.unselected.into_iter().partition(is_here);
         let distance = |logged: &LoggedAgent| {
@@ -34,6 +34,7 @@ impl Scenario {
         }
         self.start.obstacles.clear();
         self.start.obstacle_heights.clear();
+        self.repairs.remove(WITHOUT_EXTENT);
         Self { unselected: rest, notes: OnceLock::new(), ..self }
     }
 }

@@ -16,6 +16,8 @@ use super::{
     StopLine, TrafficLight,
 };
 
+/// Name of the repair that counts agents that are present at the current frame with a box of size zero.
+pub(super) const WITHOUT_EXTENT: &str = "agents with a box of size zero";
 /// Maximum number of lane segments that are searched for the crossing points of stop lines.
 const MAX_PROJECTED_SEGMENTS: usize = 200_000_000;
 
@@ -23,8 +25,9 @@ impl Scenario {
     /// Checks parts and assembles a scenario: shifts coordinates to the AV, selects and orders agents,
     /// resolves links.
     ///
-    /// Unusual input has defined meanings: a box of size zero marks an absent agent (it is never selected);
-    /// links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
+    /// Unusual input has defined meanings: an agent with a box of size zero is not selected (see
+    /// [`Self::with_all_agents`]), and states of it that are beyond the limits are absent: files fill unused
+    /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are dropped and counted; headings need not be wrapped;
     /// NaN velocities are unknown.
     ///
     /// # Errors
@@ -39,6 +42,9 @@ impl Scenario {
         let origin = builder.set_origin(&parts)?;
         let mut agents = parts.agents;
         for (i, agent) in agents.iter_mut().enumerate() {
+            if !agent.agent.has_extent() {
+                builder.drop_padding(&mut agent.track);
+            }
             builder.shift_track(agent.track.iter_mut().map(Option::as_mut), &format!("agents[{i}].track"))?;
         }
         let mut map = parts.map;
@@ -51,9 +57,7 @@ impl Scenario {
         let deviation = parts.deviation.map(|d| builder.deviation(d, &agents)).transpose()?;
 
         let (selected, unselected) = select_agents(agents, parts.av, &mut builder);
-        let is_obstacle = |a: &&LoggedAgent| {
-            a.agent.kind == AgentKind::Other && a.agent.length > 0.0 && a.agent.width > 0.0
-        };
+        let is_obstacle = |a: &&LoggedAgent| a.agent.kind == AgentKind::Other && a.agent.has_extent();
         let obstacles = unselected.iter().filter(is_obstacle);
         let obstacles =
             obstacles.filter_map(|a| Some((a.track[CURRENT]?.footprint(&a.agent), height_now(a))));
@@ -125,10 +129,10 @@ fn select_agents(
         if i == av || a.agent.kind == AgentKind::Other {
             continue;
         }
-        if a.agent.length > 0.0 && a.agent.width > 0.0 {
+        if a.agent.has_extent() {
             candidates.push(((now.position() - av_now).norm(), i));
         } else {
-            builder.repaired("agents with a box of size zero");
+            builder.repaired(WITHOUT_EXTENT);
         }
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -37,3 +37,13 @@ pub fn first_beyond(track: &[Frame], center: Vec2) -> Option<(usize, &'static st
         Some((i, name, value, expected))
     })
 }
+
+/// Removes the states of a track that are beyond the limits: files fill the slots of agents without an extent
+/// with zeros, which are far from positions in the world.
+pub fn drop_beyond(track: &mut [Frame], center: Vec2) {
+    for frame in track {
+        if frame.is_some_and(|state| beyond(&state, center).is_some()) {
+            *frame = None;
+        }
+    }
+}

@@ -10,7 +10,7 @@ use clap::Args;
 use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
 use crate::cli::is_same;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, ReadingArgs, count, say, stop_on_interrupt, write_result};
 use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;
@@ -41,6 +41,8 @@ pub(super) struct MakeArgs {
     /// Maximum number of candidates per scenario [default: 16; of a file, all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
     candidates: Option<u32>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -164,7 +166,7 @@ impl MakeArgs {
 
     /// Finds the files of scenarios, none of which may be the file to write.
     pub(super) fn find_inputs(&self, out: &Path) -> anyhow::Result<Vec<formats::Input>> {
-        let found = find_inputs(&self.scenarios)?;
+        let found = self.reading.find_inputs(&self.scenarios)?;
         if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
             bail!("{} is both input and output; choose another --out", same.path.display());
         }
@@ -229,6 +231,7 @@ fn named(args: &MakeArgs, settings: &CurationSettings) -> anyhow::Result<BTreeMa
         }
     };
     named.insert("scenes".into(), settings.scenes.to_string());
+    named.extend(args.reading.named());
     if let Some(limit) = args.limit {
         named.insert("limit".into(), limit.to_string());
     }

@@ -16,7 +16,8 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
     };
     let world = start.agents.len().saturating_sub(1);
     let lanes = |kind: LaneKind| map.lanes.iter().filter(|l| l.kind == kind).count();
-    let metres: f64 = map.lanes.iter().map(|l| l.baseline.length()).sum();
+    // A sum of no numbers is -0.
+    let metres = map.lanes.iter().fold(0.0, |sum, lane| sum + lane.baseline.length());
     let seen =
         (0..start.lights.len()).filter(|&i| scenario.light_states(i).iter().any(Option::is_some)).count();
     let mut lines = vec![
@@ -121,7 +122,7 @@ fn response(response: &Response) -> String {
 fn travel(scenario: &Scenario) -> String {
     let track = scenario.logged(0);
     let pairs = track[CURRENT..].windows(2).filter_map(|w| Some((w[0]?, w[1]?)));
-    let metres: f64 = pairs.map(|(a, b)| (b.position() - a.position()).norm()).sum();
+    let metres = pairs.fold(0.0, |sum, (a, b)| sum + (b.position() - a.position()).norm());
     let steps = track[CURRENT + 1..].iter().flatten().count();
     let now = scenario.start.now(0);
     let agent = &scenario.start.agents[0];

@@ -102,6 +102,9 @@ pub(super) fn check(args: &ScoreArgs) -> anyhow::Result<&Path> {
         bail!("--metric-option, --allow and options of tables have no effect with --wosac: leave them out");
     }
     Format::of(args.format.as_deref())?;
+    if !path.exists() {
+        bail!("could not find {}: give a submission or a run folder", path.display());
+    }
     if args
         .out
         .as_deref()
@@ -171,6 +174,12 @@ pub(super) fn describe_submission(
         let failure = RealismFailure { scenario_id: None, error: error.to_string() };
         observe(scores.rows.len() + scores.failures.len(), Some(&failure));
         scores.failures.push(failure);
+    }
+    if pairs.is_plain_archive() && !args.wosac.partial {
+        say(format_args!(
+            "warning: the server would refuse the submission: it is a tar archive without gzip compression; \
+             make it a .tar.gz"
+        ));
     }
     if let Some(fault) = pairs.metadata_fault().filter(|_| !args.wosac.partial) {
         say(format_args!("warning: the server would refuse the metadata: {fault}"));

@@ -2,9 +2,14 @@
 
 use std::fs;
 
+use reactsim::evaluation::read_summary;
+use reactsim::geometry::Vec2;
+use reactsim::scene::{FRAMES, LightParts, LightState, Scenario};
+
 use super::{stderr, stdout, text};
-use crate::generated::{certified, scenario, write};
+use crate::generated::{certified, parts, scenario, write};
 use crate::program::reactsim;
+use crate::reference::said;
 
 #[test]
 fn kept_rollouts_score_to_the_same_numbers() {
@@ -192,4 +197,61 @@ fn rollout_documents_are_scored() {
     let rows = home.path().join("rows.parquet");
     write(&rows, [crate::generated::scenario(0)]);
     assert!(stderr(&reactsim(&["score", text(&rows)])).contains("give --scenarios"));
+}
+
+/// A semi-trailer overlaps its tractor by 1.5 m all the time: 2 of 4 agents collide, unless such pairs are
+/// left out.
+#[test]
+fn pairs_that_overlap_at_first_are_left_out_on_request() {
+    let home = tempfile::tempdir().unwrap();
+    let input = home.path().join("trailer.parquet");
+    let mut parts = parts(0, false);
+    let mut trailer = parts.agents[2].clone();
+    trailer.agent.id = "trailer".to_owned();
+    trailer.track.iter_mut().flatten().for_each(|state| state.x -= 3.0);
+    parts.agents.push(trailer);
+    write(&input, std::iter::once(Scenario::assemble(parts).unwrap()));
+    let (told, _) = said(&["inspect", text(&input)], 0);
+    assert!(told.contains("2 agents overlap another one at the current frame (towed"), "{told}");
+    let collisions = |excluded: &str| {
+        let out = home.path().join(excluded);
+        let option = format!("exclude_initial_overlap={excluded}");
+        let run = ["run", text(&input), "--av", "log", "--models", "log-replay", "--metric-option", &option];
+        said(&[&run[..], &["--out", text(&out)]].concat(), 0);
+        read_summary(&out).unwrap().simulators["log-replay"].metrics["aa-collision"].mean
+    };
+    assert_eq!((collisions("false"), collisions("true")), (Some(0.5), Some(0.0)));
+}
+
+/// One of three vehicles, the AV not counted, crosses a stop line on its lane under red.
+#[test]
+fn red_lights_are_in_tables_and_events_of_scenarios_with_lights() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("light.parquet"), home.path().join("run"));
+    let mut parts = parts(0, false);
+    parts.lights.push(LightParts {
+        lane: "right".to_owned(),
+        stop_point: Vec2::new(20.0, 0.0),
+        states: vec![Some(LightState::Stop); FRAMES],
+    });
+    write(&input, std::iter::once(Scenario::assemble(parts).unwrap()));
+    let models = "--models=log-replay,stop";
+    let also = "--also=red-light";
+    let (table, _) = said(&["run", text(&input), "--av", "log", models, also, "--out", text(&out)], 0);
+    assert!(table.lines().next().unwrap().contains(" Red light (%) ↓ "), "{table}");
+    assert!(table.lines().nth(2).unwrap().contains(" 33.33 "), "{table}");
+    let summary = read_summary(&out).unwrap();
+    assert_eq!(summary.simulators["stop"].metrics["red-light"].mean, Some(0.0));
+    let events = fs::read_to_string(out.join("events.jsonl")).unwrap();
+    let events: Vec<&str> = events.lines().filter(|line| line.contains("\"red-light\"")).collect();
+    assert!(
+        events.len() == 1 && events[0].contains("\"behind\"") && events[0].contains("\"stop\""),
+        "{events:?}"
+    );
+    assert!(said(&["report", text(&out), "--format", "csv", also], 0).0.contains("red-light"));
+    // Without lights nothing is judged.
+    let dark = home.path().join("dark.parquet");
+    write(&dark, std::iter::once(scenario(0)));
+    let (table, _) = said(&["run", text(&dark), "--av", "log", "--models", "log-replay", also], 0);
+    assert!(table.lines().nth(2).unwrap().trim_end().ends_with("– |"), "{table}");
 }

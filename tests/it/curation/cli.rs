@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use reactsim::curation::{Decision, store};
-use reactsim::scene::Scenario;
+use reactsim::scene::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenario, ScenarioParts};
 
 use super::hand::{scenario, write};
 use crate::generated::{deviating, parts, write as write_scenarios};
@@ -75,12 +75,16 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
 
 /// Returns a scenario in which the AV comes closer to the vehicle ahead.
 pub(super) fn closing(i: usize) -> Scenario {
+    Scenario::assemble(closing_parts(i)).unwrap()
+}
+
+fn closing_parts(i: usize) -> ScenarioParts {
     let mut parts = parts(i, false);
     for (f, frame) in parts.agents[2].track.iter_mut().enumerate() {
         let state = frame.as_mut().unwrap();
         (state.x, state.vx) = (state.x - 0.2 * (f as f64 - 10.0), state.vx - 2.0);
     }
-    Scenario::assemble(parts).unwrap()
+    parts
 }
 
 #[test]
@@ -303,6 +307,50 @@ fn a_scenario_of_the_wrong_length_does_not_stop_the_others() {
     let provenance = file.provenance();
     assert_eq!((provenance.funnel.scenarios, provenance.failures.len()), (2, 1));
     assert!(provenance.failures[0].starts_with(expected), "{:?}", provenance.failures);
+}
+
+#[test]
+fn deviations_of_all_agents_are_used_with_all_agents() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (logs, converted, out) = (path("s.parquet"), path("all.parquet"), path("c.parquet"));
+    // A cone next to the road and an object of unknown size, which the benchmark does not simulate.
+    let crowded = |i: usize| {
+        let mut parts = closing_parts(i);
+        for (id, kind, size) in [("cone", AgentKind::Other, 0.5), ("unknown", AgentKind::Vehicle, 0.0)] {
+            let agent = Agent { id: id.into(), kind, length: size, width: size };
+            let state = AgentState { x: 20.0, y: -8.0, heading: 0.0, vx: 0.0, vy: 0.0 };
+            parts.agents.push(LoggedAgent { agent, track: vec![Some(state); FRAMES], heights: Vec::new() });
+        }
+        Scenario::assemble(parts).unwrap()
+    };
+    write_scenarios(&logs, (0..6).map(crowded));
+    let curate = ["--candidates", "8", "--min-vehicles", "1", "--max-ttc", "100", "--all-agents"];
+    let output = reactsim(&[&["curate", text(&logs), "--out", text(&out)], &curate[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let opened = store::Store::open(&out).unwrap();
+    assert_eq!(opened.provenance().settings["all-agents"], "true");
+    let run = ["--models", "log-replay,stop", "--deviations", text(&out), "--format", "json"];
+    let all = reactsim(&[&["run", text(&logs), "--all-agents"], &run[..]].concat());
+    assert_eq!(all.status.code(), Some(0), "{}", stderr(&all));
+    let few = reactsim(&[&["run", text(&logs)], &run[..]].concat());
+    assert_eq!(few.status.code(), Some(2));
+    assert!(stderr(&few).contains("read them with the same options: --all-agents"), "{}", stderr(&few));
+    // A converted file keeps its agents, so that no option is needed.
+    let arguments = ["convert", text(&logs), "--all-agents", "--out", text(&converted)];
+    let output = reactsim(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let native = reactsim(&[&["run", text(&converted)], &run[..]].concat());
+    assert_eq!(native.status.code(), Some(0), "{}", stderr(&native));
+    let simulators = |output: &Output| {
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        summary["simulators"].clone()
+    };
+    assert_eq!(simulators(&native), simulators(&all));
+    let avs = path("avs.json");
+    let rest = ["--deviations", text(&out), "--all-agents", "--out", text(&avs)];
+    let output = reactsim(&[&["export-av", text(&logs)], &rest[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 }
 
 #[test]

@@ -48,6 +48,32 @@ fn a_plain_document_is_scored() {
 }
 
 #[test]
+fn padding_far_from_the_scenario_is_absent() {
+    let expected = score_document(&Document::from_json(&document().to_string()).unwrap()).unwrap();
+    let mut padded = document();
+    // World coordinates, next to which an unused slot is filled with zeros.
+    for agent in padded["scenarios"][0]["agents"].as_array_mut().unwrap() {
+        agent["x"] = json!(vec![331_000.0; 91]);
+    }
+    let mut padding = padded["scenarios"][0]["agents"][1].clone();
+    for (field, value) in [("id", json!("0")), ("length", json!(0.0)), ("width", json!(0.0))] {
+        padding[field] = value;
+    }
+    for field in ["x", "y"] {
+        padding[field] = json!(vec![0.0; 91]);
+    }
+    padded["scenarios"][0]["agents"].as_array_mut().unwrap().push(padding.clone());
+    let scored = score_document(&Document::from_json(&padded.to_string()).unwrap()).unwrap();
+    assert_eq!(scored, expected);
+    // With an extent it is an object that is too far away.
+    padding["length"] = json!(4.0);
+    padding["width"] = json!(2.0);
+    padded["scenarios"][0]["agents"][2] = padding;
+    let message = refusal(&padded.to_string());
+    assert!(message.contains("x[0] is 0, expected a position within 100 km of the AV"), "{message}");
+}
+
+#[test]
 fn refusals_name_what_is_wrong() {
     refused(|d| d["format"] = "other".into(), &["`other`", "reactsim-rollouts-v1"]);
     refused(|d| d["dt"] = 0.2.into(), &["0.2", "10 Hz"]);

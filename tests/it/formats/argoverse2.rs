@@ -7,7 +7,7 @@ use std::sync::Arc;
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
 use reactsim::evaluation::Registrar;
-use reactsim::formats::{Input, find_inputs, open, survey};
+use reactsim::formats::{CurrentFrames, Input, find_inputs, open, survey};
 use reactsim::geometry::Polygon;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
@@ -161,7 +161,7 @@ fn maps_and_current_frames_count_in_the_record_of_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &rows(110), &map());
     let input = find_inputs(&path).unwrap().remove(0);
-    let at = Input { current_frame: Some(29), ..input.clone() };
+    let at = Input { frames: CurrentFrames::At(29), ..input.clone() };
     let record = |input: &Input| Registrar::default().record(input).unwrap();
     let usual = record(&input);
     assert_eq!(usual.companions[0].name, "log_map_archive_made-1.json");

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use reactsim::formats::{FORMATS, FormatError, Input, ScenarioFormat, parse_json, survey};
+use reactsim::formats::{CurrentFrames, FORMATS, FormatError, Input, ScenarioFormat, parse_json, survey};
 use reactsim::scene::{CURRENT, FRAMES, FUTURE, MAX_AGENTS, Scenario};
 use tempfile::TempDir;
 
@@ -48,10 +48,14 @@ struct Fixture {
 const FIXTURES: &[Fixture] = &[
     Fixture {
         format: "womd",
-        write: |folder| file(folder, "a.tfrecord", &proto::records(&[Proto::default()])),
+        write: |folder| {
+            let mut message = Proto { frames: 120, ..Proto::default() };
+            message.tracks[1].5 = 0..120;
+            file(folder, "a.tfrecord", &proto::records(&[message]))
+        },
         av: "8",
         has_checksums: true,
-        other_frame: None,
+        other_frame: Some(29),
         real: Some("data/womd/val/womd-val-00000-of-00002.tfrecord.zst"),
     },
     Fixture {
@@ -287,7 +291,7 @@ fn scenarios_are_valid_and_the_same_in_every_reading() {
         let input = Input {
             path: case.files[0].clone(),
             format: case.format,
-            current_frame: None,
+            frames: CurrentFrames::Stated,
             all_agents: false,
         };
         check_undecoded(&input, &scenarios);
@@ -297,7 +301,7 @@ fn scenarios_are_valid_and_the_same_in_every_reading() {
 #[test]
 fn real_scenarios_are_valid_and_the_same_in_every_reading() {
     for (format, path) in real_files() {
-        let input = Input { path, format, current_frame: None, all_agents: false };
+        let input = Input { path, format, frames: CurrentFrames::Stated, all_agents: false };
         let read = || input.open().unwrap().take(REAL_SCENARIOS).map(|s| s.unwrap());
         let scenarios: Vec<Scenario> = read().collect();
         assert!(!scenarios.is_empty(), "{}", format.id());

@@ -131,6 +131,8 @@ fn old_files_hold_degrees_and_no_ids() {
     };
     let s = read(old).unwrap();
     assert_eq!((s.id.as_str(), s.start.agents[0].id.as_str()), ("tfrecord-00001-of-00150_7", "2"));
+    let unmarked = s.repairs.keys().find(|what| what.contains("`metadata.sdc_track_index`"));
+    assert!(unmarked.is_some_and(|what| what.ends_with("the last object is taken")), "{:?}", s.repairs);
     assert!((s.start.now(0).heading - 0.01).abs() < 1e-12, "{}", s.start.now(0).heading);
     assert_eq!(s.start.map.lanes[0].successors, [1]);
     assert_eq!(
@@ -149,6 +151,33 @@ fn old_files_hold_degrees_and_no_ids() {
         halt(value);
     });
     assert!((both.unwrap().start.now(0).heading - 0.01).abs() < 1e-12);
+}
+
+#[test]
+fn numbers_that_python_writes_are_unknown_velocities_or_refused_by_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |field: &str, value: &str| {
+        let mut marked = made();
+        marked["objects"][0][field][20] =
+            if field == "heading" { json!("here") } else { json!({"x": "here", "y": 0.0}) };
+        let path = write(folder.path(), &marked);
+        let text = fs::read_to_string(&path).unwrap().replace("\"here\"", value);
+        fs::write(&path, text).unwrap();
+        open(&path).and_then(|mut scenarios| scenarios.next().unwrap()).map_err(|e| e.to_string())
+    };
+    for unknown in ["NaN", "null"] {
+        let s = read("velocity", unknown).unwrap();
+        let track = s.logged(s.start.agents.iter().position(|a| a.id == "7").unwrap());
+        assert!(track[20].unwrap().velocity().is_none());
+        assert_eq!(track[21].unwrap().vx, 10.0);
+    }
+    for (field, expected) in [
+        ("position", "agents[0].track[20].x is NaN, expected a finite coordinate"),
+        ("heading", "agents[0].track[20].heading is NaN, expected a finite heading"),
+    ] {
+        let error = read(field, "NaN").unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
 }
 
 #[test]
@@ -198,7 +227,7 @@ fn bad_input_is_refused_by_name() {
         ("missing field `roads`", |v| {
             v.as_object_mut().unwrap().remove("roads");
         }),
-        ("invalid type: string \"far\", expected f64", |v| {
+        ("invalid type: string \"far\", expected a number or null", |v| {
             v["objects"][0]["position"][4]["x"] = json!("far")
         }),
         ("objects is empty", |v| {
@@ -227,7 +256,7 @@ fn text_that_is_not_json_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &made());
     let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, text.replacen("1020.0", "NaN", 1)).unwrap();
+    fs::write(&path, text.replacen("1020.0", "nan", 1)).unwrap();
     assert!(refusal(&path).contains("cannot be decoded"));
     fs::write(&path, format!("{{\"objects\": [{{\"position\": {}", "[".repeat(1_000_000))).unwrap();
     assert!(refusal(&path).contains("cannot be decoded"));

@@ -1,8 +1,10 @@
 //! Odd input: each case has a stated meaning or an error that names file, record, scenario, field and value.
 
 use std::fs;
+use std::num::NonZeroUsize;
 
 use super::{good, refusal};
+use reactsim::formats::{CurrentFrames, Input, find_inputs};
 use reactsim::scene::Scenario;
 use reactsim_test_support::proto::{self, Proto};
 
@@ -77,9 +79,12 @@ fn odd_input_is_refused_by_name() {
         ),
         (
             Box::new(|p| p.frames = 90),
-            "timestamps_seconds is 90 entries, expected 91 entries (9.1 s at 10 Hz), or 11 without the future",
+            "timestamps_seconds is 90 entries, expected 91 entries (9.1 s at 10 Hz) or more, or 11 without the future",
         ),
-        (Box::new(|p| p.current = 11), "current_time_index is 11, expected 10"),
+        (
+            Box::new(|p| p.current = 11),
+            "current_time_index is 11, expected a frame with 80 after it, of 91 in the record",
+        ),
         (Box::new(|p| p.step = 0.25), "timestamps is a step of 0.25 s, expected steps of 0.1 s (10 Hz)"),
         (Box::new(|p| p.tracks[2].0 = 7), "agents[2].id is 7, expected an id that no other agent has"),
         (Box::new(|p| p.lanes[1].0 = 100), "map.lanes[1].id is 100, expected an id that no other lane has"),
@@ -117,6 +122,111 @@ fn files_of_another_kind_are_refused() {
     let empty = folder.path().join("x.tfrecord");
     fs::write(&empty, b"").unwrap();
     assert!(refusal(&empty).contains("is truncated: the first record has 0 of 12 bytes"));
+}
+
+/// A recording of 20 s, as those for training.
+fn twenty_seconds() -> Proto {
+    let mut message = Proto { frames: 199, ..Proto::default() };
+    message.tracks[0].5 = 0..199;
+    message.tracks[1].5 = 0..199;
+    message
+}
+
+/// Reads a file of one recording with these current frames.
+fn windows(message: &Proto, frames: CurrentFrames) -> Vec<Result<Scenario, String>> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("f.tfrecord");
+    fs::write(&path, proto::records(std::slice::from_ref(message))).unwrap();
+    let input = Input { frames, ..find_inputs(&path).unwrap().remove(0) };
+    let all: Vec<_> = input.open().unwrap().map(|s| s.map_err(|e| e.to_string())).collect();
+    // The same from any record on.
+    let from = input.open_from(all.len() - 1).unwrap().map(|decode| decode.and_then(|d| d()));
+    let ids = |scenarios: &[Scenario]| scenarios.iter().map(Scenario::digest).collect::<Vec<_>>();
+    let last: Vec<Scenario> = from.flatten().collect();
+    assert_eq!(ids(&last), ids(&all.last().unwrap().clone().into_iter().collect::<Vec<_>>()));
+    all
+}
+
+#[test]
+fn recordings_of_twenty_seconds_give_one_window_or_many() {
+    let message = twenty_seconds();
+    let only = |frames| {
+        let mut all = windows(&message, frames);
+        assert_eq!(all.len(), 1);
+        all.remove(0)
+    };
+    let stated = only(CurrentFrames::Stated).unwrap();
+    assert_eq!((stated.id.as_str(), stated.origin.x), ("made", 5010.0));
+    assert_eq!((stated.timestamps.len(), stated.tracks_to_predict.len()), (91, 1));
+    assert!((stated.timestamps[90] - 9.0).abs() < 1e-9);
+    let first = Proto { frames: 91, ..twenty_seconds() };
+    assert_eq!(windows(&first, CurrentFrames::Stated)[0].as_ref().unwrap().digest(), stated.digest());
+
+    let later = only(CurrentFrames::At(60)).unwrap();
+    assert_eq!((later.id.as_str(), later.origin.x, later.timestamps[0]), ("made", 5060.0, 5.0));
+    assert!(later.log_future.tracks[0].iter().all(Option::is_some));
+    assert!(later.tracks_to_predict.is_empty(), "the marks are those of frame 10");
+    for frame in [9, 119, usize::MAX] {
+        let error = only(CurrentFrames::At(frame)).unwrap_err();
+        assert!(
+            error.contains(&format!("scenario `made`: the current frame is {frame}, expected")),
+            "{error}"
+        );
+    }
+    let last = only(CurrentFrames::At(118)).unwrap();
+    assert!(last.log_future.tracks[0][79].is_some());
+
+    let many = windows(&message, CurrentFrames::Every(NonZeroUsize::new(50).unwrap()));
+    let many: Vec<Scenario> = many.into_iter().map(Result::unwrap).collect();
+    let ids: Vec<&str> = many.iter().map(|s| s.id.as_str()).collect();
+    assert_eq!(ids, ["made@10", "made@60", "made@110"]);
+    assert_eq!(many[1].log_future, later.log_future);
+    // A usual recording gives one window.
+    let usual = windows(&Proto::default(), CurrentFrames::Every(NonZeroUsize::MIN));
+    assert_eq!(usual[0].as_ref().unwrap().id, "made@10");
+}
+
+#[test]
+fn windows_are_refused_for_other_formats_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.json");
+    fs::write(&path, super::HAND_WRITTEN).unwrap();
+    let frames = CurrentFrames::Every(NonZeroUsize::MIN);
+    let input = Input { frames, ..find_inputs(&path).unwrap().remove(0) };
+    let error = input.open().err().unwrap().to_string();
+    assert!(error.contains("a.json: ") && error.contains("json has one window per recording"), "{error}");
+}
+
+#[test]
+fn tf_examples_are_named_once_per_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("training_tfexample.tfrecord-00000-of-01000");
+    // The map entry `roadgraph_samples/id`, with an empty feature.
+    let entry = [&b"\x0a\x14roadgraph_samples/id"[..], b"\x12\x00"].concat();
+    let features = [&[0x0a, entry.len() as u8][..], &entry].concat().repeat(3);
+    let example = [&[0x0a, features.len() as u8][..], &features].concat();
+    fs::write(&path, proto::framed(&[example.clone(), example.clone(), example])).unwrap();
+    let error = refusal(&path);
+    assert!(error.contains("the content is tf.Example records, expected records with `Scenario`"), "{error}");
+}
+
+#[test]
+fn padding_far_from_the_recording_is_absent() {
+    // A slot of size zero at a position that is not near the AV.
+    let s = read(|p| p.tracks.push((50, 1, 600_000.0, 0.0, 0.0, 0..91))).unwrap();
+    assert_eq!((s.start.agents.len(), s.unselected.len()), (3, 1));
+    assert!(s.unselected[0].track.iter().all(Option::is_none));
+    assert!(!s.repairs.contains_key("agents with a box of size zero"));
+    assert_eq!(s.with_all_agents().start.agents.len(), 3);
+}
+
+#[test]
+fn agents_of_size_zero_are_simulated_with_all_agents() {
+    let s = read(|p| p.tracks[0].4 = 0.0).unwrap();
+    assert_eq!((s.start.agents.len(), s.repairs["agents with a box of size zero"]), (2, 1));
+    let all = s.with_all_agents();
+    assert_eq!((all.start.agents.len(), all.repairs.len()), (3, 0));
+    assert_eq!((all.start.agents[2].id.as_str(), all.start.agents[2].length), ("7", 0.0));
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use std::fs;
 use std::sync::Arc;
 
-use arrow_array::builder::{Float64Builder, ListBuilder};
-use arrow_array::{ArrayRef, RecordBatch, StringArray};
+use arrow_array::builder::{Float64Builder, Int64Builder, ListBuilder};
+use arrow_array::{ArrayRef, Int64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
@@ -127,6 +127,36 @@ fn rollouts_survive_bit_for_bit() {
     );
     let error = super::refusal(&path);
     assert!(error.contains("a Parquet file of another kind"), "{error}");
+}
+
+#[test]
+fn ids_of_other_programs_may_be_whole_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.parquet");
+    let mut ids = ListBuilder::new(Int64Builder::new());
+    ids.append_value([Some(7), Some(-8)]);
+    let states = |by: f64| {
+        let mut agents = ListBuilder::new(ListBuilder::new(Float64Builder::new()));
+        for _ in 0..2 {
+            agents.values().append_value((0..80).map(|k| Some(by * f64::from(k))));
+        }
+        agents.append(true);
+        Arc::new(agents.finish()) as ArrayRef
+    };
+    let batch = RecordBatch::try_from_iter([
+        ("scenario_id", Arc::new(Int64Array::from(vec![12])) as ArrayRef),
+        ("simulator", Arc::new(StringArray::from(vec!["mine"]))),
+        ("agent_id", Arc::new(ids.finish())),
+        ("x", states(1.0)),
+        ("y", states(0.0)),
+        ("heading", states(0.0)),
+    ])
+    .unwrap();
+    let mut writer = ArrowWriter::try_new(fs::File::create(&path).unwrap(), batch.schema(), None).unwrap();
+    writer.write(&batch).unwrap();
+    writer.close().unwrap();
+    let record = rollouts::read(&path).unwrap().next().unwrap().unwrap();
+    assert_eq!((record.scenario_id.as_str(), record.agent_ids), ("12", vec!["7".into(), "-8".into()]));
 }
 
 #[test]

@@ -19,6 +19,8 @@ pub struct Proto {
     pub lanes: Vec<(u64, Vec<u64>)>,
     /// Lanes of lights.
     pub lights: Vec<u64>,
+    /// Whether there are road edges, 6 m to both sides of the lanes, with the road on their left.
+    pub edges: bool,
 }
 
 impl Default for Proto {
@@ -36,6 +38,7 @@ impl Default for Proto {
             ],
             lanes: vec![(100, vec![101]), (101, vec![])],
             lights: vec![100],
+            edges: false,
         }
     }
 }
@@ -141,6 +144,18 @@ impl Proto {
                     bytes(m, 10, &packed);
                 });
             });
+        }
+        for (id, from, to, y) in [(600, 4900.0, 5300.0, -20_006.0), (601, 5300.0, 4900.0, -19_994.0)] {
+            if self.edges {
+                message(&mut out, 8, |m| {
+                    whole(m, 1, id);
+                    message(m, 5, |m| {
+                        whole(m, 1, 1);
+                        point(m, 2, from, y);
+                        point(m, 2, to, y);
+                    });
+                });
+            }
         }
         message(&mut out, 8, |m| {
             whole(m, 1, 500);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use reactsim_files::name_of;
 use reactsim_formats::{
-    FormatError, Input, PendingScenarios, Scenarios,
+    CurrentFrames, FormatError, Input, PendingScenarios, Scenarios,
     rollouts::{ByName, RolloutRecord},
     wosac::WosacLogs,
 };
@@ -125,13 +125,19 @@ impl RunPairs {
     /// Opens a run folder with kept rollouts. `simulator` may be absent if the run has only one.
     ///
     /// # Errors
-    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, or it lacks the simulator.
+    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, it lacks the simulator, or it has
+    /// other current frames than recordings among the sources.
     pub fn open(
         folder: &Path,
         simulator: Option<&str>,
         sources: Vec<LogSource>,
     ) -> Result<Self, EvaluationError> {
         let summary = read_summary(folder)?;
+        let is_elsewhere = |file: &FileRecord| file.frames() != CurrentFrames::Stated;
+        let is_recorded = sources.iter().any(|source| matches!(source, LogSource::Recording(_)));
+        if is_recorded && summary.provenance.run.inputs.iter().any(is_elsewhere) {
+            return Err(EvaluationError::OtherCurrentFrames { path: folder.to_owned() });
+        }
         let path = folder.join(ROLLOUTS);
         if !path.exists() {
             return Err(EvaluationError::NoRollouts { path: folder.to_owned() });

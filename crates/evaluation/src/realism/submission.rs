@@ -49,6 +49,11 @@ impl SubmittedPairs {
         self.submission.metadata()?.unique_method_name.as_deref()
     }
 
+    /// Returns whether the submission is an archive that is not compressed with gzip.
+    pub fn is_plain_archive(&self) -> bool {
+        self.submission.is_plain_archive()
+    }
+
     /// Returns what the metadata lack, if the server would refuse them.
     pub fn metadata_fault(&self) -> Option<String> {
         let fault = self.submission.metadata()?.check().err()?;

@@ -34,7 +34,9 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     }
     let rollouts = ByName::open(&path)?;
     let mut pairs: BTreeMap<RecordPosition, BTreeMap<String, Vec<Row>>> = BTreeMap::new();
-    for row in read_rows(folder)? {
+    let rows = read_rows(folder)?;
+    let metrics = Row::metrics_of(&rows);
+    for row in rows {
         pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
     }
     let mut scored = 0;
@@ -58,11 +60,15 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                 // Rows have a category only if the AV is the deviated one.
                 let av = run.settings.av.parse::<AvChoice>();
                 let deviated = av.is_ok_and(|av| av.follows_deviations());
-                let comparable = |row: &Row| Row {
-                    category: row.category.clone().filter(|_| deviated),
-                    difficulty: row.difficulty.clone().filter(|_| deviated),
-                    outcomes: BTreeMap::new(),
-                    ..row.clone()
+                let comparable = |row: &Row| {
+                    let mut row = row.clone();
+                    row.restrict_to(&metrics);
+                    Row {
+                        category: row.category.filter(|_| deviated),
+                        difficulty: row.difficulty.filter(|_| deviated),
+                        outcomes: BTreeMap::new(),
+                        ..row
+                    }
                 };
                 for (stated, again) in stated.iter().zip(&again) {
                     let (stated, again) = (comparable(stated), comparable(again));

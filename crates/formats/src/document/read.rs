@@ -147,9 +147,14 @@ impl Location<'_> {
         }
     }
 
-    /// Refuses states beyond the limits of scenarios.
-    fn within_limits(self, field: &str, track: &[Frame]) -> Result<(), DocumentError> {
-        match limits::first_beyond(track, self.center.unwrap_or_default()) {
+    /// Refuses states of an agent beyond the limits of scenarios. If it has no extent they are padding and
+    /// become absent.
+    fn within_limits(self, agent: &Agent, field: &str, track: &mut [Frame]) -> Result<(), DocumentError> {
+        let center = self.center.unwrap_or_default();
+        if !agent.has_extent() {
+            limits::drop_beyond(track, center);
+        }
+        match limits::first_beyond(track, center) {
             Some((f, name, value, expected)) => {
                 Err(self.error(format!("{field}.{name}[{f}]"), value, expected))
             }
@@ -229,13 +234,16 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
     }
     // The AV is usually present at the current frame; then its position is the center.
     let known = |agent: &LoggedAgent| {
+        if !agent.agent.has_extent() {
+            return None;
+        }
         let now = agent.track.get(current).copied().flatten();
         now.or_else(|| agent.track.iter().flatten().next().copied())
     };
     let center = known(&agents[raw.av_index]).or_else(|| agents.iter().find_map(known));
     let at = Location { center: center.map(|state| state.position()), ..at };
-    for (i, agent) in agents.iter().enumerate() {
-        at.within_limits(&format!("agents[{i}] (`{}`)", agent.agent.id), &agent.track)?;
+    for (i, LoggedAgent { agent, track, .. }) in agents.iter_mut().enumerate() {
+        at.within_limits(agent, &format!("agents[{i}] (`{}`)", agent.id), track)?;
     }
     let log = match raw.log {
         None => None,
@@ -248,8 +256,8 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
                         let field = format!("log[{i}]");
                         let part = at.part(&field, value)?;
                         let field = format!("{field} (agent `{}`)", agent.agent.id);
-                        let log = logged(at, &field, part, current, frames)?;
-                        at.within_limits(&field, &log.track)?;
+                        let mut log = logged(at, &field, part, current, frames)?;
+                        at.within_limits(&agent.agent, &field, &mut log.track)?;
                         Ok(log)
                     })
                     .collect::<Result<_, DocumentError>>()?,
@@ -264,8 +272,8 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
             let field = format!("rollouts[{r}][{i}]");
             let RawTrack { x, y, heading } = at.part(&field, value)?;
             let field = format!("{field} (agent `{}`)", agents[i].agent.id);
-            let track = track(at, &field, [x, y, heading], None, [None, None], future)?;
-            at.within_limits(&field, &track)?;
+            let mut track = track(at, &field, [x, y, heading], None, [None, None], future)?;
+            at.within_limits(&agents[i].agent, &field, &mut track)?;
             tracks.push(track);
         }
         rollouts.push(tracks);

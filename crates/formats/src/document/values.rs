@@ -8,7 +8,14 @@ use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 
 /// A number, or `None` for null. NaN and infinities arrive as strings, see [`quote_not_finite`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Number(pub(super) Option<f64>);
+pub(crate) struct Number(pub(super) Option<f64>);
+
+impl Number {
+    /// Returns the number, NaN for null.
+    pub(crate) fn or_nan(self) -> f64 {
+        self.0.unwrap_or(f64::NAN)
+    }
+}
 
 /// Implements the visitor's methods for all representations of a number.
 macro_rules! numbers {
@@ -132,7 +139,7 @@ impl<'de> Deserialize<'de> for Points {
 
 /// Builds a point. Null coordinates become NaN, which is refused later with the path of the field.
 fn point([x, y]: [Number; 2]) -> Vec2 {
-    Vec2::new(x.0.unwrap_or(f64::NAN), y.0.unwrap_or(f64::NAN))
+    Vec2::new(x.or_nan(), y.or_nan())
 }
 
 /// A polygon: its exterior alone, or `{"exterior", "holes"}`.
@@ -182,7 +189,7 @@ impl<'de> Deserialize<'de> for Area {
 /// Puts quotes around the words NaN, Infinity and -Infinity outside of strings. They are not valid JSON, but
 /// common writers produce them. When quoted, they are refused with the name of their field instead of a
 /// column number.
-pub(super) fn quote_not_finite(text: &str) -> Cow<'_, str> {
+pub(crate) fn quote_not_finite(text: &str) -> Cow<'_, str> {
     if !(text.contains("NaN") || text.contains("Infinity")) {
         return Cow::Borrowed(text);
     }

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use reactsim_scene::Scenario;
 
 use self::raw::RawScenario;
+use super::document::values::quote_not_finite;
 use super::error::{Cause, FormatError};
 use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, read_whole};
 
@@ -59,9 +60,12 @@ impl ScenarioFormat for GpuDrive {
 }
 
 fn read(path: &Path) -> Result<Scenario, FormatError> {
+    let undecodable = |e: String| FormatError::file(path, Cause::Undecodable(e)).at(0);
     let text = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
-    let raw: RawScenario = serde_json::from_slice(&text)
-        .map_err(|e| FormatError::file(path, Cause::Undecodable(e.to_string())).at(0))?;
+    let text = String::from_utf8(text).map_err(|e| undecodable(e.to_string()))?;
+    // Python writes NaN.
+    let raw: RawScenario =
+        serde_json::from_str(&quote_not_finite(&text)).map_err(|e| undecodable(e.to_string()))?;
     drop(text);
     let id = raw.id();
     let converted = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, id, cause))?;

@@ -8,12 +8,16 @@ use reactsim_scene::{
 };
 
 use super::angles;
-use super::raw::{Name, RawLight, RawObject, RawScenario};
+use super::raw::{Name, Point, RawLight, RawObject, RawScenario};
 use super::roads;
 use crate::error::Cause;
 
 /// Coordinate in metres that marks invalid frames.
 const INVALID_COORDINATE: f64 = -10_000.0;
+
+/// Name of the repair that counts AVs that the file does not mark.
+const UNMARKED_AV: &str =
+    "mark of the AV (`metadata.sdc_track_index`) that the file lacks: the last object is taken";
 
 /// Scenario parts of a file, with the omitted elements.
 pub(super) struct ConvertedScenario {
@@ -33,7 +37,8 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
         let found = usize::try_from(value).ok().filter(|i| *i < ids.len());
         found.ok_or_else(|| Cause::value(field, value, expected()))
     };
-    // The AV is the last object of every file; newer files state its index.
+    // The AV is the last object of the files of GPUDrive; newer files state its index, which that program needs.
+    let is_av_stated = raw.metadata.as_ref().is_some_and(|m| m.sdc_track_index.is_some());
     let av = match raw.metadata.as_ref().and_then(|m| m.sdc_track_index) {
         Some(given) => index("metadata.sdc_track_index", given)?,
         None => {
@@ -58,7 +63,10 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
     for (lane, light) in raw.tl_states {
         lights.extend(self::light(lane, &light)?);
     }
-    let (mut map, left_out) = roads::map(raw.roads)?;
+    let (mut map, mut left_out) = roads::map(raw.roads)?;
+    if !is_av_stated {
+        left_out.insert(UNMARKED_AV, 1);
+    }
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
         id,
@@ -81,6 +89,11 @@ fn name(id: &Option<Name>, index: usize) -> String {
     id.as_ref().map_or_else(|| index.to_string(), Name::to_string)
 }
 
+/// Returns whether a position marks an invalid frame.
+fn is_unset(at: Point) -> bool {
+    at.x == INVALID_COORDINATE && at.y == INVALID_COORDINATE
+}
+
 fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAgent, Cause> {
     let lengths = [
         ("position", object.position.len()),
@@ -96,12 +109,14 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
     let heights = (0..FRAMES).map(|f| bottom(f).filter(|_| object.valid[f])).collect();
     let mut track = Vec::with_capacity(FRAMES);
     for f in 0..FRAMES {
-        if !object.valid[f] {
+        // Padding slots have no extent.
+        let is_padding = !(object.length > 0.0 && object.width > 0.0) && is_unset(object.position[f]);
+        if !object.valid[f] || is_padding {
             track.push(None);
             continue;
         }
         let (at, v) = (object.position[f], object.velocity[f]);
-        if at.x == INVALID_COORDINATE && at.y == INVALID_COORDINATE {
+        if is_unset(at) {
             let field = format!("objects[{i}].position[{f}]");
             let expected =
                 "a position where `valid` is true; set `valid` to false where the object is absent";

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use reactsim_geometry::Vec2;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
+
+use crate::document::values::Number;
 
 #[derive(Deserialize)]
 #[serde(expecting = "an object")]
@@ -55,12 +57,15 @@ pub(super) struct RawObject {
     pub(super) id: Option<Name>,
     #[serde(rename = "type")]
     pub(super) kind: String,
+    #[serde(deserialize_with = "number")]
     pub(super) length: f64,
+    #[serde(deserialize_with = "number")]
     pub(super) width: f64,
     #[serde(default)]
     pub(super) height: Option<f64>,
     pub(super) position: Vec<Point>,
     pub(super) velocity: Vec<Point>,
+    #[serde(deserialize_with = "numbers")]
     pub(super) heading: Vec<f64>,
     pub(super) valid: Vec<bool>,
 }
@@ -91,10 +96,23 @@ pub(super) struct RawLight {
 #[derive(Clone, Copy, Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct Point {
+    #[serde(deserialize_with = "number")]
     pub(super) x: f64,
+    #[serde(deserialize_with = "number")]
     pub(super) y: f64,
     #[serde(default)]
     pub(super) z: Option<f64>,
+}
+
+/// Reads a number. Null and NaN, which are unknown velocities, are NaN; elsewhere a scenario refuses them by
+/// their place.
+fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Number::deserialize(deserializer).map(Number::or_nan)
+}
+
+/// Reads numbers as [`number`] does.
+fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    Ok(Vec::<Number>::deserialize(deserializer)?.into_iter().map(Number::or_nan).collect())
 }
 
 impl From<Point> for Vec2 {

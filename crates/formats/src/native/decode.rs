@@ -47,7 +47,8 @@ impl Rows {
         self.text("digest", row).ok()
     }
 
-    /// Decodes the scenario of a row; its digest must match the stored one.
+    /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the benchmark
+    /// selects or with all agents.
     pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
@@ -58,6 +59,12 @@ impl Rows {
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
         if found == expected {
+            return Ok(scenario);
+        }
+        // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
+        // with all agents from one with the agents of the benchmark.
+        let scenario = scenario.with_all_agents();
+        if scenario.digest() == expected {
             return Ok(scenario);
         }
         Err(refuse(Cause::Checksum { what: "the scenario", found, expected: expected.to_owned() }))

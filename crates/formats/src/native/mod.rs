@@ -171,3 +171,6 @@ impl Writer {
 fn wrong(column: &str, value: impl std::fmt::Display, expected: &str) -> Cause {
     Cause::value(format!("`{column}`"), value, expected)
 }
+
+#[cfg(test)]
+mod tests;

@@ -201,6 +201,11 @@ pub struct View {
     cells: Cells,
 }
 
+/// Returns a whole number as text.
+fn decimal<T: ToString>(number: Option<T>) -> Option<String> {
+    number.map(|number| number.to_string())
+}
+
 /// Innermost cells of a column.
 enum Cells {
     Number(Float64Array),
@@ -257,6 +262,13 @@ impl View {
             (Leaf::Whole, DataType::Int32) => {
                 let whole = array.as_primitive::<Int32Type>();
                 Cells::Whole(whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?)
+            }
+            // Ids of other programs may be whole numbers.
+            (Leaf::Text, DataType::Int64) => {
+                Cells::Text(array.as_primitive::<Int64Type>().iter().map(decimal).collect())
+            }
+            (Leaf::Text, DataType::Int32) => {
+                Cells::Text(array.as_primitive::<Int32Type>().iter().map(decimal).collect())
             }
             _ => return Err(refuse()),
         };

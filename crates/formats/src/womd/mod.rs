@@ -1,11 +1,15 @@
 //! The Waymo Open Motion Dataset: `Scenario` messages in TFRecord files, plain, gzip or zstd.
 
+mod example;
 pub(super) mod message;
 mod parts;
 pub(super) mod record;
 pub(super) mod size;
+pub(super) mod window;
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use prost::Message;
 use reactsim_files::name_of;
@@ -13,9 +17,11 @@ use reactsim_scene::Scenario;
 
 use self::message::Scenario as Proto;
 use self::record::Records;
+use self::window::Window;
 use super::error::{Cause, FormatError};
 use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
+    CurrentFrames, PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario,
+    is_parquet, named,
 };
 
 /// The format of the Waymo Open Motion Dataset.
@@ -35,11 +41,16 @@ impl ScenarioFormat for Womd {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+        let records = Reader::open(path, CurrentFrames::Stated)?;
+        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(Reader::open(path)?))
+        Ok(Box::new(Reader::open(path, CurrentFrames::Stated)?))
+    }
+
+    fn open_at(&self, path: &Path, frames: CurrentFrames) -> Option<Result<PendingScenarios, FormatError>> {
+        Some(Reader::open(path, frames).map(|reader| Box::new(reader) as PendingScenarios))
     }
 
     fn count(&self, path: &Path) -> Option<usize> {
@@ -60,13 +71,17 @@ fn has_tfrecord_name(path: &Path) -> bool {
 struct Reader {
     path: PathBuf,
     records: Records,
+    frames: CurrentFrames,
     /// Index of the next record.
     next: u64,
+    /// Further windows of the record that was read last.
+    windows: VecDeque<UndecodedScenario>,
 }
 
 impl Reader {
-    fn open(path: &Path) -> Result<Self, FormatError> {
-        Ok(Self { path: path.to_owned(), records: Records::open(path)?, next: 0 })
+    fn open(path: &Path, frames: CurrentFrames) -> Result<Self, FormatError> {
+        let (records, path) = (Records::open(path)?, path.to_owned());
+        Ok(Self { path, records, frames, next: 0, windows: VecDeque::new() })
     }
 }
 
@@ -74,20 +89,37 @@ impl Iterator for Reader {
     type Item = Result<UndecodedScenario, FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let payload = self.records.next()?.map(<[u8]>::to_vec);
-        let (path, record) = (self.path.clone(), self.next);
+        if let Some(window) = self.windows.pop_front() {
+            return Some(Ok(window));
+        }
+        let record = self.next;
         self.next += 1;
-        Some(payload.map(|payload| Box::new(move || read_one(&path, record, &payload)) as UndecodedScenario))
+        let payload: Arc<[u8]> = match self.records.next()? {
+            Ok(payload) => payload.into(),
+            Err(error) => return Some(Err(error)),
+        };
+        let read = |window: Window| -> UndecodedScenario {
+            let (path, payload) = (self.path.clone(), Arc::clone(&payload));
+            Box::new(move || read_one(&path, record, &payload, window))
+        };
+        match self.frames {
+            CurrentFrames::Stated => Some(Ok(read(Window::Stated))),
+            CurrentFrames::At(frame) => Some(Ok(read(Window::At(frame)))),
+            CurrentFrames::Every(step) => {
+                self.windows = Window::every(step.get(), &payload).map(read).collect();
+                self.windows.pop_front().map(Ok)
+            }
+        }
     }
 }
 
-fn read_one(path: &Path, record: u64, payload: &[u8]) -> Result<Scenario, FormatError> {
+fn read_one(path: &Path, record: u64, payload: &[u8], window: Window) -> Result<Scenario, FormatError> {
     size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
-    let proto = Proto::decode(payload)
+    let mut proto = Proto::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();
-    let (parts, missing) =
-        parts::parts(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
+    let converted = window.crop(&mut proto).and_then(|()| parts::parts(proto));
+    let (parts, missing) = converted.map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
     if missing > 0 {
         scenario.repairs.insert(UNRECORDED_FRAMES.into(), missing);

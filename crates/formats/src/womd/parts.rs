@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, HISTORY, LANE_HALF_WIDTH, LaneArea,
-    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts,
-    RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, LANE_HALF_WIDTH, LaneArea, LaneClass,
+    LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge,
+    RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
 use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};
@@ -15,17 +15,11 @@ use crate::error::Cause;
 /// One mile per hour in m/s.
 const MPH: f64 = 0.44704;
 
-/// Converts a message to scenario parts. Also returns the number of frames that are not recorded: the
-/// scenarios of the test split end at the current frame.
+/// Converts a message of 91 or 11 frames, as [`Window::crop`](super::Window::crop) leaves them, to scenario
+/// parts. Also returns the number of frames that are not recorded: the scenarios of the test split end at the
+/// current frame.
 pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> {
-    if proto.current_time_index != CURRENT as i32 {
-        return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
-    }
     let frames = proto.timestamps_seconds.len();
-    if frames != FRAMES && frames != HISTORY {
-        let expected = "91 entries (9.1 s at 10 Hz), or 11 without the future";
-        return Err(Cause::value("timestamps_seconds", entries(frames), expected));
-    }
     let last = proto.timestamps_seconds[frames - 1];
     proto.timestamps_seconds.extend((frames..FRAMES).map(|f| last + (f + 1 - frames) as f64 * DT));
     let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
@@ -36,11 +30,11 @@ pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> 
         tracks_to_predict.push(proto.tracks[track].id.to_string());
     }
     let mut agents = Vec::with_capacity(proto.tracks.len());
-    for (i, track) in proto.tracks.iter().enumerate() {
-        agents.push(agent(i, track, frames)?);
+    for track in &proto.tracks {
+        agents.push(agent(track));
     }
     let mut map = map(proto.map_features);
-    let lights = lights(&proto.dynamic_map_states, &map, frames)?;
+    let lights = lights(&proto.dynamic_map_states, &map);
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
         id: proto.scenario_id,
@@ -58,10 +52,6 @@ pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> 
     Ok((parts, (FRAMES - frames) as u32))
 }
 
-fn entries(count: usize) -> String {
-    format!("{count} entries")
-}
-
 fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
     usize::try_from(value)
         .ok()
@@ -69,13 +59,8 @@ fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
         .ok_or_else(|| Cause::value(field, value, format!("the index of one of {} tracks", tracks.len())))
 }
 
-/// Converts a track of this many frames. Frames that are not recorded are absent.
-fn agent(i: usize, track: &Track, frames: usize) -> Result<LoggedAgent, Cause> {
-    if track.states.len() != frames {
-        let found = entries(track.states.len());
-        let expected = format!("{frames} entries, as in timestamps_seconds");
-        return Err(Cause::value(format!("tracks[{i}].states"), found, expected));
-    }
+/// Converts a track. Frames that are not recorded are absent.
+fn agent(track: &Track) -> LoggedAgent {
     // The benchmark uses the box at the current frame; agents that are absent then have their first recorded
     // box.
     let sized = if track.states[CURRENT].valid {
@@ -104,7 +89,7 @@ fn agent(i: usize, track: &Track, frames: usize) -> Result<LoggedAgent, Cause> {
     states.resize(FRAMES, None);
     let bottom = |s: &super::message::ObjectState| s.valid.then(|| s.center_z - 0.5 * f64::from(s.height));
     let heights = track.states.iter().map(bottom).chain(std::iter::repeat(None)).take(FRAMES).collect();
-    Ok(LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states, heights })
+    LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states, heights }
 }
 
 fn point(p: &MapPoint) -> Vec2 {
@@ -195,11 +180,7 @@ fn add_heights(heights: &mut MapHeights, feature: &Feature) {
 /// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is
 /// placed at the start of its lane, where nearly all recorded stop points are. A light without a lane is
 /// dropped and counted later.
-fn lights(states: &[DynamicMapState], map: &MapParts, frames: usize) -> Result<Vec<LightParts>, Cause> {
-    if !states.is_empty() && states.len() != frames {
-        let expected = format!("{frames} entries, as in timestamps_seconds, or none");
-        return Err(Cause::value("dynamic_map_states", entries(states.len()), expected));
-    }
+fn lights(states: &[DynamicMapState], map: &MapParts) -> Vec<LightParts> {
     let (mut order, mut indices) = (Vec::new(), BTreeMap::new());
     let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
     for (f, frame) in states.iter().enumerate() {
@@ -224,5 +205,5 @@ fn lights(states: &[DynamicMapState], map: &MapParts, frames: usize) -> Result<V
         let start = || starts.get(lane.as_str()).copied().flatten();
         LightParts { stop_point: stop.or_else(start).unwrap_or_default(), states, lane }
     };
-    Ok(order.into_iter().zip(lights).map(place).collect())
+    order.into_iter().zip(lights).map(place).collect()
 }

@@ -1,12 +1,13 @@
 //! TFRecord framing: u64 length, u32 masked CRC-32C of the length, payload, u32 masked CRC-32C of the
 //! payload, little-endian.
 
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use flate2::read::MultiGzDecoder;
+use flate2::bufread::GzDecoder;
 use reactsim_files::{as_url, open_regular};
 
+use super::example::is_example;
 use crate::error::{Cause, FormatError};
 use crate::format::{GZIP, ZSTD, head};
 
@@ -53,6 +54,13 @@ impl Records {
         let record = self.next;
         self.next += 1;
         match self.advance() {
+            Ok(true) if is_example(&self.payload) => {
+                self.ended = true;
+                let expected = "records with `Scenario` messages: take the files of the data set's folder \
+                                `scenario`, such as training.tfrecord-00000-of-01000";
+                let cause = Cause::value("the content", "tf.Example records", expected);
+                Some(Err(FormatError::file(&self.path, cause).at(record)))
+            }
             Ok(true) => Some(Ok(&self.payload)),
             Ok(false) => {
                 self.ended = true;
@@ -153,10 +161,47 @@ pub(crate) fn source(path: &Path) -> std::io::Result<Box<dyn Read + Send>> {
         decoder.window_log_max(MAX_WINDOW_LOG)?;
         Box::new(decoder)
     } else if first.starts_with(GZIP) {
-        Box::new(BufReader::with_capacity(BUFFER_SIZE, MultiGzDecoder::new(BufReader::new(file))))
+        let members = GzipMembers { member: Some(GzDecoder::new(BufReader::new(file))) };
+        Box::new(BufReader::with_capacity(BUFFER_SIZE, members))
     } else {
         Box::new(BufReader::with_capacity(BUFFER_SIZE, file))
     })
+}
+
+/// Reader of the members of a gzip file, one after another. Zeros after a member are padding, as for `gzip`:
+/// files on tapes and in blocks end with it.
+struct GzipMembers<R> {
+    /// The current member; `None` at the end of the file.
+    member: Option<GzDecoder<R>>,
+}
+
+impl<R: BufRead> Read for GzipMembers<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        while let Some(member) = &mut self.member {
+            let read = member.read(buffer)?;
+            if read > 0 || buffer.is_empty() {
+                return Ok(read);
+            }
+            if let Some(mut rest) = self.member.take().map(GzDecoder::into_inner)
+                && skip_zeros(&mut rest)?
+            {
+                self.member = Some(GzDecoder::new(rest));
+            }
+        }
+        Ok(0)
+    }
+}
+
+/// Passes over zeros. Returns whether another byte follows them.
+fn skip_zeros(source: &mut impl BufRead) -> std::io::Result<bool> {
+    loop {
+        let bytes = source.fill_buf()?;
+        let (length, zeros) = (bytes.len(), bytes.iter().take_while(|byte| **byte == 0).count());
+        source.consume(zeros);
+        if zeros < length || length == 0 {
+            return Ok(length > 0);
+        }
+    }
 }
 
 fn length(header: &[u8; HEADER_SIZE]) -> Result<u64, Cause> {

@@ -17,6 +17,8 @@ const MAX_EXTENSION_LENGTH: u64 = 1 << 16;
 const MAX_PADDING: u64 = 1 << 20;
 /// Position and length of the checksum in a header.
 const CHECKSUM: std::ops::Range<usize> = 148..156;
+/// Position of the name of the format in a header, and this name.
+const MAGIC: (std::ops::Range<usize>, &[u8]) = (257..262, b"ustar");
 
 /// Reader of a tar archive. It reads as the current file.
 pub(super) struct Archive {
@@ -78,7 +80,7 @@ impl Archive {
     fn header(&mut self) -> Result<Option<Header>, Cause> {
         let mut block = Vec::new();
         (&mut self.source).take(BLOCK as u64).read_to_end(&mut block).map_err(Cause::read)?;
-        if block.is_empty() || block.len() == BLOCK && block.iter().all(|&byte| byte == 0) {
+        if block.is_empty() || ends(&block) {
             return Ok(None);
         }
         if block.len() < BLOCK {
@@ -120,8 +122,19 @@ impl Read for Archive {
     }
 }
 
-fn damaged(what: &str) -> Cause {
+/// Returns the error of a damaged archive.
+pub(super) fn damaged(what: &str) -> Cause {
     Cause::Undecodable(format!("{what}; fetch the archive again"))
+}
+
+/// Returns whether a block is the end of an archive: zeros.
+pub(super) fn ends(block: &[u8]) -> bool {
+    block.len() == BLOCK && block.iter().all(|&byte| byte == 0)
+}
+
+/// Returns whether a block is marked as a header but has no matching checksum.
+pub(super) fn is_damaged(block: &[u8]) -> bool {
+    block.get(MAGIC.0) == Some(MAGIC.1) && header(block).is_none()
 }
 
 /// Returns a header if its checksum matches.

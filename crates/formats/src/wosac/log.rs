@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use prost::Message;
 use reactsim_scene::{
-    AgentKind, CURRENT,
+    AgentKind, CURRENT, FRAMES,
     wosac::{LaneSignal, SurfaceLane, WosacLog, WosacTrack},
 };
 
@@ -13,6 +13,7 @@ use crate::error::{Cause, FormatError};
 use crate::womd::message::{Feature, MapPoint, Scenario, Track, TrafficSignalLaneState};
 use crate::womd::record::{MAX_RECORD_LENGTH, Records, source};
 use crate::womd::size;
+use crate::womd::window::crop_to_stated;
 
 /// Code of lanes of surface streets.
 const SURFACE_STREET: i32 = 2;
@@ -136,10 +137,13 @@ impl Iterator for WosacLogs {
 
 fn decode(path: &Path, record: u64, payload: &[u8]) -> Result<WosacLog, FormatError> {
     size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
-    let proto = Scenario::decode(payload)
+    let mut proto = Scenario::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();
-    let log = log(proto).map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
+    let cropped = if proto.timestamps_seconds.len() > FRAMES { crop_to_stated(&mut proto) } else { Ok(()) };
+    let log = cropped
+        .and_then(|()| log(proto))
+        .map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
     log.check().map_err(|e| FormatError::scene(path, record, e))?;
     Ok(log)
 }

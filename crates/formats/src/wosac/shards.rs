@@ -64,6 +64,11 @@ impl Shards {
         Ok(())
     }
 
+    /// Returns whether no file was added.
+    pub(super) fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
     /// Checks that no file is missing.
     ///
     /// # Errors

@@ -12,7 +12,11 @@ use super::rollouts::read_rollouts;
 use super::shards::Shards;
 use super::stream::{Event, SubmissionStream};
 use crate::error::{Cause, FormatError};
+use crate::format::is_gzip;
 use crate::womd::record::source;
+
+/// Expected content, for errors.
+const EXPECTED: &str = "files named `NAME.binproto-00000-of-00150` or `NAME.binproto`";
 
 /// The rollouts of a scenario and their place in the submission.
 #[derive(Clone, Debug)]
@@ -33,6 +37,8 @@ pub struct SubmissionReader {
     current: Option<Current>,
     shards: Shards,
     metadata: Option<(PathBuf, SubmissionMetadata)>,
+    /// Whether it is an archive that is not compressed with gzip.
+    is_plain: bool,
 }
 
 /// The files that are not yet read.
@@ -72,11 +78,26 @@ impl SubmissionReader {
             let head = source.get_ref().0.get_ref();
             match archive::header(head) {
                 Some(_) => Files::Archive(Archive::new(Box::new(source))),
+                None if archive::ends(head) => {
+                    return Err(refuse(Cause::value("the archive", "empty", EXPECTED)));
+                }
+                None if archive::is_damaged(head) => {
+                    return Err(refuse(archive::damaged("the checksum of the first header does not match")));
+                }
                 None if is_of_one_scenario(head) => Files::OneScenario,
                 None => Files::Paths { paths: VecDeque::from([path.to_owned()]), open: Some(source) },
             }
         };
-        Ok(Self { path: path.to_owned(), files, current: None, shards: Shards::default(), metadata: None })
+        let is_archive = matches!(files, Files::Archive(_));
+        let is_plain = is_archive && !is_gzip(path).map_err(|e| refuse(Cause::read(e)))?;
+        let shards = Shards::default();
+        Ok(Self { path: path.to_owned(), files, current: None, shards, metadata: None, is_plain })
+    }
+
+    /// Returns whether the submission is an archive that is not compressed with gzip, whatever its name: the
+    /// server takes only those that are.
+    pub fn is_plain_archive(&self) -> bool {
+        self.is_plain
     }
 
     /// Returns the metadata of the files read so far.
@@ -121,7 +142,14 @@ impl SubmissionReader {
     }
 
     fn end(&mut self) -> Result<bool, FormatError> {
+        let is_archive = matches!(self.files, Files::Archive(_));
         self.files = Files::Ended;
+        if is_archive && self.shards.is_empty() {
+            return Err(FormatError::file(
+                &self.path,
+                Cause::value("the archive", "without files", EXPECTED),
+            ));
+        }
         self.shards.check().map_err(|cause| FormatError::file(&self.path, cause))?;
         Ok(false)
     }
@@ -220,8 +248,7 @@ fn files_of(folder: &Path) -> Result<VecDeque<PathBuf>, Cause> {
         }
     }
     if paths.is_empty() {
-        let expected = "files named `NAME.binproto-00000-of-00150` or `NAME.binproto`";
-        return Err(Cause::value("the content of the folder", "no file of a submission", expected));
+        return Err(Cause::value("the content of the folder", "no file of a submission", EXPECTED));
     }
     paths.sort();
     Ok(paths.into())

@@ -96,14 +96,57 @@ fn submissions_are_read_as_they_were_written() {
     let tar_path = folder.path().join("b.tar");
     fs::write(&tar_path, &plain).unwrap();
     assert_eq!(read(&tar_path).0.len(), 3);
+    let is_plain = |path: &Path| SubmissionReader::open(path).unwrap().is_plain_archive();
+    assert!(is_plain(&tar_path) && !is_plain(&path));
+    // Whatever its name.
+    fs::write(folder.path().join("c.tar.gz"), &plain).unwrap();
+    assert!(is_plain(&folder.path().join("c.tar.gz")));
     let unpacked = folder.path().join("unpacked");
     tar::Archive::new(plain.as_slice()).unpack(&unpacked).unwrap();
     let (read_back, errors) = read(&unpacked);
     assert!(errors.is_empty() && read_back.iter().map(|s| &s.rollouts).eq(&expected));
+    assert!(!is_plain(&unpacked));
     assert_eq!(read(&unpacked.join("method.binproto-00000-of-00003")).0.len(), 2);
     fs::remove_file(unpacked.join("method.binproto-00001-of-00003")).unwrap();
     let error = read(&unpacked).1[0].to_string();
     assert!(error.contains("2 of 3, without number 1"), "{error}");
+}
+
+#[test]
+fn zeros_after_gzip_are_padding() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tar.gz");
+    write(&path, &[&["s0"]]);
+    let sound = fs::read(&path).unwrap();
+    fs::write(&path, [sound.clone(), vec![0; 100_000]].concat()).unwrap();
+    let (read_back, errors) = read(&path);
+    assert!(read_back.len() == 1 && errors.is_empty(), "{errors:?}");
+    fs::write(&path, [sound, vec![0; 10], b"more".to_vec()].concat()).unwrap();
+    assert_eq!(read(&path).1.len(), 1, "anything else is damage");
+}
+
+#[test]
+fn empty_and_damaged_archives_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let refusal = |name: &str, content: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, content).unwrap();
+        let opened = SubmissionReader::open(&path).and_then(|reader| reader.collect::<Result<Vec<_>, _>>());
+        opened.unwrap_err().to_string()
+    };
+    let empty = refusal("empty.tar", &vec![0; 10_240]);
+    assert!(empty.contains("empty.tar: the archive is empty, expected files named"), "{empty}");
+    let mut archive = tar::Builder::new(Vec::new());
+    let mut header = tar::Header::new_gnu();
+    header.set_entry_type(tar::EntryType::Directory);
+    header.set_size(0);
+    archive.append_data(&mut header, "./", std::io::empty()).unwrap();
+    let mut folders = archive.into_inner().unwrap();
+    let without = refusal("folders.tar", &folders);
+    assert!(without.contains("folders.tar: the archive is without files"), "{without}");
+    folders[0] ^= 1;
+    let damaged = refusal("damaged.tar", &folders);
+    assert!(damaged.contains("the checksum of the first header does not match"), "{damaged}");
 }
 
 #[test]

@@ -15,17 +15,17 @@ const PROXIMITY: f64 = 5.0;
 
 /// The position of a pose on its lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LanePosition {
+pub(crate) struct LanePosition {
     /// Index of the lane.
-    pub(super) lane: usize,
+    pub(crate) lane: usize,
     /// Arc length of the nearest point of the baseline, metres.
     pub(super) s: f64,
     /// Heading of the segment that contains this point, radians.
-    pub(super) theta: f64,
+    pub(crate) theta: f64,
 }
 
 /// Assigns lanes to poses; reuses its buffers for all vehicles.
-pub(super) struct Tracker<'c> {
+pub(crate) struct Tracker<'c> {
     road: Road<'c>,
     /// Whether to ignore bike lanes: in maps without drivable polygons they overlap adjacent lanes.
     skip_bikes: bool,
@@ -39,7 +39,7 @@ pub(super) struct Tracker<'c> {
 }
 
 impl<'c> Tracker<'c> {
-    pub(super) fn new(case: &Case<'c>) -> Self {
+    pub(crate) fn new(case: &Case<'c>) -> Self {
         let skip_bikes = case.road.map.drivable_area.is_none()
             && case.road.map.lanes.iter().any(|l| l.class == LaneClass::Bike);
         Self {
@@ -107,13 +107,16 @@ impl<'c> Tracker<'c> {
         placed: &mut Vec<Option<LanePosition>>,
     ) {
         placed.clear();
-        for f in run {
-            self.road = case.road_under(agent, f);
-            self.look_up(case.motion.position(agent, f));
-            let heading = case.motion.heading[case.motion.at(agent, f)];
-            let all = self.hits.iter().map(|h| self.position(h.lane, &h.projection));
-            placed.push(least_error(all, heading));
-        }
+        placed.extend(run.map(|f| self.pointwise_at(case, agent, f)));
+    }
+
+    /// Assigns the pose at a frame as [`Self::pointwise`] does.
+    pub(crate) fn pointwise_at(&mut self, case: &Case<'c>, agent: usize, f: usize) -> Option<LanePosition> {
+        self.road = case.road_under(agent, f);
+        self.look_up(case.motion.position(agent, f));
+        let heading = case.motion.heading[case.motion.at(agent, f)];
+        let all = self.hits.iter().map(|h| self.position(h.lane, &h.projection));
+        least_error(all, heading)
     }
 
     /// Assigns poses to lanes by nuPlan's `get_route` and `remove_extra_lane_connectors`, on box centres.

@@ -133,6 +133,36 @@ fn collisions_on_the_log_are_told_from_others() {
     assert_eq!(distance(&scene), (None, None));
 }
 
+/// A trailer overlaps its tractor from the first frame on; a car drives into the pair later.
+#[test]
+fn pairs_that_overlap_at_the_current_frame_can_be_left_out() {
+    let pair = |av: bool| {
+        let agents = vec![
+            car("av", straight(if av { 0.0 } else { 300.0 }, 0.0, 1.0, 0.0)),
+            car("tractor", straight(3.0, 0.0, 1.0, 0.0)),
+            car("trailer", straight(0.0, if av { 20.0 } else { 0.0 }, 1.0, 0.0)),
+            car("late", straight(-10.05, 0.0, 2.0, 0.0)),
+        ];
+        scene(RoadMap::default(), agents)
+    };
+    let value = |scene: &Scene, exclude_initial_overlap: bool, aa_include_av: bool, id: &str| {
+        let options = Options { exclude_initial_overlap, aa_include_av, ..Options::default() };
+        score_case(&scene.case(options)).score(id)
+    };
+    // The late car touches the trailer after 6.05 s.
+    let towed = pair(false);
+    assert_eq!(value(&towed, false, false, "aa-collision"), Some(Score::Rate { hits: 180, valid: 240 }));
+    assert_eq!(value(&towed, true, false, "aa-collision"), Some(Score::Rate { hits: 40, valid: 240 }));
+    // A vehicle that overlaps the AV: contact, risky approach and, if the AV is a partner, collision.
+    let joined = pair(true);
+    for id in ["aav-overlap", "aav-ttc"] {
+        assert_eq!(value(&joined, false, false, id), Some(Score::Count(2)), "{id}");
+        assert_eq!(value(&joined, true, false, id), Some(Score::Count(1)), "{id}");
+    }
+    assert_eq!(value(&joined, false, true, "aa-collision"), Some(Score::Rate { hits: 100, valid: 240 }));
+    assert_eq!(value(&joined, true, true, "aa-collision"), Some(Score::Rate { hits: 20, valid: 240 }));
+}
+
 /// Touching is not a collision: a gap of 0 between boxes whose distance is computed exactly.
 #[test]
 fn touching_is_no_collision() {

@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_geometry::Vec2;
 
-use crate::limits::{MAX_BOX_SIZE, MAX_COORDINATE, MAX_HEADING, MAX_VELOCITY};
+use crate::limits::{MAX_BOX_SIZE, MAX_COORDINATE, MAX_HEADING, MAX_VELOCITY, drop_beyond};
 use crate::{
-    AgentState, CURRENT, Certificate, DT, FRAMES, FUTURE, LoggedAgent, MapParts, ScenarioParts, SceneError,
+    AgentState, CURRENT, Certificate, DT, FRAMES, FUTURE, Frame, LoggedAgent, MapParts, ScenarioParts,
+    SceneError,
 };
 
 /// Maximum length of the name of a scenario, an agent or a lane, bytes.
@@ -109,7 +110,7 @@ impl Builder {
             )?;
         }
         let av = &parts.agents[parts.av].agent;
-        if !(av.length > 0.0 && av.width > 0.0) {
+        if !av.has_extent() {
             let value = format!("{} m x {} m", av.length, av.width);
             return Err(self.error(format!("agents[{}]", parts.av), value, "a positive box size for the AV"));
         }
@@ -255,6 +256,11 @@ impl Builder {
             }
         }
         Ok(())
+    }
+
+    /// Removes the states of an agent without an extent that are beyond the limits.
+    pub(super) fn drop_padding(&self, track: &mut [Frame]) {
+        drop_beyond(track, self.shift);
     }
 
     /// Checks the responses of a certificate and transforms them into the scenario frame.

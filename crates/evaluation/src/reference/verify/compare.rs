@@ -16,14 +16,16 @@ type Key = (RecordPosition, Option<u32>);
 /// Prefixes of the fields of a row that may differ between machines. All other fields describe the scenario.
 const ROLLOUT_FIELDS: [&str; 3] = ["metrics.", "outcomes.", "direction_tracking"];
 
-/// Compares rows. Rows of networks count only for every `every`th scenario.
+/// Compares rows, in the metrics that the reference has. Rows of networks count only for every `every`th scenario.
 pub(super) fn rows(
     reference: &Reference,
     expected: &[Row],
-    found: Vec<Row>,
+    mut found: Vec<Row>,
     every: usize,
     same_machine: bool,
 ) -> Verification {
+    let metrics = Row::metrics_of(expected);
+    found.iter_mut().for_each(|row| row.restrict_to(&metrics));
     let mut verification =
         Verification { subject: Subject::Rows, simulators: Vec::new(), differences: Vec::new(), left_out: 0 };
     for simulator in &reference.provenance.simulators {
@@ -192,7 +194,7 @@ fn pairs(first: &Tally, second: &Tally, simulator: &str, metric: &str) -> Vec<(f
     first.entries.keys().filter_map(|place| value(first, place).zip(value(second, place))).collect()
 }
 
-/// Compares the values of summaries, for references without rows. Simulators in `left_out` are not compared.
+/// Compares the values of summaries, in the metrics that the reference has, for references without rows. Simulators in `left_out` are not compared.
 pub(super) fn summaries(
     reference: &Reference,
     found: Option<&Summary>,
@@ -206,6 +208,11 @@ pub(super) fn summaries(
         left_out: 0,
     };
     let stated = &reference.summary;
+    let found = found.cloned().map(|mut found| {
+        found.restrict_to(&stated.metrics());
+        found
+    });
+    let found = found.as_ref();
     for simulator in &reference.provenance.simulators {
         let id = &simulator.id;
         let class = &reference.record.simulators[id];

@@ -9,7 +9,7 @@ import { drawable } from "./scenes.js";
 /** Height of a row, pixels. */
 const ROW = 26;
 /** Metrics that are meaningful for a single scenario. */
-const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "log-clinging"];
+const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "red-light", "log-clinging"];
 /** Maximum number of subjects with a column. */
 const MOST = 12;
 
@@ -27,6 +27,7 @@ const CONDITIONS = [
   ["agents", "agents hit each other", (i) => fair.some((s) => counted(s, "aa-collision", i) > 0)],
   ["offroad", "an agent leaves the road", (i) => fair.some((s) => counted(s, "offroad", i) > 0)],
   ["against", "an agent drives against the lane", (i) => fair.some((s) => counted(s, "direction", i) > 0)],
+  ["red", "a vehicle runs a red light", (i) => fair.some((s) => counted(s, "red-light", i) > 0)],
 ];
 
 const state = { text: "", category: "", difficulty: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };

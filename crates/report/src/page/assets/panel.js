@@ -9,7 +9,7 @@ import { NO_RISK, RISKY, approach } from "./geometry.js";
 import { LOOKS } from "./painter.js";
 import { colour } from "./palette.js";
 
-const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against" };
+const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against", "red-light": "red" };
 
 /** The style of an event; undefined if it has no mark. */
 export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : EVENTS[e.metric]);
@@ -55,7 +55,7 @@ export function timeline(canvas, parts, t) {
 
 /** Table of current values and values of the whole rollout, for these simulators (null for none). */
 export function facts(table, simulators, index) {
-  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade"].filter((id) => metric(id));
+  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", "ade"].filter((id) => metric(id));
   const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...simulators.flatMap((subject, i) => (subject === null ? [] : [
     el("td", { class: "number", "data-pane": i, "data-now": id }),
     el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(subject, id, index)) : ""),

@@ -8,7 +8,7 @@ const several = runs.length > 1;
 /** Explanations of the marks behind names of simulators. */
 const marks = [...new Set(subjects.filter((s) => s.mark).map((s) => ` ${s.mark} ${s.meaning}.`))].join("");
 /** Metrics in the table of events, in the order of the columns. */
-const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
+const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light"];
 
 /** Parts of the scenarios with a table: the estimates of a subject, and whether a scenario of a run belongs to it. */
 const PARTS = [

@@ -61,7 +61,7 @@ function realised(spans, logged) {
 }
 
 /** Kinds of states, the most severe first. */
-export const STATES = ["fault", "contact", "risky", "offroad", "against"];
+export const STATES = ["fault", "contact", "risky", "offroad", "against", "red"];
 
 /** States of the agents: `states[agent][frame]` is one of STATES or undefined. */
 function states(agents, events, analysis) {
@@ -84,6 +84,7 @@ function states(agents, events, analysis) {
     } else if (e.metric === "aav-ttc") put(e.agent, e.from, Math.max(e.to, e.from + 2), "risky");
     else if (e.metric === "offroad") put(e.agent, e.from, e.to, "offroad");
     else if (e.metric === "direction") put(e.agent, e.from, e.to, "against");
+    else if (e.metric === "red-light") put(e.agent, e.from, Math.max(e.to, e.from + 9), "red");
   }
   return out;
 }
