@@ -29,8 +29,14 @@ impl PlannerPolicy {
         let lights: Vec<_> =
             start.light_history.iter().map(|states| states.last().copied().flatten()).collect();
         let now = start.history[0].len() - 1;
-        let view =
-            SceneView { agents: &start.agents, tracks: &start.history, now, av_next: None, lights: &lights };
+        let view = SceneView {
+            agents: &start.agents,
+            tracks: &start.history,
+            now,
+            av_next: None,
+            lights: &lights,
+            start: Some(start),
+        };
         let map = self.sight.map(start, &self.config);
         let Some(scene) = PlannerScene::of(&view, &map, &self.config, &self.sight) else { return Vec::new() };
         if streams.is_empty() {

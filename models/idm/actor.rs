@@ -16,6 +16,8 @@ pub(super) struct Actor {
     pub(super) acceleration: f64,
     pub(super) half_length: f64,
     pub(super) half_width: f64,
+    /// Height of the road under it, metres; NaN if unknown, and in scenarios of one level.
+    pub(super) height: f64,
 }
 
 impl Actor {

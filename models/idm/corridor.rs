@@ -2,10 +2,12 @@
 
 use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::OrientedBox;
+use reactsim_scene::Road;
 
 use super::actor::Actor;
 use super::driver::PathFollower;
 use super::forecast::Forecast;
+use super::heights::PathHeights;
 use super::parameters::Conflict;
 use super::strip::Strip;
 
@@ -103,6 +105,20 @@ pub(super) fn strip(own: &Actor, driver: &PathFollower, horizon: f64) -> Option<
     Strip::of(&driver.path, driver.path.index(from), last)
 }
 
+/// Follows the road under the part of the path that [`strip`] bounds.
+pub(super) fn heights(road: &Road<'_>, own: &Actor, driver: &PathFollower, horizon: f64) -> PathHeights {
+    let (from, to) = section(own, driver);
+    let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);
+    PathHeights::along(road, own, &driver.path, from, to.max(driver.s + driven))
+}
+
+/// What is known of the path in which a vehicle looks for others.
+pub(super) struct View<'a> {
+    /// Bounds of the path, if it bends little.
+    pub(super) strip: Option<&'a Strip>,
+    pub(super) heights: &'a PathHeights,
+}
+
 /// Finds leaders and crossing agents in the corridor of the vehicle `own` (index `index`).
 pub(super) fn look(
     index: usize,
@@ -110,7 +126,7 @@ pub(super) fn look(
     driver: &PathFollower,
     actors: &[Actor],
     forecasts: &[Forecast],
-    strip: Option<&Strip>,
+    view: &View<'_>,
     settings: &Conflict,
 ) -> Corridor {
     let mut corridor = Corridor::default();
@@ -131,7 +147,7 @@ pub(super) fn look(
             let extent = strip.half_extent_at_most(&forecast.band, half_length, other.half_width);
             strip.offset_at_least(path, &forecast.band, last) > own.half_width + extent + LATERAL_CLEARANCE
         };
-        if strip.is_some_and(beside) {
+        if view.strip.is_some_and(beside) {
             continue;
         }
         let mut covered: Vec<CoveredPart> = Vec::new();
@@ -140,6 +156,9 @@ pub(super) fn look(
         for (k, sample) in known.iter().enumerate() {
             let at = path.project(sample.center, first, last, near);
             near = Some(at.index);
+            if view.heights.is_apart(at.index, sample.height) {
+                continue;
+            }
             let axis = path.points()[at.index].axis;
             let (cos, sin) = (axis.dot(&sample.axis), axis.perp(&sample.axis).abs());
             let swept = swept(k, sample.speed, settings);

@@ -4,7 +4,7 @@ use rand::RngExt;
 use reactsim_dynamics::{DrivenPath, Pose};
 use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
 use reactsim_rollout::Stream;
-use reactsim_scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind};
+use reactsim_scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind, levels};
 
 use super::follow::Style;
 use super::parameters::{Class, Parameters};
@@ -131,7 +131,7 @@ fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parame
     if (motion.position - first).norm() > bounds.travel || motion.speed > bounds.speed {
         return false;
     }
-    match route::nearest_lane(&start.road(), motion.position, motion.heading, cyclist) {
+    match route::nearest_lane(&start.road_at(agent), motion.position, motion.heading, cyclist) {
         None => true,
         Some(hit) => {
             let lane = start.road().lane(hit.lane).baseline.heading(hit.projection.segment);
@@ -146,7 +146,8 @@ fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parame
 fn path_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
     let own = start.now(agent).footprint(&start.agents[agent]);
     let vehicles = (0..start.agents.len()).filter(|&j| start.agents[j].kind == AgentKind::Vehicle);
-    let boxes = vehicles.map(|j| start.now(j).footprint(&start.agents[j]));
+    let beside = vehicles.filter(|&j| !levels::apart(start.height_now(agent), start.height_now(j), 0.0));
+    let boxes = beside.map(|j| start.now(j).footprint(&start.agents[j]));
     let inside = boxes.filter(|b| b.separation(&own) < 0.0).min_by(|a, b| {
         (a.center - own.center).norm_squared().total_cmp(&(b.center - own.center).norm_squared())
     })?;
@@ -197,7 +198,7 @@ impl PathFollower {
         cyclist: bool,
         stream: &mut Stream,
     ) -> Self {
-        let road = start.road();
+        let road = start.road_at(agent);
         let pose = Pose { position: motion.position, heading: motion.heading };
         let free = class.speed_freeway.max(motion.speed);
         // Cover the distance that the vehicle can travel within the horizon, and its look-ahead.
@@ -206,11 +207,11 @@ impl PathFollower {
         let length = coming.min(free * horizon) + 40.0;
         let route = route::choose(route::alternatives(&road, motion, cyclist), stream);
         let Some(mut route) = route else {
-            return Self::off_lane(start, motion, pose, class, style);
+            return Self::off_lane(&road, motion, pose, class, style);
         };
         route::extend(&road, &mut route, length, cyclist, stream);
         let Some((line, starts)) = route::center_line(&road, &route, length) else {
-            return Self::off_lane(start, motion, pose, class, style);
+            return Self::off_lane(&road, motion, pose, class, style);
         };
         let half_width = 0.5 * start.agents[agent].width;
         let line = around_obstacles(start, agent, &line, half_width, motion.speed);
@@ -237,8 +238,7 @@ impl PathFollower {
 
     /// Plans a path for a vehicle off the lanes: it goes on slowly with its present curvature, and
     /// stops before it leaves the drivable area.
-    fn off_lane(start: &Start, motion: &Motion, pose: Pose, class: &Class, style: Style) -> Self {
-        let road = start.road();
+    fn off_lane(road: &Road<'_>, motion: &Motion, pose: Pose, class: &Class, style: Style) -> Self {
         let length = motion.speed * DT * FUTURE as f64 + 30.0;
         let path = DrivenPath::fade(pose, motion.curvature, 8.0, length);
         let desired = vec![motion.speed.max(MIN_CURVE_SPEED); path.points().len()];
@@ -356,13 +356,17 @@ fn around_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
     const MAX_SHIFT: f64 = 1.5;
     /// Lateral clearance to a standing vehicle, metres.
     const CLEARANCE: f64 = 0.45;
-    let road = start.road();
+    let (road, height) = (start.road_at(agent), start.height_now(agent));
     let ramp = (1.2 * speed).max(10.0);
     let mut berths: Vec<(f64, f64, f64)> = Vec::new();
     let standing = (1..start.agents.len()).filter(|&j| j != agent && stands(start, j));
-    let boxes = standing.map(|j| start.now(j).footprint(&start.agents[j]));
-    for o in boxes.chain(start.obstacles.iter().copied()) {
+    let boxes = standing.map(|j| (start.now(j).footprint(&start.agents[j]), start.height_now(j)));
+    let obstacles = start.obstacles.iter().enumerate().map(|(k, &o)| (o, start.obstacle_height(k)));
+    for (o, its_height) in boxes.chain(obstacles) {
         let Some((from, to, low, high)) = extent_along(line, &o) else { continue };
+        if !its_height.is_nan() && levels::apart(road.ground_height(o.center, height), its_height, 0.0) {
+            continue;
+        }
         let (to_left, to_right) = (high + half_width + CLEARANCE, half_width + CLEARANCE - low);
         if to_left <= 0.0 || to_right <= 0.0 {
             continue;

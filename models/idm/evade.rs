@@ -11,6 +11,7 @@ use reactsim_scene::{LaneHit, Road};
 use super::actor::Actor;
 use super::driver::PathFollower;
 use super::forecast::Forecast;
+use super::heights::PathHeights;
 use super::own_motion::{OwnMotion, Profile};
 use super::parameters::{Class, Conflict};
 use super::signals::RequiredStop;
@@ -92,6 +93,8 @@ pub(super) struct Surroundings<'a> {
     pub(super) road: Road<'a>,
     /// Bounds of the path that the driver follows, if it bends little.
     pub(super) strip: Option<Strip>,
+    /// Heights along the path that the driver follows.
+    pub(super) heights: PathHeights,
     pub(super) settings: &'a Conflict,
 }
 
@@ -202,7 +205,7 @@ impl Surroundings<'_> {
                 half_length: other.half_length + growth.0,
                 half_width: other.half_width + growth.1,
             };
-            theirs.separation(&ours) < clearance
+            theirs.separation(&ours) < clearance && !self.heights.is_apart_at(ours.center, sample.height)
         })
     }
 

@@ -15,6 +15,8 @@ pub(super) struct Sample {
     pub(super) axis: Vec2,
     /// Speed, m/s.
     pub(super) speed: f64,
+    /// Height of the road there, metres; NaN if unknown, and in scenarios of one level.
+    pub(super) height: f64,
 }
 
 /// One possible motion of an agent. The AV, whose intent is unknown, may have several.
@@ -114,8 +116,12 @@ impl Forecast {
     }
 
     fn of(index: usize, actor: &Actor, settings: &Conflict, mut at: impl FnMut(f64) -> (Vec2, Vec2)) -> Self {
-        let now =
-            Sample { center: actor.pose.position, axis: direction(actor.pose.heading), speed: actor.speed };
+        let now = Sample {
+            center: actor.pose.position,
+            axis: direction(actor.pose.heading),
+            speed: actor.speed,
+            height: f64::NAN,
+        };
         let radius = math::hypot(actor.half_length, actor.half_width);
         let starting = actor.acceleration > 0.3;
         if actor.speed.abs() < STANDSTILL_SPEED && !starting {
@@ -132,7 +138,7 @@ impl Forecast {
             let t = k as f64 * settings.sample;
             let (distance, speed) = travel(actor.speed, actor.acceleration.clamp(-6.0, 1.5), t);
             let (center, axis) = at(distance);
-            samples.push(Sample { center, axis, speed });
+            samples.push(Sample { center, axis, speed, height: f64::NAN });
             bounds = bounds.union(&Bounds::around(center, radius + 0.5 * settings.sample * speed));
         }
         Self { actor: index, band: Band::around(&samples), samples, bounds }

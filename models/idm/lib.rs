@@ -10,6 +10,7 @@ mod driver;
 mod evade;
 mod follow;
 mod forecast;
+mod heights;
 mod motion;
 mod own_motion;
 mod parameters;

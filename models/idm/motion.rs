@@ -3,14 +3,15 @@
 use reactsim_dynamics::{DrivenPath, Pose};
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 use reactsim_rollout::{Observation, Planning, Stream};
-use reactsim_scene::{Agent, AgentKind, AgentState, DT, Start};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Start, levels};
 
 use super::actor::Actor;
-use super::corridor::{self, Corridor};
+use super::corridor::{self, Corridor, View};
 use super::decide::{Situation, decide};
 use super::driver::{AgentBehaviour, PathFollower};
 use super::evade::{CONTACT_HORIZON, Surroundings};
 use super::forecast::{Forecast, forecast_all};
+use super::heights::{self, PathHeights};
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
 use super::signals::{self, RequiredStop};
@@ -80,10 +81,10 @@ impl Traffic {
                 };
                 let acceleration =
                     if matches!(behaviours[i], AgentBehaviour::OnPath(_)) { recent(start, i) } else { 0.0 };
-                actor(&start.agents[i], &now, speed, acceleration)
+                Actor { height: start.height_now(i), ..actor(&start.agents[i], &now, speed, acceleration) }
             })
             .collect();
-        actors.extend(start.obstacles.iter().map(|o| Actor {
+        actors.extend(start.obstacles.iter().enumerate().map(|(i, o)| Actor {
             kind: AgentKind::Other,
             is_av: false,
             pose: Pose { position: o.center, heading: heading_of(o.axis) },
@@ -91,6 +92,7 @@ impl Traffic {
             acceleration: 0.0,
             half_length: o.half_length,
             half_width: o.half_width,
+            height: start.obstacle_height(i),
         }));
         Self { behaviours, actors, av_paths: Vec::new(), av_paths_age: 0, av_curvature: 0.0 }
     }
@@ -151,6 +153,7 @@ impl Traffic {
         let mut av = actor(&seen.start().agents[0], &now, speed, acceleration);
         av.pose.heading = newest.heading;
         av.is_av = true;
+        av.height = self.actors[0].height;
         self.actors[0] = av;
         self.find_av_paths(seen, &av, parameters);
     }
@@ -172,7 +175,7 @@ impl Traffic {
             }
         }
         self.av_paths_age = 0;
-        let road = seen.start().road();
+        let road = seen.start().road().on_level(av.height);
         let motion = Motion {
             position: av.pose.position,
             heading: av.pose.heading,
@@ -213,8 +216,15 @@ impl Traffic {
         walks: &mut [bool],
     ) {
         let settings = &parameters.conflict;
-        let forecasts =
+        let road = seen.start().road();
+        if seen.start().has_levels() {
+            heights::follow(&road, &mut self.actors);
+        }
+        let mut forecasts =
             forecast_all(&self.actors, &self.behaviours, self.av_curvature, &self.av_paths, settings);
+        if seen.start().has_levels() {
+            heights::forecast(&road, &self.actors, &mut forecasts);
+        }
         let footprints: Vec<OrientedBox> = self.actors.iter().map(Actor::footprint).collect();
         for i in 0..self.behaviours.len() {
             // A decision changes one driver, and reads the behaviour of the others.
@@ -247,7 +257,7 @@ impl Traffic {
         let own = self.actors[i];
         let settings = &parameters.conflict;
         let class = if own.kind == AgentKind::Cyclist { &parameters.cyclist } else { &parameters.vehicle };
-        let road = seen.start().road();
+        let road = seen.start().road().on_level(own.height);
         // The AV is the first actor.
         let (of_av, of_others) =
             forecasts.split_at(forecasts.partition_point(|f| self.actors[f.actor].is_av));
@@ -259,8 +269,12 @@ impl Traffic {
             of_others,
             road,
             strip: None,
+            heights: PathHeights::default(),
             settings,
         };
+        if seen.start().has_levels() {
+            around.heights = corridor::heights(&seen.start().road(), &own, driver, CONTACT_HORIZON);
+        }
         if let Some((offset, quiet)) = driver.aside {
             // Return to the lane when nothing has been in the way for a while, and nothing will be on
             // the way back.
@@ -276,7 +290,8 @@ impl Traffic {
         let stop = signals::next_stop(seen, &own, driver);
         let strip = corridor::strip(&own, driver, CONTACT_HORIZON);
         around.strip = strip;
-        let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, strip.as_ref(), settings);
+        let view = View { strip: strip.as_ref(), heights: &around.heights };
+        let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, &view, settings);
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let wanted = following(driver, &own, &intent, 0.0);
         driver.waits = own.speed < WAITING_SPEED && wanted > WAITING_ACCELERATION;
@@ -305,8 +320,11 @@ impl Traffic {
             driver.take(path, class);
             driver.aside = Some((offset, 0));
             let strip = corridor::strip(&own, driver, 0.0);
-            intent.corridor =
-                corridor::look(i, &own, driver, &self.actors, forecasts, strip.as_ref(), settings);
+            if seen.start().has_levels() {
+                around.heights = corridor::heights(&seen.start().road(), &own, driver, 0.0);
+            }
+            let view = View { strip: strip.as_ref(), heights: &around.heights };
+            intent.corridor = corridor::look(i, &own, driver, &self.actors, forecasts, &view, settings);
             intent.stop = None;
         } else if let Some((_, quiet)) = &mut driver.aside {
             *quiet = 0;
@@ -350,6 +368,7 @@ impl Traffic {
         for forecast in forecasts {
             let other = &self.actors[forecast.actor];
             if forecast.actor == index
+                || levels::apart(own.height, other.height, (other.pose.position - own.pose.position).norm())
                 || !matches!(other.kind, AgentKind::Vehicle | AgentKind::Cyclist)
                 || !around.intersects(&forecast.bounds)
                 || footprints[forecast.actor].separation(&footprints[index]) < 0.0
@@ -464,6 +483,7 @@ fn actor(agent: &Agent, now: &AgentState, speed: f64, acceleration: f64) -> Acto
         acceleration,
         half_length: 0.5 * agent.length,
         half_width: 0.5 * agent.width,
+        height: f64::NAN,
     }
 }
 

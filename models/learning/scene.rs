@@ -104,7 +104,8 @@ impl<M> LearningScene<M> {
         lights: &'a [Option<LightState>],
     ) -> SceneView<'a> {
         let av_next = if blind { None } else { tracks[0].get(now + 1).copied().flatten() };
-        SceneView { agents: &self.agents[..tracks.len()], tracks, now, av_next, lights }
+        // Training scenes keep no heights.
+        SceneView { agents: &self.agents[..tracks.len()], tracks, now, av_next, lights, start: None }
     }
 
     /// Returns whether an agent stays where it is first seen.

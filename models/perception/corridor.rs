@@ -38,7 +38,9 @@ pub fn describe(
         let out = &mut out[p * PATH_FEATURES..(p + 1) * PATH_FEATURES];
         for (t, time) in LOOK_AHEAD_TIMES.into_iter().enumerate() {
             let mut nearest = (FREE_GAP, 0.0, false);
-            for other in bodies.iter().enumerate().filter(|(j, _)| *j != own).map(|(_, b)| b) {
+            for other in
+                bodies.iter().enumerate().filter(|(j, b)| *j != own && !me.is_apart(b)).map(|(_, b)| b)
+            {
                 if let Some(found) = ahead_of(me, other, time, path)
                     && found.0 < nearest.0
                 {

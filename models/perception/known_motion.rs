@@ -27,6 +27,13 @@ impl KnownMotion<'_> {
     pub fn view<'a>(&'a self, now: usize, lights: &'a [Option<LightState>]) -> SceneView<'a> {
         let next = self.tracks.first().and_then(|av| av.get(now + 1).copied().flatten());
         let av_next = next.filter(|_| self.av_lookahead);
-        SceneView { agents: &self.start.agents, tracks: self.tracks, now, av_next, lights }
+        SceneView {
+            agents: &self.start.agents,
+            tracks: self.tracks,
+            now,
+            av_next,
+            lights,
+            start: Some(self.start),
+        }
     }
 }

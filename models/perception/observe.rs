@@ -47,6 +47,7 @@ impl Body {
             acceleration,
             class,
             is_av,
+            height: f64::NAN,
             features: [0.0; BODY_FEATURES],
         };
         body.describe(agent.kind, state, next, back);

@@ -2,7 +2,7 @@
 
 use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentState, Frame, LightState};
+use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Start, levels};
 
 use super::body::Body;
 use super::class::Class;
@@ -24,6 +24,8 @@ pub struct SceneView<'a> {
     pub av_next: Option<AgentState>,
     /// State of each light at `now`.
     pub lights: &'a [Option<LightState>],
+    /// The scenario, from which heights come; `None` where all is one level.
+    pub start: Option<&'a Start>,
 }
 
 impl<'a> SceneView<'a> {
@@ -35,6 +37,7 @@ impl<'a> SceneView<'a> {
             now: seen.frame(),
             av_next: seen.av_next(),
             lights,
+            start: Some(seen.start()),
         }
     }
 
@@ -66,6 +69,30 @@ impl<'a> SceneView<'a> {
     /// it is absent or has no class.
     pub fn body(&self, slot: usize, places: &Places) -> Option<(Body, Vec<CandidatePath>)> {
         let next = if slot == 0 { self.av_next } else { None };
-        Body::at(&self.agents[slot], &self.tracks[slot], self.now, slot == 0, next, places)
+        let (body, paths) =
+            Body::at(&self.agents[slot], &self.tracks[slot], self.now, slot == 0, next, places)?;
+        Some((Body { height: self.height(slot), ..body }, paths))
+    }
+
+    /// Returns the height of the road under an agent, metres; NaN if unknown, and in scenarios of one level.
+    fn height(&self, slot: usize) -> f64 {
+        let unknown = f64::NAN;
+        let Some(start) = self.start.filter(|start| start.has_levels()) else { return unknown };
+        if self.now < CURRENT {
+            return start.recorded_height(slot, self.now);
+        }
+        let way = self.tracks[slot].get(CURRENT..=self.now).unwrap_or_default();
+        start.heights_along(slot, way).last().copied().unwrap_or(unknown)
+    }
+
+    /// Returns whether two agents are on different levels, so that neither perceives the other.
+    pub fn is_apart(&self, a: usize, b: usize) -> bool {
+        self.start.is_some_and(Start::has_levels) && {
+            let between = self.state(a).zip(self.state(b));
+            between.is_some_and(|(at, other)| {
+                let distance = (at.position() - other.position()).norm();
+                levels::apart(self.height(a), self.height(b), distance)
+            })
+        }
     }
 }

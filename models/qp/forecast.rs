@@ -51,15 +51,19 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<(AvForec
     Some((goes_on, AvMotion::observed(seen)?.forecast(settings, goes_on, None)))
 }
 
-/// Returns all forecasts of the AV, the first as [`av`]; empty if it is absent. An AV at standstill has one:
+/// Returns all forecasts of an AV at this height, the first as [`av`]; empty if it is absent. An AV at standstill has one:
 /// it stays.
-pub(super) fn all_of_av(seen: &Observation<'_>, settings: &Settings) -> Vec<(AvForecast, Obstacle)> {
+pub(super) fn all_of_av(
+    seen: &Observation<'_>,
+    height: f64,
+    settings: &Settings,
+) -> Vec<(AvForecast, Obstacle)> {
     use AvForecast::{Brakes, FollowsLane, GoesOn, KeepsSpeed};
     let Some(motion) = AvMotion::observed(seen) else { return Vec::new() };
     if motion.stands() {
         return vec![(GoesOn, motion.forecast(settings, GoesOn, None))];
     }
-    let routes = routes(&seen.start().road(), &motion.last);
+    let routes = routes(&seen.start().road().on_level(height), &motion.last);
     let free = [GoesOn, Brakes, KeepsSpeed].map(|forecast| (forecast, None));
     let along = routes.iter().map(|route| (FollowsLane, Some(route)));
     let all = free.into_iter().chain(along);

@@ -1,6 +1,7 @@
 //! Obstacles: boxes at the times at which bounds are checked, and the parts of a path that they occupy.
 
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, left};
+use reactsim_scene::levels;
 
 use super::path::{Path, STATIONS};
 use super::speed::CHECKED;
@@ -31,6 +32,8 @@ pub(super) struct Obstacle {
     pub(super) leader_only: bool,
     /// Lateral clearance, metres.
     pub(super) side: f64,
+    /// Present height of the road under it, metres; NaN if unknown, and in scenarios of one level.
+    pub(super) height: f64,
 }
 
 impl Obstacle {
@@ -48,12 +51,23 @@ impl Obstacle {
             crossing_horizon: TIMES,
             leader_only: false,
             side: 0.0,
+            height: f64::NAN,
         }
     }
 
     /// Creates a static obstacle.
     pub(super) fn standing(b: OrientedBox) -> Self {
         Self::new([b; TIMES], [Vec2::zeros(); TIMES])
+    }
+
+    /// Returns the obstacle at a height.
+    pub(super) fn at_height(self, height: f64) -> Self {
+        Self { height, ..self }
+    }
+
+    /// Returns whether the obstacle is on another level than a vehicle at `p` with this height.
+    pub(super) fn is_apart(&self, p: Vec2, height: f64) -> bool {
+        levels::apart(self.height, height, (self.boxes[0].center - p).norm())
     }
 
     /// Returns whether the obstacle never moves.

@@ -3,7 +3,7 @@
 use reactsim_dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim_geometry::{Bounds, OrientedBox, math};
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, levels};
 
 use super::drive::halt;
 use super::ending::{Ending, Endings};
@@ -66,6 +66,8 @@ struct Waiting<'a> {
     intent: &'a Intent,
     /// Squared distance to the AV, m²; negative for the AV, which is planned first.
     distance: f64,
+    /// Height of the road under it, metres; NaN if unknown, and in scenarios of one level.
+    height: f64,
     /// Index of the obstacle that represents the vehicle to others.
     obstacle: Option<usize>,
 }
@@ -76,10 +78,10 @@ struct Around {
     obstacles: Vec<Obstacle>,
     /// Forecasts of an AV that is moved from outside, the first that it goes on; without a guard no others.
     av_forecasts: Vec<(AvForecast, Obstacle)>,
-    /// Boxes that pedestrians are led around.
-    standing: Vec<OrientedBox>,
-    /// Boxes that pedestrians step out of, if the stage has a guard.
-    vehicles: Vec<OrientedBox>,
+    /// Boxes that pedestrians are led around, with their heights.
+    standing: Vec<(OrientedBox, f64)>,
+    /// Boxes that pedestrians step out of, if the stage has a guard, with their heights.
+    vehicles: Vec<(OrientedBox, f64)>,
 }
 
 impl Around {
@@ -91,24 +93,33 @@ impl Around {
 
     fn replace(&mut self, index: Option<usize>, obstacle: impl FnOnce() -> Obstacle) {
         if let Some(index) = index {
-            self.obstacles[index] = obstacle();
+            let height = self.obstacles[index].height;
+            self.obstacles[index] = obstacle().at_height(height);
         }
     }
 
-    /// Returns the obstacles within bounds, except the vehicle's `own`.
-    fn near(&self, bounds: &Bounds, own: Option<usize>) -> Vec<&Obstacle> {
-        let near = |(i, o): &(usize, &Obstacle)| own != Some(*i) && o.bounds.intersects(bounds);
+    /// Returns the obstacles within `reach` metres of a vehicle, except its own and those on other levels.
+    fn near(&self, vehicle: &Waiting<'_>, reach: f64) -> Vec<&Obstacle> {
+        let (own, p) = (vehicle.obstacle, vehicle.now.position());
+        let bounds = Bounds::around(p, reach);
+        let near = |(i, o): &(usize, &Obstacle)| {
+            own != Some(*i) && o.bounds.intersects(&bounds) && !o.is_apart(p, vehicle.height)
+        };
         self.obstacles.iter().enumerate().filter(near).map(|p| p.1).collect()
     }
 
     /// Returns fixed states; pedestrians step out of vehicles, or are led around what stands.
-    fn led(&self, agent: &Agent, now: &AgentState, states: &[AgentState]) -> Vec<AgentState> {
+    fn led(&self, agent: &Agent, now: &AgentState, height: f64, states: &[AgentState]) -> Vec<AgentState> {
         if agent.kind != AgentKind::Pedestrian {
             return states.to_vec();
         }
         let reach = 0.5 * agent.length.max(agent.width);
-        let out = out_of_boxes(now, reach, states.len(), &self.vehicles);
-        out.unwrap_or_else(|| around(now, reach, states, &self.standing))
+        let on_level = |boxes: &[(OrientedBox, f64)]| -> Vec<OrientedBox> {
+            let near = |b: &OrientedBox| (b.center - now.position()).norm();
+            boxes.iter().filter(|(b, z)| !levels::apart(*z, height, near(b))).map(|(b, _)| *b).collect()
+        };
+        let out = out_of_boxes(now, reach, states.len(), &on_level(&self.vehicles));
+        out.unwrap_or_else(|| around(now, reach, states, &on_level(&self.standing)))
     }
 }
 
@@ -140,16 +151,21 @@ impl Stage {
         intents: &[Intent],
         steps: usize,
     ) -> Vec<Option<Vec<AgentState>>> {
-        let agents = &seen.start().agents;
+        let (start, agents) = (seen.start(), &seen.start().agents);
+        let heights = seen.heights();
+        let height = |slot: usize| heights.get(slot).copied().unwrap_or(f64::NAN);
         let mut plans: Vec<Option<Vec<AgentState>>> = vec![None; agents.len()];
         let mut around = Around::default();
         let everybody = self.keep_clear == KeepClear::Everybody;
         if everybody {
-            around.obstacles.extend(seen.start().obstacles.iter().map(|b| Obstacle::standing(*b)));
-            around.standing = static_boxes(seen, intents);
+            let obstacles = start.obstacles.iter().enumerate();
+            around
+                .obstacles
+                .extend(obstacles.map(|(i, b)| Obstacle::standing(*b).at_height(start.obstacle_height(i))));
+            around.standing = static_boxes(seen, intents, &height);
         }
         if self.guard.is_some() {
-            around.vehicles = vehicle_boxes(seen);
+            around.vehicles = vehicle_boxes(seen, &height);
         }
         let av = seen.state(0).map(|s| s.position());
         let mut waiting: Vec<Waiting<'_>> = Vec::new();
@@ -157,12 +173,14 @@ impl Stage {
             let Some(now) = seen.state(slot) else { continue };
             let agent = &agents[slot];
             match intent {
-                Intent::None if slot == 0 && everybody => self.forecast_av(seen, &mut around),
+                Intent::None if slot == 0 && everybody => self.forecast_av(seen, height(0), &mut around),
                 Intent::None => {}
                 Intent::Fixed(states) => {
-                    let states = around.led(agent, &now, states);
+                    let states = around.led(agent, &now, height(slot), states);
                     if everybody {
-                        around.obstacles.push(proposed_obstacle(agent, &now, &states));
+                        around
+                            .obstacles
+                            .push(proposed_obstacle(agent, &now, &states).at_height(height(slot)));
                     }
                     plans[slot] = Some(states);
                 }
@@ -170,8 +188,9 @@ impl Stage {
                     let distance = av.map_or(0.0, |av| (av - now.position()).norm_squared());
                     let distance = if slot == 0 { -1.0 } else { distance };
                     let obstacle = Self::unplanned(agent, &now, intent).filter(|_| everybody);
-                    let obstacle = obstacle.map(|obstacle| around.add(obstacle));
-                    waiting.push(Waiting { slot, agent, now, intent, distance, obstacle });
+                    let height = height(slot);
+                    let obstacle = obstacle.map(|obstacle| around.add(obstacle.at_height(height)));
+                    waiting.push(Waiting { slot, agent, now, intent, distance, height, obstacle });
                 }
             }
         }
@@ -182,12 +201,13 @@ impl Stage {
         plans
     }
 
-    fn forecast_av(&self, seen: &Observation<'_>, around: &mut Around) {
+    fn forecast_av(&self, seen: &Observation<'_>, height: f64, around: &mut Around) {
         let settings = &self.planner.settings;
-        around.av_forecasts = match self.guard {
-            Some(_) => forecast::all_of_av(seen, settings),
+        let forecasts = match self.guard {
+            Some(_) => forecast::all_of_av(seen, height, settings),
             None => forecast::av(seen, settings).into_iter().collect(),
         };
+        around.av_forecasts = forecasts.into_iter().map(|(f, o)| (f, o.at_height(height))).collect();
         around.obstacles.extend(around.av_forecasts.first().map(|(_, goes_on)| goes_on.clone()));
     }
 
@@ -201,20 +221,22 @@ impl Stage {
     ) -> Option<Vec<AgentState>> {
         let Waiting { agent, now, .. } = waiting;
         let moving = VehicleMotion::after(seen.track(waiting.slot))?;
-        let vehicle = self.planned_vehicle(seen, waiting.slot, moving);
+        let vehicle = self.planned_vehicle(seen, waiting, moving);
         let (modes, proposed) = match waiting.intent {
             Intent::Vehicle(modes) => (sorted(modes, now), None),
             Intent::Guarded(states) => (vec![mode_of(states)], self.guard.map(|guard| (guard, states))),
             Intent::None | Intent::Fixed(_) => return None,
         };
         let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;
-        let near = around.near(&Bounds::around(now.position(), reach), waiting.obstacle);
+        let near = around.near(waiting, reach);
         let guarded = proposed.filter(|_| !stays(&vehicle, &modes[0]) && !reverses(&vehicle, &modes[0]));
         let moves = match guarded {
             None => self.planner.plan(&vehicle, &modes, &near),
             Some((guard, states)) => {
                 let others: Vec<&Obstacle> = near.iter().copied().filter(|o| !o.is_av).collect();
-                let surroundings = Surroundings { av: &around.av_forecasts, others: &others };
+                let apart = |o: &(AvForecast, Obstacle)| o.1.is_apart(now.position(), waiting.height);
+                let av = if around.av_forecasts.iter().all(apart) { &[] } else { &around.av_forecasts[..] };
+                let surroundings = Surroundings { av, others: &others };
                 match guard.decide(&vehicle, &Proposal::new(*now, states, steps), surroundings) {
                     Decision::AsProposed => {
                         self.planner.endings.count(Ending::AsProposed);
@@ -252,7 +274,7 @@ impl Stage {
     fn planned_vehicle<'a>(
         &self,
         seen: &Observation<'a>,
-        slot: usize,
+        &Waiting { slot, height, .. }: &Waiting<'_>,
         now: VehicleMotion,
     ) -> PlannedVehicle<'a> {
         let agent = &seen.start().agents[slot];
@@ -262,7 +284,7 @@ impl Stage {
         let least = if driven { CRAWLING_SPEED * 0.1 * DRIVEN_FRAMES as f64 } else { 1.0 };
         let limit = self.planner.settings.curvature;
         let rear = REAR_AXLE * agent.length;
-        let road = seen.start().road();
+        let road = seen.start().road().on_level(height);
         // Without a known drivable area everything is drivable; lanes are known all the same.
         let on_road = road.drivable(now.pose.position, &mut None) != Some(false);
         PlannedVehicle {
@@ -284,15 +306,21 @@ fn most_probable(modes: &[Mode]) -> Option<&Mode> {
 }
 
 /// Returns the present boxes of all vehicles.
-fn vehicle_boxes(seen: &Observation<'_>) -> Vec<OrientedBox> {
+fn vehicle_boxes(seen: &Observation<'_>, height: &dyn Fn(usize) -> f64) -> Vec<(OrientedBox, f64)> {
     let agents = seen.start().agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle);
-    agents.filter_map(|(slot, agent)| Some(seen.state(slot)?.footprint(agent))).collect()
+    agents.filter_map(|(slot, agent)| Some((seen.state(slot)?.footprint(agent), height(slot)))).collect()
 }
 
 /// Returns static boxes: obstacles of the map, vehicles whose modes do not set off, and an AV at
 /// standstill.
-fn static_boxes(seen: &Observation<'_>, intents: &[Intent]) -> Vec<OrientedBox> {
-    let mut boxes = seen.start().obstacles.clone();
+fn static_boxes(
+    seen: &Observation<'_>,
+    intents: &[Intent],
+    height: &dyn Fn(usize) -> f64,
+) -> Vec<(OrientedBox, f64)> {
+    let start = seen.start();
+    let obstacles = start.obstacles.iter().enumerate();
+    let mut boxes: Vec<(OrientedBox, f64)> = obstacles.map(|(i, b)| (*b, start.obstacle_height(i))).collect();
     for (slot, (agent, intent)) in seen.start().agents.iter().zip(intents).enumerate() {
         let Some(now) = seen.state(slot) else { continue };
         let still = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
@@ -305,7 +333,7 @@ fn static_boxes(seen: &Observation<'_>, intents: &[Intent]) -> Vec<OrientedBox> 
             Intent::Fixed(_) => false,
         };
         if still && stands_on {
-            boxes.push(now.footprint(agent));
+            boxes.push((now.footprint(agent), height(slot)));
         }
     }
     boxes

@@ -17,6 +17,7 @@ fn driver(id: &str, x: f64, y: f64, speed: f64) -> LoggedAgent {
     LoggedAgent {
         agent: Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.5, width: 2.0 },
         track: (0..FRAMES).map(|f| Some(state(f))).collect(),
+        heights: Vec::new(),
     }
 }
 

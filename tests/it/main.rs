@@ -26,6 +26,7 @@ mod guard;
 mod hostile_input;
 mod idm;
 mod leaderboard;
+mod levels;
 mod long_tables;
 mod mini_scenarios;
 mod model_weights;

@@ -24,6 +24,7 @@ fn vehicle(id: &str, state: impl Fn(f64) -> AgentState) -> LoggedAgent {
     LoggedAgent {
         agent: Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.5, width: 2.0 },
         track: (0..FRAMES).map(|f| Some(state(0.1 * f as f64))).collect(),
+        heights: Vec::new(),
     }
 }
 

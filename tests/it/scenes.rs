@@ -33,7 +33,11 @@ pub(crate) fn agent(id: &str, kind: AgentKind, now: AgentState) -> LoggedAgent {
         AgentKind::Other => (0.6, 0.6),
     };
     let track = (0..FRAMES).map(|f| Some(later(&now, (f as f64 - CURRENT as f64) * DT)));
-    LoggedAgent { agent: Agent { id: id.to_owned(), kind, length, width }, track: track.collect() }
+    LoggedAgent {
+        agent: Agent { id: id.to_owned(), kind, length, width },
+        track: track.collect(),
+        heights: Vec::new(),
+    }
 }
 
 /// Returns a vehicle.

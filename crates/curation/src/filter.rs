@@ -154,7 +154,8 @@ impl<'a> Trial<'a> {
         let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone().into() };
         // With an AV index beyond the objects the AV is absent, and the candidate is a vehicle like any
         // other.
-        let own = Case::new(scenario.start.road(), vec![av], usize::MAX, options);
+        let own =
+            Case::new(scenario.start.road(), vec![av], usize::MAX, options).with_heights(&scenario.start);
         Self {
             context,
             settings,

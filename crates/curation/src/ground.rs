@@ -1,17 +1,18 @@
 //! Checks of the drivable area and of the lateral acceleration of a trajectory.
 
 use reactsim_geometry::wrap;
-use reactsim_scene::{Agent, AgentState, DT, Road, Scenario};
+use reactsim_scene::{Agent, AgentState, DT, Road, Scenario, Start};
 
 /// The drivable area of a scenario, queried with the corners of the AV.
 pub(super) struct Ground<'a> {
     road: Road<'a>,
+    start: &'a Start,
     av: &'a Agent,
 }
 
 impl<'a> Ground<'a> {
     pub(super) fn new(scenario: &'a Scenario) -> Self {
-        Self { road: scenario.start.road(), av: &scenario.start.agents[0] }
+        Self { road: scenario.start.road(), start: &scenario.start, av: &scenario.start.agents[0] }
     }
 
     /// Returns the largest distance by which a corner of the AV leaves the drivable area, metres (0 if
@@ -22,9 +23,11 @@ impl<'a> Ground<'a> {
         }
         let mut deepest = 0.0_f64;
         let mut near = [None; 4];
-        for state in future {
+        let heights = self.start.heights_on_way(0, future);
+        for (k, state) in future.iter().enumerate() {
+            let road = self.road.on_level(heights.get(k).copied().unwrap_or(f64::NAN));
             for (corner, near) in state.footprint(self.av).corners().into_iter().zip(&mut near) {
-                deepest = deepest.max(self.road.distance_off_road(corner, near)?);
+                deepest = deepest.max(road.distance_off_road(corner, near)?);
             }
             if deepest > enough {
                 break;

@@ -4,7 +4,9 @@ use std::f64::consts::PI;
 
 use reactsim_geometry::{OrientedBox, math, rounded_distance, signed_angle_between};
 use reactsim_metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
-use reactsim_scene::{Agent, AgentKind, AgentState, FUTURE, HISTORY, Scenario};
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, CURRENT, FUTURE, Frame, HISTORY, Scenario, Start, levels,
+};
 
 /// Largest angle from the AV's heading at which a touched body is ahead of the AV, radians.
 const AHEAD_ANGLE: f64 = 0.5;
@@ -21,6 +23,7 @@ const HEAD_ON_ANGLE: f64 = 0.35;
 /// The logged future of all agents but the AV, and the static obstacles, as boxes.
 pub(super) struct LogReplay<'a> {
     av: &'a Agent,
+    start: &'a Start,
     /// Corner radius of the boxes, as in the metrics, metres.
     rounding: f64,
     others: Vec<ReplayedBody>,
@@ -33,6 +36,8 @@ struct ReplayedBody {
     radius: f64,
     /// Box and speed (m/s, NaN if unknown) at steps 1 to 80.
     steps: Vec<Option<(OrientedBox, f64)>>,
+    /// Height at steps 1 to 80, metres; empty in scenarios of one level.
+    heights: Vec<f64>,
 }
 
 /// First contact of the AV with another body.
@@ -98,13 +103,17 @@ impl<'a> LogReplay<'a> {
             let future = scenario.log_future.tracks[i].iter().enumerate();
             let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
             let radius = math::hypot(0.5 * agent.length, 0.5 * agent.width);
-            others.push(ReplayedBody { kind: Some(agent.kind), radius, steps });
+            let track: Vec<Frame> = scenario.logged(i)[CURRENT..].to_vec();
+            let heights = start.heights_along(i, &track).get(1..).unwrap_or_default().to_vec();
+            others.push(ReplayedBody { kind: Some(agent.kind), radius, steps, heights });
         }
-        for obstacle in &start.obstacles {
+        for (i, obstacle) in start.obstacles.iter().enumerate() {
             let steps = vec![Some((*obstacle, 0.0)); FUTURE];
-            others.push(ReplayedBody { kind: None, radius: obstacle.radius(), steps });
+            let heights =
+                if start.has_levels() { vec![start.obstacle_height(i); FUTURE] } else { Vec::new() };
+            others.push(ReplayedBody { kind: None, radius: obstacle.radius(), steps, heights });
         }
-        Self { av: &start.agents[0], rounding: Options::default().corner_rounding, others }
+        Self { av: &start.agents[0], start, rounding: Options::default().corner_rounding, others }
     }
 
     /// Returns the first contact with every body that the AV touches on `future` (states at steps 1 to
@@ -112,12 +121,18 @@ impl<'a> LogReplay<'a> {
     pub(super) fn touches(&self, future: &[AgentState]) -> Vec<Touch> {
         let boxes: Vec<OrientedBox> = future.iter().map(|s| s.footprint(self.av)).collect();
         let radius = boxes.first().map_or(0.0, OrientedBox::radius);
+        let heights = self.start.heights_on_way(0, future);
         let mut touches = Vec::new();
         for other in &self.others {
             let reach = (radius + other.radius) * (radius + other.radius);
-            let first = boxes.iter().zip(&other.steps).position(|(av, step)| {
+            let apart = |k: usize| {
+                let pair = heights.get(k).zip(other.heights.get(k));
+                pair.is_some_and(|(a, b)| levels::apart(*a, *b, 0.0))
+            };
+            let first = boxes.iter().zip(&other.steps).enumerate().position(|(k, (av, step))| {
                 step.is_some_and(|(o, _)| {
                     (o.center - av.center).norm_squared() <= reach
+                        && !apart(k)
                         && rounded_distance(&o, av, self.rounding) < 0.0
                 })
             });

@@ -187,5 +187,5 @@ fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>)) -> LoggedAgent 
             s
         })
     };
-    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect() }
+    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect(), heights: Vec::new() }
 }

@@ -81,6 +81,35 @@ impl OrientedEdges {
         Some(NearestEdge { segment, distance: d2.sqrt(), outside: self.outside(p, segment) })
     }
 
+    /// Like [`Self::nearest`], among the segments for which `keep` is true. It receives the index of the
+    /// segment, the parameter of its point nearest to `p`, 0 to 1, and the squared distance of that point.
+    /// `None` without such segments.
+    pub fn nearest_where(
+        &self,
+        p: Vec2,
+        start: Option<u32>,
+        keep: impl Fn(u32, f64, f64) -> bool,
+    ) -> Option<NearestEdge> {
+        let distance2 = |i: u32| {
+            let s = &self.segments[i as usize];
+            let (d2, t) = point_segment(p, s.a, s.b);
+            if keep(i, t, d2) { d2 } else { f64::INFINITY }
+        };
+        let (segment, d2) = self.grid.nearest(p, start, distance2).filter(|found| found.1.is_finite())?;
+        Some(NearestEdge { segment, distance: d2.sqrt(), outside: self.outside(p, segment) })
+    }
+
+    /// Visits the segments of every cell that `within` touches, some more than once: with index, the
+    /// parameter of the point nearest to the middle of `within`, 0 to 1, and its distance, metres.
+    pub fn visit(&self, within: &Bounds, mut visit: impl FnMut(u32, f64, f64)) {
+        let middle = (within.min + within.max) * 0.5;
+        self.grid.visit(within, |i| {
+            let s = &self.segments[i as usize];
+            let (d2, t) = point_segment(middle, s.a, s.b);
+            visit(i, t, d2.sqrt());
+        });
+    }
+
     fn outside(&self, p: Vec2, index: u32) -> bool {
         let s = &self.segments[index as usize];
         let d = s.b - s.a;

@@ -6,10 +6,11 @@ use super::motion::Motion;
 use super::{Case, Judgement};
 
 /// Returns whether two objects overlap at a frame: the signed distance of the rounded boxes is below 0.
-/// Absent objects overlap nothing.
+/// Absent objects overlap nothing, and objects on different levels do not overlap.
 pub(super) fn overlap(motion: &Motion, a: usize, b: usize, frame: usize, rounding: f64) -> bool {
     // NaN distances of absent objects fail the comparison.
     motion.distance2(a, b, frame) <= motion.reach2(a, b)
+        && !motion.apart(a, b, frame)
         && rounded_distance(&motion.footprint(a, frame), &motion.footprint(b, frame), rounding) < 0.0
 }
 
@@ -21,8 +22,10 @@ pub(super) fn overlapping_frames(
     first: usize,
     rounding: f64,
 ) -> impl Iterator<Item = usize> {
-    let touches =
-        move |f: &usize| rounded_distance(&motion.footprint(a, *f), &motion.footprint(b, *f), rounding) < 0.0;
+    let touches = move |f: &usize| {
+        rounded_distance(&motion.footprint(a, *f), &motion.footprint(b, *f), rounding) < 0.0
+            && !motion.apart(a, b, *f)
+    };
     motion.close_frames(a, b, first).filter(touches)
 }
 

@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 
-use reactsim_scene::{AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario};
+use reactsim_scene::{
+    AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario, Start, levels,
+};
 
 use super::cache::Cache;
 use super::light::ObservedLight;
@@ -32,6 +34,9 @@ pub struct Case<'a> {
     pub rollouts: Vec<Vec<&'a [Frame]>>,
     /// Responses with which the agents can avoid the AV of this case; `None` if unknown.
     pub certificate: Option<&'a Certificate>,
+    /// Heights of the logged states from the current frame on, per object, metres; empty in scenarios of one
+    /// level.
+    log_heights: Vec<Vec<f64>>,
     pub(super) motion: Motion,
     pub(super) cache: Cache,
 }
@@ -69,6 +74,7 @@ impl<'a> Case<'a> {
             log: None,
             rollouts: Vec::new(),
             certificate: None,
+            log_heights: Vec::new(),
             motion,
             cache: Cache::default(),
         }
@@ -87,7 +93,43 @@ impl<'a> Case<'a> {
         let log = start.history.iter().zip(&scenario.log_future.tracks);
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
         let lights = ObservedLight::all(scenario);
-        Self::new(start.road(), objects, 0, options).with_log(log.collect()).with_lights(lights)
+        let case = Self::new(start.road(), objects, 0, options).with_log(log.collect());
+        case.with_lights(lights).with_heights(start)
+    }
+
+    /// Adds the heights of the objects, which are the agents of `start`: in scenarios with several levels they
+    /// meet only what is on their own.
+    pub fn with_heights(mut self, start: &Start) -> Self {
+        self.motion.height.clear();
+        if start.has_levels() {
+            let frames = self.frames();
+            self.motion.height.resize(self.objects.len() * frames, f64::NAN);
+            for (i, object) in self.objects.iter().enumerate().take(start.agents.len()) {
+                let track = object.track.get(self.current..).unwrap_or_default();
+                let all = &mut self.motion.height[i * frames + self.current..(i + 1) * frames];
+                all.iter_mut().zip(start.heights_along(i, track)).for_each(|(h, found)| *h = found);
+            }
+            self.log_heights = match &self.log {
+                Some(log) => {
+                    (0..log.len()).map(|i| start.heights_along(i, &log[i].from(self.current))).collect()
+                }
+                None => Vec::new(),
+            };
+        }
+        self.cache = Cache::default();
+        self
+    }
+
+    /// Returns the road on the level of an object at a frame.
+    pub(super) fn road_under(&self, object: usize, frame: usize) -> Road<'a> {
+        self.road.on_level(self.motion.height(object, frame))
+    }
+
+    /// Returns whether the logged state of an object and the AV of this case are on different levels at a
+    /// frame, `distance` metres from each other.
+    pub(super) fn log_is_apart(&self, object: usize, frame: usize, distance: f64) -> bool {
+        let logged = self.log_heights.get(object).and_then(|heights| heights.get(frame - self.current));
+        logged.is_some_and(|&h| levels::apart(h, self.motion.height(self.av, frame), distance))
     }
 
     /// Adds the log, aligned with the objects. Missing entries are absent at every frame.

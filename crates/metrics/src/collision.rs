@@ -121,7 +121,8 @@ fn fault_at(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
     if motion.footprint(case.av, frame).intersects_segment(front_left, front_right) {
         return Fault::FrontBumper;
     }
-    if case.road.drivable(p, &mut None) == Some(false) { Fault::AgentOffroad } else { Fault::Lateral }
+    let drivable = case.road_under(agent, frame).drivable(p, &mut None);
+    if drivable == Some(false) { Fault::AgentOffroad } else { Fault::Lateral }
 }
 
 /// Number of vehicles that collide with the AV and are at fault.

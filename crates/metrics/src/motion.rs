@@ -1,7 +1,7 @@
 //! Positions, boxes and velocities of all objects over all frames, computed once per case.
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, math};
-use reactsim_scene::DT;
+use reactsim_scene::{DT, levels};
 
 use super::object::Object;
 use super::options::{Options, VelocitySource};
@@ -19,6 +19,8 @@ pub struct Motion {
     pub(super) axis: Vec<Vec2>,
     pub(super) velocity: Vec<Vec2>,
     pub(super) speed: Vec<f64>,
+    /// Height of the road under each object, metres; empty in scenarios of one level.
+    pub(super) height: Vec<f64>,
     /// Half-length and half-width per object, metres.
     half: Vec<(f64, f64)>,
     /// Radius of the circumscribed circle of the box per object, metres.
@@ -38,6 +40,7 @@ impl Motion {
             axis: vec![unknown; n],
             velocity: vec![unknown; n],
             speed: vec![f64::NAN; n],
+            height: Vec::new(),
             half: Vec::with_capacity(objects.len()),
             radius: Vec::with_capacity(objects.len()),
         };
@@ -95,6 +98,19 @@ impl Motion {
 
     pub(super) fn at(&self, object: usize, frame: usize) -> usize {
         object * self.frames + frame
+    }
+
+    /// Returns the height of an object at a frame, metres; NaN if unknown, and in scenarios of one level.
+    pub fn height(&self, object: usize, frame: usize) -> f64 {
+        self.height.get(self.at(object, frame)).copied().unwrap_or(f64::NAN)
+    }
+
+    /// Returns whether two objects are on different levels at a frame.
+    pub(super) fn apart(&self, a: usize, b: usize, frame: usize) -> bool {
+        !self.height.is_empty() && {
+            let distance = self.distance2(a, b, frame).sqrt();
+            levels::apart(self.height(a, frame), self.height(b, frame), distance)
+        }
     }
 
     /// Returns whether an object is present at a frame.

@@ -26,6 +26,11 @@ pub struct LoggedTrack<'a> {
 }
 
 impl LoggedTrack<'_> {
+    /// Returns the frames from `frame` on.
+    pub(super) fn from(&self, frame: usize) -> Vec<Frame> {
+        self.history.iter().chain(self.future).skip(frame).copied().collect()
+    }
+
     /// Returns the logged state at a frame.
     pub fn at(&self, frame: usize) -> Frame {
         match frame.checked_sub(self.history.len()) {

@@ -37,7 +37,8 @@ pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
 fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
     let mut steps = OffRoadSteps::default();
     let mut near = None;
-    if case.road.drivable(case.motion.position(agent, case.current), &mut near) != Some(true) {
+    let road = case.road_under(agent, case.current);
+    if road.drivable(case.motion.position(agent, case.current), &mut near) != Some(true) {
         return steps;
     }
     let mut open: Option<(usize, usize)> = None;
@@ -47,7 +48,8 @@ fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
         }
         steps.valid += 1;
         let step = f - case.current;
-        if case.road.drivable(case.motion.position(agent, f), &mut near) == Some(false) {
+        let road = case.road_under(agent, f);
+        if road.drivable(case.motion.position(agent, f), &mut near) == Some(false) {
             steps.hits += 1;
             open = Some((open.map_or(step, |o| o.0), step));
         } else {

@@ -55,7 +55,7 @@ impl<'a> StopLine<'a> {
     }
 
     /// Returns the first crossing of a vehicle under red.
-    fn crossing(&self, case: &Case<'_>, agent: usize, tracker: &mut Tracker<'_>) -> Option<RedCrossing> {
+    fn crossing<'r>(&self, case: &Case<'r>, agent: usize, tracker: &mut Tracker<'r>) -> Option<RedCrossing> {
         let motion = &case.motion;
         let mut before = self.beyond(motion.position(agent, case.current));
         for f in case.future() {
@@ -97,7 +97,7 @@ impl<'a> StopLine<'a> {
     }
 
     /// Returns whether a vehicle whose centre crosses the line at `frame` drives the lane of the line.
-    fn is_on_lane(&self, case: &Case<'_>, agent: usize, frame: usize, tracker: &mut Tracker<'_>) -> bool {
+    fn is_on_lane<'r>(&self, case: &Case<'r>, agent: usize, frame: usize, tracker: &mut Tracker<'r>) -> bool {
         let Some(at) = self.check_frame(case, agent, frame) else { return false };
         let placed = tracker.pointwise_at(case, agent, at);
         placed.is_some_and(|placed| {

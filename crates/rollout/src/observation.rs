@@ -57,6 +57,12 @@ impl<'a> Observation<'a> {
         self.tracks[agent].last().copied().flatten()
     }
 
+    /// Returns the present height of the road under each agent, metres; NaN if unknown. Empty in scenarios of
+    /// one level.
+    pub fn heights(&self) -> Vec<f64> {
+        self.start.heights_at_end(self.tracks.iter().map(Vec::as_slice))
+    }
+
     /// Returns the state of the AV one step ahead, if the protocol provides it (Algorithm 1, line 4).
     pub fn av_next(&self) -> Option<AgentState> {
         self.av_next

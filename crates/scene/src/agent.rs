@@ -129,4 +129,6 @@ pub struct LoggedAgent {
     pub agent: Agent,
     /// One entry per frame (91).
     pub track: Vec<Frame>,
+    /// Height of the bottom of the box at each frame, metres, if known; empty if it is known at none.
+    pub heights: Vec<Option<f64>>,
 }

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::assemble::WITHOUT_EXTENT;
-use super::{CURRENT, HISTORY, LoggedAgent, Scenario};
+use super::{CURRENT, FRAMES, HISTORY, LoggedAgent, Scenario};
 
 impl Scenario {
     /// Selects all agents that are present at the current frame, of all kinds, sizes and any number, as the
@@ -21,13 +21,19 @@ impl Scenario {
         };
         // Equally distant agents stay in the order of the file.
         added.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        for LoggedAgent { agent, mut track } in added {
+        for LoggedAgent { agent, mut track, mut heights } in added {
             let future = track.split_off(HISTORY);
             self.start.agents.push(agent);
             self.start.history.push(track);
             self.log_future.tracks.push(future);
+            if self.start.has_levels() {
+                heights.resize(FRAMES, None);
+                self.log_future.heights.push(heights.split_off(HISTORY));
+                self.start.heights.push(heights);
+            }
         }
         self.start.obstacles.clear();
+        self.start.obstacle_heights.clear();
         self.repairs.remove(WITHOUT_EXTENT);
         Self { unselected: rest, notes: OnceLock::new(), ..self }
     }

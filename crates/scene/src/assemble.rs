@@ -13,8 +13,8 @@ use super::headings::estimate_headings;
 use super::parts::{DeviationParts, LightParts, MapParts, ScenarioParts, StopLineParts};
 use super::{
     AgentKind, AgentState, CURRENT, DeviatedTrack, FRAMES, FUTURE, HISTORY, LANE_HALF_WIDTH, Lane, LaneArea,
-    LightState, LogFuture, LoggedAgent, MAX_AGENTS, RoadMap, Scenario, SceneError, Start, StopLine,
-    TrafficLight,
+    LightState, LogFuture, LoggedAgent, MAX_AGENTS, MapHeights, RoadMap, Scenario, SceneError, Start,
+    StopLine, TrafficLight,
 };
 
 /// Name of the repair that counts agents that are present at the current frame with a box of size zero.
@@ -62,34 +62,42 @@ impl Scenario {
             builder.shift_track(agent.track.iter_mut().map(Option::as_mut), &format!("agents[{i}].track"))?;
         }
         let mut map = parts.map;
-        let (lanes, index) = builder.lanes(std::mem::take(&mut map.lanes))?;
+        builder.check_heights(&mut agents, &mut map)?;
+        let mut heights = std::mem::take(&mut map.heights);
+        let (lanes, index) = builder.lanes(std::mem::take(&mut map.lanes), &mut heights.lanes)?;
         let lights = builder.lights(parts.lights, &index)?;
         let stop_lines = builder.stop_lines(std::mem::take(&mut map.stop_lines), &lanes, &index)?;
-        let map = builder.map(map, lanes, stop_lines)?;
+        let map = RoadMap { heights, ..builder.map(map, lanes, stop_lines)? };
         let deviation = parts.deviation.map(|d| builder.deviation(d, &agents)).transpose()?;
 
         let (selected, unselected) = select_agents(agents, parts.av, &mut builder);
-        let obstacles = unselected
-            .iter()
-            .filter(|a| a.agent.kind == AgentKind::Other && a.agent.has_extent())
-            .filter_map(|a| Some(a.track[CURRENT]?.footprint(&a.agent)))
-            .collect();
+        let is_obstacle = |a: &&LoggedAgent| a.agent.kind == AgentKind::Other && a.agent.has_extent();
+        let obstacles = unselected.iter().filter(is_obstacle);
+        let obstacles =
+            obstacles.filter_map(|a| Some((a.track[CURRENT]?.footprint(&a.agent), height_now(a))));
+        let (obstacles, obstacle_heights) = obstacles.unzip();
         let mut start = Start {
             agents: Vec::with_capacity(selected.len()),
             history: Vec::with_capacity(selected.len()),
             obstacles,
             map,
+            heights: Vec::with_capacity(selected.len()),
+            obstacle_heights,
             lights: lights.positions,
             light_history: lights.history,
             index: OnceLock::new(),
         };
         let mut tracks = Vec::with_capacity(selected.len());
+        let mut heights = Vec::with_capacity(selected.len());
         for mut logged in selected {
             tracks.push(logged.track.split_off(HISTORY));
+            logged.heights.resize(FRAMES, None);
+            heights.push(logged.heights.split_off(HISTORY));
+            start.heights.push(logged.heights);
             start.agents.push(logged.agent);
             start.history.push(logged.track);
         }
-        Ok(Self {
+        let mut scenario = Self {
             id: parts.id,
             source: parts.source,
             origin,
@@ -97,12 +105,27 @@ impl Scenario {
             tracks_to_predict: parts.tracks_to_predict,
             objects_of_interest: parts.objects_of_interest,
             start,
-            log_future: LogFuture { tracks, lights: lights.future },
+            log_future: LogFuture { tracks, heights, lights: lights.future },
             unselected,
             deviation,
             repairs: builder.repairs,
             notes: OnceLock::new(),
-        })
+        };
+        if scenario.levels() == 1 {
+            scenario.drop_heights();
+        }
+        Ok(scenario)
+    }
+}
+
+impl Scenario {
+    /// Drops all heights: on one level they have no meaning.
+    fn drop_heights(&mut self) {
+        self.start.map.heights = MapHeights::default();
+        self.start.heights.clear();
+        self.start.obstacle_heights.clear();
+        self.log_future.heights.clear();
+        self.unselected.iter_mut().for_each(|a| a.heights.clear());
     }
 
     /// Estimates unknown velocities, and drops links between lanes that do not meet. A scenario that is
@@ -139,6 +162,10 @@ fn select_agents(
     let order = std::iter::once(av).chain(candidates.into_iter().map(|c| c.1));
     let selected = order.filter_map(|i| slots[i].take()).collect();
     (selected, slots.into_iter().flatten().collect())
+}
+
+fn height_now(logged: &LoggedAgent) -> Option<f64> {
+    logged.heights.get(CURRENT).copied().flatten()
 }
 
 /// Lights on lanes of the map, their states split at the current frame.
@@ -215,6 +242,7 @@ impl Builder {
             driveways: m.driveways,
             intersections: m.intersections,
             drivable_area: m.drivable_area,
+            heights: m.heights,
         };
         self.shift_each(&mut map.road_edges, "map.road_edges", |e| &mut e.points)?;
         self.shift_each(&mut map.road_lines, "map.road_lines", |l| &mut l.points)?;

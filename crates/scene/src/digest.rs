@@ -49,7 +49,26 @@ impl Scenario {
             s.count(**n as usize);
         });
         self.hash_map(&mut sink);
+        if self.start.has_levels() {
+            self.hash_heights(&mut sink);
+        }
         blake3::hash(&sink.0).to_hex().to_string()
+    }
+
+    /// Adds all heights. Nothing is written for scenarios of one level, which have none: their digests are
+    /// those from before heights existed.
+    fn hash_heights(&self, sink: &mut Sink) {
+        sink.text("heights");
+        let put = |s: &mut Sink, list: &Vec<Option<f64>>| {
+            s.list(list, |s, height| s.number(height.unwrap_or(f64::NAN)));
+        };
+        sink.list(&self.start.heights, put);
+        sink.list(&self.log_future.heights, put);
+        sink.list(&self.unselected, |s, a| put(s, &a.heights));
+        put(sink, &self.start.obstacle_heights);
+        for list in self.start.map.heights.lists() {
+            sink.list(list, |s, heights| s.list(heights, |s, height| s.number(*height)));
+        }
     }
 
     fn hash_map(&self, sink: &mut Sink) {

@@ -8,6 +8,7 @@ mod digest;
 mod distant_links;
 mod error;
 mod headings;
+pub mod levels;
 pub mod limits;
 mod lights;
 mod map;
@@ -25,6 +26,7 @@ pub use certificate::{
     HARD_TIME_TO_REACT, Response,
 };
 pub use error::{SceneError, brief};
+pub use levels::MapHeights;
 pub use lights::{LightState, TrafficLight};
 pub use map::{
     Crosswalk, LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, LaneKind, LaneNeighbor, RoadEdge, RoadEdgeKind,

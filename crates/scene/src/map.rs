@@ -2,6 +2,8 @@
 
 use reactsim_geometry::{Polygon, Polyline, Vec2};
 
+use super::MapHeights;
+
 /// A lane of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lane {
@@ -249,4 +251,6 @@ pub struct RoadMap {
     pub intersections: Vec<Vec<Vec2>>,
     /// Drivable polygons (union, strict interior); `None` if the map has none.
     pub drivable_area: Option<Vec<Polygon>>,
+    /// Heights of the above; empty if the map has one level.
+    pub heights: MapHeights,
 }

@@ -5,7 +5,7 @@ use reactsim_geometry::{
     ring_distance,
 };
 
-use super::{Lane, LaneArea, RoadMap};
+use super::{Lane, LaneArea, RoadMap, levels};
 
 /// A lane found at or near a point, with the projection of the point onto its baseline.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +28,8 @@ pub struct MapIndex {
     areas: Vec<PolygonIndex>,
     intersection_grid: Grid,
     driveway_grid: Grid,
+    /// Heights of the ends of each segment of `edges`, metres; empty if the map has one level.
+    edge_heights: Vec<[f64; 2]>,
 }
 
 /// Successive segments of a lane's baseline.
@@ -73,6 +75,7 @@ impl MapIndex {
             pieces,
             polygon_lanes,
             polygon_grid: Grid::new(&polygon_bounds, CELL_SIZE),
+            edge_heights: edge_heights(map),
             edges: OrientedEdges::new(map.road_edges.iter().map(|e| e.points.as_slice())),
             areas: area.clone().map(PolygonIndex::new).collect(),
             area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL_SIZE),
@@ -88,18 +91,71 @@ impl MapIndex {
     }
 }
 
+/// Returns the heights of the segments of all road edges, as [`OrientedEdges`] numbers them; NaN if unknown.
+fn edge_heights(map: &RoadMap) -> Vec<[f64; 2]> {
+    if map.heights.is_empty() {
+        return Vec::new();
+    }
+    let none = Vec::new();
+    let mut all = Vec::new();
+    for (i, edge) in map.road_edges.iter().enumerate() {
+        let heights = map.heights.road_edges.get(i).unwrap_or(&none);
+        let height = |k: usize| heights.get(k).copied().unwrap_or(f64::NAN);
+        let pairs = edge.points.windows(2).enumerate().filter(|(_, pair)| pair[0] != pair[1]);
+        all.extend(pairs.map(|(k, _)| [height(k), height(k + 1)]));
+    }
+    all
+}
+
 /// A map with its spatial index, which answers all map queries.
 #[derive(Clone, Copy, Debug)]
 pub struct Road<'a> {
     /// The map.
     pub map: &'a RoadMap,
     index: &'a MapIndex,
+    /// Height whose level answers the queries, metres; NaN for all levels.
+    height: f64,
 }
 
 impl<'a> Road<'a> {
     /// Joins a map with the index that was built from it.
     pub fn new(map: &'a RoadMap, index: &'a MapIndex) -> Self {
-        Self { map, index }
+        Self { map, index, height: f64::NAN }
+    }
+
+    /// Returns the road on the level of `height`, metres: its queries leave out what is on another level. A
+    /// NaN height is on every level.
+    pub fn on_level(self, height: f64) -> Self {
+        if self.index.edge_heights.is_empty() && self.map.heights.is_empty() {
+            self
+        } else {
+            Self { height, ..self }
+        }
+    }
+
+    /// Returns whether a point of a lane is on another level than the road.
+    fn is_above_or_below(&self, lane: usize, at: &Projection) -> bool {
+        !self.height.is_nan() && levels::apart(self.map.heights.of_lane(lane, at), self.height, at.distance)
+    }
+
+    /// Calls `see` with distance and height, metres, of each piece of a lane within `radius` metres of `p`,
+    /// and of the nearest edge on each level there. Heights that are not known are NaN.
+    pub(super) fn visit_heights(&self, p: Vec2, radius: f64, see: &mut impl FnMut(f64, f64)) {
+        let around = Bounds::around(p, radius);
+        self.index.piece_grid.visit(&around, |i| {
+            let Piece { lane, first, last } = self.index.pieces[i as usize];
+            let line = &self.map.lanes[lane as usize].baseline;
+            let at = line.project_between(p, first as usize, last as usize);
+            if at.distance <= radius {
+                see(at.distance, self.map.heights.of_lane(lane as usize, &at));
+            }
+        });
+        self.index.edges.visit(&around, |i, t, distance| {
+            if distance <= radius {
+                let [a, b] = self.index.edge_heights[i as usize];
+                see(distance, a + (b - a) * t);
+            }
+        });
     }
 
     /// Returns the lane with this index.
@@ -118,6 +174,7 @@ impl<'a> Road<'a> {
             let end = cell[k..].partition_point(|&i| self.index.pieces[i as usize].lane == lane) + k;
             if let LaneArea::Corridor { half_width } = self.map.lanes[lane as usize].area
                 && let Some(projection) = self.in_corridor(p, lane as usize, half_width, &cell[k..end])
+                && !self.is_above_or_below(lane as usize, &projection)
             {
                 hits.push(LaneHit { lane: lane as usize, projection });
             }
@@ -132,7 +189,10 @@ impl<'a> Road<'a> {
             if let LaneArea::Polygon(ring) = &self.map.lanes[lane].area
                 && point_in_ring(p, ring) == Some(true)
             {
-                hits.push(LaneHit { lane, projection: self.map.lanes[lane].baseline.project(p) });
+                let projection = self.map.lanes[lane].baseline.project(p);
+                if !self.is_above_or_below(lane, &projection) {
+                    hits.push(LaneHit { lane, projection });
+                }
             }
         }
         hits.sort_by_key(|h| h.lane);
@@ -141,7 +201,7 @@ impl<'a> Road<'a> {
     /// Returns the projection of `p` onto the baseline of one lane if its area strictly contains `p`. The
     /// result equals that of [`Road::lanes_at`] for this lane.
     pub fn lane_at(&self, p: Vec2, lane: usize) -> Option<Projection> {
-        match &self.map.lanes[lane].area {
+        let found = match &self.map.lanes[lane].area {
             LaneArea::Corridor { half_width } => {
                 let cell = self.index.piece_grid.at(p);
                 let of = |i: &u32| self.index.pieces[*i as usize].lane as usize;
@@ -152,7 +212,8 @@ impl<'a> Road<'a> {
             LaneArea::Polygon(ring) => {
                 (point_in_ring(p, ring) == Some(true)).then(|| self.map.lanes[lane].baseline.project(p))
             }
-        }
+        };
+        found.filter(|projection| !self.is_above_or_below(lane, projection))
     }
 
     /// Returns the projection of `p` if the corridor strictly contains it: within the half-width of the
@@ -189,7 +250,7 @@ impl<'a> Road<'a> {
             let Piece { lane, first, last } = self.index.pieces[i as usize];
             let line = &self.map.lanes[lane as usize].baseline;
             let projection = line.project_between(p, first as usize, last as usize);
-            if projection.distance > radius {
+            if projection.distance > radius || self.is_above_or_below(lane as usize, &projection) {
                 continue;
             }
             match hits.last_mut() {
@@ -205,7 +266,29 @@ impl<'a> Road<'a> {
 
     /// Finds the nearest road edge; `start` is the segment found for a nearby point. `None` without edges.
     fn nearest_edge(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
-        self.index.edges.nearest(p, start)
+        if self.height.is_nan() {
+            return self.index.edges.nearest(p, start);
+        }
+        self.index.edges.nearest_where(p, start, |i, t, d2| {
+            let [a, b] = self.index.edge_heights[i as usize];
+            !levels::apart(a + (b - a) * t, self.height, d2.sqrt())
+        })
+    }
+
+    /// Returns whether a drivable polygon is on the level of the road near `p`: the height of a polygon is
+    /// that of its nearest vertex.
+    fn area_is_on_level(&self, area: usize, p: Vec2) -> bool {
+        if self.height.is_nan() {
+            return true;
+        }
+        let (Some(areas), Some(heights)) =
+            (&self.map.drivable_area, self.map.heights.drivable_area.get(area))
+        else {
+            return true;
+        };
+        let vertices = areas[area].exterior.iter().zip(heights);
+        let nearest = vertices.min_by(|a, b| (a.0 - p).norm_squared().total_cmp(&(b.0 - p).norm_squared()));
+        nearest.is_none_or(|(vertex, &z)| !levels::apart(z, self.height, (vertex - p).norm()))
     }
 
     /// Returns whether the map records its drivable area.
@@ -219,7 +302,8 @@ impl<'a> Road<'a> {
     pub fn drivable(&self, p: Vec2, start: &mut Option<u32>) -> Option<bool> {
         if self.map.drivable_area.is_some() {
             let areas = &self.index.areas;
-            return Some(self.index.area_grid.at(p).iter().any(|&i| areas[i as usize].contains(p)));
+            let inside = |&i: &u32| areas[i as usize].contains(p) && self.area_is_on_level(i as usize, p);
+            return Some(self.index.area_grid.at(p).iter().any(inside));
         }
         let nearest = self.nearest_edge(p, *start)?;
         *start = Some(nearest.segment);
@@ -238,7 +322,8 @@ impl<'a> Road<'a> {
             if self.drivable(p, start)? {
                 return Some(0.0);
             }
-            let rings = area.iter().flat_map(|a| std::iter::once(&a.exterior).chain(&a.holes));
+            let on_level = area.iter().enumerate().filter(|(i, _)| self.area_is_on_level(*i, p));
+            let rings = on_level.flat_map(|(_, a)| std::iter::once(&a.exterior).chain(&a.holes));
             return Some(rings.map(|r| ring_distance(p, r)).fold(f64::INFINITY, f64::min));
         }
         let nearest = self.nearest_edge(p, *start)?;

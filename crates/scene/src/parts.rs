@@ -3,7 +3,8 @@
 use reactsim_geometry::{Polygon, Vec2};
 
 use super::{
-    Crosswalk, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, RoadEdge, RoadLine, StopKind, Surface,
+    Crosswalk, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, MapHeights, RoadEdge, RoadLine,
+    StopKind, Surface,
 };
 use crate::{Certificate, Deviation, Frame};
 
@@ -57,6 +58,9 @@ pub struct MapParts {
     pub intersections: Vec<Vec<Vec2>>,
     /// Drivable polygons.
     pub drivable_area: Option<Vec<Polygon>>,
+    /// Heights of the above; those of lanes are per point of [`LaneParts::points`]. Heights that are not
+    /// finite are unknown.
+    pub heights: MapHeights,
 }
 
 /// A lane as read by a format.

@@ -96,6 +96,10 @@ pub struct Start {
     pub obstacles: Vec<OrientedBox>,
     /// The road map.
     pub map: RoadMap,
+    /// Height of each agent at each of the 11 frames, metres, if known; empty if the scenario has one level.
+    pub heights: Vec<Vec<Option<f64>>>,
+    /// Height of each obstacle, metres, if known; empty if the scenario has one level.
+    pub obstacle_heights: Vec<Option<f64>>,
     /// The lights of the map.
     pub lights: Vec<TrafficLight>,
     /// 11 observed states per light; `None` if not observed.
@@ -120,6 +124,8 @@ impl Start {
 pub struct LogFuture {
     /// 80 frames per agent, in the order of [`Start`].
     pub tracks: Vec<Vec<Frame>>,
+    /// 80 heights per agent, metres, if known; empty if the scenario has one level.
+    pub heights: Vec<Vec<Option<f64>>>,
     /// 80 observed states per light.
     pub lights: Vec<Vec<Option<LightState>>>,
 }
@@ -129,9 +135,11 @@ impl Scenario {
     /// later, deviated AV, and the marks of agents, which data sets choose by their later motion.
     pub fn without_future(mut self) -> Self {
         self.log_future.tracks.iter_mut().for_each(|track| track.fill(None));
+        self.log_future.heights.iter_mut().for_each(|heights| heights.fill(None));
         self.log_future.lights.iter_mut().for_each(|states| states.fill(None));
         for agent in &mut self.unselected {
             agent.track[HISTORY..].fill(None);
+            agent.heights.iter_mut().skip(HISTORY).for_each(|height| *height = None);
         }
         self.unselected.retain(|agent| agent.track.iter().any(Option::is_some));
         self.deviation = None;

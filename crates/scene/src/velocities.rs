@@ -26,7 +26,7 @@ impl Scenario {
         for (agent, (history, future)) in self.start.agents.iter().zip(tracks) {
             estimate_track(agent.kind, history, future, step);
         }
-        for LoggedAgent { agent, track } in &mut self.unselected {
+        for LoggedAgent { agent, track, .. } in &mut self.unselected {
             let (history, future) = track.split_at_mut(HISTORY);
             estimate_track(agent.kind, history, future, step);
         }

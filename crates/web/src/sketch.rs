@@ -100,7 +100,9 @@ fn agent(out: &mut String, agent: &Agent, track: &[Frame]) {
 fn map(out: &mut String, map: &RoadMap, near: &Near) {
     // Lanes: class, half width (0 if the outline is given instead), centre line.
     out.push_str(",\"lanes\":[");
-    let lanes = map.lanes.iter().flat_map(|lane| {
+    let layers = map.layers();
+    let all_lanes = || layers.iter().flat_map(|layer| &layer.lanes);
+    let lanes = all_lanes().flat_map(|lane| {
         let half_width = if let LaneArea::Corridor { half_width } = lane.area { cm(half_width) } else { 0 };
         runs(lane.baseline.points(), near).map(move |run| (lane.class as u8, half_width, run))
     });
@@ -110,16 +112,18 @@ fn map(out: &mut String, map: &RoadMap, near: &Near) {
         out.push_str("]]");
     });
     out.push_str("],\"lane_areas\":[");
-    let areas = map.lanes.iter().filter_map(|lane| match &lane.area {
+    let areas = all_lanes().filter_map(|lane| match &lane.area {
         LaneArea::Polygon(ring) => Some(ring.as_slice()),
         LaneArea::Corridor { .. } => None,
     });
     rings(out, areas, near);
     out.push_str("],\"edges\":[");
-    let edges = map.road_edges.iter().flat_map(|e| runs(&e.points, near).map(|run| (e.kind as u8, run)));
+    let edges = layers.iter().flat_map(|layer| &layer.road_edges);
+    let edges = edges.flat_map(|e| runs(&e.points, near).map(|run| (e.kind as u8, run)));
     list(out, edges, kind_and_points);
     out.push_str("],\"paint\":[");
-    let paint = map.road_lines.iter().flat_map(|l| runs(&l.points, near).map(|run| (l.paint, run)));
+    let paint = layers.iter().flat_map(|layer| &layer.road_lines);
+    let paint = paint.flat_map(|l| runs(&l.points, near).map(|run| (l.paint, run)));
     list(out, paint, kind_and_points);
     out.push_str("],\"stops\":[");
     let stops = map.stop_lines.iter().filter(|s| s.ends.iter().any(|&p| near.holds(p)));

@@ -92,7 +92,14 @@ fn others_are_where_they_will_be() {
     let agents =
         vec![Agent { id: "a".to_owned(), kind: AgentKind::Vehicle, length: CAR[0], width: CAR[1] }; 3];
     let next = AgentState { x: 5.3, vx: unknown, ..along(10) };
-    let view = SceneView { agents: &agents, tracks: &tracks, now: 10, av_next: Some(next), lights: &[] };
+    let view = SceneView {
+        agents: &agents,
+        tracks: &tracks,
+        now: 10,
+        av_next: Some(next),
+        lights: &[],
+        start: None,
+    };
     let found = others(&view, &[1], 4);
     assert_eq!(found.len(), 2);
     let x = |other: &Other| other.discs.iter().map(|discs| discs.center.x).collect::<Vec<_>>();

@@ -129,7 +129,7 @@ impl StepGraph {
         let mut found = Vec::new();
         for (i, body) in bodies.iter().enumerate() {
             nearest.clear();
-            for (j, other) in bodies.iter().enumerate() {
+            for (j, other) in bodies.iter().enumerate().filter(|(_, other)| !body.is_apart(other)) {
                 // The AV ranks first at any distance: the network must always see it.
                 let d = (other.position - body.position).norm();
                 if i != j && other.is_av {

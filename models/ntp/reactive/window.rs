@@ -63,6 +63,13 @@ pub(crate) fn step_at(
         _ => None,
     };
     let lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l)[now.min(realized)]).collect();
-    let view = SceneView { agents: &seen.start().agents, tracks, now, av_next, lights: &lights };
+    let view = SceneView {
+        agents: &seen.start().agents,
+        tracks,
+        now,
+        av_next,
+        lights: &lights,
+        start: Some(seen.start()),
+    };
     StepGraph::of(&view, places, earlier, config)
 }

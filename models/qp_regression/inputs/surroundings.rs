@@ -52,7 +52,9 @@ impl Surroundings {
         let frame = AgentFrame::of(pose);
         let mut nearest = Nearest::new(config.agents);
         for other in 0..view.agents.len() {
-            let Some(there) = state(other) else { continue };
+            let Some(there) = state(other).filter(|_| other == slot || !view.is_apart(slot, other)) else {
+                continue;
+            };
             let rank = match other {
                 _ if other == slot => -2.0,
                 0 => -1.0,

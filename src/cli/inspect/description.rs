@@ -77,6 +77,9 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
             }),
         ),
     ];
+    if start.has_levels() {
+        lines.push(("levels", format!("up to {} above one another", scenario.levels())));
+    }
     if let Some(certificate) = scenario.deviation.as_ref().and_then(|d| d.certificate.as_ref()) {
         lines.push(("certificate", effort(certificate)));
         lines.extend(certificate.responses.iter().map(|r| ("", response(r))));

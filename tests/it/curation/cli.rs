@@ -320,7 +320,7 @@ fn deviations_of_all_agents_are_used_with_all_agents() {
         for (id, kind, size) in [("cone", AgentKind::Other, 0.5), ("unknown", AgentKind::Vehicle, 0.0)] {
             let agent = Agent { id: id.into(), kind, length: size, width: size };
             let state = AgentState { x: 20.0, y: -8.0, heading: 0.0, vx: 0.0, vy: 0.0 };
-            parts.agents.push(LoggedAgent { agent, track: vec![Some(state); FRAMES] });
+            parts.agents.push(LoggedAgent { agent, track: vec![Some(state); FRAMES], heights: Vec::new() });
         }
         Scenario::assemble(parts).unwrap()
     };

@@ -37,7 +37,11 @@ pub(super) struct Generated {
 impl Generated {
     fn new(scenario: Scenario) -> Self {
         let chosen = scenario.start.agents.iter().enumerate();
-        let chosen = chosen.map(|(i, agent)| LoggedAgent { agent: agent.clone(), track: scenario.logged(i) });
+        let chosen = chosen.map(|(i, agent)| LoggedAgent {
+            agent: agent.clone(),
+            track: scenario.logged(i),
+            heights: Vec::new(),
+        });
         let everybody: Vec<LoggedAgent> = chosen.chain(scenario.unselected.iter().cloned()).collect();
         assert!(everybody.iter().all(|a| a.track.len() == FRAMES));
         Self { scenario, everybody }

@@ -11,7 +11,7 @@ use super::traffic::{Boxes, Traffic, is_nearer};
 pub(super) fn conflicts(traffic: &Traffic<'_>, case: &Case<'_>) -> Vec<(usize, usize)> {
     let mut found: Vec<(usize, usize)> = vehicles(traffic.scenario, case);
     for i in (1..traffic.len()).filter(|&i| case.evaluated(i)) {
-        if traffic.scenario.start.agents[i].kind != AgentKind::Vehicle {
+        if traffic.scenario.start.agents[i].kind != AgentKind::Vehicle && !traffic.never_meet(0, i) {
             found.extend(first_touch(traffic, traffic.boxes(i).0).map(|step| (i, step)));
         }
     }
@@ -40,7 +40,8 @@ pub(super) fn check_settled(
     if let Some(&(i, step)) = vehicles(traffic.scenario, &case).first() {
         return Err(fail(i, "aav-ttc", step));
     }
-    for i in (1..traffic.len()).filter(|&i| agents[i].kind != AgentKind::Vehicle) {
+    let on_foot = |i: &usize| agents[*i].kind != AgentKind::Vehicle && !traffic.never_meet(0, *i);
+    for i in (1..traffic.len()).filter(on_foot) {
         if let Some(step) = first_touch(traffic, traffic.boxes(i).0) {
             return Err(fail(i, "aav-overlap", step));
         }

@@ -54,8 +54,10 @@ impl<'t> Problem<'t> {
                 pair,
             }
         };
-        let others =
-            (1..traffic.bodies()).filter(|&i| i != responder.agent && judged(i)).map(other).collect();
+        let others = (1..traffic.bodies())
+            .filter(|&i| i != responder.agent && judged(i) && !traffic.never_meet(responder.agent, i))
+            .map(other)
+            .collect();
         Self {
             traffic,
             responder,

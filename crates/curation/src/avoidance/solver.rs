@@ -62,7 +62,7 @@ impl Problem<'_> {
         if self.kind() != AgentKind::Vehicle || furthest <= path.end {
             return f64::INFINITY;
         }
-        let road = self.traffic.scenario.start.road();
+        let road = self.traffic.scenario.start.road_at(self.responder.agent);
         let mut near = None;
         let mut drivable = |s: f64| road.drivable(path.pose(s).0, &mut near) != Some(false);
         if !drivable(path.end) {
@@ -221,7 +221,7 @@ impl Problem<'_> {
     /// Returns whether no corner leaves the drivable area, unless it does so on the logged path as well.
     /// Only states off that path, or beyond its end, are judged: the log itself is not.
     fn is_on_road(&self, path: &OwnPath, profile: &Profile, boxes: &Boxes) -> bool {
-        let road = self.traffic.scenario.start.road();
+        let road = self.traffic.scenario.start.road_at(self.responder.agent);
         let mut near = [None; 4];
         let mut depth = |b: &OrientedBox| {
             let corners = b.corners().into_iter().zip(&mut near);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use reactsim_dynamics::PARKED_DISPLACEMENT;
 use reactsim_geometry::{Bounds, OrientedBox, rounded_distance, wrap};
 use reactsim_metrics::Options;
-use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
+use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario, levels};
 
 use super::AvoidanceSettings;
 use crate::Response;
@@ -25,6 +25,8 @@ pub(super) struct Traffic<'a> {
     extents: Vec<Bounds>,
     /// Whether each body never moves in the log.
     parked: Vec<bool>,
+    /// Heights of the logged boxes, metres; empty in scenarios of one level.
+    heights: Vec<Vec<f64>>,
     /// Responses found so far, by slot.
     pub(super) planned: BTreeMap<usize, PlannedResponse>,
 }
@@ -78,7 +80,8 @@ impl<'a> Traffic<'a> {
         let extents = logged.iter().map(extent).collect();
         let parked = (0..logged.len()).map(|i| i >= agents.len() || i > 0 && never_moves(scenario, i));
         let parked = parked.collect();
-        Self { scenario, av, logged, extents, parked, planned: BTreeMap::new() }
+        let heights = heights(scenario, av);
+        Self { scenario, av, logged, extents, parked, heights, planned: BTreeMap::new() }
     }
 
     /// Returns the number of agents, the AV included.
@@ -109,6 +112,25 @@ impl<'a> Traffic<'a> {
         self.av[step].footprint(&self.scenario.start.agents[0])
     }
 
+    /// Returns whether two bodies are on different levels where their logged ways are closest to each other (of
+    /// the AV that of the candidate): whatever they do, they do not meet.
+    pub(super) fn never_meet(&self, a: usize, b: usize) -> bool {
+        let (Some(a_heights), Some(b_heights)) = (self.heights.get(a), self.heights.get(b)) else {
+            return false;
+        };
+        let mut closest = (f64::INFINITY, false);
+        for (mine, &z) in self.logged[a].iter().zip(a_heights) {
+            for (theirs, &other) in self.logged[b].iter().zip(b_heights) {
+                let Some((mine, theirs)) = mine.as_ref().zip(theirs.as_ref()) else { continue };
+                let distance = (mine.center - theirs.center).norm();
+                if distance < closest.0 {
+                    closest = (distance, levels::apart(z, other, distance));
+                }
+            }
+        }
+        closest.1
+    }
+
     /// Returns the logged relation of two bodies other than the AV.
     pub(super) fn pair(&self, a: usize, b: usize) -> LoggedPair {
         let mut pair = LoggedPair { closest: f64::INFINITY, limit: 0.0, exempt: Vec::new() };
@@ -137,7 +159,7 @@ impl<'a> Traffic<'a> {
     /// the log.
     pub(super) fn breach(&self, a: usize, b: usize) -> Option<usize> {
         let ((mine, extent), (theirs, other)) = (self.boxes(a), self.boxes(b));
-        if !extent.intersects(other) {
+        if !extent.intersects(other) || self.never_meet(a, b) {
             return None;
         }
         let overlap =
@@ -149,6 +171,19 @@ impl<'a> Traffic<'a> {
         };
         (first..=FUTURE).find(|&k| !pair.exempt(k) && deep(k))
     }
+}
+
+/// Returns the heights at steps 0 to 80 of all agents and then of the static obstacles, metres; nothing in
+/// scenarios of one level.
+fn heights(scenario: &Scenario, av: &[AgentState]) -> Vec<Vec<f64>> {
+    let start = &scenario.start;
+    if !start.has_levels() {
+        return Vec::new();
+    }
+    let av: Vec<Frame> = av.iter().copied().map(Some).collect();
+    let logged = (1..start.agents.len()).map(|i| start.heights_along(i, &scenario.logged(i)[CURRENT..]));
+    let obstacles = (0..start.obstacles.len()).map(|i| vec![start.obstacle_height(i); FUTURE + 1]);
+    std::iter::once(start.heights_along(0, &av)).chain(logged).chain(obstacles).collect()
 }
 
 /// Returns whether an agent stays at its current position in all frames of its log.

@@ -107,7 +107,7 @@ pub(super) fn branches(scenario: &Scenario, logged: &Polyline, curvature: f64, r
 /// Returns the routes over the lane graph of `reach` metres from the AV's lane and those beside it, those
 /// from its own lane first.
 pub(super) fn routes(start: &Start, reach: f64) -> Vec<Route> {
-    let road = start.road();
+    let road = start.road_at(0);
     let now = start.now(0);
     let axle = now.position() - direction(now.heading) * (REAR_AXLE * start.agents[0].length);
     let mut found = Vec::new();

@@ -6,7 +6,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, NeighborParts, RoadLine};
 use serde::Deserialize;
 
-use super::point::{Point, between, points};
+use super::point::{self, Point, between, points};
 
 #[derive(Deserialize)]
 #[serde(expecting = "an object")]
@@ -81,6 +81,11 @@ pub(super) fn lanes(raw: &BTreeMap<String, RawLane>) -> Vec<LaneParts> {
         .collect()
 }
 
+/// Returns the heights of the centre lines, in the order of [`lanes`], metres.
+pub(super) fn heights(raw: &BTreeMap<String, RawLane>) -> Vec<Vec<f64>> {
+    raw.values().map(|lane| point::heights(&lane.centerline)).collect()
+}
+
 /// Returns the area between the boundaries, or a corridor if a boundary is missing.
 fn area(lane: &RawLane) -> LaneArea {
     if lane.left_lane_boundary.len() < 2 || lane.right_lane_boundary.len() < 2 {
@@ -89,10 +94,10 @@ fn area(lane: &RawLane) -> LaneArea {
     LaneArea::Polygon(between(&lane.left_lane_boundary, &lane.right_lane_boundary))
 }
 
-/// Returns the painted boundaries; a boundary shared by two lanes appears once.
-pub(super) fn paint(raw: &BTreeMap<String, RawLane>) -> Vec<RoadLine> {
+/// Returns the painted boundaries and their heights, metres; a boundary shared by two lanes appears once.
+pub(super) fn paint(raw: &BTreeMap<String, RawLane>) -> (Vec<RoadLine>, Vec<Vec<f64>>) {
     let mut seen = BTreeSet::new();
-    let mut lines = Vec::new();
+    let (mut lines, mut heights) = (Vec::new(), Vec::new());
     for lane in raw.values() {
         let left = (&lane.left_lane_mark_type, &lane.left_lane_boundary);
         let right = (&lane.right_lane_mark_type, &lane.right_lane_boundary);
@@ -107,10 +112,11 @@ pub(super) fn paint(raw: &BTreeMap<String, RawLane>) -> Vec<RoadLine> {
             }
             if seen.insert(key) {
                 lines.push(RoadLine { paint: code(mark), points });
+                heights.push(point::heights(line));
             }
         }
     }
-    lines
+    (lines, heights)
 }
 
 /// Returns the paint code of a mark type; 0 (unknown) if there is none.

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use reactsim_geometry::Polygon;
-use reactsim_scene::{Crosswalk, MapParts};
+use reactsim_scene::{Crosswalk, MapHeights, MapParts};
 use serde::Deserialize;
 
 use super::lanes::{self, RawLane};
-use super::point::{Point, between, points};
+use super::point::{Point, between, heights, points};
 use crate::error::{Cause, FormatError};
 
 /// Maximum number of lanes of a map; usual maps have some hundred.
@@ -55,11 +55,21 @@ pub(super) fn read(path: &Path, text: &[u8]) -> Result<MapParts, FormatError> {
         area.push(Polygon { exterior, holes: Vec::new() });
     }
     let crossing = |c: &RawCrossing| Crosswalk { outline: between(&c.edge1, &c.edge2) };
+    let (road_lines, line_heights) = lanes::paint(&raw.lane_segments);
+    let ring = |c: &RawCrossing| c.edge1.iter().chain(c.edge2.iter().rev()).copied().collect::<Vec<_>>();
+    let map_heights = MapHeights {
+        lanes: lanes::heights(&raw.lane_segments),
+        road_lines: line_heights,
+        crosswalks: raw.pedestrian_crossings.values().map(|c| heights(&ring(c))).collect(),
+        drivable_area: raw.drivable_areas.values().map(|a| heights(&a.area_boundary)).collect(),
+        ..MapHeights::default()
+    };
     Ok(MapParts {
         lanes: lanes::lanes(&raw.lane_segments),
-        road_lines: lanes::paint(&raw.lane_segments),
+        road_lines,
         crosswalks: raw.pedestrian_crossings.values().map(crossing).collect(),
         drivable_area: (!area.is_empty()).then_some(area),
+        heights: map_heights,
         ..MapParts::default()
     })
 }

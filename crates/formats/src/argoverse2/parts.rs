@@ -61,7 +61,7 @@ fn agent(track: Track, first: usize) -> LoggedAgent {
     let (kind, length, width) = class(&track.object_type);
     let frame = |f: usize| track.states.get(&u32::try_from(first + f).ok()?).copied();
     let states = (0..FRAMES).map(frame).collect();
-    LoggedAgent { agent: Agent { id: track.id, kind, length, width }, track: states }
+    LoggedAgent { agent: Agent { id: track.id, kind, length, width }, track: states, heights: Vec::new() }
 }
 
 /// Returns kind, length and width (in metres) of an object class. The data set records no sizes; these are

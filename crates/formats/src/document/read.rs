@@ -242,7 +242,7 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
     };
     let center = known(&agents[raw.av_index]).or_else(|| agents.iter().find_map(known));
     let at = Location { center: center.map(|state| state.position()), ..at };
-    for (i, LoggedAgent { agent, track }) in agents.iter_mut().enumerate() {
+    for (i, LoggedAgent { agent, track, .. }) in agents.iter_mut().enumerate() {
         at.within_limits(agent, &format!("agents[{i}] (`{}`)", agent.id), track)?;
     }
     let log = match raw.log {
@@ -315,7 +315,7 @@ fn agent(
     };
     let (length, width) = (size("length", raw.length)?, size("width", raw.width)?);
     let track = track(at, &field, [raw.x, raw.y, raw.heading], Some(&raw.valid), [raw.vx, raw.vy], frames)?;
-    Ok(LoggedAgent { agent: Agent { id: raw.id.0, kind, length, width }, track })
+    Ok(LoggedAgent { agent: Agent { id: raw.id.0, kind, length, width }, track, heights: Vec::new() })
 }
 
 fn logged(

@@ -105,6 +105,8 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
         let found = format!("{found} entries");
         return Err(Cause::value(format!("objects[{i}].{field}"), found, "91 entries (9.1 s at 10 Hz)"));
     }
+    let bottom = |f: usize| Some(object.position[f].z? - 0.5 * object.height.unwrap_or(0.0));
+    let heights = (0..FRAMES).map(|f| bottom(f).filter(|_| object.valid[f])).collect();
     let mut track = Vec::with_capacity(FRAMES);
     for f in 0..FRAMES {
         // Padding slots have no extent.
@@ -133,7 +135,7 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
         "cyclist" => AgentKind::Cyclist,
         _ => AgentKind::Other,
     };
-    Ok(LoggedAgent { agent: Agent { id, kind, length: object.length, width: object.width }, track })
+    Ok(LoggedAgent { agent: Agent { id, kind, length: object.length, width: object.width }, track, heights })
 }
 
 /// Converts a light; `None` if it was never observed.

@@ -61,6 +61,8 @@ pub(super) struct RawObject {
     pub(super) length: f64,
     #[serde(deserialize_with = "number")]
     pub(super) width: f64,
+    #[serde(default)]
+    pub(super) height: Option<f64>,
     pub(super) position: Vec<Point>,
     pub(super) velocity: Vec<Point>,
     #[serde(deserialize_with = "numbers")]
@@ -90,7 +92,7 @@ pub(super) struct RawLight {
     pub(super) time_index: Vec<i64>,
 }
 
-/// A point or a vector; a z coordinate is not read.
+/// A point or a vector. Old files have no z.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct Point {
@@ -98,6 +100,8 @@ pub(super) struct Point {
     pub(super) x: f64,
     #[serde(deserialize_with = "number")]
     pub(super) y: f64,
+    #[serde(default)]
+    pub(super) z: Option<f64>,
 }
 
 /// Reads a number. Null and NaN, which are unknown velocities, are NaN; elsewhere a scenario refuses them by

@@ -25,27 +25,32 @@ pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static st
     let mut left_out: BTreeMap<&'static str, u32> = BTreeMap::new();
     for (i, road) in roads.into_iter().enumerate() {
         let code = road.map_element_id;
+        let heights: Vec<f64> = road.geometry.iter().map(|p| p.z.unwrap_or(f64::NAN)).collect();
         let points = points(&road.geometry);
         match road.kind.as_str() {
             "lane" if points.windows(2).all(|w| w[0] == w[1]) => {
                 *left_out.entry("lanes without extent").or_default() += 1;
             }
-            "lane" => map.lanes.push(LaneParts {
-                id: road.id.map_or_else(|| i.to_string(), |id| id.to_string()),
-                // Waymo's lanes overlap at merges and junctions, as connectors do.
-                kind: LaneKind::Connector,
-                class: class(code),
-                speed_limit: None,
-                points,
-                area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
-                successors: Vec::new(),
-                predecessors: Vec::new(),
-                left: Vec::new(),
-                right: Vec::new(),
-            }),
+            "lane" => {
+                map.heights.lanes.push(heights);
+                map.lanes.push(LaneParts {
+                    id: road.id.map_or_else(|| i.to_string(), |id| id.to_string()),
+                    // Waymo's lanes overlap at merges and junctions, as connectors do.
+                    kind: LaneKind::Connector,
+                    class: class(code),
+                    speed_limit: None,
+                    points,
+                    area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
+                    successors: Vec::new(),
+                    predecessors: Vec::new(),
+                    left: Vec::new(),
+                    right: Vec::new(),
+                });
+            }
             "road_line" => {
                 let paint = code.and_then(|c| u8::try_from(c.checked_sub(FIRST_PAINT_ID - 1)?).ok());
                 let paint = paint.filter(|p| (1..=8).contains(p)).unwrap_or(0);
+                map.heights.road_lines.push(heights);
                 map.road_lines.push(RoadLine { paint, points });
             }
             "road_edge" => {
@@ -54,11 +59,21 @@ pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static st
                     Some(MEDIAN_ID) => RoadEdgeKind::Median,
                     _ => RoadEdgeKind::Unknown,
                 };
+                map.heights.road_edges.push(heights);
                 map.road_edges.push(RoadEdge { kind, points });
             }
-            "crosswalk" => map.crosswalks.push(Crosswalk { outline: points }),
-            "speed_bump" => map.speed_bumps.push(Surface { outline: points }),
-            "driveway" => map.driveways.push(Surface { outline: points }),
+            "crosswalk" => {
+                map.heights.crosswalks.push(heights);
+                map.crosswalks.push(Crosswalk { outline: points });
+            }
+            "speed_bump" => {
+                map.heights.speed_bumps.push(heights);
+                map.speed_bumps.push(Surface { outline: points });
+            }
+            "driveway" => {
+                map.heights.driveways.push(heights);
+                map.driveways.push(Surface { outline: points });
+            }
             // The lane of a stop sign is not recorded, and the nearest lane is often the wrong one.
             "stop_sign" => *left_out.entry("stop signs of unknown lanes").or_default() += 1,
             _ => *left_out.entry("road elements of unknown type").or_default() += 1,

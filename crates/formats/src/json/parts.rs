@@ -96,7 +96,11 @@ fn logged(field: &str, raw: &RawAgent) -> Result<LoggedAgent, Cause> {
         (None, Some(motion)) => motion::track(&format!("{field}.motion"), motion)?,
         (track, _) => return Err(either(field, "track", "motion", track.is_some())),
     };
-    Ok(LoggedAgent { agent: Agent { id: raw.id.clone(), kind, length: raw.length, width: raw.width }, track })
+    Ok(LoggedAgent {
+        agent: Agent { id: raw.id.clone(), kind, length: raw.length, width: raw.width },
+        track,
+        heights: Vec::new(),
+    })
 }
 
 fn frames(field: &str, raw: &RawTrack, expected: usize) -> Result<Vec<Frame>, Cause> {

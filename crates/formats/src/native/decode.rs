@@ -8,11 +8,11 @@ use arrow_array::RecordBatch;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, LaneArea,
-    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge,
-    RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
+    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts,
+    RoadEdge, RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
 };
 
-use super::encode::{COLUMNS, LEFT, RIGHT};
+use super::encode::{COLUMNS, HEIGHT_COLUMNS, LEFT, RIGHT};
 use super::wrong;
 use crate::certificates;
 use crate::error::{Cause, FormatError};
@@ -31,6 +31,9 @@ impl Rows {
         let mut views = Vec::with_capacity(COLUMNS.len());
         for &(name, leaf, depth, _) in COLUMNS {
             views.push(View::need(batch, name, leaf, depth)?);
+        }
+        for &(name, leaf, depth, _) in HEIGHT_COLUMNS {
+            views.extend(View::find(batch, name, leaf, depth)?);
         }
         Ok(Self { views, certificates: certificates::decode(batch)?, len: batch.num_rows() })
     }
@@ -138,6 +141,7 @@ impl Rows {
             self.cells(field, row, ids.len())?;
         }
         let views = fields.map(|c| self.view(c));
+        let mut heights = self.heights("agent_z", row, View::number).into_iter();
         let mut agents = Vec::with_capacity(ids.len());
         for (i, (id, kind)) in ids.into_iter().zip(kinds).enumerate() {
             let ranges = views.map(|v| v.range(1, v.range(0, row).start + i));
@@ -149,6 +153,7 @@ impl Rows {
                     width: widths.0.number(width_cells.start + i).unwrap_or(f64::NAN),
                 },
                 track: track(views, ranges)?,
+                heights: heights.next().unwrap_or_default(),
             });
         }
         Ok(agents)
@@ -198,7 +203,28 @@ impl Rows {
             driveways: surfaces(["driveway_x", "driveway_y"])?,
             intersections: self.lines(["intersection_x", "intersection_y"], row, None)?,
             drivable_area: self.drivable_area(row)?,
+            heights: self.map_heights(row),
         })
+    }
+
+    /// Reads the lists of heights in a column; none if the file has no such column. Assembly checks their
+    /// shapes.
+    fn heights<T>(&self, column: &str, row: usize, value: fn(&View, usize) -> T) -> Vec<Vec<T>> {
+        let Some(view) = self.views.iter().find(|v| v.name() == column) else { return Vec::new() };
+        view.range(0, row).map(|i| view.range(1, i).map(|cell| value(view, cell)).collect()).collect()
+    }
+
+    fn map_heights(&self, row: usize) -> MapHeights {
+        let list = |column| self.heights(column, row, |view, cell| view.number(cell).unwrap_or(f64::NAN));
+        MapHeights {
+            lanes: list("lane_z"),
+            road_edges: list("road_edge_z"),
+            road_lines: list("road_line_z"),
+            crosswalks: list("crosswalk_z"),
+            speed_bumps: list("speed_bump_z"),
+            driveways: list("driveway_z"),
+            drivable_area: list("drivable_area_z"),
+        }
     }
 
     fn drivable_area(&self, row: usize) -> Result<Option<Vec<Polygon>>, Cause> {

@@ -83,9 +83,25 @@ pub(super) const COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("deviation_vy", Number, 1, true),
 ];
 
+/// Columns of heights, of the same form as [`COLUMNS`]: without values for scenarios of one level, and missing in
+/// files from before heights existed.
+pub(super) const HEIGHT_COLUMNS: &[(&str, Leaf, usize, bool)] = &[
+    ("agent_z", Number, 2, true),
+    ("lane_z", Number, 2, false),
+    ("road_edge_z", Number, 2, false),
+    ("road_line_z", Number, 2, false),
+    ("crosswalk_z", Number, 2, false),
+    ("speed_bump_z", Number, 2, false),
+    ("driveway_z", Number, 2, false),
+    ("drivable_area_z", Number, 2, false),
+];
+
 /// Returns the columns, empty.
 pub(super) fn columns() -> Vec<Column> {
-    let own = COLUMNS.iter().map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
+    let own = COLUMNS
+        .iter()
+        .chain(HEIGHT_COLUMNS)
+        .map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
     own.chain(certificates::columns()).collect()
 }
 
@@ -105,6 +121,7 @@ pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario) {
     agents(t, scenario);
     lanes(t, scenario);
     surroundings(t, scenario);
+    heights(t, scenario);
     lights(t, scenario);
     deviation(t, scenario);
     certificates::encode(t, scenario.deviation.as_ref().and_then(|d| d.certificate.as_ref()));
@@ -223,6 +240,19 @@ fn surroundings(t: &mut TableWriter, scenario: &Scenario) {
     };
     t.column("drivable_area_x").nested(rings().map(|p| p.map(|r| r.iter().map(|v| Value::Number(v.x)))));
     t.column("drivable_area_y").nested(rings().map(|p| p.map(|r| r.iter().map(|v| Value::Number(v.y)))));
+}
+
+fn heights(t: &mut TableWriter, scenario: &Scenario) {
+    let (start, none) = (&scenario.start, &[] as &[Option<f64>]);
+    let known = start.has_levels();
+    let slots = (0..start.agents.len()).filter(|_| known);
+    let chosen = slots.map(|i| (start.heights[i].as_slice(), scenario.log_future.heights[i].as_slice()));
+    let unselected = scenario.unselected.iter().filter(|_| known);
+    let all = chosen.chain(unselected.map(|a| (a.heights.as_slice(), none)));
+    t.column("agent_z").lists(all.map(|(a, b)| a.iter().chain(b).copied().map(Value::from)));
+    for ((column, ..), list) in HEIGHT_COLUMNS[1..].iter().zip(start.map.heights.lists()) {
+        t.column(column).lists(list.iter().map(|heights| heights.iter().copied().map(Value::Number)));
+    }
 }
 
 fn lights(t: &mut TableWriter, scenario: &Scenario) {

@@ -40,7 +40,7 @@ pub(super) fn parts(log: &Log, map: &Map, anchor: usize) -> Result<ScenarioParts
     let ego =
         rows.iter().map(|&row| av_state(&log.frames[row].ego, map).map(Some)).collect::<Result<_, _>>()?;
     let av = Agent { id: AV.into(), kind: AgentKind::Vehicle, length: AV_LENGTH, width: AV_WIDTH };
-    let mut agents = vec![LoggedAgent { agent: av, track: ego }];
+    let mut agents = vec![LoggedAgent { agent: av, track: ego, heights: Vec::new() }];
     agents.extend(objects(log, &rows)?);
 
     let states = observed(log, &rows);
@@ -132,7 +132,9 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
     }
     let agent = |(token, (track, [length, width])): (Token, (Vec<Frame>, [f64; 2]))| {
         let kind = log.tracks.get(&token).map_or(AgentKind::Other, |c| c.kind());
-        LoggedAgent { agent: Agent { id: token.to_string(), kind, length, width }, track }
+        // The map has no heights, without which those of boxes are of no use.
+        let heights = Vec::new();
+        LoggedAgent { agent: Agent { id: token.to_string(), kind, length, width }, track, heights }
     };
     Ok(seen.into_iter().map(agent).collect())
 }

@@ -48,11 +48,14 @@ pub(super) fn map(
         has_limits: !dataset.is_some_and(|d| DATASETS_WITHOUT_LIMITS.contains(&d)),
         ..LaneCollector::default()
     };
-    let mut boundaries: Vec<(u8, Vec<Vec2>)> = Vec::new();
+    let mut boundaries: Vec<(u8, Vec<Vec2>, Vec<f64>)> = Vec::new();
     for (id, feature) in features.entries(MAX_FEATURES)? {
         let kind = feature.need("type")?.text()?;
         let line = || feature.need("polyline")?.points();
         let outline = || feature.get("polygon")?.map_or_else(line, |polygon| polygon.points());
+        let line_heights = || feature.need("polyline")?.heights();
+        let outline_heights =
+            || feature.get("polygon")?.map_or_else(line_heights, |polygon| polygon.heights());
         if kind.starts_with("LANE_") {
             if lanes.all.len() >= MAX_LANES {
                 return Err(feature.wrong(format!("at most {MAX_LANES} lanes: the map of one scenario")));
@@ -62,21 +65,33 @@ pub(super) fn map(
             let paint = PAINT_TYPES.iter().position(|p| *p == paint).map_or(0, |i| i as u8 + 1);
             let points = line()?;
             if id.starts_with(ground::KEY_PREFIX) {
-                boundaries.push((paint, points));
+                boundaries.push((paint, points, line_heights()?));
             } else {
                 map.road_lines.push(RoadLine { paint, points });
+                map.heights.road_lines.push(line_heights()?);
             }
         } else {
             match kind {
                 "ROAD_EDGE_BOUNDARY" => {
                     map.road_edges.push(RoadEdge { kind: RoadEdgeKind::Boundary, points: line()? });
+                    map.heights.road_edges.push(line_heights()?);
                 }
                 "ROAD_EDGE_MEDIAN" => {
                     map.road_edges.push(RoadEdge { kind: RoadEdgeKind::Median, points: line()? });
+                    map.heights.road_edges.push(line_heights()?);
                 }
-                "CROSSWALK" | "CROSS_WALK" => map.crosswalks.push(Crosswalk { outline: outline()? }),
-                "SPEED_BUMP" => map.speed_bumps.push(Surface { outline: outline()? }),
-                "DRIVEWAY" => map.driveways.push(Surface { outline: outline()? }),
+                "CROSSWALK" | "CROSS_WALK" => {
+                    map.crosswalks.push(Crosswalk { outline: outline()? });
+                    map.heights.crosswalks.push(outline_heights()?);
+                }
+                "SPEED_BUMP" => {
+                    map.speed_bumps.push(Surface { outline: outline()? });
+                    map.heights.speed_bumps.push(outline_heights()?);
+                }
+                "DRIVEWAY" => {
+                    map.driveways.push(Surface { outline: outline()? });
+                    map.heights.driveways.push(outline_heights()?);
+                }
                 "STOP_SIGN" => {
                     let at = feature.need("position")?.point()?;
                     for lane in feature.need("lane")?.items()? {
@@ -87,11 +102,15 @@ pub(super) fn map(
             }
         }
     }
+    map.heights.lanes = std::mem::take(&mut lanes.heights);
     map.lanes = lanes.finish(dataset)?;
-    let rings: Vec<&[Vec2]> = boundaries.iter().map(|(_, points)| points.as_slice()).collect();
+    let rings: Vec<&[Vec2]> = boundaries.iter().map(|(_, points, _)| points.as_slice()).collect();
     map.drivable_area = ground::ground(&rings);
     if map.drivable_area.is_none() {
-        map.road_lines.extend(boundaries.into_iter().map(|(paint, points)| RoadLine { paint, points }));
+        for (paint, points, heights) in boundaries {
+            map.road_lines.push(RoadLine { paint, points });
+            map.heights.road_lines.push(heights);
+        }
     }
     Ok(map)
 }
@@ -100,6 +119,8 @@ pub(super) fn map(
 #[derive(Default)]
 struct LaneCollector {
     all: Vec<LaneParts>,
+    /// Heights of their points.
+    heights: Vec<Vec<f64>>,
     /// Neighbours given only by id: index of the lane, whether they are on its left, ids.
     unresolved: Vec<(usize, bool, Vec<String>)>,
     /// Whether the speed limits are those of the data set.
@@ -141,6 +162,7 @@ impl LaneCollector {
             right: self.neighbors(feature, "right_neighbor", false)?,
         };
         self.all.push(lane);
+        self.heights.push(feature.need("polyline")?.heights()?);
         Ok(())
     }
 

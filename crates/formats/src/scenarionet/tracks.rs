@@ -61,6 +61,19 @@ fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause>
         }));
     }
     frames.resize(FRAMES, None);
+    let tall = state.get("height")?.map(|height| height.grid()).transpose()?;
+    // Files of older versions have the size as three columns.
+    let size = state.get("size")?.map(|size| size.grid()).transpose()?.filter(|size| size.columns > 2);
+    let bottom = |f: usize| {
+        let height = match (&tall, &size) {
+            (Some(tall), _) if f < tall.rows => tall.at(f, 0),
+            (_, Some(size)) if f < size.rows => size.at(f, 2),
+            _ => 0.0,
+        };
+        (at.columns > 2).then(|| at.at(f, 2) - 0.5 * height)
+    };
+    let known = |(k, frame): (usize, &Option<AgentState>)| frame.and_then(|_| bottom(window.first + k));
+    let heights = frames.iter().enumerate().map(known).collect();
     // As for Waymo records: the box at the current frame, else the first recorded one.
     let seen =
         if frames[CURRENT].is_some() { Some(CURRENT) } else { frames.iter().position(Option::is_some) };
@@ -77,7 +90,7 @@ fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause>
             }
         };
     }
-    Ok(LoggedAgent { agent: Agent { id, kind, length, width }, track: frames })
+    Ok(LoggedAgent { agent: Agent { id, kind, length, width }, track: frames, heights })
 }
 
 /// Reads numbers with one row per frame and at least `columns` columns.

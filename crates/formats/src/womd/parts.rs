@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
     Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, LANE_HALF_WIDTH, LaneArea, LaneClass,
-    LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge,
+    LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge,
     RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
@@ -87,7 +87,9 @@ fn agent(track: &Track) -> LoggedAgent {
     };
     let mut states: Vec<Option<AgentState>> = track.states.iter().map(frame).collect();
     states.resize(FRAMES, None);
-    LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states }
+    let bottom = |s: &super::message::ObjectState| s.valid.then(|| s.center_z - 0.5 * f64::from(s.height));
+    let heights = track.states.iter().map(bottom).chain(std::iter::repeat(None)).take(FRAMES).collect();
+    LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states, heights }
 }
 
 fn point(p: &MapPoint) -> Vec2 {
@@ -125,6 +127,7 @@ fn map(features: Vec<MapFeature>) -> MapParts {
     let mut map = MapParts::default();
     for MapFeature { id, feature } in features {
         let Some(feature) = feature else { continue };
+        add_heights(&mut map.heights, &feature);
         match feature {
             Feature::Lane(lane) => map.lanes.push(LaneParts {
                 id: id.to_string(),
@@ -159,6 +162,19 @@ fn map(features: Vec<MapFeature>) -> MapParts {
         }
     }
     map
+}
+
+fn add_heights(heights: &mut MapHeights, feature: &Feature) {
+    let (list, line) = match feature {
+        Feature::Lane(lane) => (&mut heights.lanes, &lane.polyline),
+        Feature::RoadLine(line) => (&mut heights.road_lines, &line.polyline),
+        Feature::RoadEdge(line) => (&mut heights.road_edges, &line.polyline),
+        Feature::Crosswalk(c) => (&mut heights.crosswalks, &c.polygon),
+        Feature::SpeedBump(c) => (&mut heights.speed_bumps, &c.polygon),
+        Feature::Driveway(c) => (&mut heights.driveways, &c.polygon),
+        Feature::StopSign(_) => return,
+    };
+    list.push(line.iter().map(|p| p.z).collect());
 }
 
 /// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is

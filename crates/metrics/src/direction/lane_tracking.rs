@@ -53,6 +53,11 @@ impl<'c> Tracker<'c> {
         }
     }
 
+    /// Chooses the level of the road on which lanes are looked up.
+    pub(super) fn set_level(&mut self, road: Road<'c>) {
+        self.road = road;
+    }
+
     fn look_up(&mut self, p: Vec2) {
         self.road.lanes_at(p, &mut self.hits);
         if self.skip_bikes {
@@ -96,7 +101,7 @@ impl<'c> Tracker<'c> {
     /// map order on ties.
     pub(super) fn pointwise(
         &mut self,
-        case: &Case<'_>,
+        case: &Case<'c>,
         agent: usize,
         run: Range<usize>,
         placed: &mut Vec<Option<LanePosition>>,
@@ -106,7 +111,8 @@ impl<'c> Tracker<'c> {
     }
 
     /// Assigns the pose at a frame as [`Self::pointwise`] does.
-    pub(crate) fn pointwise_at(&mut self, case: &Case<'_>, agent: usize, f: usize) -> Option<LanePosition> {
+    pub(crate) fn pointwise_at(&mut self, case: &Case<'c>, agent: usize, f: usize) -> Option<LanePosition> {
+        self.road = case.road_under(agent, f);
         self.look_up(case.motion.position(agent, f));
         let heading = case.motion.heading[case.motion.at(agent, f)];
         let all = self.hits.iter().map(|h| self.position(h.lane, &h.projection));
@@ -116,7 +122,7 @@ impl<'c> Tracker<'c> {
     /// Assigns poses to lanes by nuPlan's `get_route` and `remove_extra_lane_connectors`, on box centres.
     pub(super) fn route(
         &mut self,
-        case: &Case<'_>,
+        case: &Case<'c>,
         agent: usize,
         run: Range<usize>,
         placed: &mut Vec<Option<LanePosition>>,
@@ -127,6 +133,7 @@ impl<'c> Tracker<'c> {
         self.lists.clear();
         for f in run.clone() {
             let p = case.motion.position(agent, f);
+            self.road = case.road_under(agent, f);
             self.look_up(p);
             let from = self.all_hits.len();
             self.all_hits.extend_from_slice(&self.hits);

@@ -10,7 +10,11 @@ use reactsim_scene::{
 use super::scenes::Scene;
 
 fn car(id: &str, track: Vec<Frame>) -> LoggedAgent {
-    LoggedAgent { agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 }, track }
+    LoggedAgent {
+        agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
+        track,
+        heights: Vec::new(),
+    }
 }
 
 /// Returns a track along the x axis at `speed` with `heading`, at `x` now.

@@ -62,8 +62,7 @@ impl Motion {
 
     fn scene(&self, scene: &Scene) -> Scene {
         let agents = scene.agents.iter();
-        let agents =
-            agents.map(|a| LoggedAgent { agent: a.agent.clone(), track: self.track(&a.track) }).collect();
+        let agents = agents.map(|a| LoggedAgent { track: self.track(&a.track), ..a.clone() }).collect();
         let log = scene.log.iter().map(|t| self.track(t)).collect();
         Scene::new(self.map(&scene.map), agents, log, scene.av)
     }

@@ -165,7 +165,7 @@ pub(super) fn random(seed: u64) -> Scene {
                 _ => (dice.within(0.5, 2.0), dice.within(0.4, 0.9)),
             };
             let agent = Agent { id: format!("a{i}"), kind, length, width };
-            LoggedAgent { agent, track: track(&mut dice) }
+            LoggedAgent { agent, track: track(&mut dice), heights: Vec::new() }
         })
         .collect();
     let log = agents

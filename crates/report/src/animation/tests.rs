@@ -9,6 +9,7 @@ fn agent(id: &str, y: f64, speed: f64) -> LoggedAgent {
     LoggedAgent {
         agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.5, width: 2.0 },
         track: (0..FRAMES).map(state).collect(),
+        heights: Vec::new(),
     }
 }
 

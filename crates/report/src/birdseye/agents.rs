@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction};
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE, levels};
 
 use super::canvas::{Canvas, PathData};
 use super::palette::{self, Paint};
@@ -21,8 +21,14 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
     for obstacle in &scene.scenario.start.obstacles {
         body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
     }
-    // The AV is drawn last, on top.
-    let order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
+    // The AV is drawn last, on top; what is on a higher level covers it.
+    let mut order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
+    let frames = CURRENT + last + 1;
+    let tracks = scene.tracks().iter().map(|track| &track[..frames.min(track.len())]);
+    let heights = scene.scenario.start.heights_at_end(tracks);
+    let level =
+        |agent: usize| heights.get(agent).map_or(0, |height| (height / levels::LEVEL_GAP).round() as i64);
+    order.sort_by_key(|&agent| level(agent));
     for &agent in &order {
         if scene.view.rollout.is_some() {
             ghost(canvas, scene, agent, last);

@@ -20,11 +20,13 @@ const SHOULDER_HALF_WIDTH: f64 = 2.9;
 pub(super) fn draw(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
     let map = &scenario.start.map;
     canvas.raw("<g stroke-linejoin=\"round\">");
-    surfaces(canvas, map);
-    crosswalks(canvas, map);
-    painted_lines(canvas, map);
-    center_lines(canvas, map);
-    edges(canvas, map);
+    for layer in map.layers() {
+        surfaces(canvas, &layer);
+        crosswalks(canvas, &layer);
+        painted_lines(canvas, &layer);
+        center_lines(canvas, &layer);
+        edges(canvas, &layer);
+    }
     stop_lines(canvas, map);
     lights(canvas, scenario, frame);
     canvas.raw("</g>");

@@ -70,6 +70,7 @@ fn moving(id: &str, kind: AgentKind, from: Vec2, speed: f64) -> LoggedAgent {
     LoggedAgent {
         agent: Agent { id: id.into(), kind, length: 4.0, width: 2.0 },
         track: (0..FRAMES).map(state).collect(),
+        heights: Vec::new(),
     }
 }
 

@@ -270,7 +270,7 @@ fn refine(points: &[Vec2], normals: &[Vec2], arc: &[f64], reach: f64) -> (Vec<Ve
 /// They leave the logged direction smoothly and keep the distance from the centre line, because there
 /// may be parked cars next to the AV.
 fn beyond(scenario: &Scenario, at: Vec2, ahead: Vec2, gear: f64, reach: f64) -> Vec<(Vec2, f64)> {
-    let road = scenario.start.road();
+    let road = scenario.start.road_at(0);
     let heading = heading_of(ahead);
     let mut hits: Vec<LaneHit> = Vec::new();
     if gear > 0.0 {

@@ -6,7 +6,8 @@ use reactsim_geometry::Vec2;
 
 use crate::limits::{MAX_BOX_SIZE, MAX_COORDINATE, MAX_HEADING, MAX_VELOCITY, drop_beyond};
 use crate::{
-    AgentState, CURRENT, Certificate, DT, FRAMES, FUTURE, Frame, LoggedAgent, ScenarioParts, SceneError,
+    AgentState, CURRENT, Certificate, DT, FRAMES, FUTURE, Frame, LoggedAgent, MapParts, ScenarioParts,
+    SceneError,
 };
 
 /// Maximum length of the name of a scenario, an agent or a lane, bytes.
@@ -98,7 +99,7 @@ impl Builder {
             return Err(self.error("av".into(), value, "the index of an agent"));
         }
         let mut seen = BTreeSet::new();
-        for (i, LoggedAgent { agent, track }) in parts.agents.iter().enumerate() {
+        for (i, LoggedAgent { agent, track, .. }) in parts.agents.iter().enumerate() {
             if track.len() != FRAMES {
                 let field = format!("agents[{i}].track");
                 return Err(self.error(field, format!("{} frames", track.len()), "91 frames"));
@@ -137,6 +138,72 @@ impl Builder {
             self.shift = origin;
         }
         Ok(origin)
+    }
+
+    /// Checks that heights have the shape of what they belong to. Those that are not finite are unknown.
+    pub(super) fn check_heights(
+        &self,
+        agents: &mut [LoggedAgent],
+        map: &mut MapParts,
+    ) -> Result<(), SceneError> {
+        for (i, LoggedAgent { track, heights, .. }) in agents.iter_mut().enumerate() {
+            if !(heights.is_empty() || heights.len() == track.len()) {
+                let found = format!("{} heights", heights.len());
+                return Err(self.error(format!("agents[{i}].heights"), found, "one per frame"));
+            }
+            for (height, state) in heights.iter_mut().zip(track) {
+                *height = height.filter(|z| z.abs() < MAX_COORDINATE && state.is_some());
+            }
+        }
+        let areas = map.drivable_area.as_deref().unwrap_or_default();
+        let heights = &mut map.heights;
+        self.check_lines("lanes", &mut heights.lanes, map.lanes.iter().map(|l| l.points.len()))?;
+        self.check_lines(
+            "road_edges",
+            &mut heights.road_edges,
+            map.road_edges.iter().map(|e| e.points.len()),
+        )?;
+        self.check_lines(
+            "road_lines",
+            &mut heights.road_lines,
+            map.road_lines.iter().map(|l| l.points.len()),
+        )?;
+        self.check_lines(
+            "crosswalks",
+            &mut heights.crosswalks,
+            map.crosswalks.iter().map(|c| c.outline.len()),
+        )?;
+        let bumps = map.speed_bumps.iter().map(|s| s.outline.len());
+        self.check_lines("speed_bumps", &mut heights.speed_bumps, bumps)?;
+        self.check_lines("driveways", &mut heights.driveways, map.driveways.iter().map(|s| s.outline.len()))?;
+        self.check_lines("drivable_area", &mut heights.drivable_area, areas.iter().map(|a| a.exterior.len()))
+    }
+
+    fn check_lines(
+        &self,
+        field: &str,
+        heights: &mut [Vec<f64>],
+        points: impl ExactSizeIterator<Item = usize>,
+    ) -> Result<(), SceneError> {
+        let field = || format!("map.heights.{field}");
+        if !heights.is_empty() && heights.len() != points.len() {
+            let expected = format!("{}, one per item", points.len());
+            return Err(self.error(field(), format!("{} lists", heights.len()), &expected));
+        }
+        for (i, (heights, points)) in heights.iter_mut().zip(points).enumerate() {
+            if !(heights.is_empty() || heights.len() == points) {
+                let expected = format!("{points}, one per point");
+                return Err(self.error(
+                    format!("{}[{i}]", field()),
+                    format!("{} heights", heights.len()),
+                    &expected,
+                ));
+            }
+            if heights.iter().any(|z| !(z.abs() < MAX_COORDINATE)) {
+                heights.clear();
+            }
+        }
+        Ok(())
     }
 
     fn check_finite(&self, field: &str, p: Vec2) -> Result<(), SceneError> {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_geometry::Polyline;
 
 use super::checks::Builder;
-use crate::{Lane, LaneArea, LaneNeighbor, LaneParts, NeighborParts, SceneError};
+use crate::{Lane, LaneArea, LaneNeighbor, LaneParts, NeighborParts, SceneError, levels};
 
 /// Maximum number of link comparisons while lanes without extent are removed; real maps have few such lanes.
 const MAX_LINK_COMPARISONS: usize = 50_000_000;
@@ -15,20 +15,30 @@ pub(super) type LaneIndex = BTreeMap<String, usize>;
 
 impl Builder {
     /// Checks and shifts lanes, and resolves their links.
-    pub(super) fn lanes(&mut self, mut parts: Vec<LaneParts>) -> Result<(Vec<Lane>, LaneIndex), SceneError> {
+    pub(super) fn lanes(
+        &mut self,
+        mut parts: Vec<LaneParts>,
+        heights: &mut Vec<Vec<f64>>,
+    ) -> Result<(Vec<Lane>, LaneIndex), SceneError> {
         let mut seen = BTreeSet::new();
         for (i, lane) in parts.iter().enumerate() {
             let field = || format!("map.lanes[{i}].id");
             self.check_new_name(&mut seen, field, &lane.id, "an id that no other lane has")?;
         }
         let mut baselines = BTreeMap::new();
+        let mut kept_heights = BTreeMap::new();
         for (i, lane) in parts.iter_mut().enumerate() {
             self.shift_points(&mut lane.points, || format!("map.lanes[{i}].points"))?;
             if let Ok(line) = Polyline::new(&lane.points) {
                 baselines.insert(lane.id.clone(), line);
+                if let Some(heights) = heights.get(i) {
+                    kept_heights.insert(lane.id.clone(), levels::of_polyline(&lane.points, heights));
+                }
             }
         }
         self.splice(&mut parts, |id| baselines.contains_key(id))?;
+        heights.clear();
+        heights.extend(parts.iter().filter_map(|lane| kept_heights.remove(&lane.id)));
         let index: LaneIndex = parts.iter().enumerate().map(|(i, l)| (l.id.clone(), i)).collect();
         let mut lanes = Vec::with_capacity(parts.len());
         for (i, lane) in parts.into_iter().enumerate() {

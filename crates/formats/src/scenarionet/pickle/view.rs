@@ -287,6 +287,16 @@ impl<'a> View<'a> {
             .collect()
     }
 
+    /// Returns the height of each point, metres; none if the points have two coordinates.
+    pub(in crate::scenarionet) fn heights(&self) -> Result<Vec<f64>, Cause> {
+        let grid = self.grid()?;
+        if grid.columns < 3 {
+            return Ok(Vec::new());
+        }
+        self.spend(grid.rows)?;
+        Ok((0..grid.rows).map(|row| grid.at(row, 2)).collect())
+    }
+
     /// Returns one point from two or three numbers.
     pub(in crate::scenarionet) fn point(&self) -> Result<Vec2, Cause> {
         let grid = self.grid()?;

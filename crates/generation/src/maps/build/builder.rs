@@ -281,10 +281,10 @@ impl MapBuilder {
                 .map(|&(kind, lane, at)| StopLineParts { kind, lane: id(lane), at: on_grid(at) })
                 .collect(),
             crosswalks: self.crosswalks.iter().map(|c| Crosswalk { outline: grid(&c.outline) }).collect(),
-            speed_bumps: Vec::new(),
             driveways: self.driveways.iter().map(surface).collect(),
             intersections: self.intersections.iter().map(|r| grid(r)).collect(),
             drivable_area: Some(ground),
+            ..MapParts::default()
         };
         let plan = |(lane, phases): &(usize, Vec<(LightState, f64)>)| SignalPlan {
             lane: id(*lane),

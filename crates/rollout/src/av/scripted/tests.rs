@@ -11,7 +11,7 @@ use super::*;
 fn alone(track: Vec<Frame>, lanes: Vec<LaneParts>) -> Scenario {
     let agent = Agent { id: "av".into(), kind: AgentKind::Vehicle, length: 4.8, width: 2.0 };
     let map = MapParts { lanes, ..MapParts::default() };
-    let agents = vec![LoggedAgent { agent, track }];
+    let agents = vec![LoggedAgent { agent, track, heights: Vec::new() }];
     Scenario::assemble(ScenarioParts { id: "alone".into(), agents, map, ..ScenarioParts::default() }).unwrap()
 }
 

@@ -1,0 +1,328 @@
+//! Levels: roads above one another, such as a bridge and the road below it.
+//!
+//! Heights are those of the ground: of the map's points, and of the bottom of an agent's box. They are metres
+//! above any datum, and only their differences count. A scenario keeps them only if it has several levels at
+//! one place; every other scenario is flat, and all of its objects are on one level.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use reactsim_geometry::{Projection, Vec2};
+
+use super::{AgentKind, AgentState, CURRENT, Frame, Road, RoadMap, Scenario, Start};
+
+/// Difference of the heights of two things at one place, in metres, above which they are on different
+/// levels.
+///
+/// A bridge leaves 4.1 m or more for the traffic below (of 473 recorded windows, those with roads above one
+/// another have 4.6 m or more between them), and within one level heights at one place differ by less than
+/// 2 m: by the curb, the slope over the width of a road, and the error of a recorded box.
+pub const LEVEL_GAP: f64 = 3.0;
+/// Slope that roads rise by at most, metres per metre: things on one level that are apart differ by more.
+pub const MAX_SLOPE: f64 = 0.06;
+
+/// Distance in metres up to which lanes and edges tell the height of the ground at a point.
+const GROUND_DISTANCE: f64 = 10.0;
+/// Size in metres of the places at which levels are counted.
+const PLACE_SIZE: f64 = 8.0;
+/// Distance in metres between the points of a line at which levels are counted.
+const SAMPLE_DISTANCE: f64 = 2.0;
+/// Maximum number of such points of a segment.
+const MAX_SAMPLES: f64 = 1000.0;
+
+/// Returns whether two heights that are `distance` metres apart in the plane are on different levels. A NaN
+/// (unknown) height is on every level.
+#[inline]
+pub fn apart(a: f64, b: f64, distance: f64) -> bool {
+    (a - b).abs() > LEVEL_GAP + MAX_SLOPE * distance
+}
+
+/// Heights of the ground at the points of a map, metres.
+///
+/// Each list has an entry per item of the map, or none at all; each entry has a finite height per point, or
+/// none where heights are unknown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapHeights {
+    /// Baselines of lanes.
+    pub lanes: Vec<Vec<f64>>,
+    /// Road edges.
+    pub road_edges: Vec<Vec<f64>>,
+    /// Painted lines.
+    pub road_lines: Vec<Vec<f64>>,
+    /// Outlines of crosswalks.
+    pub crosswalks: Vec<Vec<f64>>,
+    /// Outlines of speed bumps.
+    pub speed_bumps: Vec<Vec<f64>>,
+    /// Outlines of driveways.
+    pub driveways: Vec<Vec<f64>>,
+    /// Exteriors of drivable polygons.
+    pub drivable_area: Vec<Vec<f64>>,
+}
+
+impl MapHeights {
+    /// Returns whether no height is known.
+    pub fn is_empty(&self) -> bool {
+        self.lists().into_iter().all(|list| list.iter().all(Vec::is_empty))
+    }
+
+    /// Returns all lists, in the order of the fields.
+    pub fn lists(&self) -> [&Vec<Vec<f64>>; 7] {
+        [
+            &self.lanes,
+            &self.road_edges,
+            &self.road_lines,
+            &self.crosswalks,
+            &self.speed_bumps,
+            &self.driveways,
+            &self.drivable_area,
+        ]
+    }
+
+    /// Returns the height of a lane at a projection onto its baseline, metres; NaN if unknown.
+    pub(super) fn of_lane(&self, lane: usize, at: &Projection) -> f64 {
+        self.lanes.get(lane).map_or(f64::NAN, |heights| between(heights, at.segment, at.t))
+    }
+}
+
+impl RoadMap {
+    /// Returns the map in layers, the lowest first, for pictures: what is above hides what is below. Lanes,
+    /// edges, lines and surfaces are in the layer of their mean height; what has no height is in the lowest. A
+    /// map of one level is one layer. Layers have no stop lines and no heights.
+    pub fn layers(&self) -> Vec<Cow<'_, Self>> {
+        if self.heights.is_empty() {
+            return vec![Cow::Borrowed(self)];
+        }
+        let known = self.heights.lists().into_iter().flatten().flatten().copied();
+        let lowest = known.fold(f64::INFINITY, f64::min);
+        let layer = |heights: &[f64]| {
+            let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+            // The cast turns NaN into 0.
+            ((mean - lowest) / LEVEL_GAP) as usize
+        };
+        let mut layers: BTreeMap<usize, Self> = BTreeMap::new();
+        let heights = &self.heights;
+        let of = |list: &[Vec<f64>], i: usize| list.get(i).map_or(0, |heights| layer(heights));
+        for (i, lane) in self.lanes.iter().enumerate() {
+            layers.entry(of(&heights.lanes, i)).or_default().lanes.push(lane.clone());
+        }
+        for (i, edge) in self.road_edges.iter().enumerate() {
+            layers.entry(of(&heights.road_edges, i)).or_default().road_edges.push(edge.clone());
+        }
+        for (i, line) in self.road_lines.iter().enumerate() {
+            layers.entry(of(&heights.road_lines, i)).or_default().road_lines.push(line.clone());
+        }
+        for (i, crosswalk) in self.crosswalks.iter().enumerate() {
+            layers.entry(of(&heights.crosswalks, i)).or_default().crosswalks.push(crosswalk.clone());
+        }
+        for (i, bump) in self.speed_bumps.iter().enumerate() {
+            layers.entry(of(&heights.speed_bumps, i)).or_default().speed_bumps.push(bump.clone());
+        }
+        for (i, driveway) in self.driveways.iter().enumerate() {
+            layers.entry(of(&heights.driveways, i)).or_default().driveways.push(driveway.clone());
+        }
+        layers.entry(0).or_default().intersections.clone_from(&self.intersections);
+        for (i, polygon) in self.drivable_area.iter().flatten().enumerate() {
+            let layer = layers.entry(of(&heights.drivable_area, i)).or_default();
+            layer.drivable_area.get_or_insert_default().push(polygon.clone());
+        }
+        if self.drivable_area.is_some() {
+            for layer in layers.values_mut() {
+                layer.drivable_area.get_or_insert_default();
+            }
+        }
+        layers.into_values().map(Cow::Owned).collect()
+    }
+}
+
+/// Returns the height on a segment of a line at the parameter `t`, 0 to 1; NaN if unknown.
+pub(super) fn between(heights: &[f64], segment: usize, t: f64) -> f64 {
+    match heights.get(segment..segment + 2) {
+        Some([a, b]) => a + (b - a) * t,
+        _ => f64::NAN,
+    }
+}
+
+/// Returns the heights of the points that [`reactsim_geometry::Polyline::new`] keeps of `points`.
+pub(super) fn of_polyline(points: &[Vec2], heights: &[f64]) -> Vec<f64> {
+    let mut last: Option<Vec2> = None;
+    let mut kept = Vec::with_capacity(heights.len());
+    for (&p, &height) in points.iter().zip(heights) {
+        if last.is_none_or(|last| (p - last).norm() != 0.0) {
+            kept.push(height);
+            last = Some(p);
+        }
+    }
+    kept
+}
+
+/// Returns the largest number of levels at one place of a map with agents at some points, at least 1. Without
+/// heights of the map it is 1: nothing tells the later heights of agents.
+pub(super) fn count(map: &RoadMap, agents: &[(Vec2, f64)]) -> usize {
+    let heights = &map.heights;
+    let lowest_first = |range: (f64, f64), z: f64| (range.0.min(z), range.1.max(z));
+    let known = heights.lists().into_iter().flatten().flatten().chain(agents.iter().map(|a| &a.1));
+    if heights.is_empty() {
+        return 1;
+    }
+    let (low, high) = known.copied().fold((f64::INFINITY, f64::NEG_INFINITY), lowest_first);
+    if !(high - low > LEVEL_GAP) {
+        return 1;
+    }
+    let lanes = map.lanes.iter().map(|l| l.baseline.points()).zip(&heights.lanes);
+    let edges = map.road_edges.iter().map(|e| e.points.as_slice()).zip(&heights.road_edges);
+    let lines: Vec<(&[Vec2], &Vec<f64>)> = lanes.chain(edges).collect();
+    [0.0, 0.5 * PLACE_SIZE].into_iter().map(|shift| count_shifted(&lines, agents, shift)).max().unwrap_or(1)
+}
+
+/// Counts levels over places that are shifted by some metres, so that things close to one another share one.
+fn count_shifted(lines: &[(&[Vec2], &Vec<f64>)], agents: &[(Vec2, f64)], shift: f64) -> usize {
+    let mut places: BTreeMap<(i64, i64), Vec<f64>> = BTreeMap::new();
+    let place =
+        |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
+    for (points, heights) in lines {
+        for (i, ends) in points.windows(2).enumerate() {
+            let samples = ((ends[1] - ends[0]).norm() / SAMPLE_DISTANCE).ceil().clamp(1.0, MAX_SAMPLES);
+            for k in 0..=samples as usize {
+                let t = k as f64 / samples;
+                let z = between(heights, i, t);
+                if z.is_finite() {
+                    places.entry(place(ends[0] + (ends[1] - ends[0]) * t)).or_default().push(z);
+                }
+            }
+        }
+    }
+    for &(p, z) in agents.iter().filter(|a| a.1.is_finite()) {
+        places.entry(place(p)).or_default().push(z);
+    }
+    let levels = |mut at: Vec<f64>| {
+        at.sort_by(f64::total_cmp);
+        1 + at.windows(2).filter(|w| w[1] - w[0] > LEVEL_GAP).count()
+    };
+    places.into_values().map(levels).max().unwrap_or(1)
+}
+
+/// Heights of moving agents: each has its recorded height at the current frame, and then that of the road
+/// under it.
+impl Start {
+    /// Returns whether the scenario has several levels at one place. All others have no heights.
+    pub fn has_levels(&self) -> bool {
+        !self.map.heights.is_empty()
+    }
+
+    /// Returns the road on the level that an agent is on at the current frame.
+    pub fn road_at(&self, agent: usize) -> Road<'_> {
+        self.road().on_level(if self.has_levels() { self.height_now(agent) } else { f64::NAN })
+    }
+
+    /// Returns the height of an obstacle, metres; NaN if unknown.
+    pub fn obstacle_height(&self, obstacle: usize) -> f64 {
+        self.obstacle_heights.get(obstacle).copied().flatten().unwrap_or(f64::NAN)
+    }
+
+    /// Returns the recorded height of an agent at a frame up to the current one, metres; NaN if unknown.
+    pub fn recorded_height(&self, agent: usize, frame: usize) -> f64 {
+        self.heights.get(agent).and_then(|h| *h.get(frame)?).unwrap_or(f64::NAN)
+    }
+
+    /// Returns the height of an agent at the current frame, metres: the recorded height, else that of the
+    /// road if it has one level there, else NaN.
+    pub fn height_now(&self, agent: usize) -> f64 {
+        let recorded = self.recorded_height(agent, CURRENT);
+        if recorded.is_nan() && self.has_levels() {
+            return self.road().ground_height(self.now(agent).position(), f64::NAN);
+        }
+        recorded
+    }
+
+    /// Returns the height of an agent at each frame of its track, metres; NaN where unknown or absent. The
+    /// first frame of `track` is the current one. Without levels the result is empty.
+    pub fn heights_along(&self, agent: usize, track: &[Frame]) -> Vec<f64> {
+        if !self.has_levels() {
+            return Vec::new();
+        }
+        let road = self.road();
+        let mut last = self.height_now(agent);
+        let mut height = |(k, frame): (usize, &Frame)| {
+            let Some(state) = frame else { return f64::NAN };
+            if k > 0 {
+                last = road.ground_height(state.position(), last);
+            }
+            last
+        };
+        track.iter().enumerate().map(&mut height).collect()
+    }
+
+    /// Returns the height of an agent at each of these states, metres, which follow its current one; NaN where
+    /// unknown. Without levels the result is empty.
+    pub fn heights_on_way(&self, agent: usize, future: &[AgentState]) -> Vec<f64> {
+        if !self.has_levels() {
+            return Vec::new();
+        }
+        let track: Vec<Frame> = std::iter::once(&self.now(agent)).chain(future).copied().map(Some).collect();
+        self.heights_along(agent, &track).split_off(1)
+    }
+
+    /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown. The first
+    /// frame of a track is frame 0. Without levels the result is empty.
+    pub fn heights_at_end<'t>(&self, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
+        if !self.has_levels() {
+            return Vec::new();
+        }
+        let last = |(agent, track): (usize, &[Frame])| {
+            let moved = track.get(CURRENT..).unwrap_or_default();
+            self.heights_along(agent, moved).last().copied().unwrap_or(f64::NAN)
+        };
+        tracks.into_iter().enumerate().map(last).collect()
+    }
+}
+
+impl Scenario {
+    /// Returns the largest number of levels at one place at the current frame, at least 1.
+    pub fn levels(&self) -> usize {
+        if !self.start.has_levels() {
+            return 1;
+        }
+        let start = &self.start;
+        let slots = 0..start.agents.len();
+        let chosen = slots.map(|i| (start.now(i).position(), start.recorded_height(i, CURRENT)));
+        let others = self.unselected.iter().filter(|a| a.agent.kind != AgentKind::Other);
+        let others = others
+            .filter_map(|a| Some((a.track[CURRENT]?.position(), a.heights.get(CURRENT).copied().flatten()?)));
+        count(&start.map, &chosen.chain(others).collect::<Vec<_>>())
+    }
+}
+
+/// The nearest ground on a level so far.
+#[derive(Clone, Copy)]
+struct Ground {
+    distance: f64,
+    height: f64,
+}
+
+impl Road<'_> {
+    /// Returns the height of the road at a point, metres: of the nearest lane or edge within 10 m that is on
+    /// the level of the height `last`. Without any it is `last`. If `last` is NaN, the road must have one
+    /// level there; else the result is NaN.
+    pub fn ground_height(&self, p: Vec2, last: f64) -> f64 {
+        let heights = &self.map.heights;
+        if heights.is_empty() {
+            return last;
+        }
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut nearest = Ground { distance: f64::INFINITY, height: last };
+        let mut see = |distance: f64, height: f64| {
+            if height.is_nan() || apart(height, last, 0.0) {
+                return;
+            }
+            (low, high) = (low.min(height), high.max(height));
+            if distance < nearest.distance {
+                nearest = Ground { distance, height };
+            }
+        };
+        self.visit_heights(p, GROUND_DISTANCE, &mut see);
+        if last.is_nan() && high - low > LEVEL_GAP { f64::NAN } else { nearest.height }
+    }
+}
+
+#[cfg(test)]
+mod tests;
