@@ -10,7 +10,7 @@ mod units;
 use anyhow::bail;
 use clap::{Args, Subcommand};
 
-use super::ExitStatus;
+use super::{ExitStatus, ReadingArgs};
 
 const AFTER: &str = "\
 Step 1 keeps scenarios with vehicles around the AV. Step 2 proposes candidates. Step 3 drops
@@ -34,6 +34,9 @@ pub(super) struct CurateArgs {
     command: Option<CurateCommand>,
     #[command(flatten)]
     make: Option<make::MakeArgs>,
+    // Not within the optional arguments: their presence would no longer be recognised.
+    #[command(flatten)]
+    reading: ReadingArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -51,7 +54,7 @@ pub(super) fn curate(args: &CurateArgs) -> anyhow::Result<ExitStatus> {
         (Some(CurateCommand::Stats(args)), _) => stats::stats(args),
         (Some(CurateCommand::Review(args)), _) => review::review(args),
         (Some(CurateCommand::Apply(args)), _) => apply::apply(args),
-        (None, Some(args)) => make::make(args),
+        (None, Some(make)) => make::make(make, &args.reading),
         (None, None) => bail!("name files or folders of scenarios, or one of `stats`, `review` and `apply`"),
     }
 }

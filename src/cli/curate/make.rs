@@ -41,8 +41,6 @@ pub(super) struct MakeArgs {
     /// Maximum number of candidates per scenario [default: 16; of a file, all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
     candidates: Option<u32>,
-    #[command(flatten)]
-    reading: ReadingArgs,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -112,11 +110,11 @@ impl MakeArgs {
     }
 }
 
-pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
+pub(super) fn make(args: &MakeArgs, reading: &ReadingArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     let out = args.out()?;
     let source = args.source.open(args.temperature)?;
-    let found = args.find_inputs(out)?;
+    let found = args.find_inputs(out, reading)?;
     // From here on there is a file to complete.
     let stop = stop_on_interrupt("writing what is finished")?;
     let mut writer = Writer::create(out)?;
@@ -124,7 +122,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     let total = found.iter().map(|input| Some(input.count()?.min(most))).sum();
     let inputs = args.inputs(found, |_, _| None)?;
     let settings = args.settings();
-    let base = args.provenance(&settings, &inputs)?;
+    let base = args.provenance(&settings, reading, &inputs)?;
     let jobs = args.jobs();
     let progress = Progress::new();
     progress.set_total(total);
@@ -165,8 +163,12 @@ impl MakeArgs {
     }
 
     /// Finds the files of scenarios, none of which may be the file to write.
-    pub(super) fn find_inputs(&self, out: &Path) -> anyhow::Result<Vec<formats::Input>> {
-        let found = self.reading.find_inputs(&self.scenarios)?;
+    pub(super) fn find_inputs(
+        &self,
+        out: &Path,
+        reading: &ReadingArgs,
+    ) -> anyhow::Result<Vec<formats::Input>> {
+        let found = reading.find_inputs(&self.scenarios)?;
         if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
             bail!("{} is both input and output; choose another --out", same.path.display());
         }
@@ -200,12 +202,13 @@ impl MakeArgs {
     pub(super) fn provenance(
         &self,
         settings: &CurationSettings,
+        reading: &ReadingArgs,
         inputs: &[Input],
     ) -> anyhow::Result<CurationProvenance> {
         Ok(CurationProvenance {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
-            settings: named(self, settings)?,
+            settings: named(self, settings, reading)?,
             inputs: inputs.iter().map(|i| i.file.clone()).collect(),
             ..CurationProvenance::default()
         })
@@ -213,7 +216,11 @@ impl MakeArgs {
 }
 
 /// Returns all settings by name, those of the command line included.
-fn named(args: &MakeArgs, settings: &CurationSettings) -> anyhow::Result<BTreeMap<String, String>> {
+fn named(
+    args: &MakeArgs,
+    settings: &CurationSettings,
+    reading: &ReadingArgs,
+) -> anyhow::Result<BTreeMap<String, String>> {
     let mut named = settings.named();
     match &args.source {
         SourceChoice::Known(id) => named.insert("source".into(), (*id).to_owned()),
@@ -231,7 +238,7 @@ fn named(args: &MakeArgs, settings: &CurationSettings) -> anyhow::Result<BTreeMa
         }
     };
     named.insert("scenes".into(), settings.scenes.to_string());
-    named.extend(args.reading.named());
+    named.extend(reading.named());
     if let Some(limit) = args.limit {
         named.insert("limit".into(), limit.to_string());
     }

@@ -40,8 +40,8 @@ impl Sharded for CurateArgs {
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
         let args = self.made()?;
-        let inputs = args.inputs(args.find_inputs(args.out()?)?, |_, _| None)?;
-        let subject = args.provenance(&args.settings(), &inputs)?;
+        let inputs = args.inputs(args.find_inputs(args.out()?, &self.reading)?, |_, _| None)?;
+        let subject = args.provenance(&args.settings(), &self.reading, &inputs)?;
         let counts: Vec<usize> = inputs.par_iter().map(|input| count_records(&input.open)).collect();
         Ok(ShardPlan::divide(arguments, &subject, &counts, records)?)
     }
@@ -58,7 +58,7 @@ impl Sharded for CurateArgs {
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
         let args = self.made()?;
         let planned: CurationProvenance = plan.subject()?;
-        let (used, found) = (plan.inputs_of(units)?, args.find_inputs(args.out()?)?);
+        let (used, found) = (plan.inputs_of(units)?, args.find_inputs(args.out()?, &self.reading)?);
         if found.len() != planned.inputs.len() {
             let (now, then) = (found.len(), planned.inputs.len());
             bail!("the plan has {then} input files, and {now} are here: use the planned ones, or plan again");
@@ -70,7 +70,7 @@ impl Sharded for CurateArgs {
         let inputs = args.inputs(found, known);
         let inputs = inputs.context("paths in the plan are relative to the folder in which it was made")?;
         let curation_settings = args.settings();
-        let subject = args.provenance(&curation_settings, &inputs)?;
+        let subject = args.provenance(&curation_settings, &self.reading, &inputs)?;
         let source = args.source.open(args.temperature)?;
         Ok(Box::new(CurationWork {
             inputs,
