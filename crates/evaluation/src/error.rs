@@ -300,4 +300,10 @@ pub enum EvaluationError {
     /// A file of scenarios, deviations or rollouts cannot be used.
     #[error("{0}")]
     Format(#[from] FormatError),
+    /// Rollouts that are not yet joined were changed after they were written.
+    #[error("{error}; delete the file, and repeat the command with --resume")]
+    DamagedPart {
+        /// What is wrong with it.
+        error: FormatError,
+    },
 }

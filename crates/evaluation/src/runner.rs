@@ -234,8 +234,12 @@ struct PreparedScenario {
 }
 
 impl Runner<'_> {
+    fn is_interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed) || self.broken.lock().is_some()
+        self.is_interrupted() || self.broken.lock().is_some()
     }
 
     /// Processes batches until the sources are exhausted or the run stops; the main function of each thread.
@@ -260,6 +264,8 @@ impl Runner<'_> {
             match self.prepare(item) {
                 Ok(Some(scenario)) => ready.push(scenario),
                 Ok(None) => {}
+                // The end of the program may be the reason; the record is read again when the run goes on.
+                Err(_) if self.is_interrupted() => {}
                 Err(failure) => self.fail(*failure)?,
             }
         }
@@ -366,6 +372,8 @@ impl Runner<'_> {
             }
             match error {
                 None => self.keep(ready, simulator, rollouts)?,
+                // So it is with a simulator that was ended because it did not answer in time.
+                Some(_) if planned.batch().is_some() && self.is_interrupted() => {}
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
                     let text = self.named(ready.place, &error);
