@@ -163,6 +163,10 @@ impl From<ExitStatus> for ExitCode {
 /// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
     crate::set_up();
+    if let Some(refusal) = too_little_memory() {
+        say(format_args!("error: {refusal}"));
+        return ExitStatus::BadInput.into();
+    }
     survive_file_limits();
     // Without arguments: `run` with its defaults.
     let Cli { command, quiet } = parse();
@@ -216,6 +220,25 @@ pub fn main() -> ExitCode {
             status.into()
         }
     }
+}
+
+/// Smallest limit of the address space with which anything can be done, MiB.
+const MIN_ADDRESS_SPACE: u64 = 256;
+
+/// Returns why the program would soon be ended by a failed allocation, if the limit of its address space is
+/// very small.
+fn too_little_memory() -> Option<String> {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, getrlimit};
+        let limit = getrlimit(Resource::As).current? >> 20;
+        let needed = MIN_ADDRESS_SPACE;
+        (limit < needed).then(|| {
+            format!("the address space is limited to {limit} MiB (`ulimit -v`); allow at least {needed}")
+        })
+    }
+    #[cfg(not(unix))]
+    None
 }
 
 /// Makes a write beyond the limit of the size of files (`ulimit -f`) an error instead of the end of the program.

@@ -8,7 +8,6 @@ use reactsim::formats::rollouts::{RolloutRecord, Writer};
 use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
 use reactsim::metrics::Options;
-use reactsim::scene::Scenario;
 
 use crate::generated::{deviating, write};
 use crate::program::reactsim;
@@ -28,7 +27,12 @@ impl Fixture {
     fn at(origin: Vec2) -> Self {
         let home = tempfile::tempdir().unwrap();
         let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("run"));
-        write(&input, (0..3).map(|i| Scenario { origin, ..deviating(i, true) }));
+        let moved = |i: usize| {
+            let mut scenario = deviating(i, true);
+            scenario.origin = origin;
+            scenario
+        };
+        write(&input, (0..3).map(moved));
         let text = |path: &Path| path.to_str().unwrap().to_owned();
         let run = ["run", &text(&input), "--models", "stop", "--out", &text(&out), "--keep-rollouts"];
         assert_eq!(reactsim(&run).status.code(), Some(0));

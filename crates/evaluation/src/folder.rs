@@ -242,7 +242,7 @@ impl RunFolder {
     /// nothing is left to run.
     fn is_finished(&self, values: &Tally) -> bool {
         let complete = |s: &Summary| s.provenance.failures.is_empty() && s.is_of(values);
-        self.path.join(ROLLOUTS).exists() && read_summary(&self.path).is_ok_and(|s| complete(&s))
+        rollouts::are_there(&self.path.join(ROLLOUTS)) && read_summary(&self.path).is_ok_and(|s| complete(&s))
     }
 
     fn keep_complete_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
@@ -261,7 +261,7 @@ impl RunFolder {
         let with_rollouts = keeps_rollouts && !is_finished;
         for ((place, simulator), rows) in &pairs {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
-            if !with_rollouts || rollouts::has_part(&self.part(*place, index)?) {
+            if !with_rollouts || rollouts::are_there(&self.part(*place, index)?) {
                 tally.add(rows);
             }
         }

@@ -32,9 +32,8 @@ pub(super) fn write_part(
     Ok(writer.finish()?)
 }
 
-/// Returns whether the rollouts of one scenario and one simulator are there. A truncated file is removed, so
-/// that they are made again.
-pub(super) fn has_part(path: &Path) -> bool {
+/// Returns whether a file of rollouts is there. A truncated one is removed, so that it is made again.
+pub(super) fn are_there(path: &Path) -> bool {
     let is_whole = read(path).is_ok();
     if !is_whole {
         // Fails if there is none.

@@ -40,6 +40,15 @@ fn files_that_become_too_large_are_an_error_and_leave_nothing() {
 
 #[test]
 #[cfg(target_os = "linux")]
+fn a_small_address_space_is_named() {
+    let home = tempfile::tempdir().unwrap();
+    let output = after("ulimit -v 240000", &["list", "models"], home.path());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("limited to 234 MiB (`ulimit -v`)"), "{}", stderr(&output));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
 fn output_to_a_full_device_is_an_error() {
     let home = tempfile::tempdir().unwrap();
     for arguments in [&["--help"][..], &["--version"], &["run", "--help"], &["list", "models"]] {

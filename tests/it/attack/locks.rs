@@ -6,7 +6,7 @@ use std::process::{Child, Stdio};
 
 use super::trainings::{prepare, train};
 use crate::generated::{scenario, write};
-use crate::program::program;
+use crate::program::{log_rows, program};
 
 fn run(input: &Path, out: &Path) -> Child {
     let mut command = program();
@@ -36,12 +36,10 @@ fn attack(times: u32) {
         let (trained, out) =
             (home.path().join(format!("training-{k}")), home.path().join(format!("run-{k}")));
         race(|| train(home.path(), &trained, false));
-        let log = fs::read_to_string(trained.join("log.jsonl")).unwrap();
-        let mut steps: Vec<&str> =
-            log.lines().filter(|line| line.contains("\"row\":\"step\"")).map(|l| &l[..30]).collect();
-        let all = steps.len();
-        steps.dedup();
-        assert_eq!(steps.len(), all, "rows are doubled");
+        let rows = log_rows(&trained);
+        let steps: Vec<u64> =
+            rows.iter().filter(|row| row["row"] == "step").filter_map(|row| row["step"].as_u64()).collect();
+        assert!(steps.windows(2).all(|two| two[0] < two[1]), "rows are doubled: {steps:?}");
         race(|| run(&input, &out));
         let rows = fs::read_to_string(out.join("rows.jsonl")).unwrap();
         assert_eq!(rows.lines().count(), 4 * (3 + 1));
