@@ -11,11 +11,23 @@ import sys
 import sysconfig
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Union
+from typing import Any, Union
 
-__all__ = ["ReactsimError", "call", "environment", "find_program", "local_folder"]
+__all__ = [
+    "CHECK",
+    "ReactsimError",
+    "arguments",
+    "call",
+    "environment",
+    "find_program",
+    "local_folder",
+    "start",
+]
 
 PathLike = Union[str, "os.PathLike[str]"]
+
+CHECK = "check that REACTSIM_BINARY, or `reactsim` in PATH, is the program of this package"
+"""What to do if another program was found."""
 
 
 class ReactsimError(RuntimeError):
@@ -49,6 +61,28 @@ def find_program() -> str:
     return os.path.abspath(found)
 
 
+def arguments(
+    options: Sequence[tuple[str, Any]] = (),
+    positionals: Sequence[PathLike] = (),
+    further: Sequence[str] = (),
+) -> list[str]:
+    """Returns arguments for the program, of which no name or path can become another option.
+
+    Args:
+        options: Names and values. True gives an option without a value; None and False give none.
+        positionals: Paths and other positional arguments.
+        further: Options as a user has written them.
+
+    """
+    given = [(name, value) for name, value in options if value is not None and value is not False]
+    texts = [name if value is True else f"{name}={_text(value)}" for name, value in given]
+    return [*texts, *further, *(["--", *map(_text, positionals)] if positionals else [])]
+
+
+def _text(value: Any) -> str:
+    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+
+
 def environment() -> dict[str, str]:
     """Returns the environment for the program, which reads URLs with this Python."""
     store = os.path.join(os.path.dirname(os.path.abspath(__file__)), "store.py")
@@ -70,22 +104,31 @@ def local_folder(path: PathLike) -> Path:
     return Path(text)
 
 
-def call(arguments: Sequence[str], folder: str | None = None) -> str:
-    """Runs the program with these arguments and returns its standard output.
+def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
+    """Starts the program; `options` are those of `subprocess.Popen`. Its input is empty by default.
+
+    Raises ReactsimError if the file cannot be executed.
+    """
+    try:
+        options = {"stdin": subprocess.DEVNULL, "env": environment(), **options}
+        return subprocess.Popen(command, **options)
+    except OSError as error:
+        # So it is with a script whose first line names no interpreter, and a program of another
+        # system.
+        raise ReactsimError(f"`{command[0]}` cannot be started ({error}); {CHECK}") from None
+
+
+def call(command: Sequence[str], folder: str | None = None) -> str:
+    """Runs a command of the program and returns its standard output.
 
     Raises ReactsimError with the message of the program if it fails.
     """
-    done = subprocess.run(
-        [find_program(), *arguments],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        cwd=folder,
-        env=environment(),
-        check=False,
-    )
-    if done.returncode != 0:
-        text = done.stderr.decode("utf-8", "replace").strip()
+    program = [find_program(), *command]
+    with start(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder) as process:
+        output, errors = process.communicate()
+    if process.returncode != 0:
+        text = errors.decode("utf-8", "replace").strip()
         raise ReactsimError(
-            f"`reactsim {' '.join(arguments)}` ended with code {done.returncode}:\n{text}"
+            f"`reactsim {shlex.join(command)}` ended with code {process.returncode}:\n{text}"
         )
-    return done.stdout.decode("utf-8")
+    return output.decode("utf-8")

@@ -30,7 +30,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Union
 
-from .program import ReactsimError, call, environment, find_program, local_folder
+from .program import ReactsimError, call, environment, find_program, local_folder, start
+from .program import arguments as program_arguments
 from .results import Results
 from .upload import check_url, upload_run
 
@@ -145,25 +146,23 @@ def plan_units(
         ReactsimError: The folder has the plan of another run, or the program failed.
 
     """
-    folder, arguments = local_folder(folder), list(arguments)
+    folder, planned = local_folder(folder), list(arguments)
     if not (folder / PLAN).exists():
-        command = ["shard", "plan", os.fspath(folder)]
-        for option, value in (("--unit", unit), ("--estimate", estimate)):
-            command += [option, str(value)] if value is not None else []
+        given = [("--unit", unit), ("--estimate", estimate)]
         try:
-            _call([*command, *arguments], progress)
+            _call(["shard", "plan", *program_arguments(given, [folder, *planned])], progress)
             return
         except ReactsimError:
             # A driver that was killed may have left a process that wrote the plan meanwhile.
             if not (folder / PLAN).exists():
                 raise
     plan = _read_plan(folder)
-    if plan.arguments != arguments:
+    if plan.arguments != planned:
         raise ReactsimError(
             f"{folder / PLAN} is the plan of another run: choose another folder, or leave the"
             " arguments out to continue the planned run\n"
             f"planned: {' '.join(plan.arguments)}\n"
-            f"given:   {' '.join(arguments)}"
+            f"given:   {' '.join(planned)}"
         )
     if unit is not None and (
         plan.sizes - {unit} or any(planned.records > unit for planned in plan.units)
@@ -266,7 +265,7 @@ def _merge(plan: _Plan, show: bool) -> tuple[Path, int]:
     """Returns the results, and 1 if they lack scenarios that failed."""
     out = _results(plan)
     if not _is_merged(out, plan):
-        return out, _call(["shard", "merge", os.fspath(plan.folder)], show)
+        return out, _call(["shard", "merge", *program_arguments(positionals=[plan.folder])], show)
     if show:
         print(f"{out} is merged already", file=sys.stderr)
     if not _is_run(plan):
@@ -302,7 +301,8 @@ def _read_plan(folder: Path) -> _Plan:
 
 def _status(folder: Path) -> dict[str, Any]:
     """Returns what `reactsim shard status` prints."""
-    status: dict[str, Any] = json.loads(call(["shard", "status", os.fspath(folder)]))
+    command = ["shard", "status", *program_arguments(positionals=[folder])]
+    status: dict[str, Any] = json.loads(call(command))
     return status
 
 
@@ -350,12 +350,10 @@ def _call(arguments: list[str], show: bool) -> int:
     results list them.
     """
     last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
-    with subprocess.Popen(
+    with start(
         [find_program(), *arguments],
-        stdin=subprocess.DEVNULL,
         stdout=None if show else subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        env=environment(),
     ) as process:
         assert process.stderr is not None
         for line in process.stderr:
@@ -402,7 +400,8 @@ def _run_task(job: _Job, units: list[tuple[int, str]]) -> _Outcome:
     except ReactsimError as error:
         return _Outcome(node, {}, str(error))
     numbers = [str(number) for number, _ in units]
-    arguments = ["shard", "run", job.folder, *numbers, "--jobs", str(job.threads)]
+    given = program_arguments([("--jobs", job.threads)], [job.folder, *numbers])
+    arguments = ["shard", "run", *given]
     has_folder = os.path.isdir(job.working_folder)
     code, text = _run_child([program, *arguments], job.working_folder if has_folder else job.folder)
     # What is on disk counts, whatever the exit code: another process may have been faster.

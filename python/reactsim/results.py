@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .client import HISTORY, Array
-from .program import ReactsimError, call, local_folder
+from .program import ReactsimError, arguments, call, local_folder
 
 __all__ = ["Markdown", "Results", "Rollout"]
 
@@ -137,16 +138,13 @@ class Results:
         self, scenario: str, simulator: str, *, source: str | None = None, step: int = 40
     ) -> str:
         """Returns a picture of a kept rollout, made by the program."""
-        arguments = ["inspect", *([source] if source is not None else []), "--id", scenario]
-        arguments += [
-            "--rollout",
-            os.fspath(self.folder),
-            "--simulator",
-            simulator,
-            "--steps",
-            str(step),
+        given = [
+            ("--id", scenario),
+            ("--rollout", self.folder),
+            ("--simulator", simulator),
+            ("--steps", step),
         ]
-        return draw_svg(arguments)
+        return draw_svg(given, source)
 
     def _text(self, name: str) -> str:
         path = self.folder / name
@@ -167,15 +165,17 @@ class Svg(str):
         return str(self)
 
 
-def draw_svg(arguments: list[str]) -> Svg:
-    """Lets the program draw a picture; `arguments` are those of `reactsim inspect`."""
+def draw_svg(options: Sequence[tuple[str, Any]], source: str | None) -> Svg:
+    """Lets the program draw a picture; `options` are those of `reactsim inspect`."""
     import tempfile
 
     with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
         path = Path(folder, "picture.svg")
-        call([*arguments, "--svg", str(path)])
+        positionals = [] if source is None else [source]
+        command = ["inspect", *arguments([*options, ("--svg", path)], positionals)]
+        call(command)
         if not path.is_file():
-            raise ReactsimError(f"`reactsim {' '.join(arguments)}` wrote no picture")
+            raise ReactsimError(f"`reactsim {shlex.join(command)}` wrote no picture")
         return Svg(path.read_text("utf-8"))
 
 

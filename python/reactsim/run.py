@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Any, Union, cast
 
 from .client import ProtocolError, Session
-from .program import ReactsimError, environment, find_program, local_folder
+from .program import CHECK, ReactsimError, arguments, find_program, local_folder, start
 from .results import Results
 from .scenarios import selection
 
@@ -77,7 +77,7 @@ def run(
         batch: Number of episodes per batch; the simulator's `batch` by default.
         out: Run folder to write; a temporary folder by default, which lives as long as the results.
         resume: Continue the interrupted run in `out`.
-        options: Further arguments of `reactsim run`.
+        options: Further options of `reactsim run`, such as "--av-lookahead=0".
         reveal_ids: Give the simulator the ids of scenarios and agents; tables mark it.
         jobs: Number of threads of the program.
         progress: Show the number of finished episodes, and the messages of the program.
@@ -94,28 +94,29 @@ def run(
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
     title = name or getattr(session.simulator, "name", "") or session.title
-    command = [program, "run", *_paths(scenarios)]
-    if baselines:
-        command += ["--models", baselines if isinstance(baselines, str) else ",".join(baselines)]
-    command += ["--external", f"{title}=@stdio", "--out", os.fspath(folder), "--keep-rollouts"]
-    command += [
-        "--protocol",
-        protocol,
-        "--replan",
-        replan,
-        "--rollouts",
-        str(rollouts),
-        "--seed",
-        str(seed),
+    models = baselines if isinstance(baselines, str) else ",".join(baselines)
+    given = [
+        ("--models", models or None),
+        ("--external", f"{title}=@stdio"),
+        ("--out", folder),
+        ("--keep-rollouts", True),
+        ("--protocol", protocol),
+        ("--replan", replan),
+        ("--rollouts", rollouts),
+        ("--seed", seed),
+        ("--av", av),
+        ("--deviations", deviations),
+        ("--limit", limit),
+        ("--jobs", jobs),
+        *selection(ids, categories),
+        ("--resume", resume),
+        ("--reveal-ids", reveal_ids),
     ]
-    given = [("--av", av), ("--deviations", deviations), ("--limit", limit), ("--jobs", jobs)]
-    for option, value in given:
-        if value is not None:
-            command += [option, os.fspath(value) if isinstance(value, os.PathLike) else str(value)]
-    command += selection(ids, categories)
-    command += ["--resume"] * resume + ["--reveal-ids"] * reveal_ids + list(options)
+    command = [program, "run", *arguments(given, _paths(scenarios), options)]
     try:
         code, last = _carry_out(command, session, progress)
+        if code in (0, 1) and not (folder / "provenance.json").is_file():
+            raise ReactsimError(f"`{program}` ended without any result; {CHECK}")
         results = Results(folder) if code in (0, 1) else None
     except BaseException:
         if temporary is not None:
@@ -145,12 +146,11 @@ def _paths(scenarios: PathLike | Sequence[PathLike] | None) -> list[str]:
 
 def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[int, list[str]]:
     """Starts the program and answers its requests; returns its exit code and its last lines."""
-    program = subprocess.Popen(
+    program = start(
         command,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env=environment(),
         # An interrupt reaches this process alone, which passes it on.
         start_new_session=True,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ from typing import IO, Union, cast
 import numpy as np
 
 from .client import Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
-from .program import ReactsimError, environment, find_program
+from .program import CHECK, ReactsimError, arguments, find_program, start
 from .results import Svg, draw_svg
 
 __all__ = ["Scenario", "scenarios"]
@@ -79,13 +80,7 @@ class Scenario(Scene):
 
     def svg(self, *, radius: float | None = None) -> Svg:
         """Returns a picture at the current frame, made by the program; `radius` in metres."""
-        arguments = [
-            "inspect",
-            *([self.source] if self.source is not None else []),
-            "--id",
-            self.id,
-        ]
-        return draw_svg(arguments + (["--radius", str(radius)] if radius is not None else []))
+        return draw_svg([("--id", self.id), ("--radius", radius)], self.source)
 
 
 def scenarios(
@@ -112,24 +107,21 @@ def scenarios(
         ReactsimError: The program could not be started, or failed; the message is its own.
 
     """
-    command = [find_program(), "scenes"]
     path = None if source is None else os.fspath(source)
-    if path is not None:
-        command.append(path)
-    if deviations is not None:
-        command += ["--deviations", os.fspath(deviations)]
-    if limit is not None:
-        command += ["--limit", str(limit)]
-    command += selection(ids, categories)
-    if future:
-        command.append("--future")
+    given = [
+        ("--deviations", deviations),
+        ("--limit", limit),
+        *selection(ids, categories),
+        ("--future", future),
+    ]
+    command = [find_program(), "scenes", *arguments(given, [] if path is None else [path])]
     return _read(command, path)
 
 
-def selection(ids: Sequence[str], categories: Sequence[str]) -> list[str]:
+def selection(ids: Sequence[str], categories: Sequence[str]) -> list[tuple[str, str]]:
     """Returns the options of the program that select scenarios."""
-    given = [("--id", one) for one in _all(ids)] + [("--category", one) for one in _all(categories)]
-    return [text for option in given for text in option]
+    given = [("--id", one) for one in _all(ids)]
+    return given + [("--category", one) for one in _all(categories)]
 
 
 def _all(names: Sequence[str]) -> Sequence[str]:
@@ -140,13 +132,7 @@ def _read(command: list[str], path: str | None) -> Iterator[Scenario]:
     with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
         log = Path(folder, "stderr")
         with log.open("wb") as errors:
-            program = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                env=environment(),
-            )
+            program = start(command, stdout=subprocess.PIPE, stderr=errors)
         stream = cast("IO[bytes]", program.stdout)
         is_complete = False
         problem = "it ended before the message `bye`"
@@ -171,5 +157,5 @@ def _read(command: list[str], path: str | None) -> Iterator[Scenario]:
             code = program.wait()
         # Exit code 1: some records could not be read.
         if not is_complete or code not in (0, 1):
-            text = log.read_text("utf-8", "replace").strip()
-            raise ReactsimError(f"`reactsim {' '.join(command[1:])}` failed ({problem}):\n{text}")
+            text = log.read_text("utf-8", "replace").strip() or CHECK
+            raise ReactsimError(f"`reactsim {shlex.join(command[1:])}` failed ({problem}):\n{text}")

@@ -256,6 +256,12 @@ def _lasting(error: BaseException) -> StoreError | None:
     """Returns the failure for an error that would occur again, and None for other errors."""
     status = getattr(error, "status", None)
     names = {kind.__name__ for kind in type(error).__mro__}
+    if "TooManyRedirects" in names:
+        text = "the server redirects in a circle; check the URL in a browser"
+        return StoreError("failed", text)
+    if status == 416:
+        text = "the server refuses parts of the file (416); copy it to a file system"
+        return StoreError("unsupported", text)
     if isinstance(error, FileNotFoundError):
         return StoreError("missing", "there is no such file; check the URL")
     if isinstance(error, IsADirectoryError):

@@ -13,7 +13,7 @@ from typing import Any, Union
 
 import numpy as np
 
-from .program import ReactsimError, environment, find_program
+from .program import CHECK, ReactsimError, arguments, find_program, start
 
 __all__ = ["WosacRollouts", "WosacScores", "wosac"]
 
@@ -93,29 +93,21 @@ def wosac(
                 message = encode(one)
                 stream.write(bytes([FIELD_1]) + varint(len(message)))
                 stream.write(message)
-        command = [find_program(), "score", os.fspath(file), "--wosac", "--partial", "--quiet"]
-        for path in paths:
-            command += ["--scenarios", os.fspath(path)]
-        command += [
-            "--wosac-config",
-            ",".join(configs),
-            "--out",
-            os.fspath(out),
-            "--format",
-            "json",
+        given = [
+            *(("--wosac", True), ("--partial", True), ("--quiet", True)),
+            *(("--scenarios", path) for path in paths),
+            ("--wosac-config", ",".join(configs)),
+            ("--out", out),
+            ("--format", "json"),
+            ("--jobs", jobs),
         ]
-        if jobs is not None:
-            command += ["--jobs", str(jobs)]
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            env=environment(),
-            check=False,
-        )
-        if done.returncode not in (0, 1) or not done.stdout:
-            raise ReactsimError(done.stderr.decode("utf-8", "replace").strip())
-        scores = json.loads(done.stdout)
+        command = [find_program(), "score", *arguments(given, [file])]
+        with start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            output, errors = process.communicate()
+        if process.returncode not in (0, 1) or not output:
+            text = errors.decode("utf-8", "replace").strip()
+            raise ReactsimError(text or f"`{command[0]}` ended without any result; {CHECK}")
+        scores = json.loads(output)
         lines = Path(out, "wosac.jsonl").read_text(encoding="utf-8").splitlines()
     configs_of: Mapping[str, Any] = scores["configs"]
     means = {

@@ -70,9 +70,14 @@ def write_folder(folder: Path, failed: bool = False) -> None:
         (folder / name).write_text(text)
 
 
+def value(arguments: list[str], option: str) -> str:
+    """Returns the value of an option."""
+    return next(text for text in arguments if text.startswith(f"{option}=")).split("=", 1)[1]
+
+
 def run(arguments: list[str]) -> int:
     """Plays `reactsim run` with an external simulator over standard input and output."""
-    folder = Path(arguments[arguments.index("--out") + 1])
+    folder = Path(value(arguments, "--out"))
     if "slow" in arguments:
         sys.stderr.write("waiting\n")
         sys.stderr.flush()
@@ -131,7 +136,7 @@ def main() -> int:
     command, *arguments = sys.argv[1:]
     Path(os.environ["FAKE_NOTES"], "arguments.json").write_text(json.dumps(sys.argv[1:]))
     if command == "inspect":
-        Path(arguments[arguments.index("--svg") + 1]).write_text("<svg></svg>")
+        Path(value(arguments, "--svg")).write_text("<svg></svg>")
         return 0
     return {"run": run, "scenes": scenes}[command](arguments)
 

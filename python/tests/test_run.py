@@ -27,8 +27,8 @@ def test_run(fake_program: Path, tmp_path: Path, capfd: pytest.CaptureFixture[st
     results = reactsim.run(Stop(), batch=7)
     folder = str(results.folder)
     assert arguments(fake_program) == [
-        *("run", "--external", "stop-py=@stdio", "--out", folder, "--keep-rollouts"),
-        *("--protocol", "reactive", "--replan", "2hz", "--rollouts", "1", "--seed", "0"),
+        *("run", "--external=stop-py=@stdio", f"--out={folder}", "--keep-rollouts"),
+        *("--protocol=reactive", "--replan=2hz", "--rollouts=1", "--seed=0"),
     ]
     assert json.loads((fake_program / "welcome.json").read_text())["batch"] == "7"
     assert results.simulators == ["idm", "mine"]
@@ -58,10 +58,10 @@ def test_run(fake_program: Path, tmp_path: Path, capfd: pytest.CaptureFixture[st
         progress=False,
     )
     assert arguments(fake_program) == [
-        *("run", str(tmp_path / "a"), "b", "--models", "idm,stop", "--external", "mine=@stdio"),
-        *("--out", str(out), "--keep-rollouts", "--protocol", "realism", "--replan", "5steps"),
-        *("--rollouts", "2", "--seed", "3", "--av", "brake:4", "--deviations", str(tmp_path / "d")),
-        *("--limit", "4", "--jobs", "2", "--resume", "--reveal-ids", "--av-lookahead", "0"),
+        *("run", "--models=idm,stop", "--external=mine=@stdio", f"--out={out}", "--keep-rollouts"),
+        *("--protocol=realism", "--replan=5steps", "--rollouts=2", "--seed=3", "--av=brake:4"),
+        *(f"--deviations={tmp_path / 'd'}", "--limit=4", "--jobs=2", "--resume", "--reveal-ids"),
+        *("--av-lookahead", "0", "--", str(tmp_path / "a"), "b"),
     ]
     assert results.folder == out
     assert capfd.readouterr() == ("", "")
@@ -123,6 +123,58 @@ def test_missing_program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
     assert reactsim.find_program() == str(done)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="scripts")
+def test_other_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    done, broken = tmp_path / "done", tmp_path / "broken"
+    done.write_text("#!/bin/sh\n")
+    broken.write_text("#!/no/such/interpreter\n")
+    for path in (done, broken):
+        path.chmod(0o755)
+    calls = [
+        lambda: reactsim.run(Stop(), progress=False),
+        lambda: list(reactsim.scenarios()),
+        lambda: reactsim.wosac([], []),
+    ]
+    for path in (done, broken):
+        monkeypatch.setenv("REACTSIM_BINARY", str(path))
+        for call in calls:
+            with pytest.raises(reactsim.ReactsimError, match="check that REACTSIM_BINARY"):
+                call()
+    with pytest.raises(reactsim.ReactsimError, match=r"broken` cannot be started \(.*No such file"):
+        reactsim.run(Stop())
+
+
+NAMES = ["-q", "--help", "--limit=3", "=x", "a b", 'it\'s "so"', "two\nlines", "--"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_are_no_options(fake_program: Path, tmp_path: Path, name: str) -> None:
+    given = {"deviations": name, "ids": [name], "categories": name}
+    results = reactsim.run(
+        Stop(), name, name=name, av=name, replan=name, baselines=name, progress=False, **given
+    )
+    found = arguments(fake_program)
+    assert found[-2:] == ["--", name]
+    values = [f"--{option}={name}" for option in ("deviations", "id", "category")]
+    values += [f"--{option}={name}" for option in ("av", "replan", "models")]
+    assert set(values) < set(found[:-2])
+    assert f"--external={name}=@stdio" in found[:-2]
+
+    scenario = next(iter(reactsim.scenarios(name, **given)))
+    found = arguments(fake_program)
+    assert found[-2:] == ["--", name]
+    assert set(values[:3]) < set(found[:-2])
+
+    scenario.id = name
+    scenario.svg()
+    found = arguments(fake_program)
+    assert (found[1], found[-2:]) == (f"--id={name}", ["--", name])
+    results.svg(name, name, source=name)
+    found = arguments(fake_program)
+    assert found[1:4] == [f"--id={name}", f"--rollout={results.folder}", f"--simulator={name}"]
+    assert found[-2:] == ["--", name]
+
+
 def test_program_as_module(fake_program: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "reactsim", "scenes", "missing"], capture_output=True, check=False
@@ -148,11 +200,11 @@ def test_scenarios(fake_program: Path) -> None:
     assert len(second.lanes) == 2
     assert repr(first) == "Scenario('scenario-0', 4 agents)"
     assert first.svg(radius=30) == "<svg></svg>"
-    assert arguments(fake_program)[:5] == ["inspect", "--id", "scenario-0", "--radius", "30"]
+    assert arguments(fake_program)[:3] == ["inspect", "--id=scenario-0", "--radius=30"]
 
     source = reactsim.scenarios(Path("logs"), deviations="d", limit=2, future=False)
     scenario = next(iter(source))
-    assert arguments(fake_program) == ["scenes", "logs", "--deviations", "d", "--limit", "2"]
+    assert arguments(fake_program) == ["scenes", "--deviations=d", "--limit=2", "--", "logs"]
     assert scenario.future is None
     with pytest.raises(ValueError, match="future=True"):
         _ = scenario.states

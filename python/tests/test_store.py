@@ -237,6 +237,12 @@ class Handler(http.server.SimpleHTTPRequestHandler):
         path = Path(self.translate_path(self.path))
         if "denied" in self.path:
             self.send_error(403)
+        elif "circle" in self.path:
+            self.send_response(302)
+            self.send_header("Location", self.path)
+            self.end_headers()
+        elif "unsatisfiable" in self.path and part is not None:
+            self.send_error(416)
         elif "busy" in self.path and Handler.failures > 0:
             Handler.failures -= 1
             self.send_error(503)
@@ -253,6 +259,8 @@ class Handler(http.server.SimpleHTTPRequestHandler):
     def do_HEAD(self) -> None:
         if "denied" in self.path:
             self.send_error(403)
+        elif "circle" in self.path:
+            self.do_GET()
         else:
             super().do_HEAD()
 
@@ -285,6 +293,16 @@ def whole(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("whole") / "run"
     subprocess.run([program, *arguments(out), "--quiet"], check=True, stdout=subprocess.DEVNULL)
     return out
+
+
+def test_strange_servers(web: tuple[str, Path]) -> None:
+    url, folder = web
+    (folder / "unsatisfiable").write_bytes(b"content")
+    for command in ("info", "list"):
+        kind, text = failure(command, f"{url}/circle")
+        assert kind == "failed" and "redirects in a circle" in text
+    kind, text = failure("read", f"{url}/unsatisfiable", "0", "3", "", "")
+    assert kind == "unsupported" and "refuses parts of the file (416)" in text
 
 
 class TestRuns:

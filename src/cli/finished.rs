@@ -6,7 +6,7 @@ use anyhow::Context;
 
 use super::{count, note, say};
 use crate::evaluation::{EVENTS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
-use crate::report::{Run, TableStyle, exporter};
+use crate::report::{Run, TableStyle, exporter, markdown_text};
 
 /// Writes the table of a run to its folder, followed by plan outcomes and failures.
 pub(super) fn put_table(folder: &RunFolder, summary: &Summary, style: TableStyle<'_>) -> anyhow::Result<()> {
@@ -87,8 +87,8 @@ fn failures(summary: &Summary) -> String {
     }
     for failure in failures {
         let simulator = failure.simulator.as_deref().map(|s| format!(" ({s})")).unwrap_or_default();
-        let line = format!("- {} record {}{simulator}: {}\n", failure.file, failure.record, failure.error);
-        text.push_str(&line);
+        let line = format!("{} record {}{simulator}: {}", failure.file, failure.record, failure.error);
+        text.push_str(&format!("- {}\n", markdown_text(&line)));
     }
     text
 }

@@ -58,6 +58,7 @@ use crate::files;
 use crate::formats::{self, CurrentFrames, Input};
 use crate::metrics::{OptionError, Options};
 use crate::models::{self, MODELS, ModelError};
+use crate::report::terminal::plain;
 use crate::training::TrainingError;
 
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
@@ -76,6 +77,13 @@ static QUIET: AtomicBool = AtomicBool::new(false);
 
 fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
+}
+
+/// Whether the user has interrupted the program.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+fn is_interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
 }
 
 const AFTER: &str = "\
@@ -156,6 +164,11 @@ impl From<ExitStatus> for ExitCode {
 /// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
     crate::set_up();
+    if let Some(refusal) = too_little_memory() {
+        say(format_args!("error: {refusal}"));
+        return ExitStatus::BadInput.into();
+    }
+    survive_file_limits();
     // Without arguments: `run` with its defaults.
     let Cli { command, quiet } = parse();
     QUIET.store(quiet, Ordering::Relaxed);
@@ -195,15 +208,47 @@ pub fn main() -> ExitCode {
                 let text = cause.to_string();
                 // Some errors already end with the text of their cause.
                 if depth == 0 || !last.ends_with(&text) {
-                    writeln!(err, "{}: {text}", if depth == 0 { "error" } else { "  cause" }).ok();
+                    let label = if depth == 0 { "error" } else { "  cause" };
+                    writeln!(err, "{label}: {}", plain(&text)).ok();
                 }
                 last = text;
             }
             if let Some(hint) = hint(&error) {
-                writeln!(err, "hint: {hint}").ok();
+                writeln!(err, "hint: {}", plain(&hint)).ok();
             }
-            ExitStatus::BadInput.into()
+            // What the interrupt ended may be the reason.
+            let status = if is_interrupted() { ExitStatus::Interrupted } else { ExitStatus::BadInput };
+            status.into()
         }
+    }
+}
+
+/// Smallest limit of the address space with which anything can be done, MiB.
+const MIN_ADDRESS_SPACE: u64 = 256;
+
+/// Returns why the program would soon be ended by a failed allocation, if the limit of its address space is
+/// very small.
+fn too_little_memory() -> Option<String> {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, getrlimit};
+        let limit = getrlimit(Resource::As).current? >> 20;
+        let needed = MIN_ADDRESS_SPACE;
+        (limit < needed).then(|| {
+            format!("the address space is limited to {limit} MiB (`ulimit -v`); allow at least {needed}")
+        })
+    }
+    #[cfg(not(unix))]
+    None
+}
+
+/// Makes a write beyond the limit of the size of files (`ulimit -f`) an error instead of the end of the program.
+fn survive_file_limits() {
+    #[cfg(unix)]
+    {
+        let passed = Arc::new(AtomicBool::new(false));
+        // Without the handler, the signal ends the program as it did before.
+        signal_hook::flag::register(signal_hook::consts::SIGXFSZ, passed).ok();
     }
 }
 
@@ -213,10 +258,24 @@ fn parse() -> Cli {
     let matches = command_line().try_get_matches();
     let matches = matches.unwrap_or_else(|error| match error.kind() {
         ErrorKind::InvalidUtf8 => refuse_encoding(),
-        _ => error.exit(),
+        _ => end(&error),
     });
     urls::check(&command_line(), &matches).unwrap_or_else(|error| error.exit());
     Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+/// Prints help, the version or a wrong argument, and ends the program.
+fn end(error: &clap::Error) -> ! {
+    let mut code = error.exit_code();
+    match error.print().and_then(|()| io::stdout().flush()) {
+        Err(failure) if !error.use_stderr() && failure.kind() != io::ErrorKind::BrokenPipe => {
+            say(format_args!("error: could not write to stdout: {failure}"));
+            code = 2;
+        }
+        _ => {}
+    }
+    #[expect(clippy::exit, reason = "nothing has begun")]
+    std::process::exit(code)
 }
 
 /// Names the argument that is not text, which clap does not, and ends the program.
@@ -305,14 +364,20 @@ fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>)
     if RUN_FILES.contains(&name.as_ref()) && folder.join(PROVENANCE).exists() {
         return Err(io::Error::other("it is a file of a run folder; choose another name"));
     }
-    // A link stays a link.
-    files::replace(&path.canonicalize().unwrap_or_else(|_| path.to_owned()), write)
+    files::replace(path, write)
 }
 
 /// Prints a message to stderr; stdout holds only results.
 fn say(text: std::fmt::Arguments<'_>) {
     // A closed stderr is not an error.
-    writeln!(io::stderr().lock(), "{text}").ok();
+    writeln!(io::stderr().lock(), "{}", plain(&text.to_string())).ok();
+}
+
+/// Says where an interrupted command left the part of a file that is finished, and what is at `out`.
+fn say_part(part: &[PathBuf], out: &Path, holds: &str) {
+    let part: Vec<String> = part.iter().map(|path| path.display().to_string()).collect();
+    let (part, out_is) = (part.join(" and "), if out.exists() { "is unchanged" } else { "was not written" });
+    say(format_args!("interrupted: {part} has the first {holds}; {} {out_is}", out.display()));
 }
 
 /// Prints what may be of use to a person, unless only results are wanted.
@@ -333,6 +398,10 @@ fn stop_on_interrupt(then: &'static str) -> anyhow::Result<Arc<AtomicBool>> {
             #[expect(clippy::exit, reason = "second interrupt by the user; files are replaced whole")]
             std::process::exit(130);
         }
+        INTERRUPTED.store(true, Ordering::Relaxed);
+        crate::external::interrupt();
+        #[cfg(feature = "store")]
+        crate::store::interrupt();
         say(format_args!("\ninterrupted: {then}; interrupt again to end at once"));
     })
     .context("could not install the interrupt handler")?;

@@ -99,6 +99,8 @@ impl Progress {
             self.bar.set_message(self.failure_count());
         }
         if n <= MAX_PRINTED_FAILURES {
+            // A foreign text cannot pass for another message.
+            let text = text.to_string().replace('\n', "\n    ");
             self.bar.suspend(|| say(format_args!("warning: failed{text}")));
         }
     }

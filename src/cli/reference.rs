@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
-use super::{ExitStatus, count, say};
+use super::{ExitStatus, count, say, write_result};
 use crate::evaluation::reference::{MakeOptions, Reference, StudyReference, make, make_study};
 use crate::evaluation::{StudyResults, is_study, shipped_benchmark};
 use crate::report::blocks::{Selection, blocks, render};
@@ -134,7 +134,7 @@ fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
         }
         new.push_str(&old[written..]);
         if new != old && !args.check {
-            fs::write(path, &new).with_context(|| format!("could not write {}", named()))?;
+            write_result(Some(path), |out| out.write_all(new.as_bytes()))?;
             say(format_args!("{}: written", named()));
         }
     }

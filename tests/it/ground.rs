@@ -100,7 +100,7 @@ fn edges_against_the_convention_are_reported() {
     let (summary, said, seen) = run(&file(agents, map), &["--av", "brake:4", "--models", "stop"]);
     assert_eq!(mean(&summary, "stop", "offroad"), None);
     let reversed = "most vehicles on lanes start off the road";
-    for part in [reversed, "the AV starts off the road", "2 vehicles start off the road"] {
+    for part in [reversed, "the AV starts off the road", "2 moving vehicles start off the road"] {
         assert!(said.contains(&format!("note: 1 scenario: {part}")), "{part}: {said}");
         assert!(seen.lines().any(|line| line.starts_with("note ") && line.contains(part)), "{part}: {seen}");
     }

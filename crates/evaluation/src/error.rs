@@ -1,12 +1,23 @@
 //! Errors that prevent or abort a run.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use reactsim_baseline::{BackendError, ModelError};
 use reactsim_formats::FormatError;
 
 use super::av::AV_CHOICES;
+use super::folder::{PROVENANCE, SUMMARY};
+use super::study::STUDY;
+
+/// Returns what to do about a damaged file of a run folder or a study.
+fn mend(path: &Path) -> &'static str {
+    match path.file_name().and_then(|name| name.to_str()) {
+        Some(PROVENANCE | STUDY) => "; delete the folder, and run the command again",
+        Some(SUMMARY) => "; the same command with --resume writes it again",
+        _ => "",
+    }
+}
 
 /// The reason why a run cannot start or finish. A problem with one scenario is a [`super::Failure`] instead.
 #[derive(Debug, thiserror::Error)]
@@ -126,7 +137,7 @@ pub enum EvaluationError {
         source: io::Error,
     },
     /// A file of a run folder is damaged.
-    #[error("{path} cannot be read: {source}")]
+    #[error("{path} cannot be read: {source}{}", mend(path))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -339,4 +350,10 @@ pub enum EvaluationError {
     /// A file of scenarios, deviations or rollouts cannot be used.
     #[error("{0}")]
     Format(#[from] FormatError),
+    /// Rollouts that are not yet joined were changed after they were written.
+    #[error("{error}; delete the file, and repeat the command with --resume")]
+    DamagedPart {
+        /// What is wrong with it.
+        error: FormatError,
+    },
 }

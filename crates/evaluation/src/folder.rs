@@ -6,7 +6,7 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use parking_lot::Mutex;
-use reactsim_files as files;
+use reactsim_files::{self as files, FolderLock};
 use reactsim_metrics::{Event, METRICS, Score};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -14,6 +14,7 @@ use serde::de::DeserializeOwned;
 use super::EvaluationError;
 use super::provenance::Provenance;
 use super::reference::{self, REFERENCE_RECORD};
+use super::rollouts;
 use super::row::{EventHead, EventLine, Failure, RecordPosition, Row};
 use super::summary::Summary;
 use super::tally::Tally;
@@ -53,7 +54,7 @@ pub struct RunFolder {
     events: Mutex<Appender>,
     failures: Mutex<Appender>,
     /// Lock held during the run: two runs must not write to one folder.
-    _lock: File,
+    _lock: FolderLock,
 }
 
 impl RunFolder {
@@ -62,14 +63,16 @@ impl RunFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        files::create_folder(path).map_err(cannot_write(path))?;
+        let exists = || EvaluationError::Exists { path: path.to_owned() };
+        // Without the lock nothing is written, not even the lock.
         if !is_unbegun(path) {
-            return Err(EvaluationError::Exists { path: path.to_owned() });
+            return Err(exists());
         }
-        let mut text = serde_json::to_string_pretty(provenance).expect("provenance is text and numbers");
-        text.push('\n');
-        replace(&path.join(PROVENANCE), |out| out.write_all(text.as_bytes()))?;
-        Self::open(path)
+        let lock = lock(path)?;
+        if !is_unbegun(path) {
+            return Err(exists());
+        }
+        Self::begin(path, lock, provenance)
     }
 
     /// Opens the folder of an earlier run with the same settings: drops truncated lines and incomplete pairs,
@@ -78,11 +81,14 @@ impl RunFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder has no run or a run with other settings, or cannot be written.
     pub fn resume(path: &Path, provenance: &Provenance, tally: &mut Tally) -> Result<Self, EvaluationError> {
+        // A refused folder is not written to; what it contains is certain when it is locked.
+        Self::is_of(path, provenance)?;
+        let lock = lock(path)?;
         if is_unbegun(path) {
-            return Self::create(path, provenance);
+            return Self::begin(path, lock, provenance);
         }
         Self::is_of(path, provenance)?;
-        let folder = Self::open(path)?;
+        let folder = Self::open(path, lock)?;
         folder.keep_complete_pairs(tally, provenance)?;
         Ok(folder)
     }
@@ -93,14 +99,20 @@ impl RunFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder contains anything else or a finished run, or cannot be written.
     pub(super) fn begin_again(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
+        let check = || {
+            let is_finished = [SUMMARY, TABLE].iter().all(|name| path.join(name).exists());
+            if is_finished || Self::is_of(path, provenance).is_err() {
+                return Err(EvaluationError::Exists { path: path.to_owned() });
+            }
+            Ok(())
+        };
+        check()?;
+        let lock = lock(path)?;
         if is_unbegun(path) {
-            return Self::create(path, provenance);
+            return Self::begin(path, lock, provenance);
         }
-        let is_finished = [SUMMARY, TABLE].iter().all(|name| path.join(name).exists());
-        if is_finished || Self::is_of(path, provenance).is_err() {
-            return Err(EvaluationError::Exists { path: path.to_owned() });
-        }
-        Self::open(path)
+        check()?;
+        Self::open(path, lock)
     }
 
     /// Checks that a folder contains a run with these settings, or no run yet, as [`Self::resume`] requires.
@@ -119,10 +131,14 @@ impl RunFolder {
         }
     }
 
-    fn open(path: &Path) -> Result<Self, EvaluationError> {
-        let at = path.join(PROVENANCE);
-        let lock = files::lock(&at).map_err(cannot_read(&at))?;
-        let lock = lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?;
+    fn begin(path: &Path, lock: FolderLock, provenance: &Provenance) -> Result<Self, EvaluationError> {
+        let mut text = serde_json::to_string_pretty(provenance).expect("provenance is text and numbers");
+        text.push('\n');
+        replace(&path.join(PROVENANCE), |out| out.write_all(text.as_bytes()))?;
+        Self::open(path, lock)
+    }
+
+    fn open(path: &Path, lock: FolderLock) -> Result<Self, EvaluationError> {
         let append = |name| Appender::open(path.join(name)).map(Mutex::new);
         let (rows, events, failures) = (append(ROWS)?, append(EVENTS)?, append(FAILURES)?);
         let folder = Self { path: path.to_owned(), rows, events, failures, _lock: lock };
@@ -226,7 +242,7 @@ impl RunFolder {
     /// nothing is left to run.
     fn is_finished(&self, values: &Tally) -> bool {
         let complete = |s: &Summary| s.provenance.failures.is_empty() && s.is_of(values);
-        self.path.join(ROLLOUTS).exists() && read_summary(&self.path).is_ok_and(|s| complete(&s))
+        rollouts::are_there(&self.path.join(ROLLOUTS)) && read_summary(&self.path).is_ok_and(|s| complete(&s))
     }
 
     fn keep_complete_pairs(&self, tally: &mut Tally, provenance: &Provenance) -> Result<(), EvaluationError> {
@@ -245,7 +261,7 @@ impl RunFolder {
         let with_rollouts = keeps_rollouts && !is_finished;
         for ((place, simulator), rows) in &pairs {
             let Some(index) = tally.simulators.iter().position(|s| s == simulator) else { continue };
-            if !with_rollouts || self.part(*place, index)?.exists() {
+            if !with_rollouts || rollouts::are_there(&self.part(*place, index)?) {
                 tally.add(rows);
             }
         }
@@ -272,11 +288,24 @@ fn removed(result: io::Result<()>, path: &Path) -> Result<(), EvaluationError> {
     }
 }
 
+/// Creates a folder, if it is absent, and locks it.
+pub(super) fn lock(path: &Path) -> Result<FolderLock, EvaluationError> {
+    files::create_folder(path).map_err(cannot_write(path))?;
+    let lock = files::lock_folder(path).map_err(cannot_write(&path.join(files::LOCK)))?;
+    lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })
+}
+
 /// Returns whether a folder is absent or empty, or was left by a run that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
+    is_unbegun_with(path, PROVENANCE)
+}
+
+/// Returns whether a folder is absent or empty, or was left by a process that was killed before it wrote the
+/// file `first`.
+pub(super) fn is_unbegun_with(path: &Path, first: &str) -> bool {
+    let is_left = |name: &str| name == files::LOCK || files::target_of(name) == Some(first);
     match fs::read_dir(path) {
-        Ok(mut entries) => entries
-            .all(|e| e.is_ok_and(|e| files::target_of(&e.file_name().to_string_lossy()) == Some(PROVENANCE))),
+        Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| is_left(&e.file_name().to_string_lossy()))),
         Err(error) => error.kind() == io::ErrorKind::NotFound,
     }
 }

@@ -32,6 +32,16 @@ pub(super) fn write_part(
     Ok(writer.finish()?)
 }
 
+/// Returns whether a file of rollouts is there. A truncated one is removed, so that it is made again.
+pub(super) fn are_there(path: &Path) -> bool {
+    let is_whole = read(path).is_ok();
+    if !is_whole {
+        // Fails if there is none.
+        std::fs::remove_file(path).ok();
+    }
+    is_whole
+}
+
 /// Joins the parts of all scenarios of the tally. Without parts, the file of an earlier finished run is left
 /// as it is.
 pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), EvaluationError> {
@@ -51,8 +61,9 @@ pub(super) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
     }
     let mut writer = Writer::create(&target)?;
     for part in parts {
-        for record in read(&part)? {
-            writer.write(&record?)?;
+        let damaged = |error| EvaluationError::DamagedPart { error };
+        for record in read(&part).map_err(damaged)? {
+            writer.write(&record.map_err(damaged)?)?;
         }
     }
     Ok(writer.finish()?)

@@ -253,8 +253,12 @@ enum Refused {
 }
 
 impl Runner<'_> {
+    fn is_interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed) || self.broken.lock().is_some()
+        self.is_interrupted() || self.broken.lock().is_some()
     }
 
     /// Processes batches until the sources are exhausted or the run stops; the main function of each thread.
@@ -279,6 +283,8 @@ impl Runner<'_> {
             match self.prepare(item) {
                 Ok(Some(scenario)) => ready.push(scenario),
                 Ok(None) => {}
+                // The end of the program may be the reason; the record is read again when the run goes on.
+                Err(_) if self.is_interrupted() => {}
                 Err(Refused::Record(failure)) => self.fail(*failure)?,
                 Err(Refused::Run(error)) => return Err(error),
             }
@@ -432,6 +438,8 @@ impl Runner<'_> {
                 }
                 // Not a result of this scenario: it runs again when the run is resumed.
                 Some(_) if given_up.is_some() => {}
+                // So it is with a simulator that was ended because it did not answer in time.
+                Some(_) if planned.batch().is_some() && self.is_interrupted() => {}
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
                     let text = self.named(ready.place, &error);

@@ -7,8 +7,10 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use reactsim_scene::brief;
+
 use super::document::{Frame, FrameWriter, read_frame};
-use super::process::{Process, describe};
+use super::process::{Process, describe, is_interrupted, time_left};
 use super::settings::Command;
 use super::stderr::{LastLines, Stderr};
 
@@ -103,6 +105,9 @@ impl Connection {
                     matches!(error.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::BrokenPipe);
                 return Err(if is_closed { self.closed() } else { self.broken(&error.to_string()) });
             }
+            Err(RecvTimeoutError::Timeout) if is_interrupted() => {
+                return Err(self.broken(&format!("interrupted before `{wanted}`")));
+            }
             Err(RecvTimeoutError::Timeout) => {
                 let seconds = limit.as_secs_f64();
                 return Err(self.broken(&format!("no `{wanted}` within {seconds} s")));
@@ -113,18 +118,18 @@ impl Connection {
             Ok(frame) => frame,
             Err(error) => return Err(self.broken(&error.to_string())),
         };
-        let kind = frame.text("type").unwrap_or_default().to_owned();
+        let kind = brief(frame.text("type").unwrap_or_default()).into_owned();
         match frame.optional_text("seq") {
             Some(found) if found == sequence => {}
             found => {
-                let found = found.unwrap_or("nothing");
+                let found = brief(found.unwrap_or("nothing"));
                 let text = format!("`{kind}` answers request {found} instead of request {sequence}");
                 return Err(self.broken(&text));
             }
         }
         if kind == "failed" {
             let text = frame.optional_text("error").unwrap_or("it gives no reason").trim_end();
-            return Err(RequestError::Refused(text.to_owned()));
+            return Err(RequestError::Refused(brief(text).into_owned()));
         }
         if kind != wanted {
             return Err(self.broken(&format!("it answered `{kind}` instead of `{wanted}`")));
@@ -136,7 +141,7 @@ impl Connection {
     /// output open.
     fn receive(&mut self, deadline: Instant) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
+            let left = time_left(deadline.saturating_duration_since(Instant::now()));
             match self.incoming.recv_timeout(left.min(LOOK_AGAIN)) {
                 Err(RecvTimeoutError::Timeout) if left > LOOK_AGAIN => {}
                 received => return received,
@@ -163,20 +168,21 @@ impl Connection {
         let (closed, _) = mpsc::channel();
         drop(std::mem::replace(&mut self.outgoing, closed));
         if let Some(process) = &mut self.process {
-            process.wait(limit);
+            process.wait(time_left(limit));
         }
     }
 
     /// Returns the error of a connection that closed: usually its process ended.
     fn closed(&mut self) -> RequestError {
-        let reason = match self.process.as_mut().map(|process| (process.wait(TIME_TO_END), process)) {
-            Some((Some(status), _)) => describe(status),
-            Some((None, process)) => {
-                process.end();
-                "it closed its standard input or output and was ended".to_owned()
-            }
-            None => "the parent process closed the connection".to_owned(),
-        };
+        let reason =
+            match self.process.as_mut().map(|process| (process.wait(time_left(TIME_TO_END)), process)) {
+                Some((Some(status), _)) => describe(status),
+                Some((None, process)) => {
+                    process.end();
+                    "it closed its standard input or output and was ended".to_owned()
+                }
+                None => "the parent process closed the connection".to_owned(),
+            };
         RequestError::Broken(format!("{reason}{}", self.last_lines.text()))
     }
 

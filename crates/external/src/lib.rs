@@ -24,7 +24,7 @@ mod workers;
 
 pub use document::{DocumentError, Frame, FrameWriter, Values, read_frame};
 pub use error::ExternalError;
-pub use process::end_all;
+pub use process::{end_all, interrupt};
 pub use replies::Description;
 pub use scene_frame::{SceneExtras, scene_frame};
 pub use scenes::{LINE_TYPES, LINK_RELATIONS, add_scenes};

@@ -1,7 +1,8 @@
 //! A child process with its own process group.
 
-use std::io;
+use std::io::{self, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -13,6 +14,29 @@ const POLL: Duration = Duration::from_millis(5);
 /// Process ids of all children, so that none is left when the program ends at once.
 static CHILDREN: Mutex<Vec<u32>> = Mutex::new(Vec::new());
 
+/// When the program was interrupted.
+static INTERRUPTED: OnceLock<Instant> = OnceLock::new();
+
+/// Time that simulators have after an interrupt to answer what they were asked.
+const TIME_AFTER_INTERRUPT: Duration = Duration::from_secs(1);
+
+/// States that the program is to end soon: simulators that do not answer within a second are ended, and none
+/// is started any more.
+pub fn interrupt() {
+    INTERRUPTED.get_or_init(Instant::now);
+}
+
+/// Returns whether the program was interrupted.
+pub(super) fn is_interrupted() -> bool {
+    INTERRUPTED.get().is_some()
+}
+
+/// Returns a limit of time, or what an interrupt leaves of it.
+pub(super) fn time_left(limit: Duration) -> Duration {
+    let left = |at: &Instant| TIME_AFTER_INTERRUPT.saturating_sub(at.elapsed());
+    INTERRUPTED.get().map_or(limit, |at| limit.min(left(at)))
+}
+
 /// Ends all child processes. For the end of the program without unwinding.
 pub fn end_all() {
     for id in CHILDREN.lock().iter() {
@@ -23,6 +47,7 @@ pub fn end_all() {
 /// A child that is ended with everything it started, at the latest when this is dropped.
 pub(super) struct Process {
     child: Child,
+    guard: Option<Guard>,
 }
 
 /// The pipes of a child.
@@ -50,7 +75,8 @@ impl Process {
             _ => Err(missing()),
         };
         CHILDREN.lock().push(child.id());
-        let process = Self { child };
+        let guard = Guard::of(child.id());
+        let process = Self { child, guard };
         Ok((process, pipes?))
     }
 
@@ -79,6 +105,7 @@ impl Process {
             // The child is not reaped before, so the id still names its group.
             kill_group(id);
             self.child.kill().ok();
+            self.guard.take().into_iter().for_each(Guard::dismiss);
             children.swap_remove(at);
         }
         drop(children);
@@ -89,6 +116,36 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         self.end();
+    }
+}
+
+/// A process that ends the group of a child if this program is killed, which closes the pipe to the guard.
+struct Guard(Child);
+
+impl Guard {
+    /// Begins to guard a child. Without a guard, a child that does not read its input outlives a kill.
+    #[cfg(unix)]
+    fn of(child: u32) -> Option<Self> {
+        let mut command = Command::new("sh");
+        command.args(["-c", r#"read -r _ || kill -s KILL -- "-$1""#, "sh"]).arg(child.to_string());
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+        // Signals to the group of this program must not reach it.
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        command.spawn().ok().map(Self)
+    }
+
+    #[cfg(not(unix))]
+    fn of(_child: u32) -> Option<Self> {
+        None
+    }
+
+    /// Ends the guard, before another process can get the id of the child.
+    fn dismiss(mut self) {
+        if let Some(mut stdin) = self.0.stdin.take() {
+            stdin.write_all(b"\n").ok();
+        }
+        self.0.kill().ok();
+        self.0.wait().ok();
     }
 }
 

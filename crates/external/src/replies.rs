@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use reactsim_rollout::{Episode, PlanError};
-use reactsim_scene::{AgentState, DT, FUTURE};
+use reactsim_scene::{AgentState, DT, FUTURE, brief};
 
 use super::document::{DocumentError, Frame};
 use super::settings::MOST_PER_BATCH;
@@ -94,7 +94,8 @@ pub(super) fn take_plans(
     }
     for (index, episode) in active {
         if let Some(text) = errors.remove(index) {
-            episode.error = Some(PlanError::Failed(format!("the simulator reports: {}", text.trim_end())));
+            let text = format!("the simulator reports: {}", brief(text.trim_end()));
+            episode.error = Some(PlanError::Failed(text));
             continue;
         }
         let of_episode = &states[*index * n * steps * 3..][..n * steps * 3];

@@ -6,6 +6,7 @@ use parking_lot::{Condvar, Mutex};
 
 use super::connection::{Connection, RequestError};
 use super::document::FrameWriter;
+use super::process::is_interrupted;
 use super::replies::Description;
 use super::settings::{Command, ExternalSettings, RunOutline};
 use super::stderr::{LAST_WORDS_HEAD, Stderr};
@@ -82,6 +83,9 @@ impl Workers {
     pub(super) fn take(&self) -> Result<Worker, String> {
         let mut state = self.state.lock();
         loop {
+            if is_interrupted() {
+                return Err("interrupted".to_owned());
+            }
             if let Some(reason) = &state.given_up {
                 return Err(format!("it was given up: {reason}"));
             }

@@ -1,24 +1,32 @@
 //! A file that gets its name when it is complete.
 
-use std::ffi::OsStr;
-use std::fs::{self, File};
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File, Metadata};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::process;
 use std::time::Duration;
 
+use rand::TryRng;
+
+use super::folder::{Folder, folder_of};
 use super::regular::open_local;
 use super::url::refuse_url;
 
 /// Suffix of the name of a file that is being written.
 const SUFFIX: &str = ".partial";
+/// Number of random hexadecimal digits in such a name.
+const DIGITS: usize = 16;
+/// Number of random names to try. The second is needed only if somebody has created the first.
+const ATTEMPTS: u32 = 8;
 
 /// A file that is being written under a temporary name in the folder of its target. [`NewFile::finish`] gives
-/// it its name; dropped before, it is removed. An existing file of that name stays as it is until then.
+/// it its name; dropped before, it is removed. An existing file of that name stays as it is until then. Its
+/// mode is kept, and a link is followed.
 #[derive(Debug)]
 pub struct NewFile {
     path: PathBuf,
-    partial: PathBuf,
+    folder: Folder,
+    partial: OsString,
     file: BufWriter<File>,
 }
 
@@ -26,39 +34,58 @@ impl NewFile {
     /// Begins a file.
     ///
     /// # Errors
-    /// The error of the system; also if the path is a URL, has no file name, or is a folder or another thing
-    /// that is not a regular file.
+    /// The error of the system; also if the path is a URL, has no file name, or is a folder, another thing
+    /// that is not a regular file, or a link to nothing.
     pub fn create(path: &Path) -> io::Result<Self> {
         refuse_url(path)?;
+        let path = follow(path)?;
         let name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
-        if path.is_dir() {
+        let old = path.metadata().ok();
+        if old.as_ref().is_some_and(Metadata::is_dir) {
             return Err(io::ErrorKind::IsADirectory.into());
         }
-        if path.exists() && !path.is_file() {
+        if old.as_ref().is_some_and(|old| !old.is_file()) {
             return Err(io::Error::other("it exists and is not a regular file; choose another name"));
         }
-        remove_abandoned(path);
-        let partial = path.with_file_name(format!(".{}.{}{SUFFIX}", name.display(), process::id()));
-        let file = File::create(&partial)?;
+        remove_abandoned(&path);
+        let folder = Folder::open(folder_of(&path))?;
+        let (partial, file) = begin(&folder, name)?;
         // The lock shows that the file is not abandoned. On file systems without locks it stays if this
         // process is killed.
         file.try_lock().ok();
-        Ok(Self { path: path.to_owned(), partial, file: BufWriter::new(file) })
+        let file = BufWriter::new(file);
+        let new = Self { path, folder, partial, file };
+        if let Some(old) = old {
+            keep_mode(&old, new.file.get_ref());
+        }
+        Ok(new)
     }
 
     /// Writes everything to the disk and gives the file its name.
     ///
     /// # Errors
     /// The error of the system; the partial file is removed.
-    pub fn finish(mut self) -> io::Result<()> {
+    pub fn finish(self) -> io::Result<()> {
+        let name = self.path.file_name().unwrap_or_default().to_owned();
+        self.finish_as(&name)
+    }
+
+    /// Writes everything to the disk and gives the file the name of a part ([`interrupted`]), which is
+    /// returned. An existing file of the name that was asked for stays.
+    ///
+    /// # Errors
+    /// The error of the system; the partial file is removed.
+    pub fn finish_part(self) -> io::Result<PathBuf> {
+        let path = interrupted(&self.path);
+        self.finish_as(path.file_name().unwrap_or_default())?;
+        Ok(path)
+    }
+
+    fn finish_as(mut self, name: &OsStr) -> io::Result<()> {
         self.file.flush()?;
         self.file.get_ref().sync_all()?;
-        fs::rename(&self.partial, &self.path)?;
-        // The folder holds the name. Some systems cannot synchronise folders; the file is complete anyway.
-        let folder = self.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        if let Ok(folder) = File::open(folder) {
-            folder.sync_all().ok();
-        }
+        self.folder.rename(&self.partial, name)?;
+        self.folder.sync();
         Ok(())
     }
 }
@@ -76,9 +103,61 @@ impl Write for NewFile {
 impl Drop for NewFile {
     fn drop(&mut self) {
         // Fails if the file has its name: nothing is left to remove then.
-        fs::remove_file(&self.partial).ok();
+        self.folder.remove(&self.partial).ok();
     }
 }
+
+/// Returns the path of a part of a file, which an interrupted command leaves: `a.interrupted.parquet` for
+/// `a.parquet`.
+pub fn interrupted(path: &Path) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(".interrupted");
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+/// Returns the file that a link leads to, or else the path itself.
+fn follow(path: &Path) -> io::Result<PathBuf> {
+    if !path.is_symlink() {
+        return Ok(path.to_owned());
+    }
+    path.canonicalize().map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => {
+            let text = "it is a link to a file that does not exist; remove the link, or choose another name";
+            io::Error::new(error.kind(), text)
+        }
+        _ => error,
+    })
+}
+
+/// Creates a file with a name that nobody can have foreseen, for this target.
+fn begin(folder: &Folder, target: &OsStr) -> io::Result<(OsString, File)> {
+    for _ in 0..ATTEMPTS {
+        let mut random = [0; DIGITS / 2];
+        rand::rngs::SysRng.try_fill_bytes(&mut random).map_err(io::Error::other)?;
+        let mut name = OsString::from(".");
+        name.push(target);
+        name.push(format!(".{:0DIGITS$x}{SUFFIX}", u64::from_le_bytes(random)));
+        match folder.create_new(&name) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            created => return Ok((name, created?)),
+        }
+    }
+    Err(io::ErrorKind::AlreadyExists.into())
+}
+
+/// Gives a file the mode of the one that it replaces. File systems without modes have nothing to keep.
+#[cfg(unix)]
+fn keep_mode(old: &Metadata, new: &File) {
+    use std::os::unix::fs::PermissionsExt;
+    new.set_permissions(fs::Permissions::from_mode(old.permissions().mode() & 0o777)).ok();
+}
+
+#[cfg(not(unix))]
+fn keep_mode(_old: &Metadata, _new: &File) {}
 
 /// Age from which an unlocked partial file counts as abandoned: a new one is not yet locked.
 const MIN_AGE: Duration = Duration::from_secs(2);
@@ -86,8 +165,7 @@ const MIN_AGE: Duration = Duration::from_secs(2);
 /// Removes partial files for this target whose processes were killed. Files that cannot be removed only take
 /// space.
 fn remove_abandoned(path: &Path) {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+    for entry in fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
         let name = entry.file_name();
         if name.to_str().and_then(target_of).map(OsStr::new) != path.file_name() {
             continue;
@@ -117,9 +195,11 @@ pub fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>
 /// Returns the name of the file for which a partial file was begun; `None` if this is no name of a partial
 /// file. A killed process leaves such files behind.
 pub fn target_of(partial: &str) -> Option<&str> {
-    let (target, process) = partial.strip_prefix('.')?.strip_suffix(SUFFIX)?.rsplit_once('.')?;
-    let is_number = !process.is_empty() && process.bytes().all(|b| b.is_ascii_digit());
-    (is_number && !target.is_empty()).then_some(target)
+    let (target, random) = partial.strip_prefix('.')?.strip_suffix(SUFFIX)?.rsplit_once('.')?;
+    let is_random = random.len() == DIGITS && random.bytes().all(|b| b.is_ascii_hexdigit());
+    // Earlier versions wrote the number of the process.
+    let is_number = !random.is_empty() && random.bytes().all(|b| b.is_ascii_digit());
+    ((is_random || is_number) && !target.is_empty()).then_some(target)
 }
 
 #[cfg(test)]
@@ -186,10 +266,87 @@ mod tests {
 
     #[test]
     fn names_of_partial_files_are_recognised() {
-        assert_eq!(target_of(".rows.jsonl.12.partial"), Some("rows.jsonl"));
-        for other in ["rows.jsonl.12.partial", ".rows.partial", ".rows.x.partial", ".12.partial", ".rows.12"]
-        {
+        for name in [".rows.jsonl.0123456789abcdef.partial", ".rows.jsonl.12.partial"] {
+            assert_eq!(target_of(name), Some("rows.jsonl"));
+        }
+        for other in [
+            "rows.jsonl.12.partial",
+            ".rows.partial",
+            ".rows.x.partial",
+            ".rows.beef.partial",
+            ".12.partial",
+            ".rows.12",
+        ] {
             assert_eq!(target_of(other), None, "{other}");
         }
+    }
+
+    #[test]
+    fn a_part_leaves_the_complete_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.b.parquet");
+        fs::write(&path, "whole").unwrap();
+        let mut file = NewFile::create(&path).unwrap();
+        file.write_all(b"part").unwrap();
+        let part = file.finish_part().unwrap();
+        assert_eq!(part, folder.path().join("a.b.interrupted.parquet"));
+        assert_eq!(
+            (fs::read(&path).unwrap().as_slice(), fs::read(part).unwrap().as_slice()),
+            (b"whole".as_slice(), b"part".as_slice())
+        );
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        assert_eq!(interrupted(Path::new("x/a")), Path::new("x/a.interrupted"));
+    }
+
+    #[test]
+    fn two_writers_of_one_file_do_not_meet() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let mut files = [NewFile::create(&path).unwrap(), NewFile::create(&path).unwrap()];
+        for (file, text) in files.iter_mut().zip(["one", "two"]) {
+            file.write_all(text.as_bytes()).unwrap();
+        }
+        for (file, text) in files.into_iter().zip(["one", "two"]) {
+            file.finish().unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_folder_that_is_moved_away_keeps_its_file() {
+        let home = tempfile::tempdir().unwrap();
+        let [before, after] = ["before", "after"].map(|name| home.path().join(name));
+        fs::create_dir(&before).unwrap();
+        let file = NewFile::create(&before.join("a.txt")).unwrap();
+        fs::rename(&before, &after).unwrap();
+        fs::create_dir(&before).unwrap();
+        file.finish().unwrap();
+        assert!(after.join("a.txt").exists() && !before.join("a.txt").exists());
+        assert_eq!(fs::read_dir(&after).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn the_mode_is_kept_and_links_are_followed() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let home = tempfile::tempdir().unwrap();
+        let [file, link, nothing] = ["file", "link", "nothing"].map(|name| home.path().join(name));
+        fs::create_dir(home.path().join("folder")).unwrap();
+        fs::write(&file, "old").unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
+        symlink("file", &link).unwrap();
+        let writing = NewFile::create(&link).unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode(&home.path().join(&writing.partial)), 0o640, "nobody else reads it meanwhile");
+        drop(writing);
+        replace(&link, |out| out.write_all(b"new")).unwrap();
+        assert!(link.is_symlink());
+        assert_eq!((fs::read_to_string(&file).unwrap().as_str(), mode(&file)), ("new", 0o640));
+        symlink("folder/none", &nothing).unwrap();
+        let error = NewFile::create(&nothing).unwrap_err().to_string();
+        assert!(error.contains("a link to a file that does not exist"), "{error}");
+        assert!(nothing.is_symlink() && !home.path().join("folder/none").exists());
     }
 }

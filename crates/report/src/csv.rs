@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 
 use super::long::records;
+use super::terminal::is_unsafe;
 use super::{Exporter, Run, TableStyle};
 
 /// The CSV format.
@@ -42,11 +43,18 @@ impl Exporter for Csv {
     }
 }
 
+/// Returns a text as a cell. Spreadsheets would take some beginnings for formulas: an apostrophe makes them
+/// text. Control characters become spaces.
 pub(super) fn quote(text: &str) -> Cow<'_, str> {
-    if text.contains(['"', ',', '\n', '\r']) {
-        Cow::Owned(format!("\"{}\"", text.replace('"', "\"\"")))
-    } else {
+    let is_formula = text.starts_with(['=', '@', '+', '-', '\t', '\r']) && text.parse::<f64>().is_err();
+    let shown: String = text.chars().map(|c| if is_unsafe(c) { ' ' } else { c }).collect();
+    let shown = format!("{}{shown}", if is_formula { "'" } else { "" });
+    if shown.contains(['"', ',']) {
+        Cow::Owned(format!("\"{}\"", shown.replace('"', "\"\"")))
+    } else if shown == text {
         Cow::Borrowed(text)
+    } else {
+        Cow::Owned(shown)
     }
 }
 
@@ -58,5 +66,21 @@ mod tests {
     fn fields_are_quoted_if_necessary() {
         assert_eq!(quote("a,\"b\""), "\"a,\"\"b\"\"\"");
         assert_eq!(quote("idm"), "idm");
+    }
+
+    #[test]
+    fn no_cell_is_a_formula_or_has_control_characters() {
+        for (text, cell) in [
+            ("=1+1", "'=1+1"),
+            ("@SUM(A1,A2)", "\"'@SUM(A1,A2)\""),
+            ("+x", "'+x"),
+            ("-q", "'-q"),
+            ("\t=1", "' =1"),
+            ("-1.5", "-1.5"),
+            ("+7", "+7"),
+            ("a\u{1b}[2J\r\nb", "a [2J  b"),
+        ] {
+            assert_eq!(quote(text), cell, "{text:?}");
+        }
     }
 }

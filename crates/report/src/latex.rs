@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use reactsim_evaluation::{Access, Estimate, Mark, Standing};
 
 use super::table::{self, Column, Line};
+use super::terminal::is_unsafe;
 use super::{Exporter, Run, TableStyle};
 
 /// The LaTeX format.
@@ -132,7 +133,7 @@ pub(super) fn escape(text: &str) -> String {
             '\\' => out.push_str("\\textbackslash{}"),
             '~' => out.push_str("\\textasciitilde{}"),
             '^' => out.push_str("\\textasciicircum{}"),
-            c if c.is_control() => out.push(' '),
+            c if is_unsafe(c) => out.push(' '),
             c => out.push(c),
         }
     }

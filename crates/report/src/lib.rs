@@ -30,6 +30,7 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::Summary;
 
+pub use markdown::escape as markdown_text;
 pub use style::TableStyle;
 pub use table::{COLUMNS, Column, Division, MAIN_COLUMNS};
 

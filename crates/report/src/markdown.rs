@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use reactsim_evaluation::{Estimate, Standing};
 
 use super::table::{self, Column, Division, Line};
+use super::terminal::is_unsafe;
 use super::{Exporter, Run, TableStyle};
 
 /// The Markdown format.
@@ -136,14 +137,14 @@ pub(super) fn capital(text: &str) -> String {
     chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
 }
 
-/// Escapes text for Markdown.
-pub(super) fn escape(text: &str) -> String {
+/// Escapes foreign text for Markdown. Control characters become spaces.
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
             '\\' | '`' | '*' | '|' | '<' | '>' | '[' | ']' => out.extend(['\\', c]),
             // Underscores inside words are no emphasis; names of runs and simulators stay readable.
-            c if c.is_control() => out.push(' '),
+            c if is_unsafe(c) => out.push(' '),
             c => out.push(c),
         }
     }

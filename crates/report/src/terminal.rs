@@ -1,5 +1,6 @@
 //! Tables for terminals: as wide as the window, with the best values highlighted.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 use reactsim_evaluation::Estimate;
@@ -7,6 +8,25 @@ use reactsim_evaluation::Estimate;
 use super::table::{self, Column, Division, Line, MAIN_COLUMNS};
 use super::wrap::wrapped;
 use super::{Run, TableStyle, markdown};
+
+/// Returns a foreign text for a terminal: characters that control it are shown as `\u{1b}`. Ends of lines and
+/// tabs stay.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    let is_shown = |c: char| c == '\n' || c == '\t' || !is_unsafe(c);
+    if text.chars().all(is_shown) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_shown(c) { shown.push(c) } else { shown.extend(c.escape_unicode()) }
+    }
+    Cow::Owned(shown)
+}
+
+/// Returns whether a character controls terminals, or the direction of the text around it.
+pub(super) fn is_unsafe(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
 
 /// Settings of a table for a terminal.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +62,7 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
         for part in division.parts(runs) {
             let lines = table::part_lines(runs, division, &part);
             let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
-            let title = markdown::capital(&division.title(&part));
+            let title = markdown::capital(&plain(&division.title(&part)));
             writeln!(out, "\n{title} ({})\n", table::count(n, "scenario"))?;
             write_table(runs, &lines, style, out)?;
         }
@@ -155,13 +175,13 @@ fn name(line: &Line<'_>) -> String {
         true => format!("{}…", name.chars().take(room - 1).collect::<String>()),
         false => name,
     };
-    let name: String = name.chars().filter(|c| !c.is_control()).collect();
+    let name: String = name.chars().filter(|c| !is_unsafe(*c)).collect();
     format!("{name} {mark}").trim_end().to_owned()
 }
 
 /// Writes a text in lines of the width of the window.
 fn write_wrapped(text: &str, width: usize, out: &mut dyn Write) -> io::Result<()> {
-    wrapped(text, width).iter().try_for_each(|line| writeln!(out, "{line}"))
+    wrapped(&plain(text), width).iter().try_for_each(|line| writeln!(out, "{line}"))
 }
 
 fn length(text: &str) -> usize {

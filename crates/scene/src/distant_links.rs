@@ -75,7 +75,7 @@ mod tests {
         let scenario = Scenario::assemble(ScenarioParts {
             id: "made".into(),
             origin: Some(Vec2::zeros()),
-            agents: vec![LoggedAgent { agent, track: vec![Some(state); FRAMES] }],
+            agents: vec![LoggedAgent { agent, track: vec![Some(state); FRAMES], heights: Vec::new() }],
             map: MapParts { lanes, ..MapParts::default() },
             ..ScenarioParts::default()
         })

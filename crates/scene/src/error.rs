@@ -17,11 +17,19 @@ pub struct SceneError {
     pub expected: String,
 }
 
-/// Returns a text; a number with more than 24 characters in exponential notation.
+/// Largest number of characters of a foreign text in a message.
+const MAX_TEXT_LENGTH: usize = 4000;
+
+/// Returns a text for a message: a number with more than 24 characters in exponential notation, and the
+/// beginning of a very long text.
 pub fn brief(text: &str) -> Cow<'_, str> {
     match text.parse::<f64>() {
-        Ok(number) if text.len() > 24 => format!("{number:e}").into(),
-        _ => text.into(),
+        Ok(number) if text.len() > 24 => return format!("{number:e}").into(),
+        _ => {}
+    }
+    match text.char_indices().nth(MAX_TEXT_LENGTH) {
+        Some((end, _)) => format!("{} …", &text[..end]).into(),
+        None => text.into(),
     }
 }
 
@@ -38,5 +46,6 @@ mod tests {
             brief("a text of more than twenty-four characters"),
             "a text of more than twenty-four characters"
         );
+        assert_eq!(brief(&"ä".repeat(300_000)), format!("{} …", "ä".repeat(4000)));
     }
 }

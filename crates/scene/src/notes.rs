@@ -182,7 +182,7 @@ mod tests {
         RoadEdge, RoadEdgeKind, ScenarioParts, SceneError, Surface,
     };
 
-    /// Returns vehicles that stand at these positions, the AV first, on a road along the x axis whose edges
+    /// Returns vehicles that move at these positions, the AV first, on a road along the x axis whose edges
     /// are 3 m from its middle. `reversed` edges have the drivable side on the right.
     fn scenario(
         positions: &[(f64, f64)],
@@ -199,7 +199,8 @@ mod tests {
     ) -> Result<Scenario, SceneError> {
         let agents = positions.iter().enumerate().map(|(i, &(x, y))| LoggedAgent {
             agent: Agent { id: i.to_string(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
-            track: vec![Some(AgentState { x, y, heading: 0.0, vx: 0.0, vy: 0.0 }); FRAMES],
+            track: vec![Some(AgentState { x, y, heading: 0.0, vx: 5.0, vy: 0.0 }); FRAMES],
+            heights: Vec::new(),
         });
         let edge = |y: f64| {
             let x = if (y < 0.0) == reversed { 500.0 } else { -500.0 };
@@ -238,11 +239,11 @@ mod tests {
     fn texts_fit_their_counts() {
         assert_eq!(
             note_text("vehicles-off-road", 1),
-            "1 vehicle starts off the road and is not judged there"
+            "1 moving vehicle starts off the road and is not judged there"
         );
         assert_eq!(
             note_text("vehicles-off-road", 5),
-            "5 vehicles start off the road and are not judged there"
+            "5 moving vehicles start off the road and are not judged there"
         );
         assert_eq!(note_text("av-off-road", 3), "the AV starts off the road");
         assert_eq!(note_text("of-a-newer-version", 2), "2 of-a-newer-version");
@@ -252,11 +253,15 @@ mod tests {
     fn vehicles_off_the_road_are_counted() {
         let all_on = [(0.0, 0.0), (20.0, 1.0), (40.0, 0.0)];
         assert_eq!(found(&scenario(&all_on, false, |_| ())), []);
-        let parked = [(0.0, 0.0), (20.0, 0.0), (40.0, 9.0), (60.0, 9.0)];
-        assert_eq!(found(&scenario(&parked, false, |_| ())), [("vehicles-off-road", 2)]);
+        let beside = [(0.0, 0.0), (20.0, 0.0), (40.0, 9.0), (60.0, 9.0)];
+        assert_eq!(found(&scenario(&beside, false, |_| ())), [("vehicles-off-road", 2)]);
+        let standing = scenario(&beside, false, |parts| {
+            parts.agents[3].track.iter_mut().flatten().for_each(|state| state.vx = 0.0);
+        });
+        assert_eq!(found(&standing), [("vehicles-off-road", 1)]);
         let av_parked = [(0.0, -9.0), (20.0, 0.0)];
         assert_eq!(found(&scenario(&av_parked, false, |_| ())), [("av-off-road", 1)]);
-        let no_edges = scenario(&parked, false, |parts| parts.map.road_edges.clear());
+        let no_edges = scenario(&beside, false, |parts| parts.map.road_edges.clear());
         assert_eq!(found(&no_edges), [("no-drivable-area", 1)]);
     }
 
@@ -303,39 +308,26 @@ mod tests {
         let error = assemble(&[(0.0, 0.0)], false, clock(1.5)).unwrap_err().to_string();
         assert!(error.contains("timestamps[41] is 1.600 s after the frame before"), "{error}");
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenario, ScenarioParts};
-
-    /// Returns the notes of a scenario with agents of 4 m, of these kinds and at these places on the x axis.
-    fn notes(agents: &[(AgentKind, f64)]) -> Vec<(&'static str, u32)> {
-        let agent = |(i, &(kind, x)): (usize, &(AgentKind, f64))| LoggedAgent {
-            agent: Agent { id: i.to_string(), kind, length: 4.0, width: 2.0 },
-            track: vec![Some(AgentState { x, y: 0.0, heading: 0.0, vx: 0.0, vy: 0.0 }); FRAMES],
-        };
-        let agents = agents.iter().enumerate().map(agent).collect();
-        let parts = ScenarioParts { id: "notes".to_owned(), agents, ..ScenarioParts::default() };
-        let scenario = Scenario::assemble(parts).unwrap();
-        scenario.notes().iter().map(|(what, n)| (*what, *n)).collect()
-    }
 
     #[test]
     fn overlapping_agents_are_noted() {
         use AgentKind::{Cyclist, Other, Pedestrian, Vehicle};
-        let count = |agents: &[(AgentKind, f64)]| {
-            let found = notes(agents);
-            let overlaps = found.iter().find(|(what, _)| what.starts_with("agents overlap another one"));
-            overlaps.map(|(_, n)| *n)
+        let noted = |agents: &[(AgentKind, f64)]| {
+            let positions: Vec<(f64, f64)> = agents.iter().map(|&(_, x)| (x, 0.0)).collect();
+            let s = scenario(&positions, false, |parts| {
+                for (logged, (kind, _)) in parts.agents.iter_mut().zip(agents) {
+                    logged.agent.kind = *kind;
+                }
+            });
+            s.notes().get("overlapping-agents").map(|note| note.count)
         };
         let av = (Vehicle, 0.0);
         // Touching boxes do not overlap.
-        assert_eq!(count(&[av, (Vehicle, 4.0), (Vehicle, 20.0)]), None);
-        assert_eq!(count(&[av, (Vehicle, 20.0), (Vehicle, 23.0)]), Some(2));
-        assert_eq!(count(&[av, (Vehicle, 3.0), (Vehicle, 6.0), (Vehicle, 20.0)]), Some(3));
-        assert_eq!(count(&[av, (Vehicle, 20.0), (Cyclist, 21.0)]), Some(2));
-        assert_eq!(count(&[av, (Pedestrian, 20.0), (Cyclist, 21.0), (Pedestrian, 20.5)]), None);
-        assert_eq!(count(&[av, (Other, 1.0)]), None);
+        assert_eq!(noted(&[av, (Vehicle, 4.0), (Vehicle, 20.0)]), None);
+        assert_eq!(noted(&[av, (Vehicle, 20.0), (Vehicle, 23.0)]), Some(2));
+        assert_eq!(noted(&[av, (Vehicle, 3.0), (Vehicle, 6.0), (Vehicle, 20.0)]), Some(3));
+        assert_eq!(noted(&[av, (Vehicle, 20.0), (Cyclist, 21.0)]), Some(2));
+        assert_eq!(noted(&[av, (Pedestrian, 20.0), (Cyclist, 21.0), (Pedestrian, 20.5)]), None);
+        assert_eq!(noted(&[av, (Other, 1.0)]), None);
     }
 }

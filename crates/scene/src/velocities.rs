@@ -100,7 +100,7 @@ mod tests {
     fn unknown(id: &str, kind: AgentKind, x: impl Fn(usize) -> Option<f64>) -> LoggedAgent {
         let state = |x: f64| AgentState { x, y: 5.0, heading: 0.0, vx: f64::NAN, vy: 0.0 };
         let agent = crate::Agent { id: id.to_owned(), kind, length: 4.0, width: 2.0 };
-        LoggedAgent { agent, track: (0..FRAMES).map(|f| x(f).map(state)).collect() }
+        LoggedAgent { agent, track: (0..FRAMES).map(|f| x(f).map(state)).collect(), heights: Vec::new() }
     }
 
     fn assembled(agents: Vec<LoggedAgent>, timestamps: Vec<f64>) -> Scenario {

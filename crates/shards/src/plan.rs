@@ -5,7 +5,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use reactsim_files::replace;
+use reactsim_files::{lock_folder, replace};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -102,10 +102,15 @@ impl ShardPlan {
     /// [`ShardError`] if the folder has a plan already or cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), ShardError> {
         let path = folder.join(SHARD_PLAN);
-        if path.exists() {
-            return Err(ShardError::Planned { path });
-        }
+        let refuse_planned = || match path.exists() {
+            true => Err(ShardError::Planned { path: path.clone() }),
+            false => Ok(()),
+        };
+        refuse_planned()?;
         fs::create_dir_all(folder).map_err(cannot_write(folder))?;
+        // Of two that plan at the same time the second finds the plan of the first.
+        let _lock = lock_folder(folder).map_err(cannot_write(folder))?;
+        refuse_planned()?;
         let mut text = serde_json::to_string_pretty(self).map_err(ShardError::work)?;
         text.push('\n');
         replace(&path, |out| out.write_all(text.as_bytes())).map_err(cannot_write(&path))

@@ -1,12 +1,12 @@
 //! One unit, carried out.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use rand::TryRng;
-use reactsim_files::{digest, lock, replace};
+use reactsim_files::{FolderLock, digest, lock_folder, replace};
 use serde::{Deserialize, Serialize};
 
 use super::error::{ShardError, cannot_read, cannot_write};
@@ -17,8 +17,6 @@ use super::work::{UnitResults, Work};
 const UNIT: &str = "unit.json";
 /// Name of the folder with its results.
 pub(super) const RESULTS: &str = "results";
-/// Name of the file that a process locks while it writes a unit.
-const LOCK: &str = "lock";
 /// Beginning of the names of folders of finished units.
 const FINISHED: &str = "unit-";
 /// Beginning of the names of folders that are being written.
@@ -159,7 +157,7 @@ impl UnitWorker<'_> {
 pub(super) struct PartialFolder {
     path: PathBuf,
     /// Shows that the folder is not abandoned.
-    _lock: Option<File>,
+    lock: Option<FolderLock>,
 }
 
 impl PartialFolder {
@@ -170,10 +168,8 @@ impl PartialFolder {
         drawn.map_err(|e| cannot_write(folder)(io::Error::other(e)))?;
         let path = folder.join(format!("{PARTIAL}{of}-{:016x}", u64::from_le_bytes(random)));
         fs::create_dir(&path).map_err(cannot_write(&path))?;
-        let mut created = Self { path, _lock: None };
-        let held = created.path.join(LOCK);
-        File::create(&held).map_err(cannot_write(&held))?;
-        created._lock = lock(&held).map_err(cannot_read(&held))?;
+        let mut created = Self { path, lock: None };
+        created.lock = lock_folder(&created.path).map_err(cannot_write(&created.path))?;
         let results = created.results();
         fs::create_dir(&results).map_err(cannot_write(&results))?;
         Ok(created)
@@ -185,10 +181,10 @@ impl PartialFolder {
     }
 
     /// Gives the folder the name of a finished unit. `false` if there is one already.
-    fn finish(self, target: &Path) -> Result<bool, ShardError> {
-        // A finished unit is not locked. Merges remove partial folders without this file, but only when the
+    fn finish(mut self, target: &Path) -> Result<bool, ShardError> {
+        // A finished unit is not locked. Merges remove partial folders without a lock, but only when the
         // unit is there from another process.
-        fs::remove_file(self.path.join(LOCK)).ok();
+        self.lock = None;
         match fs::rename(&self.path, target) {
             Ok(()) => Ok(true),
             Err(_) if target.exists() => Ok(false),
@@ -238,9 +234,5 @@ pub(super) fn finished_number(name: &str) -> Option<usize> {
 
 /// Returns whether a partial folder was left by a process that is no longer there.
 pub(super) fn is_abandoned(folder: &Path) -> bool {
-    match lock(&folder.join(LOCK)) {
-        Ok(lock) => lock.is_some(),
-        // Killed before it wrote anything.
-        Err(error) => error.kind() == io::ErrorKind::NotFound,
-    }
+    lock_folder(folder).is_ok_and(|lock| lock.is_some())
 }

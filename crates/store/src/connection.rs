@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, BufRead, BufReader, Write};
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, OnceLock};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
@@ -20,6 +20,18 @@ const MAX_LATE: u32 = 3;
 const LAST_LINES: usize = 6;
 /// Longest time that a message waits for the last lines of a helper that has ended.
 const LAST_WORDS: Duration = Duration::from_millis(500);
+
+/// When the program was interrupted.
+static INTERRUPTED: OnceLock<Instant> = OnceLock::new();
+/// Time after an interrupt in which answers are still waited for.
+const TIME_AFTER_INTERRUPT: Duration = Duration::from_secs(1);
+/// Time between two looks whether the program was interrupted.
+const LOOK_AGAIN: Duration = Duration::from_millis(200);
+
+/// States that the program is to end soon: answers are waited for no longer than a second.
+pub fn interrupt() {
+    INTERRUPTED.get_or_init(Instant::now);
+}
 
 /// A running helper.
 pub(super) struct Connection {
@@ -77,8 +89,12 @@ impl Connection {
             next: AtomicU64::new(0),
             late: AtomicU32::new(0),
         });
-        match greeting.recv_timeout(limit) {
+        match receive(&greeting, limit) {
             Ok(()) => Ok(connection),
+            Err(RecvTimeoutError::Timeout) if INTERRUPTED.get().is_some() => {
+                connection.shared.end("interrupted".to_owned());
+                Err("interrupted".to_owned())
+            }
             Err(RecvTimeoutError::Timeout) => {
                 let reason = format!("it did not begin within {} s", limit.as_secs());
                 connection.shared.end(reason.clone());
@@ -130,10 +146,13 @@ impl Drop for Connection {
 impl Pending {
     /// Waits for the answer.
     pub(super) fn wait(self, limit: Duration) -> Answer {
-        match self.answer.recv_timeout(limit) {
+        match receive(&self.answer, limit) {
             Ok(answer) => {
                 self.connection.late.store(0, Ordering::Relaxed);
                 answer
+            }
+            Err(RecvTimeoutError::Timeout) if INTERRUPTED.get().is_some() => {
+                Answer::Lost("interrupted".to_owned())
             }
             Err(RecvTimeoutError::Timeout) => {
                 self.connection.late(limit);
@@ -142,6 +161,20 @@ impl Pending {
             Err(RecvTimeoutError::Disconnected) => {
                 Answer::Lost(self.connection.end_reason().unwrap_or_default())
             }
+        }
+    }
+}
+
+/// Waits for something that is sent, no longer than this, and not long after an interrupt.
+fn receive<T>(from: &Receiver<T>, limit: Duration) -> Result<T, RecvTimeoutError> {
+    let start = Instant::now();
+    loop {
+        let left = limit.saturating_sub(start.elapsed());
+        let after = |at: &Instant| left.min(TIME_AFTER_INTERRUPT.saturating_sub(at.elapsed()));
+        let left = INTERRUPTED.get().map_or(left, after);
+        match from.recv_timeout(left.min(LOOK_AGAIN)) {
+            Err(RecvTimeoutError::Timeout) if left > LOOK_AGAIN => {}
+            received => return received,
         }
     }
 }

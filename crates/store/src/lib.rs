@@ -11,6 +11,8 @@ mod command;
 mod connection;
 mod remote_file;
 
+pub use connection::interrupt;
+
 /// Makes this program read URLs through the helper, unless it has another store.
 pub fn install() {
     reactsim_files::set_store(client::HelperStore::shared());

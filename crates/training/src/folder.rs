@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use reactsim_files as files;
+use reactsim_files::{self as files, FolderLock};
 use serde_json::{Map, Value};
 
 use super::TrainingError;
@@ -31,7 +31,7 @@ pub(super) struct Folder {
     log: File,
     identity: Value,
     /// Held during the training, so that no other training writes to the folder.
-    _lock: File,
+    _lock: FolderLock,
 }
 
 impl Folder {
@@ -41,17 +41,23 @@ impl Folder {
         identity: Value,
         about: &Map<String, Value>,
     ) -> Result<Self, TrainingError> {
-        files::create_folder(path)
-            .map_err(|source| TrainingError::Write { path: path.to_owned(), source })?;
-        let begun = [ABOUT, LOG, WEIGHTS].iter().any(|name| path.join(name).exists());
-        if begun || !checkpoints(path)?.is_empty() {
-            return Err(TrainingError::Exists { path: path.to_owned() });
-        }
+        refuse_begun(path)?;
+        let lock = lock(path)?;
+        refuse_begun(path)?;
+        Self::begin(path, lock, identity, about)
+    }
+
+    fn begin(
+        path: &Path,
+        lock: FolderLock,
+        identity: Value,
+        about: &Map<String, Value>,
+    ) -> Result<Self, TrainingError> {
         let mut content = about.clone();
         content.insert(IDENTITY.to_owned(), identity.clone());
         let text = serde_json::to_string_pretty(&content).expect("the description is text and numbers");
         replace(&path.join(ABOUT), format!("{text}\n").as_bytes())?;
-        Self::open(path, identity)
+        Self::open(path, lock, identity)
     }
 
     /// Opens the folder of an interrupted training, with its last checkpoint; `None` if it was killed
@@ -62,9 +68,12 @@ impl Folder {
         about: &Map<String, Value>,
         layout: &Layout,
     ) -> Result<(Self, Option<Checkpoint>), TrainingError> {
+        // Nothing is changed before the folder is locked: another training may write there.
+        let lock = lock(path)?;
         let at = path.join(ABOUT);
         if !at.exists() {
-            return Ok((Self::create(path, identity, about)?, None));
+            refuse_begun(path)?;
+            return Ok((Self::begin(path, lock, identity, about)?, None));
         }
         let unreadable = |why: String| TrainingError::Unreadable { path: at.clone(), why };
         let text = fs::read(&at).map_err(|e| unreadable(e.to_string()))?;
@@ -95,18 +104,15 @@ impl Folder {
             let kept = read_log(&log)?.into_iter().filter(|row| row.step() <= step);
             replace(&log, kept.map(|row| row.line()).collect::<String>().as_bytes())?;
         }
-        let folder = Self::open(path, identity)?;
+        let folder = Self::open(path, lock, identity)?;
         remove_partial_files(path);
         Ok((folder, checkpoint))
     }
 
-    fn open(path: &Path, identity: Value) -> Result<Self, TrainingError> {
-        let at = path.join(ABOUT);
-        let refuse = |path: PathBuf| move |source| TrainingError::Write { path, source };
-        let lock = files::lock(&at).map_err(refuse(at))?;
-        let lock = lock.ok_or_else(|| TrainingError::Busy { path: path.to_owned() })?;
+    fn open(path: &Path, lock: FolderLock, identity: Value) -> Result<Self, TrainingError> {
         let at = path.join(LOG);
-        let log = OpenOptions::new().create(true).append(true).open(&at).map_err(refuse(at))?;
+        let log = OpenOptions::new().create(true).append(true).open(&at);
+        let log = log.map_err(|source| TrainingError::Write { path: at, source })?;
         Ok(Self { path: path.to_owned(), log, identity, _lock: lock })
     }
 
@@ -154,6 +160,23 @@ impl Folder {
     pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
         replace(&self.weights(), bytes)
     }
+}
+
+/// Refuses a folder that contains a training, or a part of one.
+fn refuse_begun(path: &Path) -> Result<(), TrainingError> {
+    let begun = [ABOUT, LOG, WEIGHTS].iter().any(|name| path.join(name).exists());
+    if begun || (path.is_dir() && !checkpoints(path)?.is_empty()) {
+        return Err(TrainingError::Exists { path: path.to_owned() });
+    }
+    Ok(())
+}
+
+/// Creates a folder, if it is absent, and locks it.
+fn lock(path: &Path) -> Result<FolderLock, TrainingError> {
+    let refuse = |path: PathBuf| move |source| TrainingError::Write { path, source };
+    files::create_folder(path).map_err(refuse(path.to_owned()))?;
+    let lock = files::lock_folder(path).map_err(refuse(path.join(files::LOCK)))?;
+    lock.ok_or_else(|| TrainingError::Busy { path: path.to_owned() })
 }
 
 /// Removes partially written files of a killed training. Files that cannot be removed only take space.

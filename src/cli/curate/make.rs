@@ -10,7 +10,7 @@ use clap::Args;
 use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
 use crate::cli::is_same;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, ReadingArgs, count, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, ReadingArgs, count, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;
@@ -146,8 +146,15 @@ pub(super) fn finish(
     if args.limit.is_none() && !provenance.interrupted {
         source.compare(scenarios)?;
     }
-    writer.finish(provenance)?;
+    let part = match provenance.interrupted {
+        true => Some(writer.finish_part(provenance)?),
+        false => writer.finish(provenance).map(|()| None)?,
+    };
     write_result(None, |out| curation_tables::write_overview(out, statistics))?;
+    if let Some(part) = part {
+        say_part(&[part], args.out()?, &(count(statistics.scenarios, "scenario") + " with candidates"));
+        return Ok(ExitStatus::Interrupted);
+    }
     Ok(report(provenance, statistics))
 }
 
@@ -250,11 +257,6 @@ fn report(provenance: &CurationProvenance, statistics: &Statistics) -> ExitStatu
     let failed = provenance.failures.len();
     if failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));
-    }
-    if provenance.interrupted {
-        let n = count(statistics.scenarios, "scenario");
-        say(format_args!("interrupted: the file holds the first {n} with candidates"));
-        return ExitStatus::Interrupted;
     }
     if statistics.chosen == 0 {
         say(format_args!("warning: no candidate was chosen: the file is of no use for `run --deviations`"));

@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::Args;
 
 use crate::cli::{ExitStatus, say, write_result};
-use crate::curation::review::{ReviewOptions, ReviewServer};
+use crate::curation::review::{ReviewOptions, ReviewServer, is_reviewer};
 use crate::curation::store::Store;
 use crate::web::Stop;
 
@@ -21,11 +21,16 @@ pub(super) struct ReviewArgs {
     #[arg(long, default_value_t = 0, value_name = "PORT")]
     port: u16,
     /// Your name, recorded with your decisions [default: the page asks]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = reviewer)]
     reviewer: Option<String>,
     /// Journal of another reviewer, to show next to your own decisions; may be repeated
     #[arg(long, value_name = "JOURNAL")]
     reviews: Vec<PathBuf>,
+}
+
+fn reviewer(name: &str) -> Result<String, String> {
+    let expected = || "expected 1 to 100 characters on one line".to_owned();
+    is_reviewer(name).then(|| name.to_owned()).ok_or_else(expected)
 }
 
 pub(super) fn review(args: &ReviewArgs) -> anyhow::Result<ExitStatus> {

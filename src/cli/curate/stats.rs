@@ -36,7 +36,7 @@ pub(super) fn stats(args: &StatsArgs) -> anyhow::Result<ExitStatus> {
         fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
         for chart in curation_charts::charts(&statistics)? {
             let path = folder.join(chart.name);
-            fs::write(&path, chart.svg).with_context(|| format!("could not write {}", path.display()))?;
+            write_result(Some(&path), |out| out.write_all(chart.svg.as_bytes()))?;
         }
     }
     write_result(None, |out| match args.format {

@@ -66,13 +66,21 @@ pub(super) fn bench(
     let mut provenance = provenance?;
     let (interrupted, failed) = (provenance.interrupted, provenance.failures.len());
     progress.suspend(|| warn_of_unfilled_quotas(&provenance, wanted, written, groups.len()));
+    let mut files = vec![out.to_owned(), deviations_path];
     if written > 0 {
-        scenarios.finish()?;
-        let FileRecord { name, blake3: digest, .. } = FileRecord::of(out, "native")?;
+        if interrupted {
+            files[0] = scenarios.finish_part()?;
+        } else {
+            scenarios.finish()?;
+        }
+        let FileRecord { name, blake3: digest, .. } = FileRecord::of(&files[0], "native")?;
         provenance.inputs = vec![InputFile { name, digest }];
-        deviations.finish(&provenance)?;
+        if interrupted {
+            files[1] = deviations.finish_part(&provenance)?;
+        } else {
+            deviations.finish(&provenance)?;
+        }
     }
-    let files = vec![out.to_owned(), deviations_path];
     let unfilled = provenance.settings.contains_key(MISSING);
     Ok(GeneratedFiles { files, written, failed, unfilled, interrupted })
 }

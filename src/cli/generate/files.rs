@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// Files of one generation and how it went.
 pub(super) struct GeneratedFiles {
-    /// Paths; the first one is `--out`.
+    /// Paths; the first one is `--out`, or the part of it that an interrupted command has finished.
     pub(super) files: Vec<PathBuf>,
     /// Number of scenarios in them.
     pub(super) written: usize,

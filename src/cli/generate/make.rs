@@ -12,7 +12,7 @@ use super::bench::bench;
 use super::files::GeneratedFiles;
 use super::manifest::Manifest;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, count, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::CurationObserver;
 use crate::formats::FormatError;
 use crate::formats::native::Writer;
@@ -104,7 +104,7 @@ pub(super) fn finish(args: &MakeArgs, generated: &GeneratedFiles) -> anyhow::Res
         bail!("no scenario was generated, and no file was written");
     }
     if *interrupted {
-        say(format_args!("interrupted: the file holds the first {}", count(*written, "scenario")));
+        say_part(files, args.out()?, &count(*written, "scenario"));
         return Ok(ExitStatus::Interrupted);
     }
     let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
@@ -141,9 +141,12 @@ fn train(job: Job<'_>) -> anyhow::Result<GeneratedFiles> {
         Ok::<_, FormatError>(ControlFlow::Continue(()))
     })?;
     let (written, failed) = counts;
-    if written > 0 {
+    let interrupted = ending == Ending::Stopped;
+    let mut file = out.to_owned();
+    if written > 0 && interrupted {
+        file = writer.finish_part()?;
+    } else if written > 0 {
         writer.finish()?;
     }
-    let interrupted = ending == Ending::Stopped;
-    Ok(GeneratedFiles { files: vec![out.to_owned()], written, failed, unfilled: false, interrupted })
+    Ok(GeneratedFiles { files: vec![file], written, failed, unfilled: false, interrupted })
 }

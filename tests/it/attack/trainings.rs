@@ -28,7 +28,13 @@ held_out = 0.3
 validate_every = 3
 ";
 
-fn train(home: &Path, out: &Path, resume: bool) -> Child {
+/// Writes the scenarios and the recipe of trainings.
+pub(super) fn prepare(home: &Path) {
+    write(&home.join("scenarios.parquet"), (0..8).map(scenario));
+    fs::write(home.join("recipe.toml"), RECIPE).unwrap();
+}
+
+pub(super) fn train(home: &Path, out: &Path, resume: bool) -> Child {
     let mut command = program();
     command.args(["train", "ntp-reactive"]).arg(home.join("scenarios.parquet")).arg("--recipe");
     command.arg(home.join("recipe.toml")).args(["--checkpoint-every", "0.01s", "--out"]).arg(out);
@@ -41,8 +47,7 @@ fn train(home: &Path, out: &Path, resume: bool) -> Child {
 /// Kills a training at so many moments, each in a folder of its own, and resumes it.
 fn attack(moments: u32) {
     let home = tempfile::tempdir().unwrap();
-    write(&home.path().join("scenarios.parquet"), (0..8).map(scenario));
-    fs::write(home.path().join("recipe.toml"), RECIPE).unwrap();
+    prepare(home.path());
     let whole = home.path().join("whole");
     let start = Instant::now();
     assert!(train(home.path(), &whole, false).wait().unwrap().success());

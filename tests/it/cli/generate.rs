@@ -207,9 +207,11 @@ fn interrupted_it_leaves_what_is_finished() {
     Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("interrupted: the file holds the first "));
+    let (said, part) = (text(&output.stderr), home.path().join("a.interrupted.parquet"));
+    assert!(said.contains(&format!("interrupted: {} has the first ", path(&part))), "{said}");
+    assert!(said.contains(&format!("{} was not written", path(&out))) && !out.exists(), "{said}");
     assert!(output.stdout.is_empty(), "what is not whole cannot be made again by the command");
-    let scenarios: Vec<_> = formats::open(&out).unwrap().map(|s| s.unwrap().id).collect();
+    let scenarios: Vec<_> = formats::open(&part).unwrap().map(|s| s.unwrap().id).collect();
     assert!(!scenarios.is_empty());
     let settings = GenerationSettings { preset: Preset::Train, ..GenerationSettings::default() };
     assert!(scenarios.iter().zip(0..).all(|(id, n)| *id == settings.id(n)));

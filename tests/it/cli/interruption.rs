@@ -125,3 +125,33 @@ fn a_reader_that_goes_away_is_no_error_but_a_full_disk_is() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("could not write to stdout"));
 }
+
+#[test]
+fn truncated_rollouts_are_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = finished(folder.path());
+    let resume = || reactsim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    let run = folder.path().join("run");
+    let (file, part) = (run.join("rollouts.parquet"), run.join("parts/000000-00000000-000.parquet"));
+    let rollouts = fs::read(&file).unwrap();
+    fs::write(&file, &rollouts[..1000]).unwrap();
+    let resumed = resume();
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert!(fs::read(&file).unwrap() == rollouts);
+    // As if the program had been killed before it joined them, on a disk that lost the end of a file.
+    fs::remove_file(&file).unwrap();
+    fs::create_dir(run.join("parts")).unwrap();
+    fs::write(&part, &rollouts[..1000]).unwrap();
+    let resumed = resume();
+    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert!(fs::read(&file).unwrap() == rollouts);
+    for (name, mend) in
+        [("summary.json", "--resume writes it again"), ("provenance.json", "delete the folder")]
+    {
+        let path = run.join(name);
+        fs::write(&path, &fs::read(&path).unwrap()[..100]).unwrap();
+        let refused = reactsim(&["report", text(&run)]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains(mend), "{}", stderr(&refused));
+    }
+}

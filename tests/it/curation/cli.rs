@@ -261,6 +261,10 @@ fn interrupted_it_keeps_what_is_finished() {
     let home = tempfile::tempdir().unwrap();
     let (input, out) = (home.path().join("s.parquet"), home.path().join("c.parquet"));
     write_scenarios(&input, (0..4000).map(|i| deviating(i, false)));
+    let small = home.path().join("small.parquet");
+    write_scenarios(&small, (0..2).map(|i| deviating(i, false)));
+    reactsim(&["curate", text(&small), "--out", text(&out), "--min-vehicles", "0"]);
+    let whole: Vec<_> = store::read(&out).unwrap().map(|r| r.unwrap()).collect();
     let mut child = program()
         .args(["curate", text(&input), "--out", text(&out), "--jobs", "1", "--min-vehicles", "0"])
         .stdout(Stdio::piped())
@@ -268,7 +272,7 @@ fn interrupted_it_keeps_what_is_finished() {
         .spawn()
         .unwrap();
     // Interrupts are handled before the unfinished file exists.
-    let begun = || fs::read_dir(home.path()).unwrap().count() > 1;
+    let begun = || fs::read_dir(home.path()).unwrap().count() > 3;
     while !begun() {
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
@@ -283,8 +287,11 @@ fn interrupted_it_keeps_what_is_finished() {
     }
     assert_eq!(status.code(), Some(130), "{said}");
     assert!(said.contains("interrupted: writing what is finished; interrupt again to end at once"), "{said}");
-    assert!(said.contains("interrupted: the file holds the first "), "{said}");
-    let kept = store::read(&out).unwrap();
+    let part = home.path().join("c.interrupted.parquet");
+    let kept = format!("interrupted: {} has the first ", part.display());
+    assert!(said.contains(&kept) && said.contains(&format!("{} is unchanged", out.display())), "{said}");
+    assert!(store::read(&out).unwrap().map(|r| r.unwrap()).eq(whole), "the old file stays");
+    let kept = store::read(&part).unwrap();
     assert!(kept.provenance().interrupted);
     let scenarios = kept.provenance().funnel.scenarios;
     assert!(scenarios < 4000, "{scenarios}");

@@ -195,6 +195,9 @@ def fault(kind, answer, seq, texts, tensors):
         send(document({"type": "failed", "protocol": "1", "seq": seq, "error": "not today"}, {}))
     elif kind == "failed-silently":
         send(document({"type": "failed", "protocol": "1", "seq": seq}, {}))
+    elif kind == "failed-loudly":
+        text = "\x1b[2J\x1b]0;title\x07\r\nwarning: all is well\u202e | <b>" + "z" * 300_000
+        send(document({"type": "failed", "protocol": "1", "seq": seq, "error": text}, {}))
     elif kind == "missing":
         send(document(texts, {}))
     elif kind == "shape":

@@ -59,7 +59,7 @@ pub enum ReviewError {
     },
     /// The name of the reviewer is missing or unusable.
     #[error(
-        "the name of the reviewer is `{name}`, expected 1 to 100 characters; \
+        "the name of the reviewer is `{name}`, expected 1 to 100 characters on one line; \
          type it in the page, or give --reviewer"
     )]
     Reviewer {

@@ -18,7 +18,7 @@ use super::ReviewError;
 use crate::Decision;
 
 pub use decisions::{Decisions, Opinions};
-pub use line::{ReviewLine, candidate_digest};
+pub use line::{ReviewLine, candidate_digest, is_reviewer};
 
 /// The journal of one file of candidates, open for writing. Only one program at a time can open it.
 #[derive(Debug)]

@@ -17,5 +17,5 @@ mod server;
 pub use agreement::Agreement;
 pub use clock::{Clock, is_rfc3339, rfc3339, system_clock};
 pub use error::ReviewError;
-pub use journal::{Decisions, Journal, Opinions, ReviewLine, candidate_digest};
+pub use journal::{Decisions, Journal, Opinions, ReviewLine, candidate_digest, is_reviewer};
 pub use server::{ReviewOptions, ReviewServer};

@@ -88,9 +88,23 @@ impl Writer {
     /// # Panics
     /// Never: a provenance is text and whole numbers.
     pub fn finish(mut self, provenance: &CurationProvenance) -> Result<(), FormatError> {
+        self.describe(provenance);
+        self.table.finish()
+    }
+
+    /// Completes the file as a part of what was to be written: an existing file stays, and the part gets a
+    /// name next to it, which is returned (`a.interrupted.parquet` for `a.parquet`).
+    ///
+    /// # Errors
+    /// [`FormatError`] when the file cannot be written.
+    pub fn finish_part(mut self, provenance: &CurationProvenance) -> Result<PathBuf, FormatError> {
+        self.describe(provenance);
+        self.table.finish_part()
+    }
+
+    fn describe(&mut self, provenance: &CurationProvenance) {
         let text = serde_json::to_string(provenance).expect("a provenance is text and whole numbers");
         self.table.add_metadata(FRAME, SCENARIO_FRAME.to_owned());
         self.table.add_metadata(PROVENANCE_KEY, text);
-        self.table.finish()
     }
 }

@@ -1,15 +1,13 @@
 //! The folder of a study: how it is created, and how it resumes after an interruption.
 
-use std::fs::{self, File};
-use std::io;
 use std::path::{Path, PathBuf};
 
-use reactsim_files as files;
+use reactsim_files::FolderLock;
 
 use super::file::{STUDY, read};
 use super::{Member, Study, StudyPlan};
 use crate::folder::{
-    FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, cannot_read, cannot_write, replace,
+    FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, is_unbegun_with, lock, replace,
 };
 use crate::{EvaluationError, Provenance, Summary, Tally, read_summary, read_tally};
 
@@ -18,7 +16,7 @@ use crate::{EvaluationError, Provenance, Summary, Tally, read_summary, read_tall
 pub struct StudyFolder {
     path: PathBuf,
     /// Lock held during the study: two programs must not write to one folder.
-    _lock: File,
+    _lock: FolderLock,
 }
 
 impl StudyFolder {
@@ -27,12 +25,15 @@ impl StudyFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, study: &Study) -> Result<Self, EvaluationError> {
-        files::create_folder(path).map_err(cannot_write(path))?;
+        let exists = || EvaluationError::Exists { path: path.to_owned() };
         if !is_unbegun(path) {
-            return Err(EvaluationError::Exists { path: path.to_owned() });
+            return Err(exists());
         }
-        replace(&path.join(STUDY), |out| out.write_all(study.to_json().as_bytes()))?;
-        Self::open(path)
+        let lock = lock(path)?;
+        if !is_unbegun(path) {
+            return Err(exists());
+        }
+        Self::begin(path, lock, study)
     }
 
     /// Opens the folder of an earlier study with the same members and settings. Settings of members that have
@@ -42,11 +43,16 @@ impl StudyFolder {
     /// [`EvaluationError`] if the folder has no study, a study of another kind, or a run with other settings;
     /// names the setting.
     pub fn resume(path: &Path, plan: &mut StudyPlan) -> Result<Self, EvaluationError> {
+        if !is_unbegun(path) {
+            // A refused folder is not written to.
+            read(path)?;
+        }
+        let lock = lock(path)?;
         if is_unbegun(path) {
-            return Self::create(path, plan.study());
+            return Self::begin(path, lock, plan.study());
         }
         let old = read(path)?;
-        let folder = Self::open(path)?;
+        let folder = Self { path: path.to_owned(), _lock: lock };
         let other = |setting: &str, old: String, new: String| EvaluationError::OtherSettings {
             path: path.to_owned(),
             setting: setting.to_owned(),
@@ -74,10 +80,8 @@ impl StudyFolder {
         Ok(folder)
     }
 
-    fn open(path: &Path) -> Result<Self, EvaluationError> {
-        let at = path.join(STUDY);
-        let lock = files::lock(&at).map_err(cannot_read(&at))?;
-        let lock = lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?;
+    fn begin(path: &Path, lock: FolderLock, study: &Study) -> Result<Self, EvaluationError> {
+        replace(&path.join(STUDY), |out| out.write_all(study.to_json().as_bytes()))?;
         Ok(Self { path: path.to_owned(), _lock: lock })
     }
 
@@ -124,9 +128,5 @@ impl StudyFolder {
 
 /// Returns whether a folder is absent or empty, or was left by a study that was killed before it began.
 fn is_unbegun(path: &Path) -> bool {
-    match fs::read_dir(path) {
-        Ok(mut entries) => entries
-            .all(|e| e.is_ok_and(|e| files::target_of(&e.file_name().to_string_lossy()) == Some(STUDY))),
-        Err(error) => error.kind() == io::ErrorKind::NotFound,
-    }
+    is_unbegun_with(path, STUDY)
 }

@@ -165,6 +165,15 @@ impl Writer {
     pub fn finish(self) -> Result<(), FormatError> {
         self.table.finish()
     }
+
+    /// Completes the file as a part of what was to be written: an existing file stays, and the part gets a
+    /// name next to it, which is returned (`a.interrupted.parquet` for `a.parquet`).
+    ///
+    /// # Errors
+    /// [`FormatError`] if the file cannot be written.
+    pub fn finish_part(self) -> Result<PathBuf, FormatError> {
+        self.table.finish_part()
+    }
 }
 
 /// Returns the error of an invalid cell.

@@ -137,9 +137,19 @@ impl TableWriter {
     }
 
     /// Writes the remaining rows and gives the file its final name.
-    pub fn finish(mut self) -> Result<(), FormatError> {
+    pub fn finish(self) -> Result<(), FormatError> {
+        self.finish_by(NewFile::finish)
+    }
+
+    /// Writes the remaining rows and gives the file the name of a part, which is returned
+    /// ([`NewFile::finish_part`]).
+    pub fn finish_part(self) -> Result<PathBuf, FormatError> {
+        self.finish_by(NewFile::finish_part)
+    }
+
+    fn finish_by<T>(mut self, finish: impl FnOnce(NewFile) -> io::Result<T>) -> Result<T, FormatError> {
         self.flush()?;
-        let Some(mut writer) = self.writer.take() else { return Ok(()) };
+        let mut writer = self.writer.take().expect("it is taken only here");
         if !self.metadata.is_empty() {
             let sum = super::metadata_checksum(self.metadata.iter().map(|(k, v)| (*k, v.as_str())));
             writer.append_key_value_metadata(KeyValue::new(METADATA_CHECKSUM.to_owned(), sum));
@@ -150,7 +160,7 @@ impl TableWriter {
         writer.append_key_value_metadata(KeyValue::new(GROUP_CHECKSUMS.to_owned(), self.checksums.join(",")));
         let refuse = |e| FormatError::file(&self.path, Cause::write(e));
         let sink = writer.into_inner().map_err(|e| FormatError::file(&self.path, cause(e)))?;
-        sink.file.finish().map_err(refuse)
+        finish(sink.file).map_err(refuse)
     }
 }
 

@@ -201,7 +201,9 @@ pub(crate) fn escape(text: &str) -> String {
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&apos;"),
             '\t' | '\n' | '\r' => out.push(' '),
-            c if c < ' ' || ('\u{fffe}'..='\u{ffff}').contains(&c) => out.push('\u{fffd}'),
+            c if crate::terminal::is_unsafe(c) || ('\u{fffe}'..='\u{ffff}').contains(&c) => {
+                out.push('\u{fffd}')
+            }
             c => out.push(c),
         }
     }

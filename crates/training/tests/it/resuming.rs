@@ -1,7 +1,7 @@
 //! Resuming after an interruption, and obstacles to it.
 
 use std::fs::{self, OpenOptions};
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -217,8 +217,30 @@ fn a_folder_that_can_not_be_written_is_refused_at_once() {
     // A folder that another training holds is refused, too.
     let out = folder.path().join("out");
     interrupted(&out, 3);
-    let held = OpenOptions::new().read(true).open(out.join("training.json")).unwrap();
-    held.try_lock().unwrap();
+    // Nothing in it is touched: the holder goes on writing to the same files.
+    let held = reactsim_files::lock_folder(&out).unwrap().unwrap();
+    let mut log = OpenOptions::new().append(true).open(out.join("log.jsonl")).unwrap();
     let error = Trial::default().learn(&out, true).unwrap_err();
     assert!(matches!(error, TrainingError::Busy { .. }), "{error}");
+    log.write_all(b"more\n").unwrap();
+    assert!(fs::read_to_string(out.join("log.jsonl")).unwrap().ends_with("\nmore\n"));
+    drop(held);
+}
+
+#[test]
+fn of_two_new_trainings_in_one_folder_one_is_refused() {
+    let uninterrupted = uninterrupted();
+    for _ in 0..5 {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("out");
+        let both = std::thread::scope(|scope| {
+            let begin = || scope.spawn(|| Trial::default().learn(&out, false));
+            [begin(), begin()].map(|training| training.join().unwrap())
+        });
+        let refused = both.iter().filter(|result| {
+            matches!(result, Err(TrainingError::Busy { .. } | TrainingError::Exists { .. }))
+        });
+        assert_eq!((refused.count(), both.iter().filter(|result| result.is_ok()).count()), (1, 1));
+        assert!(left(&out) == uninterrupted);
+    }
 }

@@ -38,6 +38,12 @@ const MAX_NAME_LENGTH: usize = 100;
 /// Largest length of a note, characters.
 const MAX_NOTE_LENGTH: usize = 2000;
 
+/// Returns whether a text can be the name of a reviewer. Names are printed, and are part of files.
+pub fn is_reviewer(name: &str) -> bool {
+    let length = name.chars().count();
+    !name.trim().is_empty() && length <= MAX_NAME_LENGTH && !name.contains(char::is_control)
+}
+
 impl ReviewLine {
     /// Rejects invalid lines.
     ///
@@ -52,8 +58,9 @@ impl ReviewLine {
                 expected: expected.to_owned(),
             })
         };
-        if self.reviewer.trim().is_empty() || self.reviewer.chars().count() > MAX_NAME_LENGTH {
-            return refuse("`reviewer`", format!("`{}`", self.reviewer), "a name of at most 100 characters");
+        if !is_reviewer(&self.reviewer) {
+            let expected = "a name of at most 100 characters on one line";
+            return refuse("`reviewer`", format!("`{}`", self.reviewer.escape_debug()), expected);
         }
         if !is_rfc3339(&self.at) {
             return refuse("`at`", format!("`{}`", self.at), "an instant such as 2026-03-01T12:00:00.000Z");

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::Decision;
 use crate::review::page::{DecisionStatus, Overview, scenario_json};
 use crate::review::{
-    Agreement, Clock, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, rfc3339,
+    Agreement, Clock, Journal, ReviewError, ReviewLine, ReviewOptions, candidate_digest, is_reviewer, rfc3339,
 };
 use crate::store::Store;
 
@@ -51,7 +51,7 @@ struct Session<'a> {
 impl ReviewState {
     pub(super) fn new(store: Store, journal: Journal, options: ReviewOptions) -> Self {
         let ReviewOptions { reviewer, suggestion, clock, .. } = options;
-        let reviewer = reviewer.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty());
+        let reviewer = reviewer.map(|name| name.trim().to_owned()).filter(|name| is_reviewer(name));
         let suggestion = journal.last_reviewer().map_or(suggestion, str::to_owned);
         Self { store, journal, reviewer, suggestion, clock, digests: BTreeMap::new() }
     }
@@ -117,8 +117,8 @@ impl ReviewState {
     /// Sets the reviewer.
     pub(super) fn set_reviewer(&mut self, name: &str) -> Result<String, ReviewError> {
         let name = name.trim();
-        if name.is_empty() || name.chars().count() > 100 {
-            return Err(ReviewError::Reviewer { name: name.to_owned() });
+        if !is_reviewer(name) {
+            return Err(ReviewError::Reviewer { name: name.escape_debug().to_string() });
         }
         self.reviewer = Some(name.to_owned());
         json(&self.reviewer)
