@@ -65,11 +65,11 @@ impl RunFolder {
     pub fn create(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
         let exists = || EvaluationError::Exists { path: path.to_owned() };
         // Without the lock nothing is written, not even the lock.
-        if !is_unbegun(path) {
+        if path.is_dir() && !is_unbegun(path) {
             return Err(exists());
         }
         let lock = lock(path)?;
-        if !is_unbegun(path) {
+        if path.is_dir() && !is_unbegun(path) {
             return Err(exists());
         }
         Self::begin(path, lock, provenance)

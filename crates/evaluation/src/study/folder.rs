@@ -26,11 +26,11 @@ impl StudyFolder {
     /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, study: &Study) -> Result<Self, EvaluationError> {
         let exists = || EvaluationError::Exists { path: path.to_owned() };
-        if !is_unbegun(path) {
+        if path.is_dir() && !is_unbegun(path) {
             return Err(exists());
         }
         let lock = lock(path)?;
-        if !is_unbegun(path) {
+        if path.is_dir() && !is_unbegun(path) {
             return Err(exists());
         }
         Self::begin(path, lock, study)
