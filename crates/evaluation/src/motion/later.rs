@@ -97,7 +97,7 @@ pub(super) fn freeze(scene: &GivenScene<'_>) -> Option<Finding> {
         };
         moving += usize::from((0..=steps).any(|k| speed(k).is_some_and(|v| v >= DEAD_STOP)));
         let stays =
-            |k: usize| (k + STAYS <= steps) && (k..steps).all(|j| speed(j + 1).is_none_or(|v| v <= 1e-3));
+            |k: usize| (k + STAYS <= steps) && (k..steps).all(|j| speed(j + 1).is_some_and(|v| v <= 1e-3));
         let stop = (0..steps).find(|k| speed(*k).is_some_and(|v| v >= DEAD_STOP) && stays(*k));
         frozen.extend(stop.map(|k| (agent, k, speed(k).unwrap_or_default())));
     }
