@@ -3,9 +3,7 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-use reactsim_evaluation::Estimate;
-
-use super::table::{self, Column, Division, Line, MAIN_COLUMNS};
+use super::table::{self, Column, Division, Line};
 use super::wrap::wrapped;
 use super::{Run, TableStyle, markdown};
 
@@ -77,7 +75,7 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
     Ok(())
 }
 
-/// Writes one table: heads of several lines, then a row per simulator.
+/// Writes one table. Columns that do not fit into the window follow in further tables below it.
 fn write_table(
     runs: &[Run<'_>],
     lines: &[Line<'_>],
@@ -86,7 +84,35 @@ fn write_table(
 ) -> io::Result<()> {
     let names: Vec<String> = lines.iter().map(name).collect();
     let name_width = names.iter().map(|name| length(name)).max().unwrap_or(0);
-    let columns = columns(runs, lines, style, style.width.saturating_sub(name_width));
+    let columns: Vec<TextColumn> =
+        style.table.columns_of(runs).iter().map(|column| TextColumn::new(column, lines)).collect();
+    let mut rest = &columns[..];
+    while !rest.is_empty() {
+        let mut left = style.width.saturating_sub(name_width);
+        let fits = |column: &&TextColumn| {
+            let fits = column.width <= left;
+            left = left.saturating_sub(column.width);
+            fits
+        };
+        // A window narrower than a name and a number gets one column at a time.
+        let (block, others) = rest.split_at(rest.iter().take_while(fits).count().max(1));
+        write_block(&names, name_width, block, style.coloured, out)?;
+        rest = others;
+        if !rest.is_empty() {
+            writeln!(out)?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes columns next to each other: heads of several lines, then a row per simulator.
+fn write_block(
+    names: &[String],
+    name_width: usize,
+    columns: &[TextColumn],
+    coloured: bool,
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let heads = columns.iter().map(|column| column.head.len()).max().unwrap_or(0);
     for i in 0..heads {
         // Heads end in the same line.
@@ -99,9 +125,9 @@ fn write_table(
     }
     for (row, name) in names.iter().enumerate() {
         write!(out, "{name}{}", " ".repeat(name_width - length(name)))?;
-        for column in &columns {
+        for column in columns {
             let text = column.padded(&column.cells[row]);
-            match style.coloured && column.best[row] {
+            match coloured && column.best[row] {
                 true => write!(out, "{HIGHLIGHT}{text}{PLAIN}")?,
                 false => write!(out, "{text}")?,
             }
@@ -122,13 +148,9 @@ struct TextColumn {
 }
 
 impl TextColumn {
-    fn new(column: &Column, lines: &[Line<'_>], with_interval: bool) -> Self {
-        let cell = |line: &Line<'_>| match line.metrics.get(column.metric) {
-            estimate if with_interval => markdown::cell(column, estimate),
-            Some(Estimate { mean: Some(mean), .. }) => column.number(*mean),
-            _ => "–".to_owned(),
-        };
-        let cells: Vec<String> = lines.iter().map(cell).collect();
+    fn new(column: &Column, lines: &[Line<'_>]) -> Self {
+        let cells: Vec<String> =
+            lines.iter().map(|line| markdown::cell(column, line.metrics.get(column.metric))).collect();
         let head: Vec<String> = column.head().split(' ').map(str::to_owned).collect();
         let widest = head.iter().chain(&cells).map(|text| length(text)).max().unwrap_or(0);
         Self { head, best: table::best(column, lines), cells, width: widest + GAP }
@@ -138,31 +160,6 @@ impl TextColumn {
     fn padded(&self, text: &str) -> String {
         format!("{}{text}", " ".repeat(self.width - length(text)))
     }
-}
-
-/// Returns the columns that fit: the main ones and the requested ones in any case, with intervals if the main
-/// ones fit with them.
-fn columns(
-    runs: &[Run<'_>],
-    lines: &[Line<'_>],
-    style: TerminalStyle<'_>,
-    mut left: usize,
-) -> Vec<TextColumn> {
-    let used = style.table.columns_of(runs);
-    let chosen = |column: &Column| style.table.columns.contains(column) || style.table.also.contains(column);
-    let is_required = |i: usize, column: &Column| i < MAIN_COLUMNS.len() || chosen(column);
-    let required = used.iter().enumerate().filter(|(i, column)| is_required(*i, column));
-    let wide = required.map(|(_, column)| TextColumn::new(column, lines, true).width).sum::<usize>();
-    let with_interval = wide <= left;
-    let mut columns = Vec::new();
-    for (i, column) in used.iter().enumerate() {
-        let text = TextColumn::new(column, lines, with_interval);
-        if is_required(i, column) || text.width <= left {
-            left = left.saturating_sub(text.width);
-            columns.push(text);
-        }
-    }
-    columns
 }
 
 /// Returns the name of a simulator with its mark, and its run if there are several.
