@@ -123,6 +123,8 @@ pub(super) fn report_faults(simulators: &[ExternalSimulator], folder: Option<&Pa
             format!("; all are in {}", folder.join(log_name(name)).display())
         });
         let n = count(n, "time");
+        // A foreign text cannot pass for another message.
+        let first = first.replace('\n', "\n    ");
         say(format_args!("warning: {name}: a batch failed and ran again ({n}), the first: {first}{log}"));
     }
 }

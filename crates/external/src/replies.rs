@@ -118,7 +118,13 @@ fn take_plan(states: &[f64], steps: usize, episode: &mut Episode<'_>) -> Result<
                 let is_possible = value.abs() < FARTHEST;
                 if !is_possible {
                     let step = episode.seen.step() + k + 1;
-                    return Err(format!("`states`: {axis} of agent {slot} at step {step} is {value}"));
+                    let expected = match axis {
+                        "heading" => "radians, not degrees",
+                        _ => "metres from the origin of the scenario",
+                    };
+                    return Err(format!(
+                        "`states`: {axis} of agent {slot} at step {step} is {value}, expected {expected}"
+                    ));
                 }
             }
             let (vx, vy) = ((x - before.x) / DT, (y - before.y) / DT);

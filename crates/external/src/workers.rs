@@ -120,6 +120,10 @@ impl Workers {
         // Its standard error is in the log already.
         let own = reason.split(LAST_WORDS_HEAD).next().unwrap_or(reason);
         self.stderr.note(&format!("reactsim: a batch of {} failed: {own}", seeds.len()));
+        // The end of the program is no fault of the simulator.
+        if is_interrupted() {
+            return;
+        }
         let mut state = self.state.lock();
         state.faults.get_or_insert_with(|| (0, own.to_owned())).0 += 1;
         let [seed] = seeds else { return };

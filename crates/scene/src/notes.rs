@@ -78,6 +78,17 @@ const KINDS: &[NoteKind] = &[
         },
     },
     NoteKind {
+        id: "nobody-on-road",
+        one: "no vehicle starts on the road, so nobody is judged off the road",
+        many: "no vehicle starts on the road, so nobody is judged off the road",
+        find: |scenario| {
+            let mut vehicles =
+                (1..scenario.start.agents.len()).filter(|&i| is_vehicle(scenario, i)).peekable();
+            let found = vehicles.peek().is_some() && vehicles.all(|i| is_off_road(scenario, i));
+            count(usize::from(found))
+        },
+    },
+    NoteKind {
         id: "overlapping-agents",
         one: "1 agent overlaps another one at the current frame (towed, or boxes that are too large); the metric \
               option exclude_initial_overlap leaves such pairs out",

@@ -63,7 +63,9 @@ fn padding_far_from_the_scenario_is_absent() {
         padding[field] = json!(vec![0.0; 91]);
     }
     padded["scenarios"][0]["agents"].as_array_mut().unwrap().push(padding.clone());
-    let scored = score_document(&Document::from_json(&padded.to_string()).unwrap()).unwrap();
+    let mut scored = score_document(&Document::from_json(&padded.to_string()).unwrap()).unwrap();
+    let unused = scored["scenarios"][0]["agents"].as_array_mut().unwrap().pop().unwrap();
+    assert_eq!((&unused["id"], &unused["present"]), (&json!("0"), &json!(false)));
     assert_eq!(scored, expected);
     // With an extent it is an object that is too far away.
     padding["length"] = json!(4.0);

@@ -89,7 +89,8 @@ def mistaken(kind, tensors):
         dx, dy = x1 - x0, y1 - y0
         for k, (x, y, heading) in enumerate(plan):
             if kind == "degrees":
-                heading = math.degrees(heading)
+                # What comes back is not converted again.
+                heading = math.degrees(heading) if abs(heading) <= math.tau else heading
             elif kind == "clockwise":
                 heading = -heading
             elif kind == "swapped":
