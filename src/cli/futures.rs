@@ -98,8 +98,13 @@ pub(super) fn replace_future<'a>(
     for (track, future) in scenario.log_future.tracks.iter_mut().zip(futures) {
         *track = future.to_vec();
     }
+    // Recorded heights belong to recorded positions.
+    scenario.log_future.heights.iter_mut().for_each(|heights| heights.fill(None));
     scenario.deviation = None;
+    // Obstacles are among the agents that are not selected.
     scenario.unselected.clear();
+    scenario.start.obstacles.clear();
+    scenario.start.obstacle_heights.clear();
     scenario.id = format!("{}+{model}", scenario.id);
 }
 

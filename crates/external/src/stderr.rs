@@ -201,13 +201,13 @@ mod tests {
         let (send, lines) = mpsc::channel();
         let pass = move |line: &str| send.send(line.to_owned()).unwrap();
         stderr.set_target(StderrTarget::Lines(Box::new(pass))).unwrap();
-        let text: String = (0..20).map(|i| format!("line {i}\x1b\n")).collect();
+        let text: String = (0..40).map(|i| format!("line {i}\x1b\n")).collect();
         stderr.drain(text.as_bytes(), &last);
         stderr.drain(&[b'x'; 20_000][..], &last);
         let passed: Vec<String> = lines.try_iter().collect();
-        assert_eq!((passed[0].as_str(), passed.len()), ("early", 24));
+        assert_eq!((passed[0].as_str(), passed.len()), ("early", 44));
         let text = last.text();
-        assert!(text.contains("\n    line 19\n") && !text.contains("line 2\n"), "{text}");
+        assert!(text.contains("\n    line 39\n") && !text.contains("line 2\n"), "{text}");
         assert!(!text.contains('\x1b') && text.len() < 2000, "{text}");
     }
     #[test]

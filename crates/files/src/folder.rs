@@ -28,10 +28,10 @@ impl Folder {
         Ok(Self(open(path, access | OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())?))
     }
 
-    /// Creates a file for writing. A file or a link of this name is an error.
+    /// Creates a file for writing, and for reading what is written. A file or a link of this name is an error.
     pub(super) fn create_new(&self, name: &OsStr) -> io::Result<File> {
         use rustix::fs::OFlags;
-        self.file(name, OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL)
+        self.file(name, OFlags::RDWR | OFlags::CREATE | OFlags::EXCL)
     }
 
     /// Opens or creates a file for a lock. A link of this name is an error.
@@ -88,7 +88,8 @@ impl Folder {
     }
 
     pub(super) fn create_new(&self, name: &OsStr) -> io::Result<File> {
-        File::create_new(self.0.join(name))
+        let mut options = std::fs::OpenOptions::new();
+        options.read(true).write(true).create_new(true).open(self.0.join(name))
     }
 
     pub(super) fn open_or_create(&self, name: &OsStr) -> io::Result<File> {

@@ -38,12 +38,16 @@ impl Scenario {
     /// repeated, empty or invalid.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut scenario = Self::assemble_as_stored(parts)?;
+        if scenario.levels() == 1 {
+            scenario.drop_heights();
+        }
         scenario.complete();
         Ok(scenario)
     }
 
-    /// Like [`Self::assemble`], without the estimates of velocities and the removal of links, for files with
-    /// digests: scenarios of older files must match their digest before [`Self::complete`] changes them.
+    /// Like [`Self::assemble`], without the estimates of velocities and the removal of links and of heights on
+    /// one level, for files with digests: scenarios must match their digest before [`Self::complete`] changes
+    /// them.
     ///
     /// # Errors
     /// As for [`Self::assemble`].
@@ -111,7 +115,7 @@ impl Scenario {
             repairs: builder.repairs,
             notes: OnceLock::new(),
         };
-        if scenario.levels() == 1 {
+        if !scenario.start.has_levels() {
             scenario.drop_heights();
         }
         Ok(scenario)

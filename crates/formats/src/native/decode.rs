@@ -65,8 +65,9 @@ impl Rows {
         }
         // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
         // with all agents from one with the agents of the benchmark.
-        let scenario = scenario.with_all_agents();
+        let mut scenario = scenario.with_all_agents();
         if scenario.digest() == expected {
+            scenario.complete();
             return Ok(scenario);
         }
         Err(refuse(Cause::Checksum { what: "the scenario", found, expected: expected.to_owned() }))

@@ -84,7 +84,7 @@ pub(super) const COLUMNS: &[(&str, Leaf, usize, bool)] = &[
 ];
 
 /// Columns of heights, of the same form as [`COLUMNS`]: without values for scenarios of one level, and missing in
-/// files from before heights existed.
+/// files without others.
 pub(super) const HEIGHT_COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("agent_z", Number, 2, true),
     ("lane_z", Number, 2, false),
@@ -97,16 +97,16 @@ pub(super) const HEIGHT_COLUMNS: &[(&str, Leaf, usize, bool)] = &[
 ];
 
 /// Returns the columns, empty.
-pub(super) fn columns() -> Vec<Column> {
+pub(super) fn columns(has_heights: bool) -> Vec<Column> {
     let own = COLUMNS
         .iter()
-        .chain(HEIGHT_COLUMNS)
+        .chain(HEIGHT_COLUMNS.iter().filter(|_| has_heights))
         .map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
     own.chain(certificates::columns()).collect()
 }
 
 /// Adds a scenario as one row.
-pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario) {
+pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario, has_heights: bool) {
     let t = table;
     t.column("id").push(Value::Text(&scenario.id));
     t.column("source").push(Value::Text(&scenario.source));
@@ -121,7 +121,9 @@ pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario) {
     agents(t, scenario);
     lanes(t, scenario);
     surroundings(t, scenario);
-    heights(t, scenario);
+    if has_heights {
+        heights(t, scenario);
+    }
     lights(t, scenario);
     deviation(t, scenario);
     certificates::encode(t, scenario.deviation.as_ref().and_then(|d| d.certificate.as_ref()));

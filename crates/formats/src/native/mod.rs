@@ -135,7 +135,10 @@ impl Iterator for Reader {
 /// Writer of native files. The file gets its final name in [`Writer::finish`]; dropping the writer before
 /// leaves no file.
 pub struct Writer {
+    path: PathBuf,
     table: TableWriter,
+    /// Whether the file has columns of heights.
+    has_heights: bool,
 }
 
 impl Writer {
@@ -144,9 +147,8 @@ impl Writer {
     /// # Errors
     /// [`FormatError`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
-        Ok(Self {
-            table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP_SIZE, encode::columns())?,
-        })
+        let path = path.as_ref().to_owned();
+        Ok(Self { table: create(&path, false)?, path, has_heights: false })
     }
 
     /// Adds a scenario.
@@ -154,8 +156,26 @@ impl Writer {
     /// # Errors
     /// [`FormatError`] if the file cannot be written.
     pub fn write(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
-        encode::scenario(&mut self.table, scenario);
+        if scenario.start.has_levels() && !self.has_heights {
+            self.add_heights()?;
+        }
+        self.put(scenario)
+    }
+
+    fn put(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
+        encode::scenario(&mut self.table, scenario, self.has_heights);
         self.table.end_row()
+    }
+
+    /// Begins the file again with columns of heights, and copies what is written. Most files have no
+    /// scenario with several levels: their bytes are those from before heights existed.
+    fn add_heights(&mut self) -> Result<(), FormatError> {
+        let flat = std::mem::replace(&mut self.table, create(&self.path, true)?);
+        self.has_heights = true;
+        for record in Reader::over(&self.path, flat.read_back()?)? {
+            self.put(&record.and_then(|decode| decode())?)?;
+        }
+        Ok(())
     }
 
     /// Completes the file and gives it its final name.
@@ -174,6 +194,10 @@ impl Writer {
     pub fn finish_part(self) -> Result<PathBuf, FormatError> {
         self.table.finish_part()
     }
+}
+
+fn create(path: &Path, has_heights: bool) -> Result<TableWriter, FormatError> {
+    TableWriter::create(path, (KIND, VERSION), GROUP_SIZE, encode::columns(has_heights))
 }
 
 /// Returns the error of an invalid cell.

@@ -44,8 +44,11 @@ const CHANGES: [(&str, Change); 4] = [
     ("without its future", Scenario::without_future),
     ("with another future", |mut scenario| {
         scenario.log_future.tracks.iter_mut().for_each(|track| track[3..].fill(None));
+        scenario.log_future.heights.iter_mut().for_each(|heights| heights.fill(None));
         scenario.deviation = None;
         scenario.unselected.clear();
+        scenario.start.obstacles.clear();
+        scenario.start.obstacle_heights.clear();
         scenario.id.push_str("+other");
         scenario
     }),

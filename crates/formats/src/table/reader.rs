@@ -44,7 +44,7 @@ pub struct TableReader {
 }
 
 /// Source that a Parquet file can be read from.
-trait Input: Read + Seek + Send {}
+pub(super) trait Input: Read + Seek + Send {}
 
 impl<T: Read + Seek + Send> Input for T {}
 
@@ -68,7 +68,7 @@ impl TableReader {
         Self::over(name, Box::new(Cursor::new(content.into())))
     }
 
-    fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
+    pub(super) fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
         let (metadata, length) = footer(&mut *file).map_err(refuse)?;
         let groups = groups(&metadata, length).map_err(refuse)?;

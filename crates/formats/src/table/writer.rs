@@ -16,6 +16,7 @@ use parquet::schema::types::ColumnPath;
 use reactsim_files::NewFile;
 
 use super::columns::{Column, Leaf};
+use super::reader::TableReader;
 use super::{GROUP_CHECKSUMS, KIND, METADATA_CHECKSUM, VERSION, properties};
 use crate::error::{Cause, FormatError};
 
@@ -138,16 +139,25 @@ impl TableWriter {
 
     /// Writes the remaining rows and gives the file its final name.
     pub fn finish(self) -> Result<(), FormatError> {
-        self.finish_by(NewFile::finish)
+        let path = self.path.clone();
+        self.close()?.finish().map_err(|e| FormatError::file(&path, Cause::write(e)))
+    }
+
+    /// Writes the remaining rows, and reads the file back. It has no name, and disappears with the reader.
+    pub fn read_back(self) -> Result<TableReader, FormatError> {
+        let path = self.path.clone();
+        TableReader::over(&path, Box::new(self.close()?))
     }
 
     /// Writes the remaining rows and gives the file the name of a part, which is returned
     /// ([`NewFile::finish_part`]).
     pub fn finish_part(self) -> Result<PathBuf, FormatError> {
-        self.finish_by(NewFile::finish_part)
+        let path = self.path.clone();
+        self.close()?.finish_part().map_err(|e| FormatError::file(&path, Cause::write(e)))
     }
 
-    fn finish_by<T>(mut self, finish: impl FnOnce(NewFile) -> io::Result<T>) -> Result<T, FormatError> {
+    /// Writes the remaining rows and the metadata. Returns the file, which has no name yet.
+    fn close(mut self) -> Result<NewFile, FormatError> {
         self.flush()?;
         let mut writer = self.writer.take().expect("it is taken only here");
         if !self.metadata.is_empty() {
@@ -158,9 +168,8 @@ impl TableWriter {
             writer.append_key_value_metadata(KeyValue::new(key.to_owned(), value));
         }
         writer.append_key_value_metadata(KeyValue::new(GROUP_CHECKSUMS.to_owned(), self.checksums.join(",")));
-        let refuse = |e| FormatError::file(&self.path, Cause::write(e));
         let sink = writer.into_inner().map_err(|e| FormatError::file(&self.path, cause(e)))?;
-        finish(sink.file).map_err(refuse)
+        Ok(sink.file)
     }
 }
 
