@@ -111,7 +111,13 @@ fn idm_does_not_brake_for_a_bridge() {
 fn heights_survive_native_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("levels.parquet");
-    let scenarios = [assembled(7.0, 312.25, true), assembled(0.0, 312.25, true)];
+    let named = |i: usize| {
+        // The file gets its columns of heights in the second row group.
+        let mut scenario = assembled(if i == 9 { 7.0 } else { 0.0 }, 312.25, true);
+        scenario.id = format!("{i}");
+        scenario
+    };
+    let scenarios: Vec<Scenario> = (0..11).map(named).collect();
     write_native(&path, &scenarios);
     let back: Vec<Scenario> = formats::open(&path).unwrap().map(Result::unwrap).collect();
     for (a, b) in scenarios.iter().zip(&back) {
@@ -119,6 +125,7 @@ fn heights_survive_native_files() {
         assert_eq!(a.start.map, b.start.map);
         assert_eq!((&a.start.heights, &a.log_future), (&b.start.heights, &b.log_future));
     }
-    assert_eq!(back.iter().map(Scenario::levels).collect::<Vec<_>>(), [2, 1]);
-    assert_eq!(back[0].start.recorded_height(0, CURRENT), 312.25);
+    assert_eq!(back.iter().map(Scenario::levels).collect::<Vec<_>>(), [1, 1, 1, 1, 1, 1, 1, 1, 1, 2, 1]);
+    assert_eq!(back[9].start.recorded_height(0, CURRENT), 312.25);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left of the first file");
 }
