@@ -122,8 +122,9 @@ impl Findings {
     pub(super) fn refused(&self, allowed: &[RolloutCheck]) -> Option<String> {
         let lines =
             self.iter().filter(|(check, _, _)| !allowed.contains(check)).map(|(check, count, text)| {
-                let what = if check == RolloutCheck::Coverage { "scenarios" } else { "rollouts" };
-                format!("\n  {count} {what}, the first: {text} (--allow {})", check.allowance())
+                let what = if check == RolloutCheck::Coverage { "scenario" } else { "rollout" };
+                let plural = if count == 1 { "" } else { "s" };
+                format!("\n  {count} {what}{plural}, the first: {text} (--allow {})", check.allowance())
             });
         let lines: String = lines.collect();
         (!lines.is_empty()).then_some(lines)

@@ -100,7 +100,9 @@ def mistaken(kind, tensors):
             elif kind == "local":
                 x, y = x - x0 + dx, y - y0 + dy
             elif kind == "feet":
-                x, y = 3.281 * x, 3.281 * y
+                # What comes back is not converted again and again.
+                scale = 3.281 if max(abs(x), abs(y)) < 1000 else 1
+                x, y = scale * x, scale * y
             elif kind == "lag":
                 x, y = x - dx, y - dy
             elif kind == "stale":
