@@ -83,7 +83,7 @@ fn every_difference_is_named_and_can_be_allowed() {
     let place = format!("scenario `{id}`, `stop`, rollout 0");
     assert!(
         text.contains(&format!(
-            "1 rollouts, the first: {place}: the AV is 0.50 m from the prescribed trajectory at step 41 \
+            "1 rollout, the first: {place}: the AV is 0.50 m from the prescribed trajectory at step 41 \
              (--allow other-av)"
         )),
         "{text}"
@@ -118,7 +118,7 @@ fn every_difference_is_named_and_can_be_allowed() {
 
     let (text, _) = fixture.refusal(|records| _ = records.pop());
     assert!(
-        text.contains("1 scenarios, the first: scenario `") && text.contains("(--allow partial)"),
+        text.contains("1 scenario, the first: scenario `") && text.contains("(--allow partial)"),
         "{text}"
     );
 }
