@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, List
+from typing import Any, Callable, List
 
 import numpy as np
 import pytest
@@ -130,7 +130,7 @@ def test_other_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
     broken.write_text("#!/no/such/interpreter\n")
     for path in (done, broken):
         path.chmod(0o755)
-    calls = [
+    calls: list[Callable[[], object]] = [
         lambda: reactsim.run(Stop(), progress=False),
         lambda: list(reactsim.scenarios()),
         lambda: reactsim.wosac([], []),
@@ -149,7 +149,7 @@ NAMES = ["-q", "--help", "--limit=3", "=x", "a b", 'it\'s "so"', "two\nlines", "
 
 @pytest.mark.parametrize("name", NAMES)
 def test_names_are_no_options(fake_program: Path, tmp_path: Path, name: str) -> None:
-    given = {"deviations": name, "ids": [name], "categories": name}
+    given: dict[str, Any] = {"deviations": name, "ids": [name], "categories": name}
     results = reactsim.run(
         Stop(), name, name=name, av=name, replan=name, baselines=name, progress=False, **given
     )
