@@ -180,10 +180,10 @@ impl PlannerScene {
 fn neighbours(view: &SceneView<'_>, av: Vec2) -> Vec<usize> {
     let mut all = Nearest::new(view.agents.len());
     for slot in 1..view.agents.len() {
-        if let (Some(state), Some(_)) = (view.state(slot), Class::of(view.agents[slot].kind)) {
-            if !view.is_apart(0, slot) {
-                all.offer((state.position() - av).norm(), slot);
-            }
+        if let (Some(state), Some(_)) = (view.state(slot), Class::of(view.agents[slot].kind))
+            && !view.is_apart(0, slot)
+        {
+            all.offer((state.position() - av).norm(), slot);
         }
     }
     let mut others = 0;

@@ -1,6 +1,6 @@
 //! Continuity of positions with the current frame, and the mistakes that break it.
 
-use reactsim_geometry::{Vec2, direction, left};
+use reactsim_geometry::{Vec2, direction, left, math};
 use reactsim_scene::{AgentKind, DT};
 
 use super::super::rollout_checks::RolloutCheck;
@@ -331,7 +331,7 @@ fn speed_ratio(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Fi
 /// Returns what a ratio looks like, if it is a known one.
 fn named_ratio(ratio: f64) -> String {
     let nearest = RATIOS.iter().min_by(|a, b| {
-        let distance = |known: f64| (ratio / known).ln().abs();
+        let distance = |known: f64| math::ln(ratio / known).abs();
         distance(a.0).total_cmp(&distance(b.0))
     });
     let close = nearest.filter(|(known, _)| (ratio / known - 1.0).abs() <= 0.05);

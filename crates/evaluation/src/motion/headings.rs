@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use reactsim_geometry::{heading_of, wrap};
+use reactsim_geometry::{heading_of, math, wrap};
 use reactsim_scene::AgentKind;
 
 use super::super::rollout_checks::RolloutCheck;
@@ -42,7 +42,8 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
         let errors: Vec<f64> = headings.iter().map(|(given, now)| wrap(map(*given) - now).abs()).collect();
         share(&errors, |e| e <= FIT) >= MOST
     };
-    let mean = turns.iter().map(|t| t.sin()).sum::<f64>().atan2(turns.iter().map(|t| t.cos()).sum());
+    let sum = |part: fn(f64) -> f64| turns.iter().map(|t| part(*t)).sum::<f64>();
+    let mean = math::atan2(sum(math::sin), sum(math::cos));
     let what = if fits(&|h| h.to_radians()) {
         "they look like degrees; give radians".to_owned()
     } else if fits(&|h| -h.to_radians()) || fits(&|h| FRAC_PI_2 - h.to_radians()) {

@@ -246,6 +246,11 @@ impl Gallery {
     }
 }
 
+/// Returns the explanation of the marks of a simulator.
+fn meaning(standing: Standing) -> String {
+    standing.marks().map(Mark::meaning).collect::<Vec<_>>().join("; ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,9 +261,4 @@ mod tests {
         assert_eq!(short(-1_234_567.0), -1_234_570.0);
         assert_eq!(short(0.0), 0.0);
     }
-}
-
-/// Returns the explanation of the marks of a simulator.
-fn meaning(standing: Standing) -> String {
-    standing.marks().map(Mark::meaning).collect::<Vec<_>>().join("; ")
 }
