@@ -29,7 +29,12 @@ impl PathHeights {
     }
 
     /// Returns whether an agent at `height` metres is above or below the path at a point, by index.
+    #[inline]
     pub(super) fn is_apart(&self, index: usize, height: f64) -> bool {
+        // Nearly all scenarios have one level.
+        if self.places.is_empty() {
+            return false;
+        }
         let here = self.places.get(index.saturating_sub(self.first)).or(self.places.last());
         here.is_some_and(|&(_, own)| levels::apart(own, height, 0.0))
     }
