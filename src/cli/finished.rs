@@ -49,7 +49,7 @@ pub(super) fn report_left_out(summary: &Summary) {
     }
 }
 
-/// Prints what readers of the results must be told about the scenarios.
+/// Prints the notes of the scenarios.
 pub(super) fn report_notes(summary: &Summary) {
     for (id, found) in &summary.provenance.notes {
         say(format_args!("note: {}", found.text(id)));

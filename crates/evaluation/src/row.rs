@@ -50,7 +50,7 @@ pub struct Row {
     /// Number of outcomes of parts of plans, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub outcomes: BTreeMap<String, u64>,
-    /// Properties of the scenario that readers of the results must be told, by id.
+    /// Properties of the scenario that affect how the results are read, by id.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub notes: BTreeMap<String, RowNote>,
 }

@@ -109,7 +109,7 @@ pub struct SummaryProvenance {
     /// them are resampled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intervals: Option<String>,
-    /// Properties of scenarios that readers of the results must be told, by id.
+    /// Properties of scenarios that affect how the results are read, by id.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub notes: BTreeMap<String, NoteSummary>,
     /// Number of scenarios by the method of assigning lanes for the driving direction.

@@ -35,7 +35,7 @@ pub struct Entry {
     /// Statistics of the AV against the logged AV. In the realism protocol, in which every simulator moves
     /// the AV in its own way, those of the first simulator.
     pub deviation: BTreeMap<String, f64>,
-    /// Properties of the scenario that readers of the results must be told, by id.
+    /// Properties of the scenario that affect how the results are read, by id.
     pub notes: BTreeMap<String, RowNote>,
     /// Index of the simulator of these statistics.
     deviation_of: usize,

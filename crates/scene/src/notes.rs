@@ -1,4 +1,4 @@
-//! Properties of a scenario that readers of its results must be told.
+//! Properties of a scenario that affect how its results are read.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -127,7 +127,7 @@ fn overlapping_agents(scenario: &Scenario) -> usize {
 }
 
 impl Scenario {
-    /// Returns what readers of results of this scenario must be told. Most scenarios have no notes. They are
+    /// Returns the notes of this scenario, by id. Most scenarios have no notes. They are
     /// computed at the first call.
     pub fn notes(&self) -> &Notes {
         self.notes

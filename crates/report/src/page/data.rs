@@ -65,7 +65,7 @@ struct RunData<'a> {
     group: usize,
     /// Provenance in one line.
     about: String,
-    /// What readers must be told about the scenarios, one text per kind of note.
+    /// Notes of the scenarios, one text per kind.
     notes: Vec<String>,
     summary: &'a Summary,
 }
