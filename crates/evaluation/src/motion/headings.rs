@@ -49,17 +49,17 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
     } else if fits(&|h| -h.to_radians()) || fits(&|h| FRAC_PI_2 - h.to_radians()) {
         "they look like degrees that increase clockwise; give radians counter-clockwise from the x axis"
             .to_owned()
-    } else if fits(&|h| h - mean) {
-        format!(
-            "they look turned by a constant {:.0}°; give radians counter-clockwise from the x axis",
-            mean.to_degrees()
-        )
     } else if fits(&|h| -h) {
         "they look clockwise; give radians counter-clockwise".to_owned()
     } else if fits(&|h| FRAC_PI_2 - h) {
         "they look clockwise from the y axis, as of a compass or of swapped axes; give radians \
          counter-clockwise from the x axis"
             .to_owned()
+    } else if fits(&|h| h - mean) {
+        format!(
+            "they look turned by a constant {:.0}°; give radians counter-clockwise from the x axis",
+            mean.to_degrees()
+        )
     } else if 2 * wrong >= turns.len() && wrong >= scene.least(3) {
         "give radians counter-clockwise from the x axis".to_owned()
     } else {
