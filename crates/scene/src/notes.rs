@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use reactsim_geometry::rounded_distance;
 
-use super::{AgentKind, Scenario};
+use super::{AgentKind, Scenario, levels};
 
 /// A property of a scenario, with the number of its occurrences.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,14 +19,15 @@ pub struct Note {
 /// Notes by id, e.g. `vehicles-off-road`.
 pub type Notes = BTreeMap<&'static str, Note>;
 
-/// A property that is noted if it occurs.
+/// A property that is noted if it occurs. `find` gets a scenario, and per agent whether it is off the road at the
+/// current frame.
 struct NoteKind {
     id: &'static str,
     /// Text for one occurrence.
     one: &'static str,
     /// Text for several occurrences, or for several scenarios; `{}` stands for the number.
     many: &'static str,
-    find: fn(&Scenario) -> Option<Note>,
+    find: fn(&Scenario, &[bool]) -> Option<Note>,
 }
 
 /// All properties that are noted.
@@ -35,13 +36,13 @@ const KINDS: &[NoteKind] = &[
         id: "irregular-clock",
         one: "1 time step is not 0.1 s",
         many: "{} time steps are not 0.1 s",
-        find: irregular_steps,
+        find: |scenario, _| irregular_steps(scenario),
     },
     NoteKind {
         id: "velocity-unknown",
         one: "1 agent has an unknown velocity at the current frame",
         many: "{} agents have an unknown velocity at the current frame",
-        find: |scenario| {
+        find: |scenario, _| {
             let agents = scenario.start.agents.iter().enumerate();
             // Objects that stay at one place need no velocity.
             let agents = agents.filter(|(_, agent)| agent.kind != AgentKind::Other);
@@ -52,7 +53,7 @@ const KINDS: &[NoteKind] = &[
         id: "no-drivable-area",
         one: "the map has no drivable area, so nobody is judged off the road",
         many: "the map has no drivable area, so nobody is judged off the road",
-        find: |scenario| count(usize::from(!scenario.start.road().has_drivable_area())),
+        find: |scenario, _| count(usize::from(!scenario.start.road().has_drivable_area())),
     },
     NoteKind {
         id: "reversed-edges",
@@ -64,27 +65,26 @@ const KINDS: &[NoteKind] = &[
         id: "av-off-road",
         one: "the AV starts off the road",
         many: "the AV starts off the road",
-        find: |scenario| count(usize::from(is_off_road(scenario, 0))),
+        find: |_, off_road| count(usize::from(off_road[0])),
     },
     NoteKind {
         id: "vehicles-off-road",
         one: "1 moving vehicle starts off the road and is not judged there",
         many: "{} moving vehicles start off the road and are not judged there",
-        find: |scenario| {
-            let agents = 1..scenario.start.agents.len();
+        find: |scenario, off_road| {
+            let agents = 1..off_road.len();
             // Cars are parked next to the road everywhere.
             let moves = |i: usize| scenario.start.now(i).speed() > STANDSTILL_SPEED;
-            count(agents.filter(|&i| is_vehicle(scenario, i) && moves(i) && is_off_road(scenario, i)).count())
+            count(agents.filter(|&i| is_vehicle(scenario, i) && moves(i) && off_road[i]).count())
         },
     },
     NoteKind {
         id: "nobody-on-road",
         one: "no vehicle starts on the road, so nobody is judged off the road",
         many: "no vehicle starts on the road, so nobody is judged off the road",
-        find: |scenario| {
-            let mut vehicles =
-                (1..scenario.start.agents.len()).filter(|&i| is_vehicle(scenario, i)).peekable();
-            let found = vehicles.peek().is_some() && vehicles.all(|i| is_off_road(scenario, i));
+        find: |scenario, off_road| {
+            let mut vehicles = (1..off_road.len()).filter(|&i| is_vehicle(scenario, i)).peekable();
+            let found = vehicles.peek().is_some() && vehicles.all(|i| off_road[i]);
             count(usize::from(found))
         },
     },
@@ -94,7 +94,7 @@ const KINDS: &[NoteKind] = &[
               option exclude_initial_overlap leaves such pairs out",
         many: "{} agents overlap another one at the current frame (towed, or boxes that are too large); the \
                metric option exclude_initial_overlap leaves such pairs out",
-        find: |scenario| count(overlapping_agents(scenario)),
+        find: |scenario, _| count(overlapping_agents(scenario)),
     },
 ];
 
@@ -119,6 +119,7 @@ fn overlapping_agents(scenario: &Scenario) -> usize {
             && !kinds.contains(&AgentKind::Other)
             && sized(i)
             && sized(j)
+            && !levels::apart(scenario.start.height_now(i), scenario.start.height_now(j), 0.0)
             && (boxes[i].center - boxes[j].center).norm() <= boxes[i].radius() + boxes[j].radius()
             && rounded_distance(&boxes[i], &boxes[j], CORNER_ROUNDING) < 0.0
     };
@@ -127,11 +128,13 @@ fn overlapping_agents(scenario: &Scenario) -> usize {
 }
 
 impl Scenario {
-    /// Returns the notes of this scenario, by id. Most scenarios have no notes. They are
-    /// computed at the first call.
+    /// Returns the notes of this scenario, by id. Most scenarios have no notes. They are computed at the first
+    /// call.
     pub fn notes(&self) -> &Notes {
-        self.notes
-            .get_or_init(|| KINDS.iter().filter_map(|kind| Some((kind.id, (kind.find)(self)?))).collect())
+        self.notes.get_or_init(|| {
+            let off_road = off_road(self);
+            KINDS.iter().filter_map(|kind| Some((kind.id, (kind.find)(self, &off_road)?))).collect()
+        })
     }
 }
 
@@ -160,13 +163,19 @@ fn is_vehicle(scenario: &Scenario, agent: usize) -> bool {
     scenario.start.agents[agent].kind == AgentKind::Vehicle
 }
 
-/// Returns whether an agent is off the road at the current frame; false if the map records no drivable area.
-fn is_off_road(scenario: &Scenario, agent: usize) -> bool {
-    scenario.start.road().drivable(scenario.start.now(agent).position(), &mut None) == Some(false)
+/// Returns per agent whether it is off the road at the current frame; false if the map records no drivable area.
+fn off_road(scenario: &Scenario) -> Vec<bool> {
+    let start = &scenario.start;
+    let mut nearest = None;
+    let is_off = |agent| {
+        let road = start.road_at(agent);
+        road.drivable(start.now(agent).position(), &mut nearest) == Some(false)
+    };
+    (0..start.agents.len()).map(is_off).collect()
 }
 
 /// Notes road edges that contradict the lanes: most vehicles on lanes are off the road.
-fn reversed_edges(scenario: &Scenario) -> Option<Note> {
+fn reversed_edges(scenario: &Scenario, is_off_road: &[bool]) -> Option<Note> {
     let road = scenario.start.road();
     if scenario.start.map.drivable_area.is_some() || !road.has_drivable_area() {
         return None;
@@ -177,7 +186,7 @@ fn reversed_edges(scenario: &Scenario) -> Option<Note> {
         road.lanes_at(scenario.start.now(agent).position(), &mut hits);
         if !hits.is_empty() {
             on_lanes += 1;
-            off_road += u32::from(is_off_road(scenario, agent));
+            off_road += u32::from(is_off_road[agent]);
         }
     }
     (2 * off_road > on_lanes).then_some(Note { count: 1, detail: None })
