@@ -64,7 +64,7 @@ def processes(text: str) -> list[int]:
 
 def programs(folder: Path) -> list[int]:
     """Returns the ids of the processes that carry out units of a folder."""
-    return processes(f"\0shard\0run\0{folder}\0")
+    return processes(f"\0shard\0run\0--jobs=1\0--\0{folder}\0")
 
 
 def state(process: int) -> tuple[str, str]:
@@ -234,7 +234,7 @@ class TestCluster:
             run_units(units, batch_units=2, retries=1)
         text = str(error.value)
         assert "1 unit given up: 3;" in text
-        assert re.search(r"unit 3, on \S+: `reactsim shard run .* 3 --jobs 1` ended", text)
+        assert re.search(r"unit 3, on \S+: `reactsim shard run --jobs=1 -- .* 3` ended", text)
         assert "with code 2:\nerror: disk" in text
         assert "attempt 2 of 2: unit 3" in capsys.readouterr().err
         status = json.loads(call(["shard", "status", str(units)]))
@@ -243,7 +243,7 @@ class TestCluster:
     def test_repeated_units(self, tmp_path: Path, wrapper: Path) -> None:
         units, _ = self.plan(tmp_path)
         # The first process of every unit kills itself.
-        case = f'm="{tmp_path}/started-$4"\n' + (
+        case = f'm="{tmp_path}/started-$6"\n' + (
             'if [ "$2" = run ] && [ ! -e "$m" ]; then touch "$m"; kill -9 $$; fi\n'
         )
         (tmp_path / "case.sh").write_text(case)
@@ -253,7 +253,7 @@ class TestCluster:
 
     def test_stops_if_everything_fails(self, tmp_path: Path, wrapper: Path) -> None:
         units, _ = self.plan(tmp_path)
-        case = f'if [ "$2" = run ]; then echo $4 >> "{tmp_path}/calls"; exit 2; fi\n'
+        case = f'if [ "$2" = run ]; then echo $6 >> "{tmp_path}/calls"; exit 2; fi\n'
         (tmp_path / "case.sh").write_text(case)
         with pytest.raises(reactsim.ReactsimError, match=r"stopped after 5 units in a row"):
             run_units(units, retries=0, in_flight=1, progress=False)
