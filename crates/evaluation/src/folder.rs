@@ -63,16 +63,7 @@ impl RunFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        let exists = || EvaluationError::Exists { path: path.to_owned() };
-        // Without the lock nothing is written, not even the lock.
-        if path.is_dir() && !is_unbegun(path) {
-            return Err(exists());
-        }
-        let lock = lock(path)?;
-        if path.is_dir() && !is_unbegun(path) {
-            return Err(exists());
-        }
-        Self::begin(path, lock, provenance)
+        Self::begin(path, lock_unbegun(path, PROVENANCE)?, provenance)
     }
 
     /// Opens the folder of an earlier run with the same settings: drops truncated lines and incomplete pairs,
@@ -293,6 +284,20 @@ pub(super) fn lock(path: &Path) -> Result<FolderLock, EvaluationError> {
     files::create_folder(path).map_err(cannot_write(path))?;
     let lock = files::lock_folder(path).map_err(cannot_write(&path.join(files::LOCK)))?;
     lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })
+}
+
+/// Creates a folder, if it is absent, and locks it. A folder in which the file `first` or others exist is refused,
+/// and not written to.
+pub(super) fn lock_unbegun(path: &Path, first: &str) -> Result<FolderLock, EvaluationError> {
+    let check = || match is_unbegun_with(path, first) || !path.is_dir() {
+        true => Ok(()),
+        false => Err(EvaluationError::Exists { path: path.to_owned() }),
+    };
+    // Without the first check a lock would be written into a folder of others; only the second one is certain.
+    check()?;
+    let lock = lock(path)?;
+    check()?;
+    Ok(lock)
 }
 
 /// Returns whether a folder is absent or empty, or was left by a run that was killed before it began.

@@ -7,7 +7,7 @@ use reactsim_files::FolderLock;
 use super::file::{STUDY, read};
 use super::{Member, Study, StudyPlan};
 use crate::folder::{
-    FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, is_unbegun_with, lock, replace,
+    FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, is_unbegun_with, lock, lock_unbegun, replace,
 };
 use crate::{EvaluationError, Provenance, Summary, Tally, read_summary, read_tally};
 
@@ -25,15 +25,7 @@ impl StudyFolder {
     /// # Errors
     /// [`EvaluationError`] if the folder is not empty or cannot be written.
     pub fn create(path: &Path, study: &Study) -> Result<Self, EvaluationError> {
-        let exists = || EvaluationError::Exists { path: path.to_owned() };
-        if path.is_dir() && !is_unbegun(path) {
-            return Err(exists());
-        }
-        let lock = lock(path)?;
-        if path.is_dir() && !is_unbegun(path) {
-            return Err(exists());
-        }
-        Self::begin(path, lock, study)
+        Self::begin(path, lock_unbegun(path, STUDY)?, study)
     }
 
     /// Opens the folder of an earlier study with the same members and settings. Settings of members that have
