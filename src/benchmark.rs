@@ -325,8 +325,8 @@ impl Benchmark {
         self
     }
 
-    /// Judges motion of external simulators and deviations although it fails a check, and marks its rows in every
-    /// table.
+    /// Judges motion of external simulators and deviations although it fails a check, and marks its rows in
+    /// every table.
     pub fn allow(mut self, check: RolloutCheck) -> Self {
         self.allowed.push(check);
         self

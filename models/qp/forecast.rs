@@ -51,8 +51,8 @@ pub(super) fn av(seen: &Observation<'_>, settings: &Settings) -> Option<(AvForec
     Some((goes_on, AvMotion::observed(seen)?.forecast(settings, goes_on, None)))
 }
 
-/// Returns all forecasts of an AV at this height, the first as [`av`]; empty if it is absent. An AV at standstill has one:
-/// it stays.
+/// Returns all forecasts of an AV at this height, the first as [`av`]; empty if it is absent. An AV at
+/// standstill has one: it stays.
 pub(super) fn all_of_av(
     seen: &Observation<'_>,
     height: f64,

@@ -242,7 +242,8 @@ fn too_little_memory() -> Option<String> {
     None
 }
 
-/// Makes a write beyond the limit of the size of files (`ulimit -f`) an error instead of the end of the program.
+/// Makes a write beyond the limit of the size of files (`ulimit -f`) an error instead of the end of the
+/// program.
 fn survive_file_limits() {
     #[cfg(unix)]
     {

@@ -71,8 +71,8 @@ pub(super) struct MotionArgs {
     /// rollouts); may be repeated
     #[arg(long, value_name = "CHECK", value_delimiter = ',', value_parser = allowance)]
     pub(super) allow: Vec<RolloutCheck>,
-    /// Point of vehicles whose poses the deviations or rollouts have: centre, rear-axle (distance from entry 0
-    /// of 81 states), rear-axle=METRES or rear-axle=SHARE% of the length
+    /// Point of vehicles whose poses the deviations or rollouts have: centre, rear-axle (distance from entry
+    /// 0 of 81 states), rear-axle=METRES or rear-axle=SHARE% of the length
     #[arg(long, value_name = "POINT", default_value_t, hide_default_value = true)]
     pub(super) pose: Pose,
 }

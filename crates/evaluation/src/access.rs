@@ -38,7 +38,7 @@ impl Access {
     }
 }
 
-/// What every table marks about a simulator.
+/// The marks of a simulator in tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing {
     /// Its knowledge beyond its observations.

@@ -67,7 +67,7 @@ pub enum EvaluationError {
         subject: String,
         /// Id of the first scenario.
         scenario: String,
-        /// What it looks like, and how to mend it.
+        /// Likely mistake, and its mend.
         findings: String,
         /// Names of what would allow it, separated by commas.
         allow: String,
@@ -353,7 +353,7 @@ pub enum EvaluationError {
     /// Rollouts that are not yet joined were changed after they were written.
     #[error("{error}; delete the file, and repeat the command with --resume")]
     DamagedPart {
-        /// What is wrong with it.
+        /// The damage.
         error: FormatError,
     },
 }

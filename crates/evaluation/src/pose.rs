@@ -35,8 +35,8 @@ pub enum AxleDistance {
 }
 
 impl Pose {
-    /// Converts the given states of an agent to box centres. `entry0`: the given and the recorded state at the
-    /// current frame, if the given motion has one.
+    /// Converts the given states of an agent to box centres. `entry0`: the given and the recorded state at
+    /// the current frame, if the given motion has one.
     ///
     /// # Errors
     /// A text if the distance is to come from entry 0, and there is none or it is not behind the centre.

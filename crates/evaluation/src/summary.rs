@@ -155,7 +155,8 @@ impl SimulatorSummary {
         Standing { access: self.access(), is_allowed: self.allowed().next().is_some() }
     }
 
-    /// Returns the checks that some of its rollouts fail and the user allowed, with their numbers of rollouts.
+    /// Returns the checks that some of its rollouts fail and the user allowed, with their numbers of
+    /// rollouts.
     pub fn allowed(&self) -> impl Iterator<Item = (RolloutCheck, u64)> {
         let count = |check: RolloutCheck| Some((check, *self.outcomes.get(check.outcome())?));
         RolloutCheck::ALL.into_iter().filter_map(count)

@@ -28,7 +28,8 @@ impl Folder {
         Ok(Self(open(path, access | OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())?))
     }
 
-    /// Creates a file for writing, and for reading what is written. A file or a link of this name is an error.
+    /// Creates a file for writing, and for reading what is written. A file or a link of this name is an
+    /// error.
     pub(super) fn create_new(&self, name: &OsStr) -> io::Result<File> {
         use rustix::fs::OFlags;
         self.file(name, OFlags::RDWR | OFlags::CREATE | OFlags::EXCL)

@@ -80,8 +80,8 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Creates the case of one rollout of a scenario, with its log and lights. `tracks`: 91 frames per agent, in the
-    /// order of the scenario, borrowed or owned.
+    /// Creates the case of one rollout of a scenario, with its log and lights. `tracks`: 91 frames per agent,
+    /// in the order of the scenario, borrowed or owned.
     pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
         scenario: &'a Scenario,
         tracks: impl IntoIterator<Item = T>,
@@ -97,8 +97,8 @@ impl<'a> Case<'a> {
         case.with_lights(lights).with_heights(start)
     }
 
-    /// Adds the heights of the objects, which are the agents of `start`: in scenarios with several levels they
-    /// meet only what is on their own.
+    /// Adds the heights of the objects, which are the agents of `start`: in scenarios with several levels
+    /// they meet only what is on their own.
     pub fn with_heights(mut self, start: &Start) -> Self {
         self.motion.height.clear();
         if start.has_levels() {

@@ -22,7 +22,8 @@ pub struct Event {
     pub values: Vec<(&'static str, f64)>,
 }
 
-/// Names and units of the values of events; a value without a unit is a number of steps or an index of the map.
+/// Names and units of the values of events; a value without a unit is a number of steps or an index of the
+/// map.
 pub const EVENT_UNITS: &[(&str, &str)] = &[
     ("acceleration", "m/s²"),
     ("av_speed", "m/s"),

@@ -28,9 +28,9 @@ impl Scenario {
     ///
     /// Unusual input has defined meanings: an agent with a box of size zero is not selected (see
     /// [`Self::with_all_agents`]), and states of it that are beyond the limits are absent: files fill unused
-    /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are dropped
-    /// and counted, as are links between lanes that do not meet; headings need not be wrapped; NaN velocities
-    /// are unknown, and are estimated from positions where there are any.
+    /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are
+    /// dropped and counted, as are links between lanes that do not meet; headings need not be wrapped; NaN
+    /// velocities are unknown, and are estimated from positions where there are any.
     ///
     /// # Errors
     /// [`SceneError`] names the field and the value: a wrong number of frames or a wrong rate, no AV,
@@ -45,9 +45,9 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Like [`Self::assemble`], without the estimates of velocities and the removal of links and of heights on
-    /// one level, for files with digests: scenarios must match their digest before [`Self::complete`] changes
-    /// them.
+    /// Like [`Self::assemble`], without the estimates of velocities and the removal of links and of heights
+    /// on one level, for files with digests: scenarios must match their digest before [`Self::complete`]
+    /// changes them.
     ///
     /// # Errors
     /// As for [`Self::assemble`].

@@ -86,8 +86,8 @@ impl MapHeights {
 
 impl RoadMap {
     /// Returns the map in layers, the lowest first, for pictures: what is above hides what is below. Lanes,
-    /// edges, lines and surfaces are in the layer of their mean height; what has no height is in the lowest. A
-    /// map of one level is one layer. Layers have no stop lines and no heights.
+    /// edges, lines and surfaces are in the layer of their mean height; what has no height is in the lowest.
+    /// A map of one level is one layer. Layers have no stop lines and no heights.
     pub fn layers(&self) -> Vec<Cow<'_, Self>> {
         if self.heights.is_empty() {
             return vec![Cow::Borrowed(self)];
@@ -252,8 +252,8 @@ impl Start {
         track.iter().enumerate().map(&mut height).collect()
     }
 
-    /// Returns the height of an agent at each of these states, metres, which follow its current one; NaN where
-    /// unknown. Without levels the result is empty.
+    /// Returns the height of an agent at each of these states, metres, which follow its current one; NaN
+    /// where unknown. Without levels the result is empty.
     pub fn heights_on_way(&self, agent: usize, future: &[AgentState]) -> Vec<f64> {
         if !self.has_levels() {
             return Vec::new();

@@ -126,11 +126,7 @@ impl<'a> Road<'a> {
     /// Returns the road on the level of `height`, metres: its queries leave out what is on another level. A
     /// NaN height is on every level.
     pub fn on_level(self, height: f64) -> Self {
-        if self.index.edge_heights.is_empty() && self.map.heights.is_empty() {
-            self
-        } else {
-            Self { height, ..self }
-        }
+        if self.map.heights.is_empty() { self } else { Self { height, ..self } }
     }
 
     /// Returns whether a point of a lane is on another level than the road.
@@ -297,8 +293,9 @@ impl<'a> Road<'a> {
     }
 
     /// Returns whether `p` is on drivable ground: strictly inside a polygon or, in maps without polygons,
-    /// left of the nearest edge or strictly inside a driveway, which edges run past. `start` carries the nearest edge from one point of a track to the next.
-    /// `None` if the map does not record its drivable area.
+    /// left of the nearest edge or strictly inside a driveway, which edges run past. `start` carries the
+    /// nearest edge from one point of a track to the next. `None` if the map does not record its drivable
+    /// area.
     pub fn drivable(&self, p: Vec2, start: &mut Option<u32>) -> Option<bool> {
         if self.map.drivable_area.is_some() {
             let areas = &self.index.areas;

@@ -19,8 +19,8 @@ pub struct Note {
 /// Notes by id, e.g. `vehicles-off-road`.
 pub type Notes = BTreeMap<&'static str, Note>;
 
-/// A property that is noted if it occurs. `find` gets a scenario, and per agent whether it is off the road at the
-/// current frame.
+/// A property that is noted if it occurs. `find` gets a scenario, and per agent whether it is off the road at
+/// the current frame.
 struct NoteKind {
     id: &'static str,
     /// Text for one occurrence.
@@ -128,8 +128,8 @@ fn overlapping_agents(scenario: &Scenario) -> usize {
 }
 
 impl Scenario {
-    /// Returns the notes of this scenario, by id. Most scenarios have no notes. They are computed at the first
-    /// call.
+    /// Returns the notes of this scenario, by id. Most scenarios have no notes. They are computed at the
+    /// first call.
     pub fn notes(&self) -> &Notes {
         self.notes.get_or_init(|| {
             let off_road = off_road(self);
@@ -163,7 +163,8 @@ fn is_vehicle(scenario: &Scenario, agent: usize) -> bool {
     scenario.start.agents[agent].kind == AgentKind::Vehicle
 }
 
-/// Returns per agent whether it is off the road at the current frame; false if the map records no drivable area.
+/// Returns per agent whether it is off the road at the current frame; false if the map records no drivable
+/// area.
 fn off_road(scenario: &Scenario) -> Vec<bool> {
     let start = &scenario.start;
     let mut nearest = None;

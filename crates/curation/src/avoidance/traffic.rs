@@ -112,8 +112,8 @@ impl<'a> Traffic<'a> {
         self.av[step].footprint(&self.scenario.start.agents[0])
     }
 
-    /// Returns whether two bodies are on different levels where their logged ways are closest to each other (of
-    /// the AV that of the candidate): whatever they do, they do not meet.
+    /// Returns whether two bodies are on different levels where their logged ways are closest to each other
+    /// (of the AV that of the candidate): whatever they do, they do not meet.
     pub(super) fn never_meet(&self, a: usize, b: usize) -> bool {
         let (Some(a_heights), Some(b_heights)) = (self.heights.get(a), self.heights.get(b)) else {
             return false;

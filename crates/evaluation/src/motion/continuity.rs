@@ -6,8 +6,8 @@ use reactsim_scene::{AgentKind, DT};
 use super::super::rollout_checks::RolloutCheck;
 use super::{Finding, GivenMotion, GivenScene, JUMP, median, share};
 
-/// Distance of the first given position from the expected one that is a jump of a single agent, metres: recorded
-/// logs have some of 1.2 to 1.5 m, where a tracker corrects itself.
+/// Distance of the first given position from the expected one that is a jump of a single agent, metres:
+/// recorded logs have some of 1.2 to 1.5 m, where a tracker corrects itself.
 const LONE_JUMP: f64 = 2.5;
 /// Largest distance of positions that a known mistake explains, metres.
 const FIT: f64 = 0.5;

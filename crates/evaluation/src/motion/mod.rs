@@ -49,11 +49,11 @@ pub(super) struct GivenScene<'a> {
     pub(super) is_single: bool,
 }
 
-/// What a check found.
+/// The result of a check that fails.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Finding {
     pub(super) check: RolloutCheck,
-    /// What it looks like, and how to mend it.
+    /// Likely mistake, and its mend.
     pub(super) text: String,
 }
 

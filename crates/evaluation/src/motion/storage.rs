@@ -10,8 +10,8 @@ use super::{Finding, GivenScene};
 
 /// Largest spacing of stored coordinates, metres.
 const RESOLUTION: f64 = 0.01;
-/// Largest difference of a coordinate that was stored in 32 bits from such a number, metres: rounding when the
-/// origin is added and subtracted.
+/// Largest difference of a coordinate that was stored in 32 bits from such a number, metres: rounding when
+/// the origin is added and subtracted.
 const ROUNDING: f64 = 1e-6;
 /// Smallest number of different coordinates.
 const LEAST: usize = 8;

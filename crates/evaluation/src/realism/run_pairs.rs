@@ -125,8 +125,8 @@ impl RunPairs {
     /// Opens a run folder with kept rollouts. `simulator` may be absent if the run has only one.
     ///
     /// # Errors
-    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, it lacks the simulator, or it has
-    /// other current frames than recordings among the sources.
+    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, it lacks the simulator, or it
+    /// has other current frames than recordings among the sources.
     pub fn open(
         folder: &Path,
         simulator: Option<&str>,

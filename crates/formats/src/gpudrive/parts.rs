@@ -37,7 +37,8 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
         let found = usize::try_from(value).ok().filter(|i| *i < ids.len());
         found.ok_or_else(|| Cause::value(field, value, expected()))
     };
-    // The AV is the last object of the files of GPUDrive; newer files state its index, which that program needs.
+    // The AV is the last object of the files of GPUDrive; newer files state its index, which that program
+    // needs.
     let is_av_stated = raw.metadata.as_ref().is_some_and(|m| m.sdc_track_index.is_some());
     let av = match raw.metadata.as_ref().and_then(|m| m.sdc_track_index) {
         Some(given) => index("metadata.sdc_track_index", given)?,

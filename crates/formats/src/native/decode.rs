@@ -47,8 +47,8 @@ impl Rows {
         self.text("digest", row).ok()
     }
 
-    /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the benchmark
-    /// selects or with all agents.
+    /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the
+    /// benchmark selects or with all agents.
     pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);

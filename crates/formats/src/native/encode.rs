@@ -83,8 +83,8 @@ pub(super) const COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("deviation_vy", Number, 1, true),
 ];
 
-/// Columns of heights, of the same form as [`COLUMNS`]: without values for scenarios of one level, and missing in
-/// files without others.
+/// Columns of heights, of the same form as [`COLUMNS`]: without values for scenarios of one level, and
+/// missing in files without others.
 pub(super) const HEIGHT_COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("agent_z", Number, 2, true),
     ("lane_z", Number, 2, false),

@@ -16,7 +16,8 @@ type Key = (RecordPosition, Option<u32>);
 /// Prefixes of the fields of a row that may differ between machines. All other fields describe the scenario.
 const ROLLOUT_FIELDS: [&str; 3] = ["metrics.", "outcomes.", "direction_tracking"];
 
-/// Compares rows, in the metrics that the reference has. Rows of networks count only for every `every`th scenario.
+/// Compares rows, in the metrics that the reference has. Rows of networks count only for every `every`th
+/// scenario.
 pub(super) fn rows(
     reference: &Reference,
     expected: &[Row],
@@ -198,7 +199,8 @@ fn pairs(first: &Tally, second: &Tally, simulator: &str, metric: &str) -> Vec<(f
     first.entries.keys().filter_map(|place| value(first, place).zip(value(second, place))).collect()
 }
 
-/// Compares the values of summaries, in the metrics that the reference has, for references without rows. Simulators in `left_out` are not compared.
+/// Compares the values of summaries, in the metrics that the reference has, for references without rows.
+/// Simulators in `left_out` are not compared.
 pub(super) fn summaries(
     reference: &Reference,
     found: Option<&Summary>,
