@@ -90,7 +90,7 @@ fn a_scenario_becomes_a_film() {
 #[test]
 fn what_does_not_move_stays_as_it_is() {
     // Agents that stand as in the log have no ghosts: only the time and the event change.
-    let mut parts = crate::generated::parts(0, false);
+    let mut parts = crate::small_scenarios::parts(0, false);
     for agent in &mut parts.agents {
         agent.track = vec![agent.track[CURRENT]; agent.track.len()];
     }
@@ -223,7 +223,7 @@ fn every_case_study_is_in_the_shipped_benchmark() {
 fn a_scenario_without_deviated_av_has_nothing_to_react_to() {
     let home = tempfile::tempdir().unwrap();
     let path = home.path().join("plain.parquet");
-    let plain = Scenario::assemble(crate::generated::parts(0, false)).unwrap();
+    let plain = Scenario::assemble(crate::small_scenarios::parts(0, false)).unwrap();
     let mut writer = formats::native::Writer::create(&path).unwrap();
     writer.write(&plain).unwrap();
     writer.finish().unwrap();

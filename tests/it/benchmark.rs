@@ -11,8 +11,8 @@ use reactsim::rollout::{PlanError, Planning, Protocol, Replan, SingleEpisode, St
 use reactsim::scene::{Scenario, Start};
 use reactsim::{Benchmark, BenchmarkError};
 
-use crate::generated;
 use crate::reference::said;
+use crate::small_scenarios;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
@@ -123,7 +123,7 @@ fn wrong_settings_are_refused() {
     }
     let twice = refused(stop().deviations("/nowhere.json").av(AvChoice::File("/nowhere.json".into())));
     assert!(matches!(twice, BenchmarkError::Evaluation(EvaluationError::DeviationsTwice)), "{twice}");
-    let mut plain = generated::deviating(0, false);
+    let mut plain = small_scenarios::deviating(0, false);
     plain.id = "plain".to_owned();
     let undeviated = refused(Benchmark::scenarios([plain]).baseline("stop"));
     assert!(matches!(undeviated, BenchmarkError::Evaluation(EvaluationError::NoDeviatedAv)), "{undeviated}");
@@ -143,7 +143,7 @@ fn all_baselines_and_variants_are_those_of_run() {
         let results = benchmark.run().unwrap();
         results.summary.provenance.run.simulators.into_iter().map(|s| s.id).collect::<Vec<_>>()
     };
-    let scenario = || Benchmark::scenarios([generated::scenario(0)]).batch(NonZeroUsize::MIN);
+    let scenario = || Benchmark::scenarios([small_scenarios::scenario(0)]).batch(NonZeroUsize::MIN);
     let complete = reactsim::models::MODELS.iter().filter(|baseline| baseline.is_complete());
     let complete: Vec<_> = complete.map(|baseline| baseline.id.to_owned()).collect();
     assert_eq!(simulators(scenario().baseline("all")), complete);
@@ -166,9 +166,9 @@ fn all_baselines_and_variants_are_those_of_run() {
 #[test]
 fn deviated_and_logged_avs_mix_by_scenario() {
     let home = tempfile::tempdir().unwrap();
-    let mut plain = generated::deviating(0, false);
+    let mut plain = small_scenarios::deviating(0, false);
     plain.id = "plain".to_owned();
-    let deviated = generated::deviating(0, true);
+    let deviated = small_scenarios::deviating(0, true);
     assert!(plain.deviation.is_none() && deviated.deviation.is_some());
     let run = |av: AvChoice, scenarios: &[&Scenario]| {
         let folder = home.path().join(av.to_string());

@@ -11,7 +11,7 @@ use reactsim::evaluation::{
 use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
 
-use crate::generated::{certified, source, source_of};
+use crate::small_scenarios::{certified, source, source_of};
 
 fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
     let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();

@@ -19,7 +19,7 @@ mod document;
 mod evaluation;
 mod external;
 mod formats;
-mod generated;
+mod small_scenarios;
 mod generation;
 mod ground;
 mod guard;

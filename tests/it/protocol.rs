@@ -9,9 +9,9 @@ use reactsim::models::{Baseline, MODELS};
 use reactsim::rollout::{Controller, Replan, Rollout, Settings, roll_out};
 use reactsim::scene::{AgentState, Scenario};
 
-use crate::generated;
 use crate::model_weights::untrained;
 use crate::scenes::{mini, real, request};
+use crate::small_scenarios;
 
 /// Replan intervals: every step, the default, one that does not divide the horizon, and a plan for the whole
 /// horizon.
@@ -19,7 +19,7 @@ const INTERVALS: [usize; 4] = [1, 5, 7, 80];
 
 /// Returns synthetic, hand-made and, if available, recorded scenarios.
 fn scenarios(recorded: usize) -> Vec<Scenario> {
-    let mut all: Vec<Scenario> = (0..2).map(generated::scenario).collect();
+    let mut all: Vec<Scenario> = (0..2).map(small_scenarios::scenario).collect();
     all.extend(mini());
     all.extend(real(recorded));
     all

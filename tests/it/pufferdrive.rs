@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::model_weights::untrained;
 use crate::networks::devices;
 use crate::scenes::{coasting, mini, real, request};
-use crate::{generated, shared};
+use crate::{shared, small_scenarios};
 
 fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect()
@@ -80,7 +80,7 @@ fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
 }
 
 fn scenarios() -> Vec<Scenario> {
-    let mut all: Vec<Scenario> = (0..2).map(generated::scenario).collect();
+    let mut all: Vec<Scenario> = (0..2).map(small_scenarios::scenario).collect();
     all.extend(mini());
     all.extend(real(1));
     all

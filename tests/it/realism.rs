@@ -6,13 +6,13 @@ use reactsim::geometry::{Vec2, direction, smooth_step};
 use reactsim::report::{realism_charts, realism_tables};
 use reactsim::scene::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenario, ScenarioParts};
 
-use crate::generated;
 use crate::program::program;
+use crate::small_scenarios;
 
 /// Returns a straight road of two lanes with an AV at 6 m/s, 22.5 m of gap ahead and 4.5 m behind, and a
 /// neighbour at 7 m/s.
 fn parts() -> ScenarioParts {
-    generated::parts(0, false)
+    small_scenarios::parts(0, false)
 }
 
 fn measured(parts: ScenarioParts) -> Tally {
@@ -149,7 +149,7 @@ fn noise_is_not_acceleration() {
 }
 
 fn set(numbers: impl Iterator<Item = usize>, jobs: usize) -> Measured {
-    let records = numbers.map(|i| move || Ok::<_, String>(generated::deviating(i, false)));
+    let records = numbers.map(|i| move || Ok::<_, String>(small_scenarios::deviating(i, false)));
     Measured::of(records, jobs, |error| panic!("{error}"))
 }
 
@@ -164,7 +164,7 @@ fn threads_decide_nothing() {
 #[test]
 fn what_can_not_be_read_is_counted() {
     let records = (0..5).map(|i| {
-        move || if i == 3 { Err(format!("record {i}")) } else { Ok(generated::deviating(i, false)) }
+        move || if i == 3 { Err(format!("record {i}")) } else { Ok(small_scenarios::deviating(i, false)) }
     });
     let mut told = Vec::new();
     let set = Measured::of(records, 2, |error| told.push(error));
@@ -211,8 +211,8 @@ fn the_program_compares_files() {
     let folder = tempfile::tempdir().unwrap();
     let (a, b) = (folder.path().join("a.parquet"), folder.path().join("b.parquet"));
     let svg = folder.path().join("a.svg");
-    generated::write(&a, (0..10).map(|i| generated::deviating(i, false)));
-    generated::write(&b, (10..14).map(|i| generated::deviating(i, false)));
+    small_scenarios::write(&a, (0..10).map(|i| small_scenarios::deviating(i, false)));
+    small_scenarios::write(&b, (10..14).map(|i| small_scenarios::deviating(i, false)));
     let reactsim = |arguments: &[&std::ffi::OsStr]| {
         let mut program = program();
         program.args(["generate", "compare"]).args(arguments).output().unwrap()

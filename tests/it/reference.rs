@@ -14,8 +14,8 @@ use reactsim::evaluation::{
 use reactsim::formats;
 use serde_json::json;
 
-use crate::generated;
 use crate::program::reactsim;
+use crate::small_scenarios;
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
@@ -393,7 +393,7 @@ fn sets_of_recordings_have_aggregates_only() {
 /// Makes a reference of a network on small scenarios, with rows.
 fn of_network(home: &Path) -> (Reference, PathBuf) {
     let (input, out) = (home.join("roads.parquet"), home.join("run"));
-    generated::write(&input, (0..6).map(generated::scenario));
+    small_scenarios::write(&input, (0..6).map(small_scenarios::scenario));
     said(&["run", text(&input), "--models", "stop,regression", "--out", text(&out)], 0);
     as_if_committed(&out);
     let mut reference =
@@ -406,7 +406,7 @@ fn of_network(home: &Path) -> (Reference, PathBuf) {
 fn weights_that_ship_for_another_simulator_are_found_by_their_digest() {
     let home = tempfile::tempdir().unwrap();
     let (input, out) = (home.path().join("roads.parquet"), home.path().join("run"));
-    generated::write(&input, (0..2).map(generated::scenario));
+    small_scenarios::write(&input, (0..2).map(small_scenarios::scenario));
     let weights =
         concat!("token-replay=", env!("CARGO_MANIFEST_DIR"), "/weights/smart/smart-small.safetensors");
     let models = ["--models", "token-replay", "--model-weights", weights];

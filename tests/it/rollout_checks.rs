@@ -9,8 +9,8 @@ use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
 use reactsim::metrics::Options;
 
-use crate::generated::{deviating, write};
 use crate::program::reactsim;
+use crate::small_scenarios::{deviating, write};
 
 struct Fixture {
     home: tempfile::TempDir,

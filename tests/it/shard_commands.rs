@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::generated::{scenario, write};
 use crate::program::reactsim;
 use crate::reference::{said, text};
+use crate::small_scenarios::{scenario, write};
 
 /// Returns all files below a folder, by their paths in it.
 fn tree(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::generated::{scenario, write};
 use crate::program::{program, reactsim};
+use crate::small_scenarios::{scenario, write};
 
 /// Scenarios in two files, the second of which has an id of the first one and a damaged record.
 struct Run {

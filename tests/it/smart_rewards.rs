@@ -11,7 +11,7 @@ use reactsim::models::ntp::smart::{Smart, SmartPolicy};
 use reactsim::scene::Scenario;
 use reactsim::training::{Execution, Learner, Settings, Source, Stream, Task, View};
 
-use crate::generated::scenario;
+use crate::small_scenarios::scenario;
 use crate::smart_simulator::untrained;
 
 fn task(recipe: GrpoRecipe) -> GroupRelative {

@@ -9,7 +9,7 @@ use reactsim::models::ntp::smart::{Scene, SmartPolicy};
 use reactsim::scene::{CURRENT, Frame, Scenario};
 use reactsim::training::{Stream, Task, View, parameter_paths};
 
-use crate::generated::scenario;
+use crate::small_scenarios::scenario;
 use crate::smart_simulator::{policy, untrained};
 
 /// Number of steps of the history and of a whole scenario.

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::generated::{deviations, scenario, write};
 use crate::program::program;
+use crate::small_scenarios::{deviations, scenario, write};
 
 const FAKE: &str = include_str!("store/fake.py");
 /// Files of a run that must not depend on where its scenarios are.

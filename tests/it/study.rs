@@ -14,8 +14,8 @@ use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
 use serde_json::Value;
 
-use crate::generated::{deviating, deviations, scenario, source, write};
 use crate::program::program;
+use crate::small_scenarios::{deviating, deviations, scenario, source, write};
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 

@@ -10,8 +10,8 @@ use reactsim::models::TASKS;
 use reactsim::scene::CURRENT;
 use serde_json::Value;
 
-use crate::generated::{scenario, write};
 use crate::program::{log_rows, reactsim};
+use crate::small_scenarios::{scenario, write};
 
 const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
 

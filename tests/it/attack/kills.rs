@@ -7,8 +7,8 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::generated::{scenario, write};
 use crate::program::program;
+use crate::small_scenarios::{scenario, write};
 
 /// A moment of a run, as seen in its folder.
 type Moment = fn(&Path) -> bool;

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 
 use super::trainings::{prepare, train};
-use crate::generated::{scenario, write};
 use crate::program::{log_rows, program};
+use crate::small_scenarios::{scenario, write};
 
 fn run(input: &Path, out: &Path) -> Child {
     let mut command = program();

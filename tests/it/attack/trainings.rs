@@ -10,8 +10,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use crate::generated::{scenario, write};
 use crate::program::{log_rows, program};
+use crate::small_scenarios::{scenario, write};
 
 /// A network that learns in a moment, with a checkpoint after almost every step.
 const RECIPE: &str = "agents = 8

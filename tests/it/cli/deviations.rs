@@ -4,8 +4,8 @@ use std::fs;
 use std::process::Output;
 
 use super::{results, stderr, stdout, text};
-use crate::generated::{deviating, deviations, scenario, write};
 use crate::program::reactsim;
+use crate::small_scenarios::{deviating, deviations, scenario, write};
 
 #[test]
 fn deviations_from_a_file_are_those_that_scenarios_carry() {

@@ -7,8 +7,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use super::{results, stderr, text};
-use crate::generated::{scenario, write};
 use crate::program::{program, reactsim};
+use crate::small_scenarios::{scenario, write};
 
 /// Finishes a run of two scenarios that keeps its rollouts, and returns the arguments that resume it.
 fn finished(folder: &Path) -> Vec<String> {

@@ -3,8 +3,8 @@
 use std::fs;
 
 use super::{stderr, stdout, text};
-use crate::generated::{deviating, scenario, write};
 use crate::program::reactsim;
+use crate::small_scenarios::{deviating, scenario, write};
 
 #[test]
 fn wrong_input_names_the_mend_and_exits_with_2() {

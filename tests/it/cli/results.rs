@@ -7,9 +7,9 @@ use reactsim::geometry::Vec2;
 use reactsim::scene::{FRAMES, LightParts, LightState, Scenario};
 
 use super::{stderr, stdout, text};
-use crate::generated::{certified, parts, scenario, write};
 use crate::program::reactsim;
 use crate::reference::said;
+use crate::small_scenarios::{certified, parts, scenario, write};
 
 #[test]
 fn kept_rollouts_score_to_the_same_numbers() {
@@ -195,7 +195,7 @@ fn rollout_documents_are_scored() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("reactsim-rollouts-v9"), "{}", stderr(&output));
     let rows = home.path().join("rows.parquet");
-    write(&rows, [crate::generated::scenario(0)]);
+    write(&rows, [crate::small_scenarios::scenario(0)]);
     assert!(stderr(&reactsim(&["score", text(&rows)])).contains("give --scenarios"));
 }
 

@@ -9,8 +9,8 @@ use reactsim::scene::{AgentState, Scenario};
 use serde_json::{Value, json};
 
 use super::cli::closing;
-use crate::generated::write as write_scenarios;
 use crate::program::reactsim;
+use crate::small_scenarios::write as write_scenarios;
 
 /// Scenarios whose AVs deviate, as shipped.
 const BENCH: &str = "scenarios/bench.parquet";

@@ -8,8 +8,8 @@ use reactsim::curation::{Decision, store};
 use reactsim::scene::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, Scenario, ScenarioParts};
 
 use super::hand::{scenario, write};
-use crate::generated::{deviating, parts, write as write_scenarios};
 use crate::program::{program, reactsim};
+use crate::small_scenarios::{deviating, parts, write as write_scenarios};
 use reactsim_test_support::proto::{self, Proto};
 
 fn stderr(output: &Output) -> String {

@@ -14,12 +14,12 @@ use reactsim::web::{Stop, sketch};
 use serde_json::{Value, json};
 
 use super::hand;
-use crate::generated;
+use crate::small_scenarios;
 
 /// Returns scenarios that can be drawn, with hand-made candidates.
 pub(super) fn records(count: usize) -> Vec<ScenarioRecord> {
     let record = |i: usize| {
-        let drawn = generated::scenario(i);
+        let drawn = small_scenarios::scenario(i);
         ScenarioRecord { scene: Some(sketch(&drawn)), ..hand::scenario(&drawn.id, 6) }
     };
     (0..count).map(record).collect()
@@ -236,9 +236,9 @@ fn a_pick_of_another_trajectory_is_stale() {
 
 #[test]
 fn a_scene_is_the_same_every_time_and_gives_the_tracks_back() {
-    let scenario = generated::scenario(3);
+    let scenario = small_scenarios::scenario(3);
     let text = sketch(&scenario);
-    assert_eq!(text, sketch(&generated::scenario(3)));
+    assert_eq!(text, sketch(&small_scenarios::scenario(3)));
     let value: Value = serde_json::from_str(&text).unwrap();
     let agents = value["agents"].as_array().unwrap();
     assert_eq!(agents.len(), scenario.start.agents.len());

@@ -6,8 +6,8 @@ use reactsim::rollout::{
 use reactsim::scene::{AgentState, Scenario, Start};
 
 use super::settings;
-use crate::generated;
 use crate::scenes::{bits, coasting, request};
+use crate::small_scenarios;
 
 /// Fault of a test simulator.
 #[derive(Clone, Copy)]
@@ -63,7 +63,7 @@ fn faulty(from: usize, fault: Fault) -> Controller {
 fn three() -> Vec<Scenario> {
     let mut all: Vec<Scenario> = Vec::new();
     for i in 0..3 {
-        let mut parts = generated::parts(i, true);
+        let mut parts = small_scenarios::parts(i, true);
         if i == 1 {
             parts.agents.truncate(3);
         }

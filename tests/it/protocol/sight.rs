@@ -8,8 +8,8 @@ use reactsim::scene::{
 };
 
 use super::{INTERVALS, every_baseline, roll, scenarios, settings};
-use crate::generated;
 use crate::scenes::{self, bits, bystander, car, coasting, light, real, scene, straight};
+use crate::small_scenarios;
 
 /// Returns the AV of `base` up to step `t`; then it stands still, turned aside.
 fn halting(base: &[AgentState], now: AgentState, t: usize) -> Vec<AgentState> {
@@ -101,7 +101,7 @@ fn rewrite(tracks: &mut [Vec<Frame>], how: usize) {
 fn fair_simulators_do_not_see_the_log() {
     let assembled = |how: Option<usize>| {
         (0..2).map(move |i| {
-            let mut parts = generated::parts(i, true);
+            let mut parts = small_scenarios::parts(i, true);
             if let Some(how) = how {
                 for agent in &mut parts.agents {
                     let mut future = [agent.track.split_off(HISTORY)];

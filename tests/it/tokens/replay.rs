@@ -8,8 +8,8 @@ use reactsim::models::{WeightsFile, find};
 use reactsim::rollout::{Controller, LogAv, Request, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, HISTORY, Scenario};
 
-use crate::generated::scenario;
 use crate::scenes::{car, mini, scene, straight};
+use crate::small_scenarios::scenario;
 
 /// Returns the tracks of a scenario as `token-replay` drives it with the kinematic tokens.
 fn replayed(scenario: &Scenario) -> Vec<Vec<Frame>> {
