@@ -92,45 +92,50 @@ impl RoadMap {
         if self.heights.is_empty() {
             return vec![Cow::Borrowed(self)];
         }
-        let known = self.heights.lists().into_iter().flatten().flatten().copied();
-        let lowest = known.fold(f64::INFINITY, f64::min);
-        let layer = |heights: &[f64]| {
-            let mean = heights.iter().sum::<f64>() / heights.len() as f64;
-            // The cast turns NaN into 0.
-            ((mean - lowest) / LEVEL_GAP) as usize
-        };
-        let mut layers: BTreeMap<usize, Self> = BTreeMap::new();
         let heights = &self.heights;
-        let of = |list: &[Vec<f64>], i: usize| list.get(i).map_or(0, |heights| layer(heights));
-        for (i, lane) in self.lanes.iter().enumerate() {
-            layers.entry(of(&heights.lanes, i)).or_default().lanes.push(lane.clone());
-        }
-        for (i, edge) in self.road_edges.iter().enumerate() {
-            layers.entry(of(&heights.road_edges, i)).or_default().road_edges.push(edge.clone());
-        }
-        for (i, line) in self.road_lines.iter().enumerate() {
-            layers.entry(of(&heights.road_lines, i)).or_default().road_lines.push(line.clone());
-        }
-        for (i, crosswalk) in self.crosswalks.iter().enumerate() {
-            layers.entry(of(&heights.crosswalks, i)).or_default().crosswalks.push(crosswalk.clone());
-        }
-        for (i, bump) in self.speed_bumps.iter().enumerate() {
-            layers.entry(of(&heights.speed_bumps, i)).or_default().speed_bumps.push(bump.clone());
-        }
-        for (i, driveway) in self.driveways.iter().enumerate() {
-            layers.entry(of(&heights.driveways, i)).or_default().driveways.push(driveway.clone());
-        }
-        layers.entry(0).or_default().intersections.clone_from(&self.intersections);
-        for (i, polygon) in self.drivable_area.iter().flatten().enumerate() {
-            let layer = layers.entry(of(&heights.drivable_area, i)).or_default();
-            layer.drivable_area.get_or_insert_default().push(polygon.clone());
-        }
-        if self.drivable_area.is_some() {
-            for layer in layers.values_mut() {
-                layer.drivable_area.get_or_insert_default();
+        let known = heights.lists().into_iter().flatten().flatten().copied();
+        let lowest = known.fold(f64::INFINITY, f64::min);
+        let mut layers = Layers { lowest, maps: BTreeMap::new() };
+        layers.add(&self.lanes, &heights.lanes, |map| &mut map.lanes);
+        layers.add(&self.road_edges, &heights.road_edges, |map| &mut map.road_edges);
+        layers.add(&self.road_lines, &heights.road_lines, |map| &mut map.road_lines);
+        layers.add(&self.crosswalks, &heights.crosswalks, |map| &mut map.crosswalks);
+        layers.add(&self.speed_bumps, &heights.speed_bumps, |map| &mut map.speed_bumps);
+        layers.add(&self.driveways, &heights.driveways, |map| &mut map.driveways);
+        layers.add(&self.intersections, &[], |map| &mut map.intersections);
+        if let Some(area) = &self.drivable_area {
+            layers.add(area, &heights.drivable_area, |map| map.drivable_area.get_or_insert_default());
+            for map in layers.maps.values_mut() {
+                map.drivable_area.get_or_insert_default();
             }
         }
-        layers.into_values().map(Cow::Owned).collect()
+        layers.maps.into_values().map(Cow::Owned).collect()
+    }
+}
+
+/// Parts of a map by level.
+struct Layers {
+    /// Lowest height of the map, metres.
+    lowest: f64,
+    maps: BTreeMap<usize, RoadMap>,
+}
+
+impl Layers {
+    /// Adds each item of a list to the layer of its mean height.
+    fn add<T: Clone>(
+        &mut self,
+        items: &[T],
+        heights: &[Vec<f64>],
+        list_of: impl Fn(&mut RoadMap) -> &mut Vec<T>,
+    ) {
+        for (i, item) in items.iter().enumerate() {
+            let layer = heights.get(i).map_or(0, |heights| {
+                let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+                // The cast turns NaN into 0.
+                ((mean - self.lowest) / LEVEL_GAP) as usize
+            });
+            list_of(self.maps.entry(layer).or_default()).push(item.clone());
+        }
     }
 }
 
