@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use reactsim_dynamics::{STANDSTILL_SPEED, follow, speeds};
 use reactsim_geometry::{direction, smooth_step};
-use reactsim_scene::{AgentState, DT, FUTURE, Scenario};
+use reactsim_scene::{AgentState, DT, FUTURE, Scenario, brief};
 
 use super::logged_drive::{LoggedDrive, velocity_now};
 use super::{Av, AvError, AvPolicy, FixedStates};
@@ -62,8 +62,10 @@ impl FromStr for Script {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (name, value) = text.trim().split_once(':').unwrap_or((text.trim(), ""));
         let number = value.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-        let refuse =
-            |name, range, example| ParseScriptError::Value { text: text.into(), name, range, example };
+        let refuse = |name, range, example| {
+            let text = text.replace(value, &brief(value));
+            ParseScriptError::Value { text, name, range, example }
+        };
         match name {
             "constant-velocity" if value.is_empty() => Ok(Self::ConstantVelocity),
             "brake" => number
@@ -78,7 +80,7 @@ impl FromStr for Script {
                 .filter(|v| v.abs() <= 5.0)
                 .map(Self::Shift)
                 .ok_or_else(|| refuse("shift", "an offset from -5 to 5 m, left positive", "2")),
-            _ => Err(ParseScriptError::Unknown(text.into())),
+            _ => Err(ParseScriptError::Unknown(brief(text).into())),
         }
     }
 }

@@ -191,3 +191,11 @@ fn a_second_writer_is_refused() {
     drop(first);
     Journal::open(&path).unwrap();
 }
+
+#[test]
+fn names_of_reviewers_are_one_printable_line() {
+    assert!(is_reviewer("Åsa Öberg") && is_reviewer(&"a".repeat(100)));
+    for name in ["", "  ", "a\nb", "\u{1b}[31mred", "a\u{7}", "\u{9b}2J", &"a".repeat(101)] {
+        assert!(!is_reviewer(name), "{name:?}");
+    }
+}

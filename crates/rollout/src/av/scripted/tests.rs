@@ -273,3 +273,11 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn errors_quote_long_numbers_briefly() {
+    let error = format!("brake:1{}", "0".repeat(300)).parse::<Script>().unwrap_err().to_string();
+    assert!(error.starts_with("`brake:1e300` is not a scripted AV"), "{error}");
+    let error = "brake".parse::<Script>().unwrap_err().to_string();
+    assert!(error.starts_with("`brake` is not"), "{error}");
+}
