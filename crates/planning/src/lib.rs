@@ -1,0 +1,14 @@
+//! Closed-loop evaluation of planners on scenarios, as nuPlan defines it.
+//!
+//! Start with [`EgoState`], [`TrackedObject`] and [`PlanningMap`]: every planner, controller and metric of this
+//! crate works on them.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+pub mod map;
+mod objects;
+mod state;
+
+pub use map::PlanningMap;
+pub use objects::{ObjectGroup, ObjectId, ObjectKind, TrackedObject};
+pub use state::{EgoShape, EgoState};
