@@ -6,6 +6,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 pub mod map;
+pub mod metrics;
 mod objects;
 mod state;
 
