@@ -9,7 +9,15 @@ pub mod map;
 pub mod metrics;
 mod objects;
 mod state;
+mod trajectory;
+
+pub mod pdm;
+pub mod planner;
+pub mod tracking;
+
+mod shapes;
 
 pub use map::PlanningMap;
 pub use objects::{ObjectGroup, ObjectId, ObjectKind, TrackedObject};
 pub use state::{EgoShape, EgoState};
+pub use trajectory::{MAX_SPEED, MAX_START_DISTANCE, Pose, STEP, Trajectory, TrajectoryError, validate};

@@ -55,7 +55,7 @@ pub(crate) fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(number).collect()
 }
 
-fn shape(vehicle: &Value) -> EgoShape {
+pub(crate) fn shape(vehicle: &Value) -> EgoShape {
     EgoShape {
         width: number(&vehicle["width"]),
         length: number(&vehicle["length"]),
@@ -86,12 +86,13 @@ fn states(lists: &Value, dt: f64) -> Vec<EgoState> {
     (0..x.len()).map(state).collect()
 }
 
-fn objects_at(tracks: &Value, k: usize) -> Vec<TrackedObject> {
+pub(crate) fn objects_at(tracks: &Value, k: usize) -> Vec<TrackedObject> {
     tracks.as_array().unwrap().iter().filter_map(|track| object_at(track, k)).collect()
 }
 
 fn object_at(track: &Value, k: usize) -> Option<TrackedObject> {
-    let at = |name: &str| track[name].get(k).and_then(Value::as_f64);
+    // Documents of one sample have numbers instead of lists.
+    let at = |name: &str| track[name].get(k).unwrap_or(&track[name]).as_f64();
     Some(TrackedObject {
         id: ObjectId::from(track["id"].as_str()?),
         kind: ObjectKind::from_name(track["type"].as_str()?).unwrap(),
@@ -103,7 +104,7 @@ fn object_at(track: &Value, k: usize) -> Option<TrackedObject> {
     })
 }
 
-fn map(json: &Value) -> PlanningMap {
+pub(crate) fn map(json: &Value) -> PlanningMap {
     let ids = |list: &Value| -> BTreeMap<String, usize> {
         let name = |item: &Value| item["id"].as_str().unwrap().to_owned();
         list.as_array().unwrap().iter().enumerate().map(|(i, item)| (name(item), i)).collect()

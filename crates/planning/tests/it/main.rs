@@ -1,5 +1,8 @@
-//! Comparison of the metrics with golden values of nuPlan's devkit.
+//! Comparison of metrics, controllers and planners with golden values of public code.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod document;
 mod golden_metrics;
+mod golden_pdm;
+mod golden_tracking;
+mod part;
