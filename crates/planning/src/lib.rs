@@ -11,11 +11,15 @@ mod objects;
 mod state;
 mod trajectory;
 
+pub mod closed_loop;
 pub mod pdm;
 pub mod planner;
 pub mod tracking;
 
 mod shapes;
+
+#[cfg(test)]
+mod fixtures;
 
 pub use map::PlanningMap;
 pub use objects::{ObjectGroup, ObjectId, ObjectKind, TrackedObject};

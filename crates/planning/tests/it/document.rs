@@ -64,7 +64,7 @@ pub(crate) fn shape(vehicle: &Value) -> EgoShape {
     }
 }
 
-fn states(lists: &Value, dt: f64) -> Vec<EgoState> {
+pub(crate) fn states(lists: &Value, dt: f64) -> Vec<EgoState> {
     let list = |name: &str| numbers(&lists[name]);
     let (x, y, heading) = (list("x"), list("y"), list("heading"));
     let (vx, vy, ax, ay) = (list("vx"), list("vy"), list("ax"), list("ay"));

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod document;
+mod golden_loop;
 mod golden_metrics;
 mod golden_pdm;
 mod golden_tracking;

@@ -47,6 +47,12 @@ impl Part {
         Self { place, value }
     }
 
+    /// Returns the content of the part with this key.
+    #[track_caller]
+    pub(crate) fn json(&self, key: &str) -> Value {
+        self.at(key).value
+    }
+
     /// Returns the elements of a list.
     #[track_caller]
     pub(crate) fn list(&self) -> Vec<Self> {
