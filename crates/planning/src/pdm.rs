@@ -26,7 +26,6 @@ use std::collections::BTreeSet;
 use areas::DrivableLanes;
 use comfort::Comfort;
 use forecast::{Forecast, ObstacleId};
-use path::Corridor;
 use proposals::Proposals;
 use scoring::Scorer;
 

@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 
-use super::Corridor;
+use super::path::{Corridor, Path};
 use crate::planner::PlannerInput;
 use crate::shapes::{box_ring_distance, ring_centroid, ring_covers_box};
 use crate::trajectory::STEP;
@@ -40,16 +40,6 @@ pub(super) enum Shape {
     Outline(Vec<Vec2>),
 }
 
-impl Shape {
-    /// Returns the distance to a box, metres; 0 if they touch or overlap.
-    pub(super) fn distance(&self, other: &OrientedBox) -> f64 {
-        match self {
-            Self::Box(own) => own.signed_distance(other).max(0.0),
-            Self::Outline(ring) => box_ring_distance(other, ring),
-        }
-    }
-}
-
 /// What an obstacle is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ObstacleKind {
@@ -69,6 +59,8 @@ pub(super) struct Obstacle {
     pub(super) shape: Shape,
     /// Centroid at present, metres.
     pub(super) centroid: Vec2,
+    /// Radius of the circumscribed circle of a box, metres; infinite for red connectors.
+    pub(super) radius: f64,
     /// Velocity of the forecast, m/s.
     pub(super) drift: Vec2,
     /// Observed heading, radians.
@@ -85,6 +77,7 @@ impl Obstacle {
         Self {
             kind: if is_agent { ObstacleKind::Agent } else { ObstacleKind::Static },
             shape: Shape::Box(object.footprint()),
+            radius: object.footprint().radius(),
             centroid: object.center,
             drift: if is_agent { drift(object) } else { Vec2::zeros() },
             heading: object.heading,
@@ -98,6 +91,7 @@ impl Obstacle {
             kind: ObstacleKind::RedConnector,
             centroid: ring_centroid(&outline),
             shape: Shape::Outline(outline),
+            radius: f64::INFINITY,
             drift: Vec2::zeros(),
             heading: 0.0,
             speed: 0.0,
@@ -120,20 +114,27 @@ impl Obstacle {
         self.centroid + self.displacement(step)
     }
 
-    /// Returns the ground at a step of the forecast.
-    pub(super) fn shape_at(&self, step: usize) -> Shape {
-        match &self.shape {
+    /// Returns the distance in metres to a box at a step of the forecast, 0 if they touch or overlap; `None` if it
+    /// is not below `bound`.
+    pub(super) fn distance_below(&self, step: usize, other: &OrientedBox, bound: f64) -> Option<f64> {
+        let distance = match &self.shape {
             Shape::Box(own) => {
-                Shape::Box(OrientedBox { center: own.center + self.displacement(step), ..*own })
+                let own = OrientedBox { center: self.centroid_at(step), ..*own };
+                let reach = self.radius + other.half_length + other.half_width;
+                if (own.center - other.center).norm() - reach >= bound {
+                    return None;
+                }
+                own.signed_distance(other).max(0.0)
             }
-            outline @ Shape::Outline(_) => outline.clone(),
-        }
+            Shape::Outline(ring) => box_ring_distance(other, ring),
+        };
+        (distance < bound).then_some(distance)
     }
 
     /// Returns the box at a step of the forecast; `None` for red connectors.
     pub(super) fn box_at(&self, step: usize) -> Option<OrientedBox> {
         match &self.shape {
-            Shape::Box(own) => Some(OrientedBox { center: own.center + self.displacement(step), ..*own }),
+            Shape::Box(own) => Some(OrientedBox { center: self.centroid_at(step), ..*own }),
             Shape::Outline(_) => None,
         }
     }
@@ -185,33 +186,35 @@ impl Forecast {
         Self { obstacles: obstacles.into_iter().map(|(_, obstacle)| obstacle).collect() }
     }
 
-    /// Returns the obstacles that may be in a corridor.
-    pub(super) fn along<'a>(&'a self, corridor: &'a Corridor) -> CorridorTraffic<'a> {
+    /// Returns the obstacles that may be in a corridor of a path.
+    pub(super) fn along<'a>(&'a self, path: &'a Path, corridor: &'a Corridor) -> CorridorTraffic<'a> {
         let relevant = self.obstacles.iter().filter(|obstacle| !obstacle.ignored);
         let (standing, moving): (Vec<_>, Vec<_>) = relevant.partition(|obstacle| obstacle.is_standing());
-        let standing = standing.into_iter().filter(|obstacle| corridor.touches(&obstacle.shape)).collect();
-        CorridorTraffic { corridor, standing, moving }
+        let inside = standing.into_iter().filter(|obstacle| corridor.touches(&obstacle.shape));
+        let standing = inside.map(|obstacle| (path.project(obstacle.centroid), obstacle)).collect();
+        CorridorTraffic { path, corridor, standing, moving }
     }
 }
 
 /// Obstacles that are in a corridor, or may drive into it.
 #[derive(Debug)]
 pub(super) struct CorridorTraffic<'a> {
+    path: &'a Path,
     corridor: &'a Corridor,
-    standing: Vec<&'a Obstacle>,
+    /// Standing obstacles in the corridor, with their progress on the path.
+    standing: Vec<(f64, &'a Obstacle)>,
     moving: Vec<&'a Obstacle>,
 }
 
 impl<'a> CorridorTraffic<'a> {
-    /// Returns the obstacles that touch the corridor at a step of the forecast.
-    pub(super) fn at(&self, step: usize) -> Vec<&'a Obstacle> {
-        let bounds = self.corridor.bounds();
+    /// Returns the obstacles that touch the corridor at a step of the forecast, with the progress of their centroids
+    /// on the path, metres.
+    pub(super) fn at(&self, step: usize) -> Vec<(f64, &'a Obstacle)> {
         let inside = |obstacle: &Obstacle| {
-            let Some(other) = obstacle.box_at(step) else { return false };
-            bounds.inflated(other.radius()).contains(other.center)
-                && self.corridor.touches(&Shape::Box(other))
+            obstacle.box_at(step).is_some_and(|other| self.corridor.touches_box(&other, obstacle.radius))
         };
         let moving = self.moving.iter().copied().filter(|obstacle| inside(obstacle));
+        let moving = moving.map(|obstacle| (self.path.project(obstacle.centroid_at(step)), obstacle));
         self.standing.iter().copied().chain(moving).collect()
     }
 }

@@ -2,7 +2,9 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use reactsim_geometry::{Bounds, OrientedBox, Polyline, Vec2, direction, heading_of, wrap};
+use reactsim_geometry::{
+    Bounds, OrientedBox, Polyline, Projection, Vec2, direction, heading_of, point_segment, wrap,
+};
 
 use super::forecast::Shape;
 use crate::shapes::{edges, ring_covers, segment_box, segments};
@@ -13,7 +15,7 @@ use crate::trajectory::Pose;
 const STATE_SPACING: f64 = 1.0;
 /// Least arc length, metres, at which a path has a pose (tuplan_garage b51d5d0, `PDMPath.interpolate`).
 const FIRST_PROGRESS: f64 = 1e-5;
-/// Number of segments of a corridor per bounding box.
+/// Number of segments of a path or a corridor per bounding box.
 const CHUNK: usize = 12;
 
 /// Returns the states of a baseline: its points and, on longer segments, a point every metre. The heading of a
@@ -54,6 +56,8 @@ pub struct Path {
     /// Arc length at each state, metres.
     arc: Vec<f64>,
     line: Polyline,
+    /// Bounds of each [`CHUNK`] segments of the line.
+    chunks: Vec<Bounds>,
 }
 
 impl Path {
@@ -66,7 +70,8 @@ impl Path {
         for i in 1..states.len() {
             arc[i] = arc[i - 1] + (positions[i] - positions[i - 1]).norm();
         }
-        Some(Self { states, arc, line })
+        let chunks = chunk_bounds(line.points(), 0.0);
+        Some(Self { states, arc, line, chunks })
     }
 
     /// Returns the path through all states moved by `offset` metres along their headings turned left by 90°.
@@ -88,9 +93,29 @@ impl Path {
         self.arc[self.arc.len() - 1]
     }
 
-    /// Returns the arc length of the point nearest to `p`, metres.
+    /// Returns the arc length of the point nearest to `p`, metres; the first one on ties.
     pub fn project(&self, p: Vec2) -> f64 {
-        self.line.project(p).s
+        let within = |chunk: usize| self.line.project_between(p, chunk * CHUNK, (chunk + 1) * CHUNK);
+        let mut closest = (f64::INFINITY, 0);
+        for (i, chunk) in self.chunks.iter().enumerate() {
+            let distance2 = distance2_to_bounds(chunk, p);
+            if distance2 < closest.0 {
+                closest = (distance2, i);
+            }
+        }
+        // Chunks beyond the distance to the closest one need no search.
+        let bound = within(closest.1).distance * (1.0 + 1e-12);
+        let mut nearest: Option<Projection> = None;
+        for (i, chunk) in self.chunks.iter().enumerate() {
+            if distance2_to_bounds(chunk, p) > bound * bound {
+                continue;
+            }
+            let found = within(i);
+            if nearest.is_none_or(|nearest| found.distance < nearest.distance) {
+                nearest = Some(found);
+            }
+        }
+        nearest.map_or(0.0, |nearest| nearest.s)
     }
 
     /// Returns the pose at an arc length in metres, which is clamped to the path.
@@ -135,6 +160,28 @@ fn unwrap_headings(states: &mut [Pose]) {
     }
 }
 
+/// Returns the bounds of each [`CHUNK`] segments between points, inflated by `margin` metres.
+fn chunk_bounds(points: &[Vec2], margin: f64) -> Vec<Bounds> {
+    let bounds = |first: usize| {
+        let last = (first + CHUNK + 1).min(points.len());
+        Bounds::of(points[first..last].iter().copied()).inflated(margin)
+    };
+    (0..points.len().max(2) - 1).step_by(CHUNK).map(bounds).collect()
+}
+
+/// Returns the squared distance from a point to bounds, m²; 0 inside.
+fn distance2_to_bounds(bounds: &Bounds, p: Vec2) -> f64 {
+    let beyond = |min: f64, max: f64, at: f64| (min - at).max(at - max).max(0.0);
+    let x = beyond(bounds.min.x, bounds.max.x, p.x);
+    let y = beyond(bounds.min.y, bounds.max.y, p.y);
+    x * x + y * y
+}
+
+/// Returns whether a point is within `reach` metres of bounds.
+fn distance_is_within(bounds: &Bounds, p: Vec2, reach: f64) -> bool {
+    bounds.inflated(reach).contains(p)
+}
+
 /// The ground within a distance of a line, with square ends.
 #[derive(Clone, Debug)]
 pub(super) struct Corridor {
@@ -152,11 +199,7 @@ impl Corridor {
     fn new(points: Vec<Vec2>, half_width: f64) -> Self {
         // The diagonal of the square ends.
         let margin = half_width * std::f64::consts::SQRT_2;
-        let chunk_bounds = |first: usize| {
-            let last = (first + CHUNK + 1).min(points.len());
-            Bounds::of(points[first..last].iter().copied()).inflated(margin)
-        };
-        let chunks = (0..points.len().max(2) - 1).step_by(CHUNK).map(chunk_bounds).collect();
+        let chunks = chunk_bounds(&points, margin);
         let bounds = Bounds::of(points.iter().copied()).inflated(margin);
         let (first, last) = (points[0], points[points.len() - 1]);
         let heading = |from: usize, to: usize| match (points.get(from), points.get(to)) {
@@ -175,23 +218,24 @@ impl Corridor {
         Self { points, half_width, chunks, ends, bounds }
     }
 
-    /// Returns the axis-aligned bounds.
-    pub(super) fn bounds(&self) -> &Bounds {
-        &self.bounds
-    }
-
     /// Returns whether the corridor touches or overlaps a shape.
     pub(super) fn touches(&self, shape: &Shape) -> bool {
         match shape {
-            Shape::Box(other) => self.touches_box(other),
+            Shape::Box(other) => self.touches_box(other, other.radius()),
             Shape::Outline(ring) => self.touches_ring(ring),
         }
     }
 
-    fn touches_box(&self, other: &OrientedBox) -> bool {
-        let reach2 = self.half_width * self.half_width;
-        self.any_segment_near(&Bounds::around(other.center, other.radius()), |a, b| {
-            segment_box(a, b, other) <= reach2
+    /// Returns whether the corridor touches or overlaps a box with this radius (m) of its circumscribed circle.
+    pub(super) fn touches_box(&self, other: &OrientedBox, radius: f64) -> bool {
+        if !distance_is_within(&self.bounds, other.center, radius) {
+            return false;
+        }
+        let (reach2, far) = (self.half_width * self.half_width, self.half_width + radius);
+        // Segments that are too far from the centre of the box need no exact distance.
+        let is_near = |a: Vec2, b: Vec2| point_segment(other.center, a, b).0 <= far * far;
+        self.any_segment_near(&Bounds::around(other.center, radius), |a, b| {
+            is_near(a, b) && segment_box(a, b, other) <= reach2
         }) || self.ends.iter().any(|end| end.separation(other) <= 0.0)
     }
 

@@ -3,7 +3,7 @@
 
 use reactsim_geometry::{direction, math};
 
-use super::forecast::{CorridorTraffic, Forecast, Obstacle};
+use super::forecast::{Forecast, Obstacle};
 use super::path::{Corridor, Path};
 use crate::trajectory::{Pose, STEP};
 use crate::{EgoShape, EgoState};
@@ -126,27 +126,20 @@ fn find_leader(
 ) -> Leader {
     let center = pose.position + direction(pose.heading) * shape.rear_axle_to_center;
     let footprint = shape.footprint_at(center, pose.heading);
-    let mut nearest: Option<(f64, &Obstacle)> = None;
+    let (mut least, mut nearest) = (f64::INFINITY, None);
     for (_, obstacle) in traffic.iter().filter(|(at, _)| *at > progress) {
-        let distance = obstacle.shape_at(step).distance(&footprint);
-        if nearest.is_none_or(|(least, _)| distance < least) {
-            nearest = Some((distance, obstacle));
+        if let Some(distance) = obstacle.distance_below(step, &footprint, least) {
+            (least, nearest) = (distance, Some(obstacle));
         }
     }
     match nearest {
-        Some((distance, obstacle)) => Leader {
-            progress: progress + distance,
+        Some(obstacle) => Leader {
+            progress: progress + least,
             speed: obstacle.speed * math::cos(obstacle.heading - pose.heading),
             rear: 0.0,
         },
         None => Leader { progress: path.length(), speed: 0.0, rear: 0.5 * shape.length },
     }
-}
-
-/// Returns the obstacles of a step with their progress on the path.
-fn traffic_at<'a>(traffic: &CorridorTraffic<'a>, path: &Path, step: usize) -> Vec<(f64, &'a Obstacle)> {
-    let at = traffic.at(step).into_iter();
-    at.map(|obstacle| (path.project(obstacle.centroid_at(step)), obstacle)).collect()
 }
 
 /// The proposals of one iteration, with what is needed to continue one of them.
@@ -177,10 +170,9 @@ impl<'a> Proposals<'a> {
             let pose = path.at(progress);
             let begin = |target| Proposal::begin(number, target, progress, ego.vx, pose);
             let mut proposals: Vec<Proposal> = targets.into_iter().map(begin).collect();
-            let traffic = forecast.along(&corridor);
+            let traffic = forecast.along(path, &corridor);
             for step in 1..=STEPS {
-                let obstacles =
-                    if is_leader_step(step) { traffic_at(&traffic, path, step) } else { Vec::new() };
+                let obstacles = if is_leader_step(step) { traffic.at(step) } else { Vec::new() };
                 proposals.iter_mut().for_each(|proposal| proposal.advance(path, shape, &obstacles));
             }
             list.extend(proposals);
@@ -193,9 +185,9 @@ impl<'a> Proposals<'a> {
     pub(super) fn extend(&mut self, number: usize) -> &[Pose] {
         let proposal = &mut self.list[number];
         let path = &self.paths[proposal.path];
-        let traffic = self.forecast.along(&self.corridors[proposal.path]);
+        let traffic = self.forecast.along(path, &self.corridors[proposal.path]);
         for step in proposal.poses.len()..=TRAJECTORY_STEPS {
-            let obstacles = if is_leader_step(step) { traffic_at(&traffic, path, step) } else { Vec::new() };
+            let obstacles = if is_leader_step(step) { traffic.at(step) } else { Vec::new() };
             proposal.advance(path, self.shape, &obstacles);
         }
         &proposal.poses

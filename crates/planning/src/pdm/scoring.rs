@@ -76,6 +76,8 @@ struct Drive<'a> {
     states: &'a [EgoState],
     footprints: Vec<OrientedBox>,
     ground: Vec<GroundFlags>,
+    /// Radius of the circumscribed circle of the boxes, metres.
+    radius: f64,
 }
 
 impl Scorer<'_> {
@@ -101,18 +103,18 @@ impl Scorer<'_> {
     fn drive<'a>(&self, states: &'a [EgoState]) -> Drive<'a> {
         let footprints: Vec<OrientedBox> = states.iter().map(|state| state.footprint(self.shape)).collect();
         let ground = footprints.iter().map(|footprint| self.lanes.under(footprint)).collect();
-        Drive { states, footprints, ground }
+        Drive { states, radius: footprints[0].radius(), footprints, ground }
     }
 
     /// Returns the obstacles that a drive and its projections may meet; red connectors are not judged.
     fn obstacles_near(&self, drive: &Drive<'_>) -> Vec<&Obstacle> {
         let last = drive.states.len() - 1 + TTC_STEPS[TTC_STEPS.len() - 1];
         let fastest = drive.states.iter().map(EgoState::speed).fold(0.0, f64::max);
-        let margin = drive.footprints[0].radius() + fastest * STEP * TTC_STEPS[TTC_STEPS.len() - 1] as f64;
+        let margin = drive.radius + fastest * STEP * TTC_STEPS[TTC_STEPS.len() - 1] as f64;
         let reach = Bounds::of(drive.footprints.iter().map(|footprint| footprint.center)).inflated(margin);
         let is_near = |obstacle: &&Obstacle| {
             let Some(other) = obstacle.box_at(0) else { return false };
-            let swept = Bounds::of([other.center, obstacle.centroid_at(last)]).inflated(other.radius());
+            let swept = Bounds::of([other.center, obstacle.centroid_at(last)]).inflated(obstacle.radius);
             !obstacle.ignored && obstacle.kind != ObstacleKind::RedConnector && swept.intersects(&reach)
         };
         self.forecast.obstacles.iter().filter(is_near).collect()
@@ -123,9 +125,10 @@ impl Scorer<'_> {
     fn collisions(&self, drive: &Drive<'_>, obstacles: &[&Obstacle]) -> Collisions {
         let mut collisions = Collisions { score: 1.0, first: None };
         for obstacle in obstacles {
+            let reach = drive.radius + obstacle.radius;
             let contact = (0..drive.states.len()).find_map(|step| {
                 let other = obstacle.box_at(step)?;
-                in_contact(&drive.footprints[step], &other).then_some((step, other))
+                in_contact(&drive.footprints[step], &other, reach).then_some((step, other))
             });
             let Some((step, other)) = contact else { continue };
             if is_at_fault(drive, step, obstacle, &other) {
@@ -141,17 +144,8 @@ impl Scorer<'_> {
     /// obstacle that it meets first without having to observe it is ignored afterwards.
     fn has_short_ttc(&self, drive: &Drive<'_>, obstacles: &[&Obstacle]) -> bool {
         obstacles.iter().any(|obstacle| {
-            let projections = (0..drive.states.len()).flat_map(|step| TTC_STEPS.map(|ahead| (step, ahead)));
-            let first = projections.into_iter().find_map(|(step, ahead)| {
-                let speed = drive.states[step].speed();
-                if speed < TTC_SPEED {
-                    return None;
-                }
-                let footprint = &drive.footprints[step];
-                let center = footprint.center + footprint.axis * (speed * STEP * ahead as f64);
-                let other = obstacle.box_at(step + ahead)?;
-                in_contact(&OrientedBox { center, ..*footprint }, &other).then_some((step, other.center))
-            });
+            let first = (0..drive.states.len())
+                .find_map(|step| projected_contact(drive, step, obstacle).map(|center| (step, center)));
             first.is_some_and(|(step, center)| self.has_to_observe(drive, step, center))
         })
     }
@@ -231,10 +225,30 @@ fn flag(value: bool) -> f64 {
     f64::from(u8::from(value))
 }
 
-/// Returns whether two boxes touch or overlap.
-fn in_contact(a: &OrientedBox, b: &OrientedBox) -> bool {
-    let reach = a.radius() + b.radius();
+/// Returns whether two boxes touch or overlap; `reach` is the sum of the radii of their circumscribed circles, metres.
+fn in_contact(a: &OrientedBox, b: &OrientedBox, reach: f64) -> bool {
     (b.center - a.center).norm_squared() <= reach * reach && a.separation(b) <= 0.0
+}
+
+/// Returns the centre of an obstacle at its first contact with ego, projected from a step at constant speed.
+fn projected_contact(drive: &Drive<'_>, step: usize, obstacle: &Obstacle) -> Option<Vec2> {
+    let (speed, footprint) = (drive.states[step].speed(), &drive.footprints[step]);
+    if speed < TTC_SPEED {
+        return None;
+    }
+    // The forecast may be up to one step behind at both ends.
+    let horizon = STEP * (TTC_STEPS[TTC_STEPS.len() - 1] + 2) as f64;
+    let other = obstacle.box_at(step)?;
+    let reach = drive.radius + obstacle.radius;
+    let far = reach + (speed + obstacle.speed) * horizon;
+    if (other.center - footprint.center).norm_squared() > far * far {
+        return None;
+    }
+    TTC_STEPS.into_iter().find_map(|ahead| {
+        let center = footprint.center + footprint.axis * (speed * STEP * ahead as f64);
+        let other = obstacle.box_at(step + ahead)?;
+        in_contact(&OrientedBox { center, ..*footprint }, &other, reach).then_some(other.center)
+    })
 }
 
 /// Returns whether a contact is the fault of ego.
