@@ -1,7 +1,7 @@
 //! Histories of rollouts: the map, the objects, ego and the expert of a scenario as the metrics need them.
 //!
-//! The samples are the frames 10 to 90 of the scenario. What a scenario does not record is replaced, and each
-//! replacement has a [`Label`].
+//! The samples are the frames 10 to 90 of the scenario. Inputs that a scenario does not record are replaced,
+//! and each replacement has a [`Label`].
 
 mod ego;
 mod map;
@@ -25,7 +25,7 @@ pub const SAMPLES: usize = FRAMES - CURRENT;
 /// Slot of the AV among the agents of a scenario.
 const AV: usize = 0;
 
-/// Everything that the metrics need of one rollout.
+/// The input of the metrics for one rollout.
 #[derive(Clone, Debug)]
 pub struct SceneHistory {
     /// The map.
@@ -38,7 +38,7 @@ pub struct SceneHistory {
     pub expert: Option<Vec<EgoState>>,
     /// Objects present, per sample.
     pub objects: Vec<Vec<TrackedObject>>,
-    /// Replacements of what the scenario does not record.
+    /// Replacements of inputs that the scenario does not record.
     pub labels: BTreeSet<Label>,
 }
 

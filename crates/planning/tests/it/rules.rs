@@ -342,6 +342,7 @@ fn overlapping_lanes_take_the_lane_along_the_heading() {
     let scores = drive.judge();
     assert_eq!(scores.center_lanes[0], [0, 1]);
     assert_eq!(defined(&scores, PlannerMetric::DrivingDirection), 1.0);
+    assert!(near(scores.progress.expert_total, 80.0), "the route is that of the matching lane");
     assert!(scores.labels.contains(&Label::DirectionOverlapping));
 }
 
