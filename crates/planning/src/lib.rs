@@ -1,10 +1,12 @@
 //! Closed-loop evaluation of planners on scenarios, as nuPlan defines it.
 //!
 //! Start with [`EgoState`], [`TrackedObject`] and [`PlanningMap`]: every planner, controller and metric of this
-//! crate works on them.
+//! crate works on them. [`metrics::judge`] computes the metrics, and [`from_scene::SceneHistory`] the input of
+//! the metrics for a rollout of a scenario.
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+pub mod from_scene;
 pub mod map;
 pub mod metrics;
 mod objects;
@@ -12,10 +14,13 @@ mod state;
 mod trajectory;
 
 pub mod closed_loop;
+pub mod idm_planner;
 pub mod pdm;
 pub mod planner;
 pub mod tracking;
 
+mod path;
+mod search;
 mod shapes;
 
 #[cfg(test)]
@@ -23,5 +28,6 @@ mod fixtures;
 
 pub use map::PlanningMap;
 pub use objects::{ObjectGroup, ObjectId, ObjectKind, TrackedObject};
+pub use path::Path;
 pub use state::{EgoShape, EgoState};
 pub use trajectory::{MAX_SPEED, MAX_START_DISTANCE, Pose, STEP, Trajectory, TrajectoryError, validate};

@@ -10,14 +10,12 @@ mod brake;
 mod centerline;
 mod comfort;
 mod forecast;
-mod path;
 mod proposals;
 mod route;
 mod savitzky_golay;
 mod scoring;
 mod simulation;
 
-pub use path::Path;
 pub use proposals::{Leader, Proposal};
 pub use scoring::Scores;
 
@@ -30,6 +28,7 @@ use proposals::Proposals;
 use scoring::Scorer;
 
 use crate::EgoState;
+use crate::path::Path;
 use crate::planner::{Planner, PlannerError, PlannerInput};
 use crate::trajectory::{Pose, STEP, Trajectory};
 

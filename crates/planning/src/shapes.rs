@@ -2,6 +2,24 @@
 
 use reactsim_geometry::{OrientedBox, Vec2, point_in_ring, point_segment};
 
+/// Ground that an object covers.
+#[derive(Clone, Debug)]
+pub(crate) enum Shape {
+    Box(OrientedBox),
+    /// The ground inside a ring.
+    Outline(Vec<Vec2>),
+}
+
+impl Shape {
+    /// Returns the distance to a box, metres; 0 if they touch or overlap.
+    pub(crate) fn distance(&self, other: &OrientedBox) -> f64 {
+        match self {
+            Self::Box(own) => own.signed_distance(other).max(0.0),
+            Self::Outline(ring) => box_ring_distance(other, ring),
+        }
+    }
+}
+
 /// Returns the edges of a ring, open or closed.
 pub(crate) fn edges(ring: &[Vec2]) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
     ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))

@@ -47,12 +47,12 @@ pub struct Roadblock {
     pub area: Option<Area>,
 }
 
-/// Where the intersections of a map are.
+/// The intersections of a map.
 #[derive(Clone, Debug)]
 pub enum Intersections {
     /// Inside these areas.
     Areas(Areas),
-    /// The map has no outlines: where a connector is.
+    /// The map has no outlines: wherever a connector is.
     Connectors,
     /// The map has neither outlines nor connectors that mark intersections.
     Unknown,

@@ -1,5 +1,4 @@
-//! The lanes that ego is in, by the centre of its box (nuPlan devkit 1.2.2, `extract_corners_route` and
-//! `get_route`).
+//! The lanes that ego is in, by the centre of its box (nuPlan devkit 1.2.2, `get_route`).
 
 use reactsim_geometry::Vec2;
 

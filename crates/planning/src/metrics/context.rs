@@ -3,6 +3,7 @@
 use reactsim_geometry::{OrientedBox, Vec2};
 
 use super::corner_lanes::{CornerLanes, corner_lanes, in_common_lane};
+use super::matched_lanes::{lanes_overlap, matched_lanes};
 use super::{History, center_lanes::center_lanes};
 
 /// Boxes and lanes of ego, per sample.
@@ -11,6 +12,8 @@ pub(super) struct Context<'a> {
     pub(super) centers: Vec<Vec2>,
     pub(super) footprints: Vec<OrientedBox>,
     pub(super) center_lanes: Vec<Vec<usize>>,
+    /// The one lane of the centre that counts, per sample.
+    pub(super) matched_lanes: Vec<Option<usize>>,
     pub(super) corner_lanes: Vec<CornerLanes>,
     /// Whether ego is in a common lane; `None` in maps without lanes.
     pub(super) in_common_lane: Option<Vec<bool>>,
@@ -27,10 +30,18 @@ impl<'a> Context<'a> {
         let corner_lanes = corner_lanes(map, &footprints);
         let in_common_lane = (!map.lanes().is_empty())
             .then(|| corner_lanes.iter().map(|corners| in_common_lane(map, corners)).collect());
-        let is_several = |lanes: &Vec<usize>| lanes.len() > 1 && !map.lane(lanes[0]).is_connector();
-        let lanes_overlap = map.has_connectors_only()
-            || center_lanes.iter().chain(corner_lanes.iter().flatten()).any(is_several);
-        Self { history, centers, footprints, center_lanes, corner_lanes, in_common_lane, lanes_overlap }
+        let lanes_overlap = lanes_overlap(map, center_lanes.iter().chain(corner_lanes.iter().flatten()));
+        let matched_lanes = matched_lanes(map, &center_lanes, history.ego, &centers, lanes_overlap);
+        Self {
+            history,
+            centers,
+            footprints,
+            center_lanes,
+            matched_lanes,
+            corner_lanes,
+            in_common_lane,
+            lanes_overlap,
+        }
     }
 
     /// Returns the number of samples.

@@ -1,4 +1,5 @@
-//! The lanes that the corners of ego are in, and whether they are in a common lane (nuPlan devkit 1.2.2).
+//! The lanes that the corners of ego are in, and whether they are in a common lane (nuPlan devkit 1.2.2,
+//! `extract_corners_route`).
 
 use reactsim_geometry::{OrientedBox, Vec2};
 

@@ -1,9 +1,5 @@
 //! Motion against the driving direction (nuPlan devkit 1.2.2, `driving_direction_compliance`).
 
-use reactsim_geometry::{Projection, direction};
-
-use crate::PlanningMap;
-
 use super::context::Context;
 use super::{MetricValue, UndefinedReason};
 
@@ -66,11 +62,12 @@ fn increments(context: &Context<'_>) -> Vec<f64> {
     let mut lane_before: Option<usize> = None;
     let mut arc_before: Option<f64> = None;
     let mut increments = Vec::with_capacity(context.samples());
-    for k in 0..context.samples() {
-        let Some((lane, s)) = lane_at(context, k, lane_before) else {
+    for (k, lane) in context.matched_lanes.iter().enumerate() {
+        let &Some(lane) = lane else {
             increments.push(0.0);
             continue;
         };
+        let s = context.history.map.lane(lane).baseline.project(context.centers[k]).s;
         if k > 0 && lane_before != Some(lane) {
             arc_before = None;
             increments.push(0.0);
@@ -82,41 +79,4 @@ fn increments(context: &Context<'_>) -> Vec<f64> {
         lane_before = Some(lane);
     }
     increments
-}
-
-/// Returns the lane of ego at a sample and the arc length of ego along it, metres.
-fn lane_at(context: &Context<'_>, k: usize, before: Option<usize>) -> Option<(usize, f64)> {
-    let lanes = &context.center_lanes[k];
-    let lane = if context.lanes_overlap { best_lane(context, k, before)? } else { *lanes.first()? };
-    Some((lane, project(context, k, lane).s))
-}
-
-/// Returns the lane among overlapping ones that favours ego: the one before if it is still there, else its
-/// successor, else the one that is most parallel to the heading.
-fn best_lane(context: &Context<'_>, k: usize, before: Option<usize>) -> Option<usize> {
-    let map: &PlanningMap = context.history.map;
-    let lanes = &context.center_lanes[k];
-    if let Some(before) = before {
-        if lanes.contains(&before) {
-            return Some(before);
-        }
-        if let Some(next) = map.lane(before).successors.iter().find(|next| lanes.contains(next)) {
-            return Some(*next);
-        }
-    }
-    let ahead = direction(context.history.ego[k].heading);
-    let parallel = |&lane: &usize| {
-        let (a, b) = map.lane(lane).baseline.segment(project(context, k, lane).segment);
-        ahead.dot(&(b - a).normalize())
-    };
-    lanes.iter().copied().map(|lane| (parallel(&lane), lane)).fold(None, first_largest).map(|(_, lane)| lane)
-}
-
-/// Keeps the first of the largest.
-fn first_largest(best: Option<(f64, usize)>, here: (f64, usize)) -> Option<(f64, usize)> {
-    Some(best.filter(|best| best.0 >= here.0).unwrap_or(here))
-}
-
-fn project(context: &Context<'_>, k: usize, lane: usize) -> Projection {
-    context.history.map.lane(lane).baseline.project(context.centers[k])
 }

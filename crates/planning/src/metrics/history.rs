@@ -9,7 +9,7 @@ pub const SAMPLE_INTERVAL: f64 = reactsim_scene::DT;
 /// Minimum number of samples: the yaw acceleration is the second derivative of a cubic polynomial.
 pub const MIN_SAMPLES: usize = 4;
 
-/// What a metric is worth where the scenario lacks an input.
+/// The rule for metrics whose inputs are missing in a scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MissingInputs {
     /// Undefined, with the reason.

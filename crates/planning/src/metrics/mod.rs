@@ -1,4 +1,4 @@
-//! The closed-loop metrics of nuPlan (devkit 1.2.2), its score, and what replaces inputs that a scenario lacks.
+//! The closed-loop metrics of nuPlan (devkit 1.2.2), its score, and labels for replaced inputs.
 //!
 //! Start with [`History`] and [`judge`]. Each metric has a file; its result has the value and the events or
 //! series that explain it.
@@ -12,6 +12,7 @@ mod corner_lanes;
 mod drivable_area;
 mod driving_direction;
 mod history;
+mod matched_lanes;
 mod mean_speed;
 mod progress;
 mod savitzky_golay;

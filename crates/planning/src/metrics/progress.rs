@@ -3,10 +3,11 @@
 
 use reactsim_geometry::{Polyline, Vec2};
 
-use crate::PlanningMap;
+use crate::{EgoState, PlanningMap};
 
 use super::center_lanes::center_lanes;
 use super::context::Context;
+use super::matched_lanes::{lanes_overlap, matched_lanes};
 use super::{MetricValue, MissingInputs, UndefinedReason};
 
 /// Distance in metres that replaces shorter ones in the ratio, and to which ego may move backwards without
@@ -55,8 +56,8 @@ pub(super) fn expert_progress(context: &Context<'_>) -> ExpertProgress {
     if !context.has_lanes() && history.missing == MissingInputs::Undefined {
         return undefined(UndefinedReason::NoLanes);
     }
-    let expert: Vec<Vec2> = expert.iter().map(|state| state.center(&history.shape)).collect();
-    let route = route_of(history.map, &expert);
+    let centers: Vec<Vec2> = expert.iter().map(|state| state.center(&history.shape)).collect();
+    let route = route_of(history.map, expert, &centers);
     if route.is_empty() {
         return match history.missing {
             MissingInputs::Undefined => undefined(UndefinedReason::ExpertWithoutLanes),
@@ -65,7 +66,7 @@ pub(super) fn expert_progress(context: &Context<'_>) -> ExpertProgress {
     }
     let ego_progress = increments(history.map, &route, &context.centers);
     let ego_total: f64 = ego_progress.iter().sum();
-    let expert_total: f64 = increments(history.map, &route, &expert).iter().sum();
+    let expert_total: f64 = increments(history.map, &route, &centers).iter().sum();
     let value = MetricValue::Defined(ratio(ego_total, expert_total));
     ExpertProgress { value, ego_total: Some(ego_total), expert_total, ego_progress }
 }
@@ -93,12 +94,17 @@ fn without_totals(value: MetricValue) -> ExpertProgress {
     ExpertProgress { value, ego_total: None, expert_total: 0.0, ego_progress: Vec::new() }
 }
 
-/// Returns the links of the route of the expert: a new one whenever its lanes change to ones of another
-/// roadblock.
-fn route_of<'m>(map: &'m PlanningMap, expert: &[Vec2]) -> Vec<Link<'m>> {
+/// Returns the links of the route of the expert: a new one whenever its lanes change to lanes of another
+/// roadblock. If lanes overlap, the lane that counts is the one of the driving direction.
+fn route_of<'m>(map: &'m PlanningMap, expert: &[EgoState], centers: &[Vec2]) -> Vec<Link<'m>> {
+    let mut lists = center_lanes(map, centers);
+    if lanes_overlap(map, &lists) {
+        let matched = matched_lanes(map, &lists, expert, centers, true);
+        lists = matched.into_iter().map(Vec::from_iter).collect();
+    }
     let mut kept: Vec<usize> = Vec::new();
     let mut route: Vec<Link<'m>> = Vec::new();
-    for lanes in center_lanes(map, expert) {
+    for lanes in lists {
         let Some(&first) = lanes.first() else { continue };
         if lanes.iter().any(|lane| kept.contains(lane)) {
             continue;

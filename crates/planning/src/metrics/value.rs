@@ -146,7 +146,7 @@ pub enum Label {
     /// Intersections are unknown: objects at the side count for the time to collision only if ego is not in
     /// a common lane.
     IntersectionUnknown,
-    /// The driving direction is that of the best match among overlapping lanes.
+    /// Driving direction and route are those of the best match among overlapping lanes.
     DirectionOverlapping,
     /// Roadblocks are groups of neighbouring lanes.
     RouteNeighbourGroups,

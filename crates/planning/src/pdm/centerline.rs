@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use reactsim_geometry::wrap;
 
-use super::path::{baseline_states, nearest_state};
 use crate::PlanningMap;
+use crate::path::{baseline_states, nearest_state};
 use crate::planner::PlannerInput;
 use crate::shapes::box_ring_distance;
 use crate::trajectory::Pose;

@@ -6,9 +6,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 
-use super::path::{Corridor, Path};
+use crate::path::{Corridor, Path};
 use crate::planner::PlannerInput;
-use crate::shapes::{box_ring_distance, ring_centroid, ring_covers_box};
+use crate::shapes::{Shape, box_ring_distance, ring_centroid, ring_covers_box};
 use crate::trajectory::STEP;
 use crate::{ObjectId, ObjectKind, TrackedObject};
 
@@ -30,14 +30,6 @@ pub(super) enum ObstacleId {
     Object(ObjectId),
     /// Index of a connector.
     RedConnector(usize),
-}
-
-/// Ground that an obstacle covers.
-#[derive(Clone, Debug)]
-pub(super) enum Shape {
-    Box(OrientedBox),
-    /// The ground inside a ring.
-    Outline(Vec<Vec2>),
 }
 
 /// What an obstacle is.

@@ -4,7 +4,7 @@
 use reactsim_geometry::{direction, math};
 
 use super::forecast::{Forecast, Obstacle};
-use super::path::{Corridor, Path};
+use crate::path::{Corridor, Path};
 use crate::trajectory::{Pose, STEP};
 use crate::{EgoShape, EgoState};
 

@@ -1,14 +1,15 @@
 //! Correction of the route at the first iteration (tuplan_garage b51d5d0, `route_utils` and
 //! `BreadthFirstSearchRoadBlock`).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_4;
 
 use reactsim_geometry::{Polygon, Vec2, ring_area, union, wrap};
 
 use super::areas::{is_connector_block, roadblock_outlines, roadblocks_near};
-use super::path::nearest_state;
 use crate::PlanningMap;
+use crate::path::nearest_state;
+use crate::search::{Layer, path_to};
 use crate::trajectory::Pose;
 
 /// Half of the side in metres of the square around the rear axle in which the first roadblock is searched
@@ -207,7 +208,7 @@ fn search(
     let mut layers = vec![Layer::of(start)];
     while layers.len() <= depth {
         let layer = &layers[layers.len() - 1];
-        if let Some(&found) = layer.by_first_visit.iter().find(|block| targets.contains(block)) {
+        if let Some(&found) = layer.nodes().iter().find(|block| targets.contains(block)) {
             let mut path = path_to(&layers, found);
             if direction == Direction::Backward {
                 path.reverse();
@@ -215,58 +216,10 @@ fn search(
             return Some(path);
         }
         let next = layer.next(|block| neighbors(map, block, direction));
-        if next.by_first_visit.is_empty() {
+        if next.nodes().is_empty() {
             return None;
         }
         layers.push(next);
     }
     None
-}
-
-/// The roadblocks at one depth of a search.
-#[derive(Debug, Default)]
-struct Layer {
-    by_first_visit: Vec<usize>,
-    by_last_visit: Vec<usize>,
-    /// Parent of each roadblock, of its last visit.
-    parents: BTreeMap<usize, usize>,
-}
-
-impl Layer {
-    fn of(start: usize) -> Self {
-        Self { by_first_visit: vec![start], by_last_visit: vec![start], parents: BTreeMap::new() }
-    }
-
-    /// Returns the next layer.
-    fn next(&self, neighbors: impl Fn(usize) -> BTreeSet<usize>) -> Self {
-        let mut next = Self::default();
-        for &block in &self.by_first_visit {
-            for neighbor in neighbors(block) {
-                if !next.by_first_visit.contains(&neighbor) {
-                    next.by_first_visit.push(neighbor);
-                }
-            }
-        }
-        for &block in &self.by_last_visit {
-            for neighbor in neighbors(block) {
-                next.by_last_visit.retain(|other| *other != neighbor);
-                next.by_last_visit.push(neighbor);
-                next.parents.insert(neighbor, block);
-            }
-        }
-        next
-    }
-}
-
-/// Returns the roadblocks from the first layer to `block` in the last one.
-fn path_to(layers: &[Layer], block: usize) -> Vec<usize> {
-    let mut path = vec![block];
-    let mut current = block;
-    for layer in layers.iter().rev() {
-        let Some(&parent) = layer.parents.get(&current) else { break };
-        path.push(parent);
-        current = parent;
-    }
-    path.reverse();
-    path
 }

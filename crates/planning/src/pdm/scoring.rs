@@ -5,7 +5,7 @@ use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction};
 use super::areas::{DrivableLanes, GroundFlags};
 use super::comfort::Comfort;
 use super::forecast::{Forecast, Obstacle, ObstacleKind};
-use super::path::Path;
+use crate::path::Path;
 use crate::trajectory::STEP;
 use crate::{EgoShape, EgoState, PlanningMap};
 

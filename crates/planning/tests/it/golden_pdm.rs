@@ -1,9 +1,9 @@
 //! Agreement of planning cycles with values of tuplan_garage. Where the shared data is missing, the test is skipped
 //! with a message.
 
-use reactsim_planning::EgoState;
-use reactsim_planning::pdm::{Cycle, Path, PdmClosed, Proposal};
+use reactsim_planning::pdm::{Cycle, PdmClosed, Proposal};
 use reactsim_planning::planner::{History, Planner, PlannerInput, Sample};
+use reactsim_planning::{EgoState, Path};
 
 use crate::part::{Largest, Part, documents};
 

@@ -1,4 +1,4 @@
-//! Paths of proposals: the centre line and its parallels, and the corridor that ego covers on them.
+//! Paths along the lanes of the route, and the corridors that ego covers on them.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -6,8 +6,7 @@ use reactsim_geometry::{
     Bounds, OrientedBox, Polyline, Projection, Vec2, direction, heading_of, point_segment, wrap,
 };
 
-use super::forecast::Shape;
-use crate::shapes::{edges, ring_covers, segment_box, segments};
+use crate::shapes::{Shape, box_ring_distance, edges, ring_covers, segment_box, segments};
 use crate::trajectory::Pose;
 
 /// Largest distance between states of a baseline, metres: longer segments are divided. The states of nuPlan's
@@ -20,7 +19,7 @@ const CHUNK: usize = 12;
 
 /// Returns the states of a baseline: its points and, on longer segments, a point every metre. The heading of a
 /// state is that of the segment after it; the last state has the heading of the last segment.
-pub(super) fn baseline_states(baseline: &Polyline) -> Vec<Pose> {
+pub(crate) fn baseline_states(baseline: &Polyline) -> Vec<Pose> {
     let mut states = Vec::new();
     for segment in 0..baseline.segments() {
         let (a, b) = baseline.segment(segment);
@@ -36,7 +35,7 @@ pub(super) fn baseline_states(baseline: &Polyline) -> Vec<Pose> {
 }
 
 /// Returns the state of a baseline that is nearest to `p`, with its distance in metres.
-pub(super) fn nearest_state(baseline: &Polyline, p: Vec2) -> (f64, Pose) {
+pub(crate) fn nearest_state(baseline: &Polyline, p: Vec2) -> (f64, Pose) {
     let states = baseline_states(baseline);
     let mut nearest = (f64::INFINITY, states[0]);
     for state in states {
@@ -62,7 +61,7 @@ pub struct Path {
 
 impl Path {
     /// Creates a path through states; `None` if they have no length or are not finite.
-    pub(super) fn new(mut states: Vec<Pose>) -> Option<Self> {
+    pub(crate) fn new(mut states: Vec<Pose>) -> Option<Self> {
         let positions: Vec<Vec2> = states.iter().map(|state| state.position).collect();
         let line = Polyline::new(&positions).ok()?;
         unwrap_headings(&mut states);
@@ -75,7 +74,7 @@ impl Path {
     }
 
     /// Returns the path through all states moved by `offset` metres along their headings turned left by 90°.
-    pub(super) fn aside(&self, offset: f64) -> Option<Self> {
+    pub(crate) fn aside(&self, offset: f64) -> Option<Self> {
         let moved = |state: &Pose| Pose {
             position: state.position + direction(state.heading + FRAC_PI_2) * offset,
             ..*state
@@ -133,7 +132,7 @@ impl Path {
 
     /// Returns the corridor within `half_width` metres of the states between two arc lengths. Where there are fewer
     /// than two states, the arc lengths themselves are its ends.
-    pub(super) fn corridor(&self, from: f64, to: f64, half_width: f64) -> Corridor {
+    pub(crate) fn corridor(&self, from: f64, to: f64, half_width: f64) -> Corridor {
         let within = |&(_, arc): &(&Pose, &f64)| from <= *arc && *arc <= to;
         let mut points: Vec<Vec2> =
             self.states.iter().zip(&self.arc).filter(within).map(|(state, _)| state.position).collect();
@@ -141,6 +140,12 @@ impl Path {
             points = self.exact_part(from, to);
         }
         Corridor::new(points, half_width)
+    }
+
+    /// Returns the corridor within `half_width` metres of the path between two arc lengths, which are clamped to the
+    /// path.
+    pub(crate) fn exact_corridor(&self, from: f64, to: f64, half_width: f64) -> Corridor {
+        Corridor::new(self.exact_part(from, to), half_width)
     }
 
     /// Returns the points of the path between two arc lengths, and its points at them.
@@ -184,7 +189,7 @@ fn distance_is_within(bounds: &Bounds, p: Vec2, reach: f64) -> bool {
 
 /// The ground within a distance of a line, with square ends.
 #[derive(Clone, Debug)]
-pub(super) struct Corridor {
+pub(crate) struct Corridor {
     points: Vec<Vec2>,
     half_width: f64,
     /// Bounds of the ground around each [`CHUNK`] segments.
@@ -219,7 +224,7 @@ impl Corridor {
     }
 
     /// Returns whether the corridor touches or overlaps a shape.
-    pub(super) fn touches(&self, shape: &Shape) -> bool {
+    pub(crate) fn touches(&self, shape: &Shape) -> bool {
         match shape {
             Shape::Box(other) => self.touches_box(other, other.radius()),
             Shape::Outline(ring) => self.touches_ring(ring),
@@ -227,7 +232,7 @@ impl Corridor {
     }
 
     /// Returns whether the corridor touches or overlaps a box with this radius (m) of its circumscribed circle.
-    pub(super) fn touches_box(&self, other: &OrientedBox, radius: f64) -> bool {
+    pub(crate) fn touches_box(&self, other: &OrientedBox, radius: f64) -> bool {
         if !distance_is_within(&self.bounds, other.center, radius) {
             return false;
         }
@@ -245,7 +250,7 @@ impl Corridor {
             || self.any_segment_near(&Bounds::of(ring.iter().copied()), |a, b| {
                 edges(ring).any(|edge| segments((a, b), edge) <= reach2)
             })
-            || self.ends.iter().any(|end| crate::shapes::box_ring_distance(end, ring) <= 0.0)
+            || self.ends.iter().any(|end| box_ring_distance(end, ring) <= 0.0)
     }
 
     /// Returns whether `test` holds for a segment of a chunk that `bounds` intersect.
