@@ -12,9 +12,11 @@ mod comfort;
 mod forecast;
 mod proposals;
 mod route;
-mod savitzky_golay;
 mod scoring;
 mod simulation;
+
+#[cfg(test)]
+mod tests;
 
 pub use proposals::{Leader, Proposal};
 pub use scoring::Scores;

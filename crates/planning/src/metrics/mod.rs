@@ -30,7 +30,7 @@ pub use drivable_area::{DrivableAreaCompliance, OffRoadCorner};
 pub use driving_direction::DrivingDirection;
 pub use history::{History, HistoryError, MIN_SAMPLES, MissingInputs, SAMPLE_INTERVAL};
 pub use progress::ExpertProgress;
-pub use savitzky_golay::SavitzkyGolay;
+pub use savitzky_golay::{PreparedFilter, SavitzkyGolay};
 pub use score::{ClosedLoopScore, MetricRole};
 pub use scores::{PlannerScores, judge};
 pub use speed_limit::SpeedLimitCompliance;

@@ -21,26 +21,32 @@ impl SavitzkyGolay {
     ///
     /// The result is empty if there are not more values than the degree.
     pub fn apply(&self, values: &[f64], interval: f64) -> Vec<f64> {
-        let (n, window) = (values.len(), self.window.min(values.len()));
+        self.prepare(values.len(), interval).apply(values)
+    }
+
+    /// Computes the weights of the filter for series of `samples` values, which are `interval` seconds apart.
+    pub fn prepare(&self, samples: usize, interval: f64) -> PreparedFilter {
+        let window = self.window.min(samples);
         if window <= self.degree {
-            return Vec::new();
+            return PreparedFilter { weights: Vec::new(), outputs: Vec::new() };
         }
         let half = window / 2;
         let scale = (0..self.derivative).fold(1.0, |scale, _| scale / interval);
         let middle = (window - 1) as f64 / 2.0;
-        let interior = self.weights(window, middle);
-        let at = |k: usize| {
-            let (start, weights) = if k < half {
-                (0, self.weights(window, k as f64))
-            } else if k >= n - half {
-                (n - window, self.weights(window, (k + window - n) as f64))
+        let edges =
+            (0..half).chain(window - half..window).map(|position| self.weights(window, position as f64));
+        let mut weights: Vec<Vec<f64>> = [self.weights(window, middle)].into_iter().chain(edges).collect();
+        weights.iter_mut().flatten().for_each(|weight| *weight *= scale);
+        let output = |k: usize| {
+            if k < half {
+                (0, 1 + k)
+            } else if k >= samples - half {
+                (samples - window, 1 + 2 * half + k - samples)
             } else {
-                (k - (window - 1) / 2, interior.clone())
-            };
-            let terms = weights.iter().zip(&values[start..start + window]).map(|(w, v)| w * v);
-            terms.sum::<f64>() * scale
+                (k - (window - 1) / 2, 0)
+            }
         };
-        (0..n).map(at).collect()
+        PreparedFilter { weights, outputs: (0..samples).map(output).collect() }
     }
 
     /// Returns the weight of each sample of a window for the derivative at `position`, in samples from the
@@ -77,6 +83,26 @@ impl SavitzkyGolay {
             norm *= recurrence_factor(j as f64 + 1.0, w);
         }
         weights
+    }
+}
+
+/// The weights of a filter for series of one length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PreparedFilter {
+    /// Weights of a window: around inner samples, and for each sample of the first and the last half window.
+    weights: Vec<Vec<f64>>,
+    /// For each output, the first sample of its window and the index of its weights.
+    outputs: Vec<(usize, usize)>,
+}
+
+impl PreparedFilter {
+    /// Filters `values`, which must be as many as the filter is prepared for; missing values count as 0.
+    pub fn apply(&self, values: &[f64]) -> Vec<f64> {
+        let output = |&(start, weights): &(usize, usize)| {
+            let window = values.get(start..).unwrap_or_default();
+            self.weights[weights].iter().zip(window).map(|(weight, value)| weight * value).sum()
+        };
+        self.outputs.iter().map(output).collect()
     }
 }
 

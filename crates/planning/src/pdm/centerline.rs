@@ -137,3 +137,39 @@ fn sequence(expanded: &[Reached], last: usize) -> Vec<usize> {
     lanes.reverse();
     lanes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{LanePart, map};
+
+    /// A fork after the first lane: a short lane that ends, and a long and a longer one to the goal.
+    fn fork() -> PlanningMap {
+        let lane = |id, roadblock, x, successors| LanePart { x, roadblock, successors, ..LanePart::new(id) };
+        map(&[
+            lane("start", "first", [0.0, 20.0], &["short", "longer", "long"]),
+            lane("short", "second", [20.0, 30.0], &[]),
+            lane("longer", "second", [20.0, 60.0], &["goal"]),
+            lane("long", "second", [20.0, 50.0], &["goal"]),
+            lane("goal", "third", [60.0, 90.0], &[]),
+        ])
+    }
+
+    #[test]
+    fn the_shortest_lanes_to_the_goal_are_taken() {
+        let on_route = (0..5).collect();
+        assert_eq!(shortest_lanes(&fork(), 0, Some(2), &on_route), [0, 3, 4]);
+        let without_goal = (0..4).collect();
+        assert_eq!(shortest_lanes(&fork(), 0, Some(2), &without_goal), [0, 1]);
+    }
+
+    #[test]
+    fn the_states_of_all_lanes_are_joined() {
+        let on_route = (0..5).collect();
+        let states = centerline_states(&fork(), 0, &[0, 1, 2], &on_route);
+        assert_eq!(states.len(), 21 + 31 + 31);
+        let part = centerline_states(&fork(), 3, &[0, 1, 2], &on_route);
+        assert_eq!(part[0].position.x, 20.0);
+        assert_eq!(part[part.len() - 1].position.x, 90.0);
+    }
+}

@@ -6,8 +6,8 @@
 use std::f64::consts::TAU;
 
 use super::proposals::STEPS;
-use super::savitzky_golay::SavitzkyGolay;
 use crate::EgoState;
+use crate::metrics::{PreparedFilter, SavitzkyGolay};
 use crate::trajectory::STEP;
 
 /// Number of states of a simulated proposal.
@@ -20,7 +20,7 @@ const HEADING_WINDOW: usize = 5;
 /// Scale of the rounding of all series: eight decimals (tuplan_garage b51d5d0, `decimals`).
 const ROUNDING: f64 = 1e8;
 
-/// Largest longitudinal acceleration, m/s².
+/// Largest longitudinal acceleration, m/s² (this and all bounds: nuPlan devkit 1.2.2, `ego_is_comfortable`).
 const MAX_LONGITUDINAL_ACCELERATION: f64 = 2.40;
 /// Least longitudinal acceleration, m/s².
 const MIN_LONGITUDINAL_ACCELERATION: f64 = -4.05;
@@ -38,22 +38,25 @@ const MAX_YAW_ACCELERATION: f64 = 1.93;
 /// The filters of the comfort bounds.
 #[derive(Clone, Debug)]
 pub(super) struct Comfort {
-    acceleration: SavitzkyGolay,
-    smoothed: SavitzkyGolay,
-    jerk: SavitzkyGolay,
-    yaw_rate: SavitzkyGolay,
-    yaw_acceleration: SavitzkyGolay,
+    acceleration: PreparedFilter,
+    smoothed: PreparedFilter,
+    jerk: PreparedFilter,
+    yaw_rate: PreparedFilter,
+    yaw_acceleration: PreparedFilter,
 }
 
 impl Comfort {
     /// Prepares the filters.
     pub(super) fn new() -> Self {
+        let filter = |window: usize, degree: usize, derivative: usize| {
+            SavitzkyGolay { window, degree, derivative }.prepare(STATES, STEP)
+        };
         Self {
-            acceleration: SavitzkyGolay::new(STATES, 2, 0, STEP),
-            smoothed: SavitzkyGolay::new(ACCELERATION_WINDOW, 2, 0, STEP),
-            jerk: SavitzkyGolay::new(STATES, 2, 1, STEP),
-            yaw_rate: SavitzkyGolay::new(HEADING_WINDOW, 2, 1, STEP),
-            yaw_acceleration: SavitzkyGolay::new(HEADING_WINDOW, 3, 2, STEP),
+            acceleration: filter(STATES, 2, 0),
+            smoothed: filter(ACCELERATION_WINDOW, 2, 0),
+            jerk: filter(STATES, 2, 1),
+            yaw_rate: filter(HEADING_WINDOW, 2, 1),
+            yaw_acceleration: filter(HEADING_WINDOW, 3, 2),
         }
     }
 

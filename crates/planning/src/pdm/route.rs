@@ -223,3 +223,80 @@ fn search(
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{LanePart, map};
+    use crate::map::LaneKind;
+
+    fn lane(
+        id: &'static str,
+        roadblock: &'static str,
+        x: [f64; 2],
+        bottom: f64,
+        successors: &'static [&'static str],
+    ) -> LanePart {
+        LanePart { x, bottom, roadblock, successors, ..LanePart::new(id) }
+    }
+
+    /// A road of four roadblocks, with a lane beside the second that leads to the third.
+    fn road() -> PlanningMap {
+        map(&[
+            lane("a", "0", [0.0, 50.0], 0.0, &["b", "s"]),
+            lane("b", "1", [50.0, 100.0], 0.0, &["c"]),
+            lane("c", "2", [100.0, 150.0], 0.0, &["d"]),
+            lane("d", "3", [150.0, 200.0], 0.0, &[]),
+            lane("s", "side", [50.0, 100.0], 20.0, &["c"]),
+        ])
+    }
+
+    fn at(x: f64, y: f64) -> Pose {
+        Pose { position: Vec2::new(x, y), heading: 0.0 }
+    }
+
+    #[test]
+    fn routes_through_ego_are_kept() {
+        assert_eq!(corrected(&road(), at(60.0, 1.75), &[0, 1, 2, 3]), Some(vec![0, 1, 2, 3]));
+    }
+
+    #[test]
+    fn routes_begin_at_ego() {
+        // Before the route: linked by a search from its first roadblock backwards.
+        assert_eq!(corrected(&road(), at(10.0, 1.75), &[2, 3]), Some(vec![0, 4, 2, 3]));
+        // Beside the route: the roadblocks that ego has passed are left out.
+        assert_eq!(corrected(&road(), at(60.0, 21.75), &[1, 2, 3]), Some(vec![4, 2, 3]));
+    }
+
+    #[test]
+    fn gaps_are_filled() {
+        // Of the paths of equal length, the one that is found last is kept.
+        assert_eq!(corrected(&road(), at(10.0, 1.75), &[0, 2, 3]), Some(vec![0, 4, 2, 3]));
+        assert_eq!(corrected(&road(), at(60.0, 1.75), &[1, 3]), Some(vec![1, 2, 3]));
+    }
+
+    #[test]
+    fn routes_end_before_they_cross_themselves() {
+        let connector = |id, roadblock, x: [f64; 2], successors| LanePart {
+            kind: LaneKind::Connector,
+            ..lane(id, roadblock, x, 0.0, successors)
+        };
+        let crossing = |end: f64| {
+            map(&[
+                lane("a", "0", [0.0, 50.0], 0.0, &["x"]),
+                connector("x", "1", [50.0, 60.0], &["b"]),
+                lane("b", "2", [60.0, 100.0], 0.0, &["y"]),
+                connector("y", "3", [end, 50.0], &[]),
+            ])
+        };
+        let route = [0, 1, 2, 3];
+        assert_eq!(corrected(&crossing(52.0), at(10.0, 1.75), &route), Some(vec![0, 1, 2]));
+        assert_eq!(corrected(&crossing(40.0), at(10.0, 1.75), &route), Some(route.to_vec()));
+    }
+
+    #[test]
+    fn far_from_all_lanes_the_nearest_roadblock_counts() {
+        assert_eq!(corrected(&road(), at(120.0, -30.0), &[2, 3]), Some(vec![2, 3]));
+        assert_eq!(corrected(&map(&[]), at(0.0, 0.0), &[]), None);
+    }
+}

@@ -63,7 +63,8 @@ fn compare_proposals(cycle: &Cycle, expected: &Part, largest: &mut Largest) {
         largest.compare(cycle.proposals[i].target_speed, target, || format!("target_velocities[{i}]"));
     }
     let expected = expected.at("proposals");
-    let series: [(&str, fn(&Proposal, usize) -> f64); 5] = [
+    type Value = fn(&Proposal, usize) -> f64;
+    let series: [(&str, Value); 5] = [
         ("progress", |proposal, step| proposal.progress[step]),
         ("velocity", |proposal, step| proposal.speeds[step]),
         ("lead_progress", |proposal, step| proposal.leaders[step].progress),
@@ -83,7 +84,8 @@ fn compare_proposals(cycle: &Cycle, expected: &Part, largest: &mut Largest) {
 }
 
 fn compare_simulation(cycle: &Cycle, expected: &Part, largest: &mut Largest) {
-    let series: [(&str, fn(&EgoState) -> f64); 4] = [
+    type Value = fn(&EgoState) -> f64;
+    let series: [(&str, Value); 4] = [
         ("x", |state| state.x),
         ("y", |state| state.y),
         ("heading", |state| state.heading),
