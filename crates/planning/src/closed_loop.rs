@@ -1,8 +1,9 @@
 //! Closed-loop stepping of a planner in traffic, as nuPlan steps (devkit 1.2.2, `Simulation`).
 //!
-//! Start with [`Episode::run`]. At each iteration the planner observes ego and its surroundings and returns a
-//! trajectory; the controller moves ego along it for one step, and the traffic advances at the same time, from the
-//! state of ego before the step. The data is plain: recorded futures are known to the [`Traffic`] at most.
+//! Start with [`Episode::run`]. At each iteration the planner observes ego and its surroundings and
+//! returns a trajectory; the controller moves ego along it for one step, and the traffic advances at the
+//! same time, from the state of ego before the step. The data is plain: recorded futures are known to the
+//! [`Traffic`] at most.
 
 use crate::planner::{History, Light, Planner, PlannerError, PlannerInput, Route, Sample};
 use crate::tracking::{Controller, ControllerError};
@@ -20,8 +21,8 @@ pub struct Surroundings {
 
 /// The traffic around ego.
 pub trait Traffic: Send {
-    /// Returns the surroundings at `iteration`, at least 1. `ego` is the state of ego at the iteration before: ego
-    /// and traffic move at the same time.
+    /// Returns the surroundings at `iteration`, at least 1. `ego` is the state of ego at the iteration
+    /// before: ego and traffic move at the same time.
     ///
     /// Iterations are consecutive.
     ///
@@ -87,10 +88,11 @@ pub struct Episode<'a> {
 /// What is known when an episode begins.
 #[derive(Clone, Debug)]
 pub struct EpisodeStart {
-    /// Samples up to the present at intervals of [`STEP`], oldest first. Planners observe the last two seconds.
+    /// Samples up to the present at intervals of [`STEP`], oldest first. Planners observe the last two
+    /// seconds.
     ///
-    /// nuPlan begins with the position, heading, velocity and acceleration of the log; the steering angle, yaw rate
-    /// and yaw acceleration of the present state are 0 even in a bend (devkit 1.2.2).
+    /// nuPlan begins with the position, heading, velocity and acceleration of the log; the steering
+    /// angle, yaw rate and yaw acceleration of the present state are 0 even in a bend (devkit 1.2.2).
     pub history: Vec<Sample>,
     /// Traffic lights at present.
     pub lights: Vec<Light>,

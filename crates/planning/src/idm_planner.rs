@@ -1,5 +1,5 @@
-//! The IDM planner of nuPlan (devkit 1.2.2, `IDMPlanner`): ego follows the centre line of the route and the nearest object
-//! on it by the intelligent driver model.
+//! The IDM planner of nuPlan (devkit 1.2.2, `IDMPlanner`): ego follows the centre line of the route and
+//! the nearest object on it by the intelligent driver model.
 //!
 //! Start with [`IdmPlanner`].
 
@@ -26,10 +26,11 @@ const MAX_ACCELERATION: f64 = 1.0;
 const DECELERATION: f64 = 3.0;
 /// Number of steps of a trajectory (nuPlan devkit 1.2.2, `planned_trajectory_samples`).
 const STEPS: usize = 16;
-/// Interval of the states of a trajectory, seconds (nuPlan devkit 1.2.2, `planned_trajectory_sample_interval`).
+/// Interval of the states of a trajectory, seconds (nuPlan devkit 1.2.2,
+/// `planned_trajectory_sample_interval`).
 const INTERVAL: f64 = 0.5;
-/// Distance in metres between the centres of ego and of objects below which objects are considered (nuPlan devkit 1.2.2,
-/// `occupancy_map_radius`).
+/// Distance in metres between the centres of ego and of objects below which objects are considered
+/// (nuPlan devkit 1.2.2, `occupancy_map_radius`).
 const RADIUS: f64 = 40.0;
 
 /// The planner. It observes the present only, and assumes that objects stay where they are.
@@ -88,8 +89,8 @@ impl Planner for IdmPlanner {
 }
 
 impl RoutePlan {
-    /// Finds the path and the speed that is aimed at: the limit of the first lane, or the present speed if that is
-    /// larger.
+    /// Finds the path and the speed that is aimed at: the limit of the first lane, or the present speed
+    /// if that is larger.
     fn find(input: &PlannerInput<'_>) -> Result<Self, PlannerError> {
         let (map, blocks) = (input.map, input.route.roadblocks());
         let on_route: BTreeSet<usize> =
@@ -140,8 +141,8 @@ impl RoutePlan {
         objects.chain(red).collect()
     }
 
-    /// Returns the obstacle nearest to the box of ego, among those that touch the box or the corridor ahead, or the end of
-    /// the path. `progress` is that of the centre.
+    /// Returns the obstacle nearest to the box of ego, among those that touch the box or the corridor
+    /// ahead, or the end of the path. `progress` is that of the centre.
     fn leader(
         &self,
         progress: f64,
@@ -188,7 +189,8 @@ fn acceleration(speed: f64, target: f64, leader: Leader) -> f64 {
         .clamp(-DECELERATION, MAX_ACCELERATION)
 }
 
-/// Returns the first lane of the first two roadblocks that contains the centre of ego, else the nearest one to its box.
+/// Returns the first lane of the first two roadblocks that contains the centre of ego, else the nearest
+/// one to its box.
 fn starting_lane(input: &PlannerInput<'_>) -> Option<usize> {
     let (map, footprint) = (input.map, input.ego().footprint(input.shape));
     let lanes: Vec<usize> = input
@@ -207,8 +209,8 @@ fn starting_lane(input: &PlannerInput<'_>) -> Option<usize> {
     })
 }
 
-/// Returns a lane sequence from `start` with one lane per roadblock of the route, up to the last one; the longest sequence
-/// that a search finds if there is none.
+/// Returns a lane sequence from `start` with one lane per roadblock of the route, up to the last one; the
+/// longest sequence that a search finds if there is none.
 fn lane_sequence(map: &PlanningMap, start: usize, route: &[usize], on_route: &BTreeSet<usize>) -> Vec<usize> {
     let is_second = route.get(1) == Some(&map.lane(start).roadblock);
     let depth = route.len() - usize::from(is_second);

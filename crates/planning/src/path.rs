@@ -9,16 +9,16 @@ use reactsim_geometry::{
 use crate::shapes::{Shape, box_ring_distance, edges, ring_covers, segment_box, segments};
 use crate::trajectory::Pose;
 
-/// Largest distance between states of a baseline, metres: longer segments are divided. The states of nuPlan's
-/// baselines are closer.
+/// Largest distance between states of a baseline, metres: longer segments are divided. The states of
+/// nuPlan's baselines are closer.
 const STATE_SPACING: f64 = 1.0;
 /// Least arc length, metres, at which a path has a pose (tuplan_garage b51d5d0, `PDMPath.interpolate`).
 const FIRST_PROGRESS: f64 = 1e-5;
 /// Number of segments of a path or a corridor per bounding box.
 const CHUNK: usize = 12;
 
-/// Returns the states of a baseline: its points and, on longer segments, a point every metre. The heading of a
-/// state is that of the segment after it; the last state has the heading of the last segment.
+/// Returns the states of a baseline: its points and, on longer segments, a point every metre. The heading
+/// of a state is that of the segment after it; the last state has the heading of the last segment.
 pub(crate) fn baseline_states(baseline: &Polyline) -> Vec<Pose> {
     let mut states = Vec::new();
     for segment in 0..baseline.segments() {
@@ -73,7 +73,8 @@ impl Path {
         Some(Self { states, arc, line, chunks })
     }
 
-    /// Returns the path through all states moved by `offset` metres along their headings turned left by 90°.
+    /// Returns the path through all states moved by `offset` metres along their headings turned left by
+    /// 90°.
     pub(crate) fn aside(&self, offset: f64) -> Option<Self> {
         let moved = |state: &Pose| Pose {
             position: state.position + direction(state.heading + FRAC_PI_2) * offset,
@@ -130,8 +131,8 @@ impl Path {
         }
     }
 
-    /// Returns the corridor within `half_width` metres of the states between two arc lengths. Where there are fewer
-    /// than two states, the arc lengths themselves are its ends.
+    /// Returns the corridor within `half_width` metres of the states between two arc lengths. Where there
+    /// are fewer than two states, the arc lengths themselves are its ends.
     pub(crate) fn corridor(&self, from: f64, to: f64, half_width: f64) -> Corridor {
         let within = |&(_, arc): &(&Pose, &f64)| from <= *arc && *arc <= to;
         let mut points: Vec<Vec2> =
@@ -142,8 +143,8 @@ impl Path {
         Corridor::new(points, half_width)
     }
 
-    /// Returns the corridor within `half_width` metres of the path between two arc lengths, which are clamped to the
-    /// path.
+    /// Returns the corridor within `half_width` metres of the path between two arc lengths, which are
+    /// clamped to the path.
     pub(crate) fn exact_corridor(&self, from: f64, to: f64, half_width: f64) -> Corridor {
         Corridor::new(self.exact_part(from, to), half_width)
     }
@@ -231,17 +232,21 @@ impl Corridor {
         }
     }
 
-    /// Returns whether the corridor touches or overlaps a box with this radius (m) of its circumscribed circle.
+    /// Returns whether the corridor touches or overlaps a box with this radius (m) of its circumscribed
+    /// circle.
     pub(crate) fn touches_box(&self, other: &OrientedBox, radius: f64) -> bool {
         if !distance_is_within(&self.bounds, other.center, radius) {
             return false;
         }
-        let (reach2, far) = (self.half_width * self.half_width, self.half_width + radius);
-        // Segments that are too far from the centre of the box need no exact distance.
-        let is_near = |a: Vec2, b: Vec2| point_segment(other.center, a, b).0 <= far * far;
-        self.any_segment_near(&Bounds::around(other.center, radius), |a, b| {
-            is_near(a, b) && segment_box(a, b, other) <= reach2
-        }) || self.ends.iter().any(|end| end.separation(other) <= 0.0)
+        let reach = self.half_width;
+        // Most segments are decided by their distance from the centre of the box.
+        let (near, far) = (reach + other.half_length.min(other.half_width), reach + radius);
+        let touches = |a: Vec2, b: Vec2| {
+            let distance2 = point_segment(other.center, a, b).0;
+            distance2 <= near * near || (distance2 <= far * far && segment_box(a, b, other) <= reach * reach)
+        };
+        self.any_segment_near(&Bounds::around(other.center, radius), touches)
+            || self.ends.iter().any(|end| end.separation(other) <= 0.0)
     }
 
     fn touches_ring(&self, ring: &[Vec2]) -> bool {

@@ -1,9 +1,9 @@
-//! PDM-Closed, the planner of tuplan_garage (commit b51d5d0): proposals of an intelligent driver model along the centre line of the
-//! route, simulated and scored by the metrics of nuPlan (Dauner et al. 2023, "Parting with Misconceptions about
-//! Learning-based Vehicle Motion Planning").
+//! PDM-Closed, the planner of tuplan_garage (commit b51d5d0): proposals of an intelligent driver model
+//! along the centre line of the route, simulated and scored by the metrics of nuPlan (Dauner et al. 2023,
+//! "Parting with Misconceptions about Learning-based Vehicle Motion Planning").
 //!
-//! Start with [`PdmClosed`]. A plan is computed in the order of the files: `route` and `centerline` (first iteration only),
-//! `forecast`, `proposals`, `simulation`, `scoring`, `brake`.
+//! Start with [`PdmClosed`]. A plan is computed in the order of the files: `route` and `centerline`
+//! (first iteration only), `forecast`, `proposals`, `simulation`, `scoring`, `brake`.
 
 mod areas;
 mod brake;
@@ -34,8 +34,8 @@ use crate::path::Path;
 use crate::planner::{Planner, PlannerError, PlannerInput};
 use crate::trajectory::{Pose, STEP, Trajectory};
 
-/// Offsets of the paths to the left of the centre line, metres (tuplan_garage b51d5d0, `lateral_offsets`). The
-/// centre line itself is the first path.
+/// Offsets of the paths to the left of the centre line, metres (tuplan_garage b51d5d0,
+/// `lateral_offsets`). The centre line itself is the first path.
 const LATERAL_OFFSETS: [f64; 2] = [-1.0, 1.0];
 
 /// The planner.

@@ -1,7 +1,7 @@
 //! The interface of planners: what a planner observes, and what it returns.
 //!
-//! A planner receives a [`PlannerInput`] at each iteration. It contains the past and the present only: no part of it
-//! refers to recorded states after the present time.
+//! A planner receives a [`PlannerInput`] at each iteration. It contains the past and the present only: no
+//! part of it refers to recorded states after the present time.
 
 use crate::trajectory::{STEP, Trajectory, TrajectoryError};
 use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
@@ -92,7 +92,8 @@ impl<'a> History<'a> {
     /// Number of samples of a full history.
     pub const SAMPLES: usize = (HISTORY / STEP) as usize + 1;
 
-    /// Returns the last [`Self::SAMPLES`] of `samples`, whose last one is the present; `None` without samples.
+    /// Returns the last [`Self::SAMPLES`] of `samples`, whose last one is the present; `None` without
+    /// samples.
     pub fn new(samples: &'a [Sample]) -> Option<Self> {
         let first = samples.len().saturating_sub(Self::SAMPLES);
         let (present, past) = samples[first..].split_last()?;
@@ -113,7 +114,8 @@ impl<'a> History<'a> {
 /// What a planner observes at one iteration.
 #[derive(Clone, Copy, Debug)]
 pub struct PlannerInput<'a> {
-    /// Number of the iteration, from 0. At iteration 0 planners find their path; they may keep it afterwards.
+    /// Number of the iteration, from 0. At iteration 0 planners find their path; they may keep it
+    /// afterwards.
     pub iteration: usize,
     /// The last two seconds.
     pub history: History<'a>,

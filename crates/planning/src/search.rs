@@ -1,8 +1,8 @@
 //! Breadth-first search by layers, with the results of searches that visit nodes again.
 //!
-//! The searches of nuPlan and tuplan_garage enter a node once per path that leads to it, and keep the last parent of each
-//! node and depth. Layers without repetitions give the same paths if they remember the orders of first and last
-//! visits.
+//! The searches of nuPlan and tuplan_garage enter a node once per path that leads to it, and keep the
+//! last parent of each node and depth. Layers without repetitions give the same paths if they remember
+//! the orders of first and last visits.
 
 use std::collections::BTreeMap;
 

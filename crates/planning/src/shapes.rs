@@ -71,9 +71,9 @@ pub(crate) fn box_ring_distance(other: &OrientedBox, ring: &[Vec2]) -> f64 {
 /// Returns whether a closed ring contains a whole box.
 pub(crate) fn ring_covers_box(ring: &[Vec2], other: &OrientedBox) -> bool {
     let corners = other.corners();
-    let inner = OrientedBox { half_length: 0.0, half_width: 0.0, ..*other };
-    let crossed = edges(ring).any(|(a, b)| crosses_interior(a, b, other));
-    ring_covers(ring, inner.center) && corners.iter().all(|&corner| ring_covers(ring, corner)) && !crossed
+    ring_covers(ring, other.center)
+        && corners.iter().all(|&corner| ring_covers(ring, corner))
+        && !edges(ring).any(|(a, b)| crosses_interior(a, b, other))
 }
 
 /// Returns whether a segment passes through the interior of a box.

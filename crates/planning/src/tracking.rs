@@ -1,7 +1,7 @@
 //! Controllers: how ego moves during one step along the trajectory of its planner.
 //!
-//! Start with [`Controller`]. The LQR tracker with the kinematic bicycle is the controller of both closed-loop
-//! challenges of nuPlan (devkit 1.2.2, `TwoStageController`).
+//! Start with [`Controller`]. The LQR tracker with the kinematic bicycle is the controller of both
+//! closed-loop challenges of nuPlan (devkit 1.2.2, `TwoStageController`).
 
 mod bicycle;
 mod lqr;
@@ -22,7 +22,7 @@ use crate::{EgoShape, EgoState};
 pub enum ControllerError {
     /// The trajectory has an impossible velocity.
     #[error(
-        "trajectory has the speed {speed:.1} m/s at {time} s; perfect tracking follows speeds below {MAX_SPEED} m/s"
+        "trajectory has the speed {speed:.1} m/s at {time} s; perfect tracking needs less than {MAX_SPEED} m/s"
     )]
     TooFast {
         /// Time, seconds.
@@ -32,7 +32,7 @@ pub enum ControllerError {
     },
     /// The next state is not finite.
     #[error(
-        "state of ego after {time} s is not finite: {state:?}; the trajectory is too far from ego to be tracked"
+        "state of ego after {time} s is not finite: {state:?}; the trajectory is too far from ego to track"
     )]
     NotFinite {
         /// Time before the step, seconds.
@@ -45,8 +45,8 @@ pub enum ControllerError {
 /// A controller of ego.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Controller {
-    /// Ego takes the states of the trajectory, with their velocities and accelerations, at face value. It cannot
-    /// be used with planners that return poses only, such as PDM-Closed.
+    /// Ego takes the states of the trajectory, with their velocities and accelerations, at face value. It
+    /// cannot be used with planners that return poses only, such as PDM-Closed.
     PerfectTracking,
     /// An LQR tracker commands acceleration and steering rate of a kinematic bicycle with lag.
     LqrBicycle,

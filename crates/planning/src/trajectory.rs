@@ -70,8 +70,8 @@ pub enum TrajectoryError {
     },
     /// The trajectory is far from ego at the present time.
     #[error(
-        "trajectory is {distance:.1} m from ego at {now} s; at most {MAX_START_DISTANCE} m are allowed: positions \
-         are those of the rear axle in the frame of the map"
+        "trajectory is {distance:.1} m from ego at {now} s; at most {MAX_START_DISTANCE} m are allowed: \
+         positions are those of the rear axle in the frame of the map"
     )]
     FarFromEgo {
         /// Distance, metres.
@@ -80,7 +80,9 @@ pub enum TrajectoryError {
         now: f64,
     },
     /// Two successive states imply an impossible speed.
-    #[error("states {} and {index} of the trajectory imply {speed:.1} m/s; speeds must be below {MAX_SPEED} m/s", index - 1)]
+    #[error(
+        "state {index} of the trajectory is reached at {speed:.1} m/s; speeds must be below {MAX_SPEED} m/s"
+    )]
     Teleport {
         /// Index of the later state.
         index: usize,
@@ -92,9 +94,9 @@ pub enum TrajectoryError {
 /// Checks that ego, in its present state `ego`, can follow `states`.
 ///
 /// # Errors
-/// [`TrajectoryError`], for the first requirement that is not met: at least two states; finite numbers; increasing
-/// times; times that cover the present and the next step; a position near ego at present; successive positions
-/// that imply less than [`MAX_SPEED`].
+/// [`TrajectoryError`], for the first requirement that is not met: at least two states; finite numbers;
+/// increasing times; times that cover the present and the next step; a position near ego at present;
+/// successive positions that imply less than [`MAX_SPEED`].
 pub fn validate(states: &[EgoState], ego: &EgoState) -> Result<(), TrajectoryError> {
     let [first, .., last] = states else { return Err(TrajectoryError::TooShort(states.len())) };
     if let Some(index) = states.iter().position(|state| !state.is_finite()) {
@@ -156,8 +158,9 @@ impl Trajectory {
 
     /// Returns the state at a time in seconds, which is clamped to the trajectory.
     ///
-    /// Positions, velocities, accelerations and the steering angle are linear between states, and the heading is
-    /// linear along the shorter turn. Yaw rate and yaw acceleration are 0, as in nuPlan (devkit 1.2.2).
+    /// Positions, velocities, accelerations and the steering angle are linear between states, and the
+    /// heading is linear along the shorter turn. Yaw rate and yaw acceleration are 0, as in nuPlan
+    /// (devkit 1.2.2).
     pub fn at(&self, time: f64) -> EgoState {
         interpolate(&self.states, time)
     }

@@ -24,7 +24,8 @@ impl SavitzkyGolay {
         self.prepare(values.len(), interval).apply(values)
     }
 
-    /// Computes the weights of the filter for series of `samples` values, which are `interval` seconds apart.
+    /// Computes the weights of the filter for series of `samples` values, which are `interval` seconds
+    /// apart.
     pub fn prepare(&self, samples: usize, interval: f64) -> PreparedFilter {
         let window = self.window.min(samples);
         if window <= self.degree {
@@ -89,7 +90,8 @@ impl SavitzkyGolay {
 /// The weights of a filter for series of one length.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreparedFilter {
-    /// Weights of a window: around inner samples, and for each sample of the first and the last half window.
+    /// Weights of a window: around inner samples, and for each sample of the first and the last half
+    /// window.
     weights: Vec<Vec<f64>>,
     /// For each output, the first sample of its window and the index of its weights.
     outputs: Vec<(usize, usize)>,

@@ -11,7 +11,8 @@ use crate::{EgoShape, EgoState};
 const COLLISION_TIME: f64 = 2.0;
 /// Largest speed at which the brake acts, m/s (tuplan_garage b51d5d0, `max_ego_speed`).
 const MAX_SPEED: f64 = 5.0;
-/// Bounds of the commanded acceleration, m/s² (tuplan_garage b51d5d0, `min_long_accel` and `max_long_accel`).
+/// Bounds of the commanded acceleration, m/s² (tuplan_garage b51d5d0, `min_long_accel` and
+/// `max_long_accel`).
 const ACCELERATION_BOUNDS: [f64; 2] = [-4.05, 2.40];
 /// Speed in m/s above which the speed alone is controlled (tuplan_garage b51d5d0).
 const MOVING_SPEED: f64 = 0.2;
@@ -22,13 +23,14 @@ const SLOW_GAIN: f64 = 4.0;
 /// Factor that compensates the gain 10/11 of the tracker (tuplan_garage b51d5d0).
 const TRACKER_FACTOR: f64 = 1.1;
 
-/// Returns whether the brake acts, for the time in seconds to the first at-fault collision of the best proposal.
+/// Returns whether the brake acts, for the time in seconds to the first at-fault collision of the best
+/// proposal.
 pub(super) fn is_necessary(ego: &EgoState, collision_time: f64) -> bool {
     collision_time <= COLLISION_TIME && ego.speed() <= MAX_SPEED
 }
 
-/// Returns the states of the brake: constant speed along the heading, velocities 0. The speed is chosen so that
-/// the tracker brakes hard; it may be negative.
+/// Returns the states of the brake: constant speed along the heading, velocities 0. The speed is chosen
+/// so that the tracker brakes hard; it may be negative.
 pub(super) fn states(ego: &EgoState, shape: &EgoShape) -> Vec<EgoState> {
     let speed = reference_speed(ego.vx, ego.center_acceleration_nuplan(shape).x);
     let ahead = direction(ego.heading);

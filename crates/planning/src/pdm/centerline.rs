@@ -13,9 +13,9 @@ use crate::trajectory::Pose;
 /// Number of roadblocks that the centre line covers at most (tuplan_garage b51d5d0, `search_depth`).
 const SEARCH_DEPTH: usize = 30;
 
-/// Returns the lane of ego among `lanes`, those of the route in its order: of the lanes that contain the rear axle the one
-/// with the smallest heading difference, else the first one that contains the centre, else the one nearest to the box.
-/// `None` without lanes.
+/// Returns the lane of ego among `lanes`, those of the route in its order: of the lanes that contain the
+/// rear axle the one with the smallest heading difference, else the first one that contains the centre,
+/// else the one nearest to the box. `None` without lanes.
 pub(super) fn current_lane(
     input: &PlannerInput<'_>,
     lanes: &[usize],
@@ -53,7 +53,8 @@ fn nearest_lane(input: &PlannerInput<'_>, lanes: &[usize]) -> Option<usize> {
     nearest.map(|(_, lane)| lane)
 }
 
-/// Returns the states of the centre line: the baselines of the shortest lane sequence from `start` along the route.
+/// Returns the states of the centre line: the baselines of the shortest lane sequence from `start` along
+/// the route.
 pub(super) fn centerline_states(
     map: &PlanningMap,
     start: usize,
@@ -76,8 +77,9 @@ struct Reached {
     parent: Option<usize>,
 }
 
-/// Returns the cheapest lane sequence from `start` to a lane of the roadblock `target`, where entering a lane costs its
-/// length. If there is none, the sequence ends at the deepest lane, the cheapest among equals.
+/// Returns the cheapest lane sequence from `start` to a lane of the roadblock `target`, where entering a
+/// lane costs its length. If there is none, the sequence ends at the deepest lane, the cheapest among
+/// equals.
 fn shortest_lanes(
     map: &PlanningMap,
     start: usize,

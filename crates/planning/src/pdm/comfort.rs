@@ -1,7 +1,7 @@
 //! Comfort of simulated proposals (tuplan_garage b51d5d0, `pdm_comfort_metrics`).
 //!
-//! The bounds are those of nuPlan, but accelerations are smoothed by one quadratic over the whole proposal, so
-//! that much more is comfortable.
+//! The bounds are those of nuPlan, but accelerations are smoothed by one quadratic over the whole
+//! proposal, so that much more is comfortable.
 
 use std::f64::consts::TAU;
 
@@ -12,15 +12,16 @@ use crate::trajectory::STEP;
 
 /// Number of states of a simulated proposal.
 const STATES: usize = STEPS + 1;
-/// Number of samples over which accelerations are smoothed before they are differentiated (tuplan_garage b51d5d0,
-/// `window_length`).
+/// Number of samples over which accelerations are smoothed before they are differentiated (tuplan_garage
+/// b51d5d0, `window_length`).
 const ACCELERATION_WINDOW: usize = 8;
 /// Number of samples over which headings are differentiated (tuplan_garage b51d5d0, `window_length`).
 const HEADING_WINDOW: usize = 5;
 /// Scale of the rounding of all series: eight decimals (tuplan_garage b51d5d0, `decimals`).
 const ROUNDING: f64 = 1e8;
 
-/// Largest longitudinal acceleration, m/s² (this and all bounds: nuPlan devkit 1.2.2, `ego_is_comfortable`).
+/// Largest longitudinal acceleration, m/s² (this and all bounds: nuPlan devkit 1.2.2,
+/// `ego_is_comfortable`).
 const MAX_LONGITUDINAL_ACCELERATION: f64 = 2.40;
 /// Least longitudinal acceleration, m/s².
 const MIN_LONGITUDINAL_ACCELERATION: f64 = -4.05;
@@ -60,8 +61,8 @@ impl Comfort {
         }
     }
 
-    /// Returns whether the states of a simulated proposal are within all bounds. Accelerations are those of the rear
-    /// axle.
+    /// Returns whether the states of a simulated proposal are within all bounds. Accelerations are those
+    /// of the rear axle.
     pub(super) fn is_comfortable(&self, states: &[EgoState]) -> bool {
         let series = |of: fn(&EgoState) -> f64| -> Vec<f64> { states.iter().map(of).collect() };
         let (ahead, aside, magnitude) =

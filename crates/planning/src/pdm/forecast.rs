@@ -106,8 +106,8 @@ impl Obstacle {
         self.centroid + self.displacement(step)
     }
 
-    /// Returns the distance in metres to a box at a step of the forecast, 0 if they touch or overlap; `None` if it
-    /// is not below `bound`.
+    /// Returns the distance in metres to a box at a step of the forecast, 0 if they touch or overlap;
+    /// `None` if it is not below `bound`.
     pub(super) fn distance_below(&self, step: usize, other: &OrientedBox, bound: f64) -> Option<f64> {
         let distance = match &self.shape {
             Shape::Box(own) => {
@@ -132,8 +132,8 @@ impl Obstacle {
     }
 }
 
-/// Returns the velocity of an agent's forecast, m/s: its speed along its heading, backwards if it moves more than
-/// 90° away from its heading.
+/// Returns the velocity of an agent's forecast, m/s: its speed along its heading, backwards if it moves
+/// more than 90° away from its heading.
 fn drift(agent: &TrackedObject) -> Vec2 {
     let deviation = wrap(agent.heading - heading_of(agent.velocity)).abs();
     let forward = direction(agent.heading) * agent.speed();
@@ -147,8 +147,8 @@ pub(super) struct Forecast {
 }
 
 impl Forecast {
-    /// Observes the obstacles of an iteration. Obstacles that ego overlaps are added to `ignored`; objects in
-    /// `ignored` from earlier iterations are left out. `on_route` are the lanes of the route.
+    /// Observes the obstacles of an iteration. Obstacles that ego overlaps are added to `ignored`;
+    /// objects in `ignored` from earlier iterations are left out. `on_route` are the lanes of the route.
     pub(super) fn observe(
         input: &PlannerInput<'_>,
         on_route: &BTreeSet<usize>,
@@ -199,8 +199,8 @@ pub(super) struct CorridorTraffic<'a> {
 }
 
 impl<'a> CorridorTraffic<'a> {
-    /// Returns the obstacles that touch the corridor at a step of the forecast, with the progress of their centroids
-    /// on the path, metres.
+    /// Returns the obstacles that touch the corridor at a step of the forecast, with the progress of
+    /// their centroids on the path, metres.
     pub(super) fn at(&self, step: usize) -> Vec<(f64, &'a Obstacle)> {
         let inside = |obstacle: &Obstacle| {
             obstacle.box_at(step).is_some_and(|other| self.corridor.touches_box(&other, obstacle.radius))
@@ -211,8 +211,8 @@ impl<'a> CorridorTraffic<'a> {
     }
 }
 
-/// Returns the nearest objects within [`RADIUS`] of `center` that are not ignored: static ones, then each kind of
-/// agents, nearest first.
+/// Returns the nearest objects within [`RADIUS`] of `center` that are not ignored: static ones, then each
+/// kind of agents, nearest first.
 fn nearest_objects<'a>(
     objects: &'a [TrackedObject],
     center: Vec2,

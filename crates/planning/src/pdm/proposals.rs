@@ -1,5 +1,5 @@
-//! Proposals: an intelligent driver model with five speeds on three paths (tuplan_garage b51d5d0, `PDMGenerator`
-//! and `BatchIDMPolicy`).
+//! Proposals: an intelligent driver model with five speeds on three paths (tuplan_garage b51d5d0,
+//! `PDMGenerator` and `BatchIDMPolicy`).
 
 use reactsim_geometry::{direction, math};
 
@@ -73,8 +73,9 @@ impl Proposal {
         }
     }
 
-    /// Adds the next state. Leaders are searched for at even steps among `traffic`, the obstacles in the corridor
-    /// with their progress on the path; odd steps copy them. Step 1 therefore follows the zero leader of step 0.
+    /// Adds the next state. Leaders are searched for at even steps among `traffic`, the obstacles in the
+    /// corridor with their progress on the path; odd steps copy them. Step 1 therefore follows the zero
+    /// leader of step 0.
     fn advance(&mut self, path: &Path, shape: &EgoShape, traffic: &[(f64, &Obstacle)]) {
         let before = self.progress.len() - 1;
         let (progress, speed) = (self.progress[before], self.speeds[before]);
@@ -96,8 +97,8 @@ fn is_leader_step(step: usize) -> bool {
     step.is_multiple_of(LEADER_INTERVAL)
 }
 
-/// Returns the acceleration of the intelligent driver model, m/s². There is no floor at standstill: speeds may become
-/// negative.
+/// Returns the acceleration of the intelligent driver model, m/s². There is no floor at standstill:
+/// speeds may become negative.
 fn acceleration(progress: f64, speed: f64, target: f64, leader: Leader) -> f64 {
     let approach = speed * (speed - leader.speed) / (2.0 * (MAX_ACCELERATION * DECELERATION).sqrt());
     let desired_gap = MIN_GAP + speed * HEADWAY + approach;
@@ -114,8 +115,8 @@ fn tenth_power(x: f64) -> f64 {
     fourth * fourth * square
 }
 
-/// Returns the leader of a rear axle at `pose` and `progress`: the obstacle nearest to the box of ego among those whose
-/// centroid is ahead, or the end of the path.
+/// Returns the leader of a rear axle at `pose` and `progress`: the obstacle nearest to the box of ego
+/// among those whose centroid is ahead, or the end of the path.
 fn find_leader(
     pose: Pose,
     progress: f64,

@@ -27,15 +27,15 @@ const BACKWARD_DEPTH: usize = 15;
 /// Largest number of roadblocks of a search in driving direction (tuplan_garage b51d5d0,
 /// `search_depth_forward`).
 const FORWARD_DEPTH: usize = 30;
-/// Number of roadblocks of the route, from its start, that a search in driving direction may reach (tuplan_garage
-/// b51d5d0).
+/// Number of roadblocks of the route, from its start, that a search in driving direction may reach
+/// (tuplan_garage b51d5d0).
 const REACHABLE_BLOCKS: usize = 3;
 /// Overlap of connector blocks, m², above which the route is a loop (tuplan_garage b51d5d0).
 const LOOP_OVERLAP: f64 = 1.0;
 
-/// Returns the route from where ego is, `route` being roadblocks in driving order: it begins at the roadblock of ego if that
-/// is linked to the route, has no gaps that can be filled, and ends before it crosses itself. `None` if no
-/// roadblock is near ego.
+/// Returns the route from where ego is, `route` being roadblocks in driving order: it begins at the
+/// roadblock of ego if that is linked to the route, has no gaps that can be filled, and ends before it
+/// crosses itself. `None` if no roadblock is near ego.
 pub(super) fn corrected(map: &PlanningMap, ego: Pose, route: &[usize]) -> Option<Vec<usize>> {
     let start = Start::find(map, ego, route)?;
     let route = linked_to_start(map, &start, route);
@@ -62,8 +62,8 @@ struct NearLane {
 }
 
 impl Start {
-    /// Finds the roadblock of ego: the nearest with a lane along ego, those of the route first; if no lane is along
-    /// ego, the nearest roadblock.
+    /// Finds the roadblock of ego: the nearest with a lane along ego, those of the route first; if no
+    /// lane is along ego, the nearest roadblock.
     fn find(map: &PlanningMap, ego: Pose, route: &[usize]) -> Option<Self> {
         let lanes = near_lanes(map, ego);
         let is_along =
@@ -193,11 +193,11 @@ fn neighbors(map: &PlanningMap, block: usize, direction: Direction) -> BTreeSet<
     linked.map(|&lane| map.lane(lane).roadblock).filter(|&other| other != block).collect()
 }
 
-/// Returns the shortest path in driving order between `start` and one of `targets`, both included; `None` if there is none
-/// of at most `depth` roadblocks.
+/// Returns the shortest path in driving order between `start` and one of `targets`, both included; `None`
+/// if there is none of at most `depth` roadblocks.
 ///
-/// Among shortest paths it is the one that a breadth-first search finds which visits roadblocks again and keeps the
-/// last parent of each roadblock and depth.
+/// Among shortest paths it is the one that a breadth-first search finds which visits roadblocks again and
+/// keeps the last parent of each roadblock and depth.
 fn search(
     map: &PlanningMap,
     start: usize,

@@ -15,15 +15,18 @@ const PROGRESS_WEIGHT: f64 = 5.0;
 const TTC_WEIGHT: f64 = 5.0;
 /// Weight of comfort (tuplan_garage b51d5d0).
 const COMFORT_WEIGHT: f64 = 2.0;
-/// Score of at-fault collisions with agents; with static objects it is [`OBJECT_SCORE`] (tuplan_garage b51d5d0).
+/// Score of at-fault collisions with agents; with static objects it is [`OBJECT_SCORE`] (tuplan_garage
+/// b51d5d0).
 const AGENT_SCORE: f64 = 0.0;
 /// Score of at-fault collisions with static objects, however many there are (tuplan_garage b51d5d0).
 const OBJECT_SCORE: f64 = 0.5;
 /// Speed in m/s up to which ego or an object is stationary in a collision (nuPlan devkit 1.2.2).
 const STOPPED_SPEED: f64 = 0.05;
-/// Speed in m/s below which ego has no time to collision (tuplan_garage b51d5d0, `STOPPED_SPEED_THRESHOLD`).
+/// Speed in m/s below which ego has no time to collision (tuplan_garage b51d5d0,
+/// `STOPPED_SPEED_THRESHOLD`).
 const TTC_SPEED: f64 = 5e-3;
-/// Steps ahead at which ego is projected for the time to collision: 0, 0.3, 0.6 and 0.9 s (tuplan_garage b51d5d0).
+/// Steps ahead at which ego is projected for the time to collision: 0, 0.3, 0.6 and 0.9 s (tuplan_garage
+/// b51d5d0).
 const TTC_STEPS: [usize; 4] = [0, 3, 6, 9];
 /// Distance off the route, metres, that scores 1 below it (tuplan_garage b51d5d0).
 const DIRECTION_COMPLIANCE: f64 = 2.0;
@@ -32,8 +35,8 @@ const DIRECTION_VIOLATION: f64 = 6.0;
 /// Progress in metres up to which progress is not compared (tuplan_garage b51d5d0,
 /// `PROGRESS_DISTANCE_THRESHOLD`).
 const PROGRESS_THRESHOLD: f64 = 0.1;
-/// Cosine of 30°: objects within this angle of the heading, seen from the rear axle, are ahead; those within it of
-/// the opposite direction are behind (nuPlan devkit 1.2.2).
+/// Cosine of 30°: objects within this angle of the heading, seen from the rear axle, are ahead; those
+/// within it of the opposite direction are behind (nuPlan devkit 1.2.2).
 const SIDE_COSINE: f64 = 0.866_025_403_784_438_6;
 
 /// The parts of the scores of all proposals, and the scores.
@@ -102,7 +105,7 @@ impl Scorer<'_> {
 
     fn drive<'a>(&self, states: &'a [EgoState]) -> Drive<'a> {
         let footprints: Vec<OrientedBox> = states.iter().map(|state| state.footprint(self.shape)).collect();
-        let ground = footprints.iter().map(|footprint| self.lanes.under(footprint)).collect();
+        let ground = self.lanes.under(&footprints);
         Drive { states, radius: footprints[0].radius(), footprints, ground }
     }
 
@@ -120,8 +123,8 @@ impl Scorer<'_> {
         self.forecast.obstacles.iter().filter(is_near).collect()
     }
 
-    /// Judges the first contact with each obstacle. Contacts at fault are judged at all later steps too, which
-    /// does not change the result; obstacles of other contacts are ignored afterwards.
+    /// Judges the first contact with each obstacle. Later contacts do not change the result: obstacles
+    /// are ignored after a contact that is not at fault, and of contacts at fault the first one counts.
     fn collisions(&self, drive: &Drive<'_>, obstacles: &[&Obstacle]) -> Collisions {
         let mut collisions = Collisions { score: 1.0, first: None };
         for obstacle in obstacles {
@@ -140,8 +143,8 @@ impl Scorer<'_> {
         collisions
     }
 
-    /// Returns whether ego, projected at constant speed, meets an obstacle within 0.9 s that it has to observe. An
-    /// obstacle that it meets first without having to observe it is ignored afterwards.
+    /// Returns whether ego, projected at constant speed, meets an obstacle within 0.9 s that it has to
+    /// observe. An obstacle that it meets first without having to observe it is ignored afterwards.
     fn has_short_ttc(&self, drive: &Drive<'_>, obstacles: &[&Obstacle]) -> bool {
         obstacles.iter().any(|obstacle| {
             let first = (0..drive.states.len())
@@ -150,8 +153,8 @@ impl Scorer<'_> {
         })
     }
 
-    /// Returns whether ego has to observe an object at `center`: ahead, or not behind where ego is not within one
-    /// lane or in an intersection.
+    /// Returns whether ego has to observe an object at `center`: ahead, or not behind where ego is not
+    /// within one lane or in an intersection.
     fn has_to_observe(&self, drive: &Drive<'_>, step: usize, center: Vec2) -> bool {
         let state = &drive.states[step];
         match side_of(state, center) {
@@ -225,12 +228,14 @@ fn flag(value: bool) -> f64 {
     f64::from(u8::from(value))
 }
 
-/// Returns whether two boxes touch or overlap; `reach` is the sum of the radii of their circumscribed circles, metres.
+/// Returns whether two boxes touch or overlap; `reach` is the sum of the radii of their circumscribed
+/// circles, metres.
 fn in_contact(a: &OrientedBox, b: &OrientedBox, reach: f64) -> bool {
     (b.center - a.center).norm_squared() <= reach * reach && a.separation(b) <= 0.0
 }
 
-/// Returns the centre of an obstacle at its first contact with ego, projected from a step at constant speed.
+/// Returns the centre of an obstacle at its first contact with ego, projected from a step at constant
+/// speed.
 fn projected_contact(drive: &Drive<'_>, step: usize, obstacle: &Obstacle) -> Option<Vec2> {
     let (speed, footprint) = (drive.states[step].speed(), &drive.footprints[step]);
     if speed < TTC_SPEED {

@@ -35,16 +35,16 @@ impl Bicycle {
         Self { wheelbase: shape.wheelbase }
     }
 
-    /// Returns the part of a command that takes effect in one step: acceleration and steering angle approach
-    /// their commands with a lag.
+    /// Returns the part of a command that takes effect in one step: acceleration and steering angle
+    /// approach their commands with a lag.
     pub fn lagged(&self, state: &EgoState, command: Command) -> Command {
         let acceleration = state.ax + (command.acceleration - state.ax) * (STEP / (STEP + ACCELERATION_TIME));
         let steering_rate = command.steering_rate * (STEP / (STEP + STEERING_TIME));
         Command { acceleration, steering_rate }
     }
 
-    /// Returns the state one step later. Positions and heading advance with the speed, heading and steering angle
-    /// of the old state; the speed may become negative.
+    /// Returns the state one step later. Positions and heading advance with the speed, heading and
+    /// steering angle of the old state; the speed may become negative.
     pub fn advance(&self, state: &EgoState, command: Command) -> EgoState {
         let lagged = self.lagged(state, command);
         let rear_axle = state.rear_axle() + direction(state.heading) * (STEP * state.vx);

@@ -13,13 +13,13 @@ const SPEED_WEIGHT: f64 = 10.0;
 const ACCELERATION_WEIGHT: f64 = 1.0;
 /// Weight of the squared lateral error at the horizon, per m² (nuPlan devkit 1.2.2, `q_lateral`).
 const LATERAL_WEIGHT: f64 = 1.0;
-/// Weight of the squared heading error at the horizon, per rad² (nuPlan devkit 1.2.2, `q_lateral`). The weight of
-/// the steering angle is 0.
+/// Weight of the squared heading error at the horizon, per rad² (nuPlan devkit 1.2.2, `q_lateral`). The
+/// weight of the steering angle is 0.
 const HEADING_WEIGHT: f64 = 10.0;
 /// Weight of the squared steering rate, per (rad/s)² (nuPlan devkit 1.2.2, `r_lateral`).
 const STEERING_RATE_WEIGHT: f64 = 1.0;
-/// Speed in m/s: at most this fast, and with a reference at most this fast, the vehicle stops without steering
-/// (nuPlan devkit 1.2.2, `stopping_velocity`).
+/// Speed in m/s: at most this fast, and with a reference at most this fast, the vehicle stops without
+/// steering (nuPlan devkit 1.2.2, `stopping_velocity`).
 const STOPPING_SPEED: f64 = 0.2;
 /// Deceleration per speed error while stopping, 1/s (nuPlan devkit 1.2.2, `stopping_proportional_gain`).
 const STOPPING_GAIN: f64 = 0.5;
@@ -56,8 +56,8 @@ impl LateralState {
 
 /// Returns the command for a vehicle with the given lateral state, speed (m/s) and wheelbase (m).
 ///
-/// Only the speed one second ahead is tracked: errors along the path are not corrected. The commands are not
-/// clamped.
+/// Only the speed one second ahead is tracked: errors along the path are not corrected. The commands are
+/// not clamped.
 pub fn command(lateral: LateralState, speed: f64, target: &Target, wheelbase: f64) -> Command {
     if is_stopping(speed, target.speed) {
         return Command { acceleration: -STOPPING_GAIN * (speed - target.speed), steering_rate: 0.0 };
@@ -72,7 +72,8 @@ pub fn is_stopping(speed: f64, reference: f64) -> bool {
     reference <= STOPPING_SPEED && speed <= STOPPING_SPEED
 }
 
-/// Returns the constant acceleration, m/s², that balances its weight against the speed error at the horizon.
+/// Returns the constant acceleration, m/s², that balances its weight against the speed error at the
+/// horizon.
 fn acceleration(speed: f64, reference: f64) -> f64 {
     let lookahead = HORIZON as f64 * STEP;
     let gain = SPEED_WEIGHT * lookahead / (SPEED_WEIGHT * lookahead * lookahead + ACCELERATION_WEIGHT);

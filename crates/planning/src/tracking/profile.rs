@@ -10,8 +10,8 @@ const JERK_PENALTY: f64 = 1e-4;
 /// Weight of squared curvature rates; the other terms are squared errors of headings, rad² (nuPlan devkit
 /// 1.2.2, `curvature_rate_penalty`).
 const CURVATURE_RATE_PENALTY: f64 = 1e-2;
-/// Weight of the squared first curvature, which is undetermined at standstill otherwise (nuPlan devkit 1.2.2,
-/// `INITIAL_CURVATURE_PENALTY`).
+/// Weight of the squared first curvature, which is undetermined at standstill otherwise (nuPlan devkit
+/// 1.2.2, `INITIAL_CURVATURE_PENALTY`).
 const INITIAL_CURVATURE_PENALTY: f64 = 1e-10;
 
 /// What the fit of the speeds penalises, next to errors of displacements.
@@ -21,8 +21,9 @@ pub enum Smoothing {
     Jerk,
     /// Accelerations, and the difference of the last two (tuplan_garage b51d5d0).
     ///
-    /// The difference matrix of tuplan_garage has only its main diagonal, except in the last row, so that the
-    /// profiles of PDM-Closed are smoothed differently from those of the tracker that ego is driven by.
+    /// The difference matrix of tuplan_garage has only its main diagonal, except in the last row, so that
+    /// the profiles of PDM-Closed are smoothed differently from those of the tracker that ego is driven
+    /// by.
     Acceleration,
 }
 
@@ -38,8 +39,8 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Fits speeds and curvatures to poses that follow each other at intervals of `interval` seconds. Fewer than
-    /// two poses give an empty profile.
+    /// Fits speeds and curvatures to poses that follow each other at intervals of `interval` seconds.
+    /// Fewer than two poses give an empty profile.
     ///
     /// The speeds minimise the squared errors of the displacements along the heading and the penalty of
     /// `smoothing`. The curvatures minimise, at these speeds, the squared errors of the turns and the
@@ -56,7 +57,8 @@ impl Profile {
     }
 }
 
-/// Returns the speeds that minimise the squared errors of `advances`, in metres per interval, and the penalty.
+/// Returns the speeds that minimise the squared errors of `advances`, in metres per interval, and the
+/// penalty.
 ///
 /// The normal equations of the speeds themselves have five diagonals, and their condition number is at most
 /// 1 + 16 penalty/dt⁴ = 17 for any number of samples: a factorisation of the band is exact to rounding, and
@@ -92,7 +94,8 @@ impl Pentadiagonal {
         Self { main: vec![value; size], first: vec![0.0; size], second: vec![0.0; size] }
     }
 
-    /// Adds `weight` times the square of the sum of three successive unknowns, from `i` on, multiplied by `factors`.
+    /// Adds `weight` times the square of the sum of three successive unknowns, from `i` on, multiplied by
+    /// `factors`.
     fn add_square(&mut self, i: usize, factors: [f64; 3], weight: f64) {
         let [a, b, c] = factors;
         self.main[i] += weight * a * a;
@@ -132,13 +135,13 @@ impl Pentadiagonal {
     }
 }
 
-/// Returns the curvatures `k` that minimise Σ (turn − dt v k)² + penalty Σ (k′/dt)² + a small multiple of the
-/// squared first curvature, where k′ are first differences.
+/// Returns the curvatures `k` that minimise Σ (turn − dt v k)² + penalty Σ (k′/dt)² + a small multiple of
+/// the squared first curvature, where k′ are first differences.
 ///
 /// The normal equations are those of a chain of nodes, each held by a spring of its own (the squared
-/// displacement) and tied to the next by springs of one stiffness. Eliminating nodes adds stiffnesses and never
-/// subtracts, so the result is accurate at standstill too, where only the penalty of the first curvature holds
-/// the chain.
+/// displacement) and tied to the next by springs of one stiffness. Eliminating nodes adds stiffnesses and
+/// never subtracts, so the result is accurate at standstill too, where only the penalty of the first
+/// curvature holds the chain.
 fn fit_curvatures(turns: &[f64], speeds: &[f64], interval: f64) -> Vec<f64> {
     let tie = CURVATURE_RATE_PENALTY / (interval * interval);
     let mut stiffness = Vec::with_capacity(turns.len());

@@ -21,8 +21,8 @@ impl<'a> Reference<'a> {
         &self.profile
     }
 
-    /// Returns the target of a command at a time in seconds. Speeds and curvatures are linear in time and constant
-    /// beyond the ends of the profile.
+    /// Returns the target of a command at a time in seconds. Speeds and curvatures are linear in time and
+    /// constant beyond the ends of the profile.
     pub fn target(&self, time: f64) -> Target {
         let position = (time - self.trajectory.start()) / STEP;
         let curvature = |step: usize| sample(&self.profile.curvatures, position + step as f64);
@@ -34,8 +34,8 @@ impl<'a> Reference<'a> {
     }
 }
 
-/// Returns the value at a position in units of samples, linear between samples and constant beyond them; 0 if
-/// there are no samples.
+/// Returns the value at a position in units of samples, linear between samples and constant beyond them;
+/// 0 if there are no samples.
 fn sample(values: &[f64], position: f64) -> f64 {
     let Some(last) = values.len().checked_sub(1) else { return 0.0 };
     let position = position.clamp(0.0, last as f64);

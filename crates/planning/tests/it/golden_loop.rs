@@ -1,5 +1,5 @@
-//! Agreement of whole episodes of PDM-Closed with the nuPlan devkit and tuplan_garage. Where the shared data is missing,
-//! the test is skipped with a message.
+//! Agreement of whole episodes of PDM-Closed with the nuPlan devkit and tuplan_garage. Where the shared
+//! data is missing, the test is skipped with a message.
 
 use reactsim_planning::closed_loop::{Episode, EpisodeStart, Replay, Surroundings};
 use reactsim_planning::metrics::{History, MissingInputs, judge};

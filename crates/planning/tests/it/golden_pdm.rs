@@ -1,5 +1,5 @@
-//! Agreement of planning cycles with values of tuplan_garage. Where the shared data is missing, the test is skipped
-//! with a message.
+//! Agreement of planning cycles with values of tuplan_garage. Where the shared data is missing, the test
+//! is skipped with a message.
 
 use reactsim_planning::pdm::{Cycle, PdmClosed, Proposal};
 use reactsim_planning::planner::{History, Planner, PlannerInput, Sample};

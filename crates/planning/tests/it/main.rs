@@ -1,5 +1,5 @@
-//! Comparison of metrics, controllers and planners with golden values of public code, and of metrics with arithmetic
-//! by hand.
+//! Comparison of metrics, controllers and planners with golden values of public code, and of metrics with
+//! arithmetic by hand.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod document;

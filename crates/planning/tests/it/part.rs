@@ -18,8 +18,8 @@ pub(crate) struct Part {
     value: Value,
 }
 
-/// Returns all documents of a folder of `planner_golden`, by name; none, with a message, if the shared data is
-/// missing.
+/// Returns all documents of a folder of `planner_golden`, by name; none, with a message, if the shared
+/// data is missing.
 #[track_caller]
 pub(crate) fn documents(folder: &str) -> Vec<Part> {
     let Some(folder) = shared(&format!("planner_golden/{folder}")) else { return Vec::new() };
@@ -110,7 +110,8 @@ impl Part {
         self.at(key).list().iter().map(Self::string).collect()
     }
 
-    /// Returns the state of ego that this part describes, at time 0: x, y, heading, v, a, steering, yaw rate.
+    /// Returns the state of ego that this part describes, at time 0: x, y, heading, v, a, steering, yaw
+    /// rate.
     #[track_caller]
     pub(crate) fn ego(&self) -> EgoState {
         EgoState {
