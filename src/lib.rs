@@ -34,6 +34,9 @@ pub use reactsim_metrics as metrics;
 #[cfg(feature = "models")]
 #[doc(inline)]
 pub use reactsim_models as models;
+#[cfg(feature = "planning")]
+#[doc(inline)]
+pub use reactsim_planning as planning;
 #[cfg(feature = "report")]
 #[doc(inline)]
 pub use reactsim_report as report;

@@ -1,0 +1,124 @@
+//! The planning map of a scenario.
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{Lane, LaneArea, LaneClass, LaneKind, RoadMap, Scenario};
+
+use crate::map::{
+    Area, AreaError, Areas, DrivableArea, Intersections, PlanningLane, PlanningMap, PlanningMapParts,
+};
+
+use super::SceneHistoryError;
+use super::roadblocks::{Roadblocks, roadblocks};
+
+/// Creates the map that planners and metrics of a scenario use.
+///
+/// Lanes for bicycles only are left out, as in the maps of nuPlan. Roadblocks are groups of neighbouring
+/// lanes. Without outlines, intersections are where connectors are, or unknown if all lanes are connectors.
+/// Without drivable polygons, the left side of road edges and the driveways are drivable.
+///
+/// # Errors
+/// [`SceneHistoryError`] if a polygon of the map has no area.
+pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryError> {
+    let id = &scenario.id;
+    let map = &scenario.start.map;
+    let kept: Vec<usize> = (0..map.lanes.len()).filter(|&i| map.lanes[i].class != LaneClass::Bike).collect();
+    let lanes = kept_lanes(map, &kept);
+    let Roadblocks { list, of_lane } = roadblocks(&lanes);
+    let parts = PlanningMapParts {
+        lanes: lanes
+            .iter()
+            .zip(of_lane)
+            .map(|(lane, roadblock)| Ok((planning_lane(lane, roadblock), lane_area(id, lane)?)))
+            .collect::<Result<_, SceneHistoryError>>()?,
+        roadblocks: list,
+        intersections: intersections(id, map, &lanes)?,
+        drivable: drivable(id, map)?,
+    };
+    PlanningMap::new(parts).map_err(|source| SceneHistoryError::Map { scenario: id.clone(), source })
+}
+
+/// Returns the kept lanes, with the links among them.
+fn kept_lanes(map: &RoadMap, kept: &[usize]) -> Vec<Lane> {
+    let renumbered =
+        |links: &[usize]| links.iter().filter_map(|link| kept.binary_search(link).ok()).collect();
+    let lane = |&i: &usize| {
+        let mut lane = map.lanes[i].clone();
+        lane.predecessors = renumbered(&lane.predecessors);
+        lane.successors = renumbered(&lane.successors);
+        for neighbors in [&mut lane.left, &mut lane.right] {
+            neighbors.retain_mut(|neighbor| match kept.binary_search(&neighbor.lane) {
+                Ok(lane) => {
+                    neighbor.lane = lane;
+                    true
+                }
+                Err(_) => false,
+            });
+        }
+        lane
+    };
+    kept.iter().map(lane).collect()
+}
+
+fn planning_lane(lane: &Lane, roadblock: usize) -> PlanningLane {
+    PlanningLane {
+        id: lane.id.clone(),
+        kind: lane.kind,
+        baseline: lane.baseline.clone(),
+        speed_limit: lane.speed_limit,
+        roadblock,
+        predecessors: lane.predecessors.clone(),
+        successors: lane.successors.clone(),
+    }
+}
+
+fn lane_area(scenario: &str, lane: &Lane) -> Result<Area, SceneHistoryError> {
+    let area = match &lane.area {
+        LaneArea::Polygon(ring) => Area::ring(ring.clone()),
+        LaneArea::Corridor { half_width } => Area::corridor(lane.baseline.clone(), *half_width),
+    };
+    let (scenario, lane) = (scenario.to_owned(), lane.id.clone());
+    area.map_err(|source| SceneHistoryError::Lane { scenario, lane, source })
+}
+
+fn intersections(scenario: &str, map: &RoadMap, lanes: &[Lane]) -> Result<Intersections, SceneHistoryError> {
+    Ok(if !map.intersections.is_empty() {
+        let outlines = rings(scenario, "intersections", map.intersections.iter())?;
+        Intersections::Areas(Areas::new(outlines))
+    } else if lanes.iter().any(|lane| lane.kind == LaneKind::Lane) {
+        Intersections::Connectors
+    } else {
+        Intersections::Unknown
+    })
+}
+
+fn drivable(scenario: &str, map: &RoadMap) -> Result<DrivableArea, SceneHistoryError> {
+    if let Some(polygons) = &map.drivable_area {
+        let areas = polygons.iter().cloned().map(Area::polygon);
+        return Ok(DrivableArea::of_areas(collected(scenario, "drivable_area", areas)?));
+    }
+    if map.road_edges.is_empty() {
+        return Ok(DrivableArea::Unknown);
+    }
+    let driveways = rings(scenario, "driveways", map.driveways.iter().map(|driveway| &driveway.outline))?;
+    Ok(DrivableArea::of_road_edges(map.road_edges.iter().map(|edge| edge.points.as_slice()), driveways))
+}
+
+fn rings<'a>(
+    scenario: &str,
+    list: &'static str,
+    rings: impl Iterator<Item = &'a Vec<Vec2>>,
+) -> Result<Vec<Area>, SceneHistoryError> {
+    collected(scenario, list, rings.cloned().map(Area::ring))
+}
+
+/// Collects the areas of a list of the map; the error names the list and the index.
+fn collected(
+    scenario: &str,
+    list: &'static str,
+    areas: impl Iterator<Item = Result<Area, AreaError>>,
+) -> Result<Vec<Area>, SceneHistoryError> {
+    let named = |(index, area): (usize, Result<Area, AreaError>)| {
+        area.map_err(|source| SceneHistoryError::Area { scenario: scenario.to_owned(), list, index, source })
+    };
+    areas.enumerate().map(named).collect()
+}

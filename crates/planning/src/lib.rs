@@ -1,0 +1,33 @@
+//! Closed-loop evaluation of planners on scenarios, as nuPlan defines it.
+//!
+//! Start with [`EgoState`], [`TrackedObject`] and [`PlanningMap`]: every planner, controller and metric
+//! of this crate works on them. [`metrics::judge`] computes the metrics, and [`from_scene::SceneHistory`]
+//! the input of the metrics for a rollout of a scenario. A [`planner::Planner`] is stepped in closed loop
+//! by a [`closed_loop::Episode`]; [`pdm::PdmClosed`] and [`idm_planner::IdmPlanner`] are planners.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+pub mod closed_loop;
+pub mod from_scene;
+pub mod idm_planner;
+pub mod map;
+pub mod metrics;
+pub mod pdm;
+pub mod planner;
+pub mod tracking;
+
+mod objects;
+mod path;
+mod search;
+mod shapes;
+mod state;
+mod trajectory;
+
+#[cfg(test)]
+mod fixtures;
+
+pub use map::PlanningMap;
+pub use objects::{ObjectGroup, ObjectId, ObjectKind, TrackedObject};
+pub use path::Path;
+pub use state::{EgoShape, EgoState};
+pub use trajectory::{MAX_SPEED, MAX_START_DISTANCE, Pose, STEP, Trajectory, TrajectoryError, validate};

@@ -1,0 +1,140 @@
+//! Comfort: accelerations, jerks and yaw rates (nuPlan devkit 1.2.2, `ego_is_comfortable`).
+
+use std::f64::consts::TAU;
+
+use crate::EgoState;
+
+use super::history::{History, SAMPLE_INTERVAL};
+use super::{MetricValue, SavitzkyGolay};
+
+/// Smoothing of accelerations (devkit 1.2.2).
+const ACCELERATION_FILTER: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
+/// Derivative of smoothed accelerations (devkit 1.2.2).
+const JERK_FILTER: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
+/// First derivative of the heading. The devkit declares a window of 15 for it, but uses 5 (devkit 1.2.2).
+const YAW_RATE_FILTER: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 2, derivative: 1 };
+/// Second derivative of the heading (devkit 1.2.2).
+const YAW_ACCELERATION_FILTER: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 3, derivative: 2 };
+
+/// Bounds of the longitudinal acceleration, m/s² (devkit 1.2.2).
+const LONGITUDINAL_ACCELERATION_BOUNDS: [f64; 2] = [-4.05, 2.40];
+/// Bounds of the lateral acceleration, m/s² (devkit 1.2.2).
+const LATERAL_ACCELERATION_BOUNDS: [f64; 2] = [-4.89, 4.89];
+/// Bounds of the jerk, m/s³ (devkit 1.2.2).
+const JERK_BOUNDS: [f64; 2] = [-8.37, 8.37];
+/// Bounds of the longitudinal jerk, m/s³ (devkit 1.2.2).
+const LONGITUDINAL_JERK_BOUNDS: [f64; 2] = [-4.13, 4.13];
+/// Bounds of the yaw rate, rad/s (devkit 1.2.2).
+const YAW_RATE_BOUNDS: [f64; 2] = [-0.95, 0.95];
+/// Bounds of the yaw acceleration, rad/s² (devkit 1.2.2).
+const YAW_ACCELERATION_BOUNDS: [f64; 2] = [-1.93, 1.93];
+
+/// Number of units per unit after the decimal point to which filtered values are rounded (devkit 1.2.2).
+const ROUNDING: f64 = 1e8;
+
+/// A filtered quantity with its verdict.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ComfortQuantity {
+    /// Filtered value per sample.
+    pub values: Vec<f64>,
+    /// Lower and upper bound, both excluded.
+    pub bounds: [f64; 2],
+    /// Whether all values are within the bounds.
+    pub within: bool,
+}
+
+/// Result of the comfort metric.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comfort {
+    /// 1 if all quantities are within their bounds, else 0.
+    pub value: MetricValue,
+    /// Acceleration of the centre along the heading, by nuPlan's rule, m/s².
+    pub longitudinal_acceleration: ComfortQuantity,
+    /// Acceleration of the centre to the left, by nuPlan's rule, m/s².
+    pub lateral_acceleration: ComfortQuantity,
+    /// Derivative of the magnitude of the acceleration of the rear axle, m/s³.
+    pub jerk: ComfortQuantity,
+    /// Derivative of the longitudinal acceleration, m/s³.
+    pub longitudinal_jerk: ComfortQuantity,
+    /// Derivative of the heading, rad/s.
+    pub yaw_rate: ComfortQuantity,
+    /// Second derivative of the heading, rad/s².
+    pub yaw_acceleration: ComfortQuantity,
+}
+
+impl Comfort {
+    /// Returns the quantities with their ids, in the order of the fields.
+    pub fn quantities(&self) -> [(&'static str, &ComfortQuantity); 6] {
+        [
+            ("longitudinal-acceleration", &self.longitudinal_acceleration),
+            ("lateral-acceleration", &self.lateral_acceleration),
+            ("jerk", &self.jerk),
+            ("longitudinal-jerk", &self.longitudinal_jerk),
+            ("yaw-rate", &self.yaw_rate),
+            ("yaw-acceleration", &self.yaw_acceleration),
+        ]
+    }
+}
+
+/// Judges the comfort of ego.
+pub(super) fn comfort(history: &History<'_>) -> Comfort {
+    let of = |quantity: &dyn Fn(&EgoState) -> f64| history.ego.iter().map(quantity).collect::<Vec<_>>();
+    let center = |state: &EgoState| state.center_acceleration_nuplan(&history.shape);
+    let longitudinal = filtered(ACCELERATION_FILTER, &of(&|state| center(state).x));
+    let lateral = filtered(ACCELERATION_FILTER, &of(&|state| center(state).y));
+    let magnitude = filtered(ACCELERATION_FILTER, &of(&EgoState::acceleration));
+    let headings = unwrapped(&of(&|state| state.heading));
+    let mut comfort = Comfort {
+        value: MetricValue::pass(false),
+        jerk: judged(filtered(JERK_FILTER, &magnitude), JERK_BOUNDS),
+        longitudinal_jerk: judged(filtered(JERK_FILTER, &longitudinal), LONGITUDINAL_JERK_BOUNDS),
+        longitudinal_acceleration: judged(longitudinal, LONGITUDINAL_ACCELERATION_BOUNDS),
+        lateral_acceleration: judged(lateral, LATERAL_ACCELERATION_BOUNDS),
+        yaw_rate: judged(filtered(YAW_RATE_FILTER, &headings), YAW_RATE_BOUNDS),
+        yaw_acceleration: judged(filtered(YAW_ACCELERATION_FILTER, &headings), YAW_ACCELERATION_BOUNDS),
+    };
+    let within = comfort.quantities().iter().all(|(_, quantity)| quantity.within);
+    comfort.value = MetricValue::pass(within);
+    comfort
+}
+
+fn judged(values: Vec<f64>, bounds: [f64; 2]) -> ComfortQuantity {
+    let within = values.iter().all(|&value| bounds[0] < value && value < bounds[1]);
+    ComfortQuantity { values, bounds, within }
+}
+
+/// Filters and rounds values.
+fn filtered(filter: SavitzkyGolay, values: &[f64]) -> Vec<f64> {
+    let rounded = |value: f64| (value * ROUNDING).round_ties_even() / ROUNDING;
+    filter.apply(values, SAMPLE_INTERVAL).into_iter().map(rounded).collect()
+}
+
+/// Removes the jumps of whole turns between successive headings.
+fn unwrapped(headings: &[f64]) -> Vec<f64> {
+    let mut turns = 0.0;
+    let mut before = headings.first().copied();
+    let unwrap = |&heading: &f64| {
+        turns += ((heading - before.unwrap_or(heading)) / TAU).round_ties_even();
+        before = Some(heading);
+        heading - turns * TAU
+    };
+    headings.iter().map(unwrap).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_are_continuous_after_unwrapping() {
+        let continuous = unwrapped(&[3.0, -3.1, -3.0, 3.1]);
+        assert!(continuous.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.3));
+        assert_eq!(continuous[0], 3.0);
+    }
+
+    #[test]
+    fn values_on_a_bound_violate_it() {
+        assert!(!judged(vec![0.0, 2.40], LONGITUDINAL_ACCELERATION_BOUNDS).within);
+        assert!(judged(vec![-4.0, 2.39], LONGITUDINAL_ACCELERATION_BOUNDS).within);
+    }
+}

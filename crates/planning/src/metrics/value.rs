@@ -1,0 +1,203 @@
+//! Values of metrics, reasons why a metric is undefined, and labels of substituted inputs.
+
+/// The eight metrics of nuPlan's closed-loop score.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum PlannerMetric {
+    /// Collisions that are the fault of ego: 1, 0.5 or 0.
+    Collisions,
+    /// Corners of ego on drivable ground: 1 or 0.
+    DrivableArea,
+    /// Motion against the driving direction: 1, 0.5 or 0.
+    DrivingDirection,
+    /// Whether `Progress` is at least 0.2: 1 or 0.
+    MakingProgress,
+    /// Distance along the route of the expert, relative to the expert: 0 to 1.
+    Progress,
+    /// Time to collision above its bound: 1 or 0.
+    TimeToCollision,
+    /// Excess over the speed limit: 0 to 1.
+    SpeedLimit,
+    /// Accelerations, jerks and yaw rates within their bounds: 1 or 0.
+    Comfort,
+}
+
+impl PlannerMetric {
+    /// All metrics: the four multipliers, then the four weighted metrics.
+    pub const ALL: [Self; 8] = [
+        Self::Collisions,
+        Self::DrivableArea,
+        Self::DrivingDirection,
+        Self::MakingProgress,
+        Self::Progress,
+        Self::TimeToCollision,
+        Self::SpeedLimit,
+        Self::Comfort,
+    ];
+
+    /// Returns the id used in files and tables.
+    pub const fn id(self) -> &'static str {
+        match self {
+            Self::Collisions => "at-fault-collisions",
+            Self::DrivableArea => "drivable-area",
+            Self::DrivingDirection => "driving-direction",
+            Self::MakingProgress => "making-progress",
+            Self::Progress => "expert-progress",
+            Self::TimeToCollision => "time-to-collision",
+            Self::SpeedLimit => "speed-limit",
+            Self::Comfort => "comfort",
+        }
+    }
+
+    /// Returns the name in nuPlan's devkit.
+    pub const fn nuplan_name(self) -> &'static str {
+        match self {
+            Self::Collisions => "no_ego_at_fault_collisions",
+            Self::DrivableArea => "drivable_area_compliance",
+            Self::DrivingDirection => "driving_direction_compliance",
+            Self::MakingProgress => "ego_is_making_progress",
+            Self::Progress => "ego_progress_along_expert_route",
+            Self::TimeToCollision => "time_to_collision_within_bound",
+            Self::SpeedLimit => "speed_limit_compliance",
+            Self::Comfort => "ego_is_comfortable",
+        }
+    }
+}
+
+/// The value of a metric in one scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MetricValue {
+    /// The value, 0 to 1; more is better.
+    Defined(f64),
+    /// The scenario lacks an input of the metric.
+    Undefined(UndefinedReason),
+}
+
+impl MetricValue {
+    /// Returns the value, if it is defined.
+    pub const fn value(self) -> Option<f64> {
+        match self {
+            Self::Defined(value) => Some(value),
+            Self::Undefined(_) => None,
+        }
+    }
+
+    /// Returns 1 if `passes`, else 0.
+    pub(super) const fn pass(passes: bool) -> Self {
+        Self::Defined(if passes { 1.0 } else { 0.0 })
+    }
+}
+
+/// The reason why a metric is undefined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum UndefinedReason {
+    /// The map has no lanes.
+    NoLanes,
+    /// The map has neither drivable polygons nor road edges.
+    NoDrivableArea,
+    /// A sample with a lane has no speed limit.
+    UnknownSpeedLimits,
+    /// Ego had a lateral contact, and the map has no lanes that decide whose fault it is.
+    LateralContactWithoutLanes,
+    /// The log of the expert has gaps.
+    IncompleteExpert,
+    /// The expert drove in no lane.
+    ExpertWithoutLanes,
+}
+
+impl UndefinedReason {
+    /// Returns the id used in files and tables.
+    pub const fn id(self) -> &'static str {
+        match self {
+            Self::NoLanes => "no-lanes",
+            Self::NoDrivableArea => "no-drivable-area",
+            Self::UnknownSpeedLimits => "unknown-speed-limits",
+            Self::LateralContactWithoutLanes => "lateral-contact-without-lanes",
+            Self::IncompleteExpert => "incomplete-expert",
+            Self::ExpertWithoutLanes => "expert-without-lanes",
+        }
+    }
+
+    /// Returns a description for readers of results.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::NoLanes => "the map has no lanes",
+            Self::NoDrivableArea => "the map has neither drivable polygons nor road edges",
+            Self::UnknownSpeedLimits => "the speed limit of a lane that ego drove in is unknown",
+            Self::LateralContactWithoutLanes => {
+                "without lanes it cannot be decided whether a lateral contact is the fault of ego"
+            }
+            Self::IncompleteExpert => "the logged AV is absent at some frames",
+            Self::ExpertWithoutLanes => "the logged AV drove in no lane",
+        }
+    }
+}
+
+/// A substitute for an input that the scenario lacks. Values with different labels are not comparable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Label {
+    /// Areas of lanes are corridors around their centre lines.
+    LanesCorridors,
+    /// Lanes overlap: ego may be in several lanes at once.
+    LanesOverlapping,
+    /// Drivable ground is the left side of road edges.
+    DrivableRoadEdges,
+    /// Intersections have no outlines: ego is in one while its lane is a connector.
+    IntersectionConnectors,
+    /// Intersections are unknown: objects at the side count for the time to collision only if ego is not in
+    /// a common lane.
+    IntersectionUnknown,
+    /// Driving direction and route are those of the best match among overlapping lanes.
+    DirectionOverlapping,
+    /// Roadblocks are groups of neighbouring lanes.
+    RouteNeighbourGroups,
+    /// Only objects ahead count for the time to collision.
+    TtcAheadOnly,
+    /// Some speed limits are unknown.
+    SpeedLimitsUnknown,
+    /// Some speeds of objects are displacements divided by the time step.
+    SpeedsDisplacement,
+    /// Axles of ego divide its length as those of nuPlan's vehicle.
+    VehicleScaled,
+    /// Velocities, accelerations and yaw rates of ego are differences of its track.
+    EgoDifferences,
+    /// The scenario has several levels; lanes and drivable ground of all levels count.
+    LevelsIgnored,
+}
+
+impl Label {
+    /// All labels.
+    pub const ALL: [Self; 13] = [
+        Self::LanesCorridors,
+        Self::LanesOverlapping,
+        Self::DrivableRoadEdges,
+        Self::IntersectionConnectors,
+        Self::IntersectionUnknown,
+        Self::DirectionOverlapping,
+        Self::RouteNeighbourGroups,
+        Self::TtcAheadOnly,
+        Self::SpeedLimitsUnknown,
+        Self::SpeedsDisplacement,
+        Self::VehicleScaled,
+        Self::EgoDifferences,
+        Self::LevelsIgnored,
+    ];
+
+    /// Returns the text used in files and tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LanesCorridors => "lanes: corridors",
+            Self::LanesOverlapping => "lanes: overlapping",
+            Self::DrivableRoadEdges => "drivable: road-edges",
+            Self::IntersectionConnectors => "intersection: connectors",
+            Self::IntersectionUnknown => "intersection: unknown",
+            Self::DirectionOverlapping => "direction: overlapping",
+            Self::RouteNeighbourGroups => "route: neighbour-groups",
+            Self::TtcAheadOnly => "ttc: ahead-only",
+            Self::SpeedLimitsUnknown => "speed-limits: unknown",
+            Self::SpeedsDisplacement => "speeds: displacement",
+            Self::VehicleScaled => "vehicle: scaled",
+            Self::EgoDifferences => "ego: differences",
+            Self::LevelsIgnored => "levels: ignored",
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! The interface of planners: what a planner observes, and what it returns.
+//!
+//! A planner receives a [`PlannerInput`] at each iteration. It contains the past and the present only: no
+//! part of it refers to recorded states after the present time.
+
+use crate::trajectory::{STEP, Trajectory, TrajectoryError};
+use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+
+/// Length of the history that planners observe, seconds (nuPlan devkit 1.2.2, `history_buffer_duration`).
+pub const HISTORY: f64 = 2.0;
+
+/// State of the traffic light of a connector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightState {
+    /// Drivers may go.
+    Green,
+    /// Drivers have to stop if they can.
+    Yellow,
+    /// Drivers have to stop.
+    Red,
+    /// Not observed.
+    Unknown,
+}
+
+/// The traffic light of one connector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Light {
+    /// The connector: index into [`PlanningMap::lanes`].
+    pub lane: usize,
+    /// Its state.
+    pub state: LightState,
+}
+
+/// The route of ego: roadblocks in driving order, without repetitions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Route {
+    roadblocks: Vec<usize>,
+}
+
+/// The reason why roadblocks are not a route.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RouteError {
+    /// No roadblocks.
+    #[error("route is empty; it needs the roadblock in which ego is")]
+    Empty,
+    /// A roadblock that is not in the map.
+    #[error("roadblock `{0}` of the route is not in the map; remove it from the route or add it to the map")]
+    UnknownRoadblock(String),
+}
+
+impl Route {
+    /// Creates a route from the ids of roadblocks in driving order; repetitions are dropped.
+    ///
+    /// # Errors
+    /// [`RouteError`] if there are no ids or the map has no roadblock with one of them.
+    pub fn new<'a>(map: &PlanningMap, ids: impl IntoIterator<Item = &'a str>) -> Result<Self, RouteError> {
+        let mut roadblocks = Vec::new();
+        for id in ids {
+            let roadblock =
+                map.find_roadblock(id).ok_or_else(|| RouteError::UnknownRoadblock(id.to_owned()))?;
+            if !roadblocks.contains(&roadblock) {
+                roadblocks.push(roadblock);
+            }
+        }
+        if roadblocks.is_empty() { Err(RouteError::Empty) } else { Ok(Self { roadblocks }) }
+    }
+
+    /// Returns the roadblocks: indices into [`PlanningMap::roadblocks`], at least one.
+    pub fn roadblocks(&self) -> &[usize] {
+        &self.roadblocks
+    }
+}
+
+/// Ego and the objects around it at one sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// State of ego.
+    pub ego: EgoState,
+    /// Objects, without ego.
+    pub objects: Vec<TrackedObject>,
+}
+
+/// Samples of the last [`HISTORY`] seconds at intervals of [`STEP`], the present one last.
+#[derive(Clone, Copy, Debug)]
+pub struct History<'a> {
+    past: &'a [Sample],
+    present: &'a Sample,
+}
+
+impl<'a> History<'a> {
+    /// Number of samples of a full history.
+    pub const SAMPLES: usize = (HISTORY / STEP) as usize + 1;
+
+    /// Returns the last [`Self::SAMPLES`] of `samples`, whose last one is the present; `None` without
+    /// samples.
+    pub fn new(samples: &'a [Sample]) -> Option<Self> {
+        let first = samples.len().saturating_sub(Self::SAMPLES);
+        let (present, past) = samples[first..].split_last()?;
+        Some(Self { past, present })
+    }
+
+    /// Returns the samples before the present one, oldest first; fewer where the recording begins later.
+    pub fn past(&self) -> &'a [Sample] {
+        self.past
+    }
+
+    /// Returns the present sample.
+    pub fn present(&self) -> &'a Sample {
+        self.present
+    }
+}
+
+/// What a planner observes at one iteration.
+#[derive(Clone, Copy, Debug)]
+pub struct PlannerInput<'a> {
+    /// Number of the iteration, from 0. At iteration 0 planners find their path; they may keep it
+    /// afterwards.
+    pub iteration: usize,
+    /// The last two seconds.
+    pub history: History<'a>,
+    /// Traffic lights at present.
+    pub lights: &'a [Light],
+    /// Route.
+    pub route: &'a Route,
+    /// Map.
+    pub map: &'a PlanningMap,
+    /// Box and axles of ego.
+    pub shape: &'a EgoShape,
+}
+
+impl<'a> PlannerInput<'a> {
+    /// Returns the present state of ego.
+    pub fn ego(&self) -> &'a EgoState {
+        &self.history.present().ego
+    }
+
+    /// Returns the objects at present.
+    pub fn objects(&self) -> &'a [TrackedObject] {
+        &self.history.present().objects
+    }
+
+    /// Returns the connectors whose light is red.
+    pub fn red_connectors(&self) -> impl Iterator<Item = usize> + 'a {
+        self.lights.iter().filter(|light| light.state == LightState::Red).map(|light| light.lane)
+    }
+}
+
+/// The reason why a planner has no trajectory.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlannerError {
+    /// No roadblock of the route has lanes.
+    #[error("route has no lanes: its {0} roadblocks are empty; a route needs lanes from ego to the goal")]
+    NoLanes(usize),
+    /// No lane is near ego.
+    #[error("no roadblock is near ego at ({x:.1}, {y:.1}); check the frame of the map")]
+    NoRoadblock {
+        /// Rear axle, metres.
+        x: f64,
+        /// Rear axle, metres.
+        y: f64,
+    },
+    /// The lanes ahead have no length.
+    #[error("path from lane `{0}` has no length; its baseline needs two distinct points")]
+    NoPath(String),
+    /// The first input is not that of iteration 0.
+    #[error("first plan is at iteration {0}; planners start at iteration 0")]
+    NotStarted(usize),
+    /// The planned states are not a trajectory.
+    #[error("planned states are not a trajectory")]
+    Trajectory(#[from] TrajectoryError),
+}
+
+/// A planner: drives ego along a route, from what was observed up to the present.
+///
+/// A planner is created for one scenario, and plans at iterations 0, 1, … of one simulation.
+pub trait Planner: Send {
+    /// Returns the trajectory from the present on.
+    ///
+    /// # Errors
+    /// [`PlannerError`] if the input does not allow a plan. The scenario is then over.
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError>;
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_geometry::Vec2;
+
+    use super::*;
+
+    #[test]
+    fn a_history_is_at_most_two_seconds_long() {
+        let sample = |i: usize| Sample {
+            ego: EgoState { time: STEP * i as f64, ..EgoState::standing(Vec2::zeros(), 0.0) },
+            objects: Vec::new(),
+        };
+        let samples: Vec<Sample> = (0..40).map(sample).collect();
+        let history = History::new(&samples).unwrap();
+        assert_eq!(history.past().len(), 20);
+        assert!((history.present().ego.time - 3.9).abs() < 1e-12);
+        assert!((history.past()[0].ego.time - 1.9).abs() < 1e-12);
+        assert_eq!(History::new(&samples[..3]).unwrap().past().len(), 2);
+        assert!(History::new(&[]).is_none());
+    }
+}
