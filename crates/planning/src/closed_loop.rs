@@ -10,7 +10,7 @@ use crate::tracking::{Controller, ControllerError};
 use crate::trajectory::{STEP, Trajectory, TrajectoryError, validate};
 use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
 
-/// What surrounds ego at one iteration.
+/// Objects and traffic lights around ego at one iteration.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surroundings {
     /// Objects, without ego.
@@ -85,7 +85,7 @@ pub struct Episode<'a> {
     pub replan_interval: usize,
 }
 
-/// What is known when an episode begins.
+/// The recorded past and present with which an episode begins.
 #[derive(Clone, Debug)]
 pub struct EpisodeStart {
     /// Samples up to the present at intervals of [`STEP`], oldest first. Planners observe the last two

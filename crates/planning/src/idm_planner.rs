@@ -10,7 +10,7 @@ use reactsim_geometry::{OrientedBox, direction, math};
 use crate::path::{Path, baseline_states};
 use crate::planner::{Planner, PlannerError, PlannerInput};
 use crate::search::{Layer, path_to};
-use crate::shapes::{Shape, box_ring_distance};
+use crate::shapes::Shape;
 use crate::trajectory::{Pose, Trajectory};
 use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
 
@@ -39,7 +39,7 @@ pub struct IdmPlanner {
     plan: Option<RoutePlan>,
 }
 
-/// What is found at the first iteration and kept.
+/// The path and target speed, found at the first iteration and kept.
 #[derive(Debug)]
 struct RoutePlan {
     /// Lanes of the route.
@@ -59,7 +59,7 @@ struct Obstacle {
     speed: f64,
 }
 
-/// What the model follows.
+/// The leader, or the end of the path, as the model sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Leader {
     /// Free distance, metres.
@@ -142,7 +142,7 @@ impl RoutePlan {
     }
 
     /// Returns the obstacle nearest to the box of ego, among those that touch the box or the corridor
-    /// ahead, or the end of the path. `progress` is that of the centre.
+    /// ahead, or the end of the path. `progress`: arc length of the centre, metres.
     fn leader(
         &self,
         progress: f64,
@@ -201,12 +201,7 @@ fn starting_lane(input: &PlannerInput<'_>) -> Option<usize> {
         .flat_map(|&block| map.lanes_of_roadblock(block))
         .copied()
         .collect();
-    let inside = lanes.iter().copied().find(|&lane| map.lane_contains(lane, footprint.center));
-    inside.or_else(|| {
-        let distance = |lane: usize| box_ring_distance(&footprint, &map.lane_area(lane).outline());
-        let distances = lanes.iter().map(|&lane| (distance(lane), lane));
-        distances.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, lane)| lane)
-    })
+    map.nearest_lane(&lanes, &footprint)
 }
 
 /// Returns a lane sequence from `start` with one lane per roadblock of the route, up to the last one; the

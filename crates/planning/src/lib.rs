@@ -16,6 +16,7 @@ pub mod pdm;
 pub mod planner;
 pub mod tracking;
 
+mod contact;
 mod objects;
 mod path;
 mod search;

@@ -47,7 +47,7 @@ pub struct PdmClosed {
     cycle: Option<Cycle>,
 }
 
-/// What is found at the first iteration and kept.
+/// The route and its paths, found at the first iteration and kept.
 #[derive(Debug)]
 struct RoutePlan {
     /// Roadblocks in driving order.
@@ -70,7 +70,7 @@ pub struct Cycle {
     pub scores: Scores,
     /// Index of the best proposal.
     pub best: usize,
-    /// Whether the trajectory is that of the emergency brake.
+    /// Whether the trajectory comes from the emergency brake.
     pub is_emergency_brake: bool,
 }
 

@@ -111,7 +111,7 @@ impl<'a> History<'a> {
     }
 }
 
-/// What a planner observes at one iteration.
+/// The observation of a planner at one iteration.
 #[derive(Clone, Copy, Debug)]
 pub struct PlannerInput<'a> {
     /// Number of the iteration, from 0. At iteration 0 planners find their path; they may keep it
@@ -164,7 +164,7 @@ pub enum PlannerError {
     /// The lanes ahead have no length.
     #[error("path from lane `{0}` has no length; its baseline needs two distinct points")]
     NoPath(String),
-    /// The first input is not that of iteration 0.
+    /// The first input does not belong to iteration 0.
     #[error("first plan is at iteration {0}; planners start at iteration 0")]
     NotStarted(usize),
     /// The planned states are not a trajectory.

@@ -22,7 +22,8 @@ use crate::{EgoShape, EgoState};
 pub enum ControllerError {
     /// The trajectory has an impossible velocity.
     #[error(
-        "trajectory has the speed {speed:.1} m/s at {time} s; perfect tracking needs less than {MAX_SPEED} m/s"
+        "trajectory has the speed {speed:.1} m/s at {time} s; perfect tracking needs less than \
+         {MAX_SPEED} m/s"
     )]
     TooFast {
         /// Time, seconds.

@@ -5,7 +5,7 @@ use reactsim_geometry::{Vec2, wrap};
 use crate::EgoState;
 
 /// Interval of the simulation, seconds (nuPlan devkit 1.2.2: 10 Hz).
-pub const STEP: f64 = 0.1;
+pub const STEP: f64 = reactsim_scene::DT;
 
 /// Tolerance of comparisons of times, seconds: nuPlan counts whole microseconds.
 const TIME_TOLERANCE: f64 = 1e-6;

@@ -8,7 +8,7 @@ use crate::{EgoShape, EgoState};
 /// Returns the state at each frame from 10 to 90 of a vehicle whose `track` has 91 box centres. `None` if the
 /// vehicle is absent or not finite at one of these frames.
 ///
-/// Velocities are those of the track; unknown ones are differences of positions. Yaw rates are central
+/// Velocities are taken from the track; unknown ones are differences of positions. Yaw rates are central
 /// differences of headings, and accelerations central differences of velocities in the frame of the body,
 /// with the part that is due to its rotation: a steady turn has the lateral acceleration `vx ω`. The frame
 /// before the current one is used if it is present. Time is 0 at the current frame. Steering angles are not

@@ -76,7 +76,7 @@ pub enum SceneHistoryError {
         /// Reason.
         source: PlanningMapError,
     },
-    /// The number of tracks is not that of the agents.
+    /// The number of tracks differs from the number of agents.
     #[error("scenario `{scenario}`: {tracks} tracks for {agents} agents; give one track per agent")]
     Tracks {
         /// Id of the scenario.
@@ -108,7 +108,7 @@ pub enum SceneHistoryError {
 
 impl SceneHistory {
     /// Creates the history of a rollout. `tracks`: 91 frames per agent of the scenario, in its order. The
-    /// motion of ego is that of the track of the AV.
+    /// motion of ego follows the track of the AV.
     ///
     /// # Errors
     /// [`SceneHistoryError`] if the map has lanes without area, or the AV is not present at all frames from

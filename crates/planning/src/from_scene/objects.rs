@@ -62,7 +62,7 @@ fn kind_of(kind: AgentKind) -> ObjectKind {
     }
 }
 
-/// Adds the obstacles to every sample. Their ids are those of no agent.
+/// Adds the obstacles to every sample. No agent has one of their ids.
 fn add_obstacles(
     scenario: &Scenario,
     tracks: &[Vec<Frame>],

@@ -22,8 +22,8 @@ enum Group {
 /// Groups of the lanes before and after a connector.
 type Ends = (BTreeSet<Group>, BTreeSet<Group>);
 
-/// Groups lanes: lanes that are connected by links to neighbours of the same direction; connectors between the
-/// same groups. Without lanes between intersections, connectors are grouped as lanes are.
+/// Groups lanes: lanes that are connected by links to neighbours of the same direction; connectors between
+/// the same groups. Without lanes between intersections, connectors are grouped as lanes are.
 pub(super) fn roadblocks(lanes: &[Lane]) -> Roadblocks {
     let has_lanes = lanes.iter().any(|lane| lane.kind == LaneKind::Lane);
     let is_connector = |lane: usize| has_lanes && lanes[lane].kind == LaneKind::Connector;

@@ -10,7 +10,9 @@ pub use areas::Areas;
 pub use drivable::DrivableArea;
 pub use reactsim_scene::LaneKind;
 
-use reactsim_geometry::{Bounds, Polyline, Vec2};
+use reactsim_geometry::{Bounds, OrientedBox, Polyline, Vec2};
+
+use crate::shapes::box_ring_distance;
 
 /// A lane, or a connector: a lane through an intersection.
 #[derive(Clone, Debug)]
@@ -172,6 +174,17 @@ impl PlanningMap {
     /// Returns whether the ground of a lane strictly contains `p`; panics as [`Self::lane`].
     pub fn lane_contains(&self, lane: usize, p: Vec2) -> bool {
         self.lane_area(lane).contains(p)
+    }
+
+    /// Returns the first of `lanes` that contains the centre of a box, else the lane nearest to the box, the
+    /// first one on ties; `None` without lanes.
+    pub(crate) fn nearest_lane(&self, lanes: &[usize], footprint: &OrientedBox) -> Option<usize> {
+        let inside = lanes.iter().copied().find(|&lane| self.lane_contains(lane, footprint.center));
+        inside.or_else(|| {
+            let distance = |lane: usize| box_ring_distance(footprint, &self.lane_area(lane).outline());
+            let distances = lanes.iter().map(|&lane| (distance(lane), lane));
+            distances.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, lane)| lane)
+        })
     }
 
     /// Returns the roadblocks.

@@ -2,16 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use reactsim_geometry::{OrientedBox, math};
+use reactsim_geometry::math;
 
+use crate::contact::{STOPPED_SPEED, classify, in_contact};
 use crate::{EgoState, ObjectGroup, ObjectId, ObjectKind, TrackedObject};
 
-use super::contact::{Side, in_contact, side_of};
 use super::context::Context;
 use super::{MetricValue, UndefinedReason};
 
-/// Speed in m/s up to which ego or an object is stopped (devkit 1.2.2).
-const STOPPED_SPEED: f64 = 0.05;
 /// Number of collisions with objects, such as cones, that do not give 0 (devkit 1.2.2).
 const TOLERATED_OBJECTS: usize = 1;
 
@@ -113,7 +111,8 @@ fn first_contacts(context: &Context<'_>) -> Vec<FirstContact> {
 
 fn contact(context: &Context<'_>, step: usize, object: &TrackedObject) -> FirstContact {
     let ego = &context.history.ego[step];
-    let class = classify(ego, &context.footprints[step], object);
+    let is_stopped = object.kind.is_static() || object.speed() <= STOPPED_SPEED;
+    let class = classify(ego, &context.footprints[step], &object.footprint(), is_stopped);
     let at_fault = match class {
         ContactClass::StoppedEgo | ContactClass::ActiveRear => Some(false),
         ContactClass::StoppedTrack | ContactClass::ActiveFront => Some(true),
@@ -121,21 +120,6 @@ fn contact(context: &Context<'_>, step: usize, object: &TrackedObject) -> FirstC
     };
     let (object_id, kind) = (object.id.clone(), object.kind);
     FirstContact { step, object: object_id, kind, class, at_fault, delta_v: delta_v(ego, object) }
-}
-
-fn classify(ego: &EgoState, footprint: &OrientedBox, object: &TrackedObject) -> ContactClass {
-    let [front_left, front_right, ..] = footprint.corners();
-    if ego.speed() <= STOPPED_SPEED {
-        ContactClass::StoppedEgo
-    } else if object.kind.is_static() || object.speed() <= STOPPED_SPEED {
-        ContactClass::StoppedTrack
-    } else if side_of(ego, object) == Side::Behind {
-        ContactClass::ActiveRear
-    } else if object.footprint().intersects_segment(front_left, front_right) {
-        ContactClass::ActiveFront
-    } else {
-        ContactClass::ActiveLateral
-    }
 }
 
 /// Returns half of the magnitude of the relative velocity, m/s, if both move along their headings.

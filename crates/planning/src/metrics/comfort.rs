@@ -2,32 +2,33 @@
 
 use std::f64::consts::TAU;
 
-use crate::EgoState;
+use crate::{EgoState, STEP};
 
-use super::history::{History, SAMPLE_INTERVAL};
+use super::history::History;
 use super::{MetricValue, SavitzkyGolay};
 
 /// Smoothing of accelerations (devkit 1.2.2).
-const ACCELERATION_FILTER: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
+pub(crate) const ACCELERATION_FILTER: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
 /// Derivative of smoothed accelerations (devkit 1.2.2).
 const JERK_FILTER: SavitzkyGolay = SavitzkyGolay { window: 15, degree: 2, derivative: 1 };
 /// First derivative of the heading. The devkit declares a window of 15 for it, but uses 5 (devkit 1.2.2).
-const YAW_RATE_FILTER: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 2, derivative: 1 };
+pub(crate) const YAW_RATE_FILTER: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 2, derivative: 1 };
 /// Second derivative of the heading (devkit 1.2.2).
-const YAW_ACCELERATION_FILTER: SavitzkyGolay = SavitzkyGolay { window: 5, degree: 3, derivative: 2 };
+pub(crate) const YAW_ACCELERATION_FILTER: SavitzkyGolay =
+    SavitzkyGolay { window: 5, degree: 3, derivative: 2 };
 
 /// Bounds of the longitudinal acceleration, m/s² (devkit 1.2.2).
-const LONGITUDINAL_ACCELERATION_BOUNDS: [f64; 2] = [-4.05, 2.40];
+pub(crate) const LONGITUDINAL_ACCELERATION_BOUNDS: [f64; 2] = [-4.05, 2.40];
 /// Bounds of the lateral acceleration, m/s² (devkit 1.2.2).
-const LATERAL_ACCELERATION_BOUNDS: [f64; 2] = [-4.89, 4.89];
+pub(crate) const LATERAL_ACCELERATION_BOUNDS: [f64; 2] = [-4.89, 4.89];
 /// Bounds of the jerk, m/s³ (devkit 1.2.2).
-const JERK_BOUNDS: [f64; 2] = [-8.37, 8.37];
+pub(crate) const JERK_BOUNDS: [f64; 2] = [-8.37, 8.37];
 /// Bounds of the longitudinal jerk, m/s³ (devkit 1.2.2).
-const LONGITUDINAL_JERK_BOUNDS: [f64; 2] = [-4.13, 4.13];
+pub(crate) const LONGITUDINAL_JERK_BOUNDS: [f64; 2] = [-4.13, 4.13];
 /// Bounds of the yaw rate, rad/s (devkit 1.2.2).
-const YAW_RATE_BOUNDS: [f64; 2] = [-0.95, 0.95];
+pub(crate) const YAW_RATE_BOUNDS: [f64; 2] = [-0.95, 0.95];
 /// Bounds of the yaw acceleration, rad/s² (devkit 1.2.2).
-const YAW_ACCELERATION_BOUNDS: [f64; 2] = [-1.93, 1.93];
+pub(crate) const YAW_ACCELERATION_BOUNDS: [f64; 2] = [-1.93, 1.93];
 
 /// Number of units per unit after the decimal point to which filtered values are rounded (devkit 1.2.2).
 const ROUNDING: f64 = 1e8;
@@ -99,18 +100,28 @@ pub(super) fn comfort(history: &History<'_>) -> Comfort {
 }
 
 fn judged(values: Vec<f64>, bounds: [f64; 2]) -> ComfortQuantity {
-    let within = values.iter().all(|&value| bounds[0] < value && value < bounds[1]);
+    let within = are_within(&values, bounds);
     ComfortQuantity { values, bounds, within }
+}
+
+/// Returns whether all values are between a lower and an upper bound, both excluded.
+pub(crate) fn are_within(values: &[f64], [lower, upper]: [f64; 2]) -> bool {
+    values.iter().all(|&value| lower < value && value < upper)
 }
 
 /// Filters and rounds values.
 fn filtered(filter: SavitzkyGolay, values: &[f64]) -> Vec<f64> {
-    let rounded = |value: f64| (value * ROUNDING).round_ties_even() / ROUNDING;
-    filter.apply(values, SAMPLE_INTERVAL).into_iter().map(rounded).collect()
+    rounded(filter.apply(values, STEP))
+}
+
+/// Rounds values to eight decimals.
+pub(crate) fn rounded(mut values: Vec<f64>) -> Vec<f64> {
+    values.iter_mut().for_each(|value| *value = (*value * ROUNDING).round_ties_even() / ROUNDING);
+    values
 }
 
 /// Removes the jumps of whole turns between successive headings.
-fn unwrapped(headings: &[f64]) -> Vec<f64> {
+pub(crate) fn unwrapped(headings: &[f64]) -> Vec<f64> {
     let mut turns = 0.0;
     let mut before = headings.first().copied();
     let unwrap = |&heading: &f64| {

@@ -2,10 +2,8 @@
 
 use reactsim_geometry::{OrientedBox, Vec2};
 
-use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningMap, STEP, TrackedObject};
 
-/// Time between two samples, seconds.
-pub const SAMPLE_INTERVAL: f64 = reactsim_scene::DT;
 /// Minimum number of samples: the yaw acceleration is the second derivative of a cubic polynomial.
 pub const MIN_SAMPLES: usize = 4;
 
@@ -109,6 +107,6 @@ impl History<'_> {
 
     /// Returns the time from the first to the last sample, seconds.
     pub(super) fn duration(&self) -> f64 {
-        (self.ego.len() - 1) as f64 * SAMPLE_INTERVAL
+        (self.ego.len() - 1) as f64 * STEP
     }
 }

@@ -5,8 +5,7 @@
 
 mod center_lanes;
 mod collisions;
-mod comfort;
-mod contact;
+pub(crate) mod comfort;
 mod context;
 mod corner_lanes;
 mod drivable_area;
@@ -28,7 +27,7 @@ pub use comfort::{Comfort, ComfortQuantity};
 pub use corner_lanes::{Corner, CornerLanes, corner_lanes, in_common_lane};
 pub use drivable_area::{DrivableAreaCompliance, OffRoadCorner};
 pub use driving_direction::DrivingDirection;
-pub use history::{History, HistoryError, MIN_SAMPLES, MissingInputs, SAMPLE_INTERVAL};
+pub use history::{History, HistoryError, MIN_SAMPLES, MissingInputs};
 pub use progress::ExpertProgress;
 pub use savitzky_golay::{PreparedFilter, SavitzkyGolay};
 pub use score::{ClosedLoopScore, MetricRole};

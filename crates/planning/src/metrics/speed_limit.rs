@@ -3,8 +3,8 @@
 use crate::PlanningMap;
 
 use super::context::Context;
-use super::history::SAMPLE_INTERVAL;
 use super::{MetricValue, MissingInputs, UndefinedReason};
+use crate::STEP;
 
 /// Mean excess in m/s that gives 0 (devkit 1.2.2).
 const MAX_OVERSPEED: f64 = 2.23;
@@ -46,7 +46,7 @@ fn score(overspeed: &[f64], duration: f64) -> f64 {
     if overspeed.iter().all(|&excess| excess == 0.0) {
         return 1.0;
     }
-    let violation = overspeed.iter().sum::<f64>() * SAMPLE_INTERVAL;
+    let violation = overspeed.iter().sum::<f64>() * STEP;
     (1.0 - violation / (MAX_OVERSPEED * duration)).max(0.0)
 }
 

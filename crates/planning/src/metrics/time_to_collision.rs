@@ -2,11 +2,11 @@
 
 use reactsim_geometry::OrientedBox;
 
+use crate::contact::{Side, in_contact, moved, side_of};
 use crate::map::Intersections;
 use crate::{ObjectId, TrackedObject};
 
 use super::collisions::Collisions;
-use super::contact::{Side, in_contact, moved, side_of};
 use super::context::Context;
 use super::{MetricValue, UndefinedReason};
 
@@ -104,7 +104,7 @@ fn sweep(footprint: &OrientedBox, speed: f64) -> OrientedBox {
 /// Returns whether an object counts: ahead of ego, or at its side while ego is across lanes or in an
 /// intersection.
 fn is_candidate(context: &Context<'_>, step: usize, object: &TrackedObject) -> bool {
-    match side_of(&context.history.ego[step], object) {
+    match side_of(&context.history.ego[step], object.center) {
         Side::Ahead => true,
         Side::Behind => false,
         Side::Lateral => context

@@ -146,7 +146,7 @@ pub enum Label {
     /// Intersections are unknown: objects at the side count for the time to collision only if ego is not in
     /// a common lane.
     IntersectionUnknown,
-    /// Driving direction and route are those of the best match among overlapping lanes.
+    /// Driving direction and route follow the best match among overlapping lanes.
     DirectionOverlapping,
     /// Roadblocks are groups of neighbouring lanes.
     RouteNeighbourGroups,
@@ -156,7 +156,7 @@ pub enum Label {
     SpeedLimitsUnknown,
     /// Some speeds of objects are displacements divided by the time step.
     SpeedsDisplacement,
-    /// Axles of ego divide its length as those of nuPlan's vehicle.
+    /// The axles of ego divide its length in the same shares as in nuPlan's vehicle.
     VehicleScaled,
     /// Velocities, accelerations and yaw rates of ego are differences of its track.
     EgoDifferences,

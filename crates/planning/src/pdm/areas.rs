@@ -14,7 +14,7 @@ const MAP_RADIUS: f64 = 50.0;
 /// The four corners of a box as bits.
 const ALL_CORNERS: u8 = 0b1111;
 
-/// Lanes that count as drivable in one iteration: those of roadblocks near ego. Car parks count in
+/// Lanes that count as drivable in one iteration: the lanes of roadblocks near ego. Car parks count in
 /// tuplan_garage as well; maps here do not distinguish them from other drivable ground.
 #[derive(Debug)]
 pub(super) struct DrivableLanes<'a> {
@@ -29,7 +29,7 @@ struct DrivableLane {
     bounds: Bounds,
 }
 
-/// What is under a box.
+/// The ground under a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct GroundFlags {
     /// Corners are in more than one lane, and no lane contains them all.
@@ -106,8 +106,8 @@ impl<'a> DrivableLanes<'a> {
     }
 }
 
-/// Returns the roadblocks that intersect the square with half side `radius` around `center`: those of
-/// lanes, then those of connectors, each by index.
+/// Returns the roadblocks that intersect the square with half side `radius` around `center`: roadblocks
+/// of lanes, then of connectors, each by index.
 pub(super) fn roadblocks_near(map: &PlanningMap, center: Vec2, radius: f64) -> Vec<usize> {
     let square = OrientedBox::new(center, 0.0, 2.0 * radius, 2.0 * radius);
     let mut candidates: Vec<usize> = map

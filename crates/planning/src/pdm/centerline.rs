@@ -7,13 +7,12 @@ use reactsim_geometry::wrap;
 use crate::PlanningMap;
 use crate::path::{baseline_states, nearest_state};
 use crate::planner::PlannerInput;
-use crate::shapes::box_ring_distance;
 use crate::trajectory::Pose;
 
 /// Number of roadblocks that the centre line covers at most (tuplan_garage b51d5d0, `search_depth`).
 const SEARCH_DEPTH: usize = 30;
 
-/// Returns the lane of ego among `lanes`, those of the route in its order: of the lanes that contain the
+/// Returns the lane of ego among `lanes`, the lanes of the route in its order: of the lanes that contain the
 /// rear axle the one with the smallest heading difference, else the first one that contains the centre,
 /// else the one nearest to the box. `None` without lanes.
 pub(super) fn current_lane(
@@ -34,23 +33,7 @@ pub(super) fn current_lane(
             best = Some((error, lane));
         }
     }
-    best.map(|(_, lane)| lane).or_else(|| nearest_lane(input, lanes))
-}
-
-/// Returns the first lane that contains the centre of ego, else the lane nearest to its box.
-fn nearest_lane(input: &PlannerInput<'_>, lanes: &[usize]) -> Option<usize> {
-    let footprint = input.ego().footprint(input.shape);
-    if let Some(&lane) = lanes.iter().find(|&&lane| input.map.lane_contains(lane, footprint.center)) {
-        return Some(lane);
-    }
-    let mut nearest: Option<(f64, usize)> = None;
-    for &lane in lanes {
-        let distance = box_ring_distance(&footprint, &input.map.lane_area(lane).outline());
-        if nearest.is_none_or(|(least, _)| distance < least) {
-            nearest = Some((distance, lane));
-        }
-    }
-    nearest.map(|(_, lane)| lane)
+    best.map(|(_, lane)| lane).or_else(|| map.nearest_lane(lanes, &ego.footprint(input.shape)))
 }
 
 /// Returns the states of the centre line: the baselines of the shortest lane sequence from `start` along

@@ -32,7 +32,7 @@ pub(super) enum ObstacleId {
     RedConnector(usize),
 }
 
-/// What an obstacle is.
+/// Kind of an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ObstacleKind {
     /// Vehicle, pedestrian or bicycle.

@@ -1,10 +1,12 @@
 //! Scores of simulated proposals (tuplan_garage b51d5d0, `PDMScorer`).
 
-use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction};
+use reactsim_geometry::{Bounds, OrientedBox, Vec2};
 
 use super::areas::{DrivableLanes, GroundFlags};
 use super::comfort::Comfort;
 use super::forecast::{Forecast, Obstacle, ObstacleKind};
+use crate::contact::{STOPPED_SPEED, Side, classify, moved, side_of};
+use crate::metrics::ContactClass;
 use crate::path::Path;
 use crate::trajectory::STEP;
 use crate::{EgoShape, EgoState, PlanningMap};
@@ -20,8 +22,6 @@ const COMFORT_WEIGHT: f64 = 2.0;
 const AGENT_SCORE: f64 = 0.0;
 /// Score of at-fault collisions with static objects, however many there are (tuplan_garage b51d5d0).
 const OBJECT_SCORE: f64 = 0.5;
-/// Speed in m/s up to which ego or an object is stationary in a collision (nuPlan devkit 1.2.2).
-const STOPPED_SPEED: f64 = 0.05;
 /// Speed in m/s below which ego has no time to collision (tuplan_garage b51d5d0,
 /// `STOPPED_SPEED_THRESHOLD`).
 const TTC_SPEED: f64 = 5e-3;
@@ -35,9 +35,6 @@ const DIRECTION_VIOLATION: f64 = 6.0;
 /// Progress in metres up to which progress is not compared (tuplan_garage b51d5d0,
 /// `PROGRESS_DISTANCE_THRESHOLD`).
 const PROGRESS_THRESHOLD: f64 = 0.1;
-/// Cosine of 30°: objects within this angle of the heading, seen from the rear axle, are ahead; those
-/// within it of the opposite direction are behind (nuPlan devkit 1.2.2).
-const SIDE_COSINE: f64 = 0.866_025_403_784_438_6;
 
 /// The parts of the scores of all proposals, and the scores.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,7 +59,7 @@ pub struct Scores {
     pub total: Vec<f64>,
 }
 
-/// What simulated proposals are judged on.
+/// The inputs by which simulated proposals are judged.
 #[derive(Debug)]
 pub(super) struct Scorer<'a> {
     pub(super) shape: &'a EgoShape,
@@ -250,47 +247,19 @@ fn projected_contact(drive: &Drive<'_>, step: usize, obstacle: &Obstacle) -> Opt
         return None;
     }
     TTC_STEPS.into_iter().find_map(|ahead| {
-        let center = footprint.center + footprint.axis * (speed * STEP * ahead as f64);
+        let projected = moved(footprint, speed * STEP * ahead as f64);
         let other = obstacle.box_at(step + ahead)?;
-        in_contact(&OrientedBox { center, ..*footprint }, &other, reach).then_some(other.center)
+        in_contact(&projected, &other, reach).then_some(other.center)
     })
 }
 
 /// Returns whether a contact is the fault of ego.
 fn is_at_fault(drive: &Drive<'_>, step: usize, obstacle: &Obstacle, other: &OrientedBox) -> bool {
-    let state = &drive.states[step];
-    if state.speed() <= STOPPED_SPEED {
-        return false;
-    }
-    if obstacle.kind != ObstacleKind::Agent || obstacle.speed <= STOPPED_SPEED {
-        return true;
-    }
-    if side_of(state, other.center) == Side::Behind {
-        return false;
-    }
-    let [front_left, front_right, ..] = drive.footprints[step].corners();
-    let ground = drive.ground[step];
-    other.intersects_segment(front_left, front_right) || ground.in_multiple_lanes || ground.is_off_road
-}
-
-/// The side of ego on which a point is, seen from the rear axle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Ahead,
-    Behind,
-    Lateral,
-}
-
-/// Returns the side of ego on which `p` is; a point on the rear axle is lateral.
-fn side_of(ego: &EgoState, p: Vec2) -> Side {
-    let offset = p - ego.rear_axle();
-    let (along, distance) = (direction(ego.heading).dot(&offset), offset.norm());
-    if along > SIDE_COSINE * distance {
-        Side::Ahead
-    } else if along < -SIDE_COSINE * distance {
-        Side::Behind
-    } else {
-        Side::Lateral
+    let is_stopped = obstacle.kind != ObstacleKind::Agent || obstacle.speed <= STOPPED_SPEED;
+    match classify(&drive.states[step], &drive.footprints[step], other, is_stopped) {
+        ContactClass::StoppedEgo | ContactClass::ActiveRear => false,
+        ContactClass::StoppedTrack | ContactClass::ActiveFront => true,
+        ContactClass::ActiveLateral => drive.ground[step].in_multiple_lanes || drive.ground[step].is_off_road,
     }
 }
 

@@ -7,7 +7,7 @@ use crate::fixtures::{LanePart, car, map, straight_road};
 use crate::planner::{History, Light, LightState, Route, Sample};
 use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
 
-/// Plans once on the straight road; `iteration` is that of the input.
+/// Plans once on the straight road; `iteration`: iteration of the input.
 fn plan_at(
     iteration: usize,
     map: &PlanningMap,

@@ -14,7 +14,7 @@ const ACCELERATION_TIME: f64 = 0.2;
 /// Time constant of the steering angle, seconds (nuPlan devkit 1.2.2, `steering_angle_time_constant`).
 const STEERING_TIME: f64 = 0.05;
 
-/// What a tracker commands, or what of it takes effect in one step.
+/// Command of a tracker, or the part of it that takes effect in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
     /// Acceleration along the heading, m/s².

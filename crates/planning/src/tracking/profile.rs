@@ -14,7 +14,7 @@ const CURVATURE_RATE_PENALTY: f64 = 1e-2;
 /// 1.2.2, `INITIAL_CURVATURE_PENALTY`).
 const INITIAL_CURVATURE_PENALTY: f64 = 1e-10;
 
-/// What the fit of the speeds penalises, next to errors of displacements.
+/// Penalty of the fit of the speeds, next to errors of displacements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothing {
     /// Differences of successive accelerations (nuPlan devkit 1.2.2).
@@ -22,8 +22,8 @@ pub enum Smoothing {
     /// Accelerations, and the difference of the last two (tuplan_garage b51d5d0).
     ///
     /// The difference matrix of tuplan_garage has only its main diagonal, except in the last row, so that
-    /// the profiles of PDM-Closed are smoothed differently from those of the tracker that ego is driven
-    /// by.
+    /// the profiles of PDM-Closed are smoothed differently from the profiles of the tracker that drives
+    /// ego.
     Acceleration,
 }
 

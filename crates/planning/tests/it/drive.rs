@@ -1,8 +1,8 @@
 //! A small road and drives on it, made by hand.
 //!
-//! The road runs along x: lane `a` eastwards from x = -50 to 150 m and y = 0 to 3.5 m, lane `o` westwards below
-//! it, and behind an intersection from x = 150 to 180 m lane `a2` eastwards. Two equal connectors, `c` and
-//! `d`, lead from `a` to `a2`.
+//! The road runs along x: lane `a` eastwards from x = -50 to 150 m and y = 0 to 3.5 m, lane `o` westwards
+//! below it, and behind an intersection from x = 150 to 180 m lane `a2` eastwards. Two equal connectors,
+//! `c` and `d`, lead from `a` to `a2`.
 
 use reactsim_geometry::{Polyline, Vec2};
 use reactsim_planning::map::{

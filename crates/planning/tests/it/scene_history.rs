@@ -38,7 +38,8 @@ fn lane(id: &str, kind: LaneKind, x: [f64; 2], y: f64) -> LaneParts {
     }
 }
 
-/// Two parallel lanes, `a` and `b`, with a connector behind each, which lead to `a2` and `b2`; and a bike lane.
+/// Two parallel lanes, `a` and `b`, with a connector behind each, which lead to `a2` and `b2`; and a bike
+/// lane.
 fn lanes() -> Vec<LaneParts> {
     let mut lanes = Vec::new();
     for (name, y) in [("a", 0.0), ("b", 3.5)] {
