@@ -5,6 +5,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 mod draw;
+mod heights;
 mod in_order;
 mod layout;
 pub mod maps;
