@@ -195,3 +195,6 @@ fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>), heights: &[Opti
     let heights = heights.iter().map(|height| height.map(|z| to(z, HEIGHT_STEP))).collect();
     LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect(), heights }
 }
+
+#[cfg(test)]
+mod tests;
