@@ -13,7 +13,7 @@ use super::scenario_args::ScenarioArgs;
 use super::{ExitStatus, write_result};
 use crate::evaluation::CASE_STUDIES;
 use crate::formats::FORMATS;
-use crate::generation::maps::MAP_TYPES;
+use crate::generation::maps;
 use crate::metrics::{METRICS, Unit};
 use crate::models::nn::{Backend, check_backend};
 use crate::models::{Card, MODELS, weights};
@@ -120,7 +120,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                 vec![backend.name().to_owned(), state]
             })
             .collect(),
-        Kind::Maps => MAP_TYPES.iter().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
+        Kind::Maps => maps::all().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
     write_result(None, |out| aligned(&rows, out))?;
     Ok(ExitStatus::Done)

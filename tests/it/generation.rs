@@ -1,6 +1,7 @@
 //! Laws that every generated scenario obeys, and promises of the generator for all of them.
 
 mod digests;
+mod levels;
 mod motion;
 mod people;
 mod realism;

@@ -9,7 +9,8 @@ use reactsim_scene::{LightState, MapParts};
 pub struct Layout {
     /// Id of the map type, such as `signalised-junction`.
     pub kind: String,
-    /// Lanes, edges, lines, stop lines, crosswalks and drivable area, in metres around (0, 0).
+    /// Lanes, edges, lines, stop lines, crosswalks and drivable area, in metres around (0, 0). Maps with
+    /// roads above one another have heights of all of these; other maps have none.
     pub map: MapParts,
     /// Signal plans, one per controlled connector; all have the same cycle.
     pub signals: Vec<SignalPlan>,
@@ -18,7 +19,8 @@ pub struct Layout {
     pub priorities: Vec<Priority>,
     /// Lanes on which vehicles enter the map, with their flows.
     pub entries: Vec<Entry>,
-    /// Parking spots along the road and in car parks.
+    /// Parking spots along the road and in car parks. On maps with heights they are at height 0, as are
+    /// `yards`.
     pub parking: Vec<ParkingSpot>,
     /// Parking spots off the drivable ground: in front of homes, in car parks.
     pub yards: Vec<ParkingSpot>,
@@ -103,6 +105,8 @@ pub struct ParkingSpot {
 pub struct Footway {
     /// Centre line.
     pub line: Polyline,
+    /// Height at each point of `line`, metres; empty on maps without heights.
+    pub heights: Vec<f64>,
     /// Width, metres.
     pub width: f64,
     /// Whether it crosses a road (with a crosswalk of the map under it); its ends are then on other

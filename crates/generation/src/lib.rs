@@ -5,6 +5,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 mod draw;
+mod heights;
 mod in_order;
 mod layout;
 pub mod maps;
@@ -66,9 +67,9 @@ impl Generator {
     /// # Errors
     /// [`GenerationError`] if a map type does not exist or the density is not a positive number up to 3.
     pub fn new(settings: GenerationSettings) -> Result<Self, GenerationError> {
-        let known = || maps::MAP_TYPES.iter().map(|m| m.id).collect::<Vec<_>>().join(", ");
+        let known = || maps::all().map(|m| m.id).collect::<Vec<_>>().join(", ");
         for name in &settings.maps {
-            if !maps::MAP_TYPES.iter().any(|m| m.id == name) {
+            if maps::find(name).is_none() {
                 return Err(GenerationError::UnknownMap { name: name.clone(), known: known() });
             }
         }

@@ -7,6 +7,7 @@ use reactsim_scene::{
     CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
 };
 
+use super::heights::on_different_levels;
 use super::maps::MapType;
 use super::traffic::Recording;
 use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, traffic};
@@ -31,6 +32,8 @@ const TURN_ANGLE: f64 = 0.5;
 const MIN_DISPLACEMENT: f64 = 10.0;
 /// Resolution of positions, metres: a power of two, finer than any sensor, which keeps files small.
 const POSITION_STEP: f64 = 1.0 / 8192.0;
+/// Resolution of heights, metres: like that of positions.
+const HEIGHT_STEP: f64 = POSITION_STEP;
 /// Resolution of headings, radians: a power of two, like that of positions.
 const HEADING_STEP: f64 = 1.0 / 16384.0;
 /// Resolution of velocities, m/s: a power of two, like that of positions.
@@ -118,7 +121,7 @@ fn parts(
         origin: None,
         timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
         av: 0,
-        agents: selected.iter().map(|&i| rounded(&recording.agents[i])).collect(),
+        agents: selected.iter().map(|&i| rounded(&recording.agents[i], &recording.heights[i])).collect(),
         lights: lights
             .map(|(plan, states)| LightParts {
                 lane: plan.lane.clone(),
@@ -149,12 +152,13 @@ fn select_agents(recording: &Recording, av: usize) -> Vec<usize> {
     [vec![av], now, later].concat()
 }
 
-/// Whether no agents touch each other. Accidents occur in this traffic as in real traffic, but logs with
+/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but logs with
 /// accidents cannot serve as a reference.
 fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
     let agents: Vec<_> = selected.iter().map(|&i| &recording.agents[i]).collect();
     let is_still = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];
     let still: Vec<bool> = agents.iter().map(|a| is_still(&a.1)).collect();
+    let height = |agent: usize, f: usize| recording.heights[selected[agent]].get(f).copied().flatten();
     for i in 0..agents.len() {
         for j in 0..i {
             let reach =
@@ -167,6 +171,7 @@ fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
                         &b.footprint(&agents[j].0),
                         CORNER_ROUNDING,
                     ) <= CONTACT_DISTANCE
+                    && !on_different_levels(height(i, f), height(j, f), (a.position() - b.position()).norm())
             };
             let frames = if still[i] && still[j] { 1 } else { FRAMES };
             if (0..frames).any(touch) {
@@ -177,7 +182,7 @@ fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
     true
 }
 
-fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>)) -> LoggedAgent {
+fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>), heights: &[Option<f64>]) -> LoggedAgent {
     let to = |value: f64, step: f64| (value / step).round() * step;
     let round = |state: &Frame| {
         state.map(|mut s| {
@@ -187,5 +192,9 @@ fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>)) -> LoggedAgent 
             s
         })
     };
-    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect(), heights: Vec::new() }
+    let heights = heights.iter().map(|height| height.map(|z| to(z, HEIGHT_STEP))).collect();
+    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect(), heights }
 }
+
+#[cfg(test)]
+mod tests;

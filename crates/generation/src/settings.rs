@@ -1,6 +1,6 @@
 //! Settings of the generator.
 
-use super::maps::{MAP_TYPES, MapType};
+use super::maps::{self, MAP_TYPES, MapType};
 
 /// Intended use of generated scenarios. Each preset has its own seed space: its name is part of the key of
 /// every random stream and of every scenario id, so that presets never share a scenario.
@@ -38,7 +38,8 @@ pub struct GenerationSettings {
     pub preset: Preset,
     /// Random seed.
     pub seed: u64,
-    /// Ids of the map types to draw from; empty for all types, weighted as the preset weights them.
+    /// Ids of the map types to draw from; empty for all of [`MAP_TYPES`], weighted as the preset weights
+    /// them.
     pub maps: Vec<String>,
     /// Traffic volume as a multiple of the usual one; `None` draws it per scenario, from nearly empty to
     /// congested.
@@ -54,8 +55,10 @@ impl GenerationSettings {
 
     /// Returns the map types to draw from.
     pub fn map_types(&self) -> Vec<&'static MapType> {
-        let allowed = |m: &&MapType| self.maps.is_empty() || self.maps.iter().any(|name| name == m.id);
-        MAP_TYPES.iter().filter(allowed).collect()
+        if self.maps.is_empty() {
+            return MAP_TYPES.iter().collect();
+        }
+        maps::all().filter(|m| self.maps.iter().any(|name| name == m.id)).collect()
     }
 }
 

@@ -34,7 +34,8 @@ pub(super) struct MakeArgs {
     /// File to write (Parquet)
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Map types, separated by commas [default: all]; `list maps` names them
+    /// Map types, separated by commas [default: all but those drawn only if requested, such as `overpass`];
+    /// `list maps` names them
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     maps: Vec<String>,
     /// Traffic volume as a multiple of the usual one [default: drawn for each scenario]

@@ -3,13 +3,15 @@
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
-use reactsim::generation::maps::MAP_TYPES;
+use reactsim::generation::maps::{MAP_TYPES, ON_REQUEST};
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::scene::{AgentKind, DT, FRAMES, LoggedAgent, Scenario};
 
 /// Number of scenarios per map type in the sample, for benchmarks and for training sets. More scenarios show
 /// rarer breaches.
 const EACH: [u64; 2] = [12, 3];
+/// The same number for map types that no preset contains.
+const EACH_ON_REQUEST: u64 = 12;
 
 static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
     let types = MAP_TYPES.len() as u64;
@@ -17,7 +19,11 @@ static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
     // Training sets draw the type by weight; here each type is requested.
     let train = (0..EACH[1] * types)
         .map(|number| (Preset::Train, vec![MAP_TYPES[(number % types) as usize].id.to_owned()], number));
-    let all: Vec<_> = bench.chain(train).collect();
+    let on_request = ON_REQUEST.iter().zip(1..).flat_map(|(kind, block)| {
+        let numbers = 1000 * block..1000 * block + EACH_ON_REQUEST;
+        numbers.map(|number| (Preset::Train, vec![kind.id.to_owned()], number))
+    });
+    let all: Vec<_> = bench.chain(train).chain(on_request).collect();
     all.into_par_iter()
         .map(|(preset, maps, number)| {
             let settings = GenerationSettings { preset, maps, ..GenerationSettings::default() };
@@ -40,7 +46,7 @@ impl Generated {
         let chosen = chosen.map(|(i, agent)| LoggedAgent {
             agent: agent.clone(),
             track: scenario.logged(i),
-            heights: Vec::new(),
+            heights: logged_heights(&scenario, i),
         });
         let everybody: Vec<LoggedAgent> = chosen.chain(scenario.unselected.iter().cloned()).collect();
         assert!(everybody.iter().all(|a| a.track.len() == FRAMES));
@@ -51,6 +57,14 @@ impl Generated {
     pub(super) fn on_wheels(&self) -> impl Iterator<Item = &LoggedAgent> {
         self.everybody.iter().filter(|a| matches!(a.agent.kind, AgentKind::Vehicle | AgentKind::Cyclist))
     }
+}
+
+/// Returns the height of an agent of the start at each frame, metres; empty in scenarios of one level.
+pub(super) fn logged_heights(scenario: &Scenario, agent: usize) -> Vec<Option<f64>> {
+    if !scenario.start.has_levels() {
+        return Vec::new();
+    }
+    [scenario.start.heights[agent].as_slice(), &scenario.log_future.heights[agent]].concat()
 }
 
 /// Returns whether an agent never drives.

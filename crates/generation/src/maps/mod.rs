@@ -7,6 +7,7 @@ mod driveways;
 mod junctions;
 mod lanes;
 mod motorway;
+mod overpass;
 mod plain;
 mod ranges;
 #[cfg(test)]
@@ -24,7 +25,7 @@ pub struct MapType {
     pub id: &'static str,
     /// One-line description.
     pub title: &'static str,
-    /// Weight among the scenarios of the preset `train`, chosen so that junctions and motorways are about
+    /// Weight among the scenarios of the preset `train` (among the requested types if some are), chosen so that junctions and motorways are about
     /// as frequent as in recordings (the train split of the Waymo Open Motion Dataset kept outside this
     /// repository: 8 of 196 scenes with motorway lanes).
     pub weight: f64,
@@ -46,7 +47,7 @@ impl MapType {
     }
 }
 
-/// All map types.
+/// The map types that scenarios are drawn from unless others are requested.
 #[rustfmt::skip]
 pub const MAP_TYPES: &[MapType] = &[
     MapType { id: "straight-road", title: "straight road of several lanes",
@@ -89,3 +90,20 @@ pub const MAP_TYPES: &[MapType] = &[
         title: "a junction with lights, and one of three arms with a sign nearby",
         weight: 2.0, draw: junctions::signalised_and_t },
 ];
+
+/// The map types that are drawn only if they are requested by id.
+#[rustfmt::skip]
+pub const ON_REQUEST: &[MapType] = &[
+    MapType { id: "overpass", title: "road on a bridge above another road (only if requested)",
+        weight: 1.0, draw: overpass::overpass },
+];
+
+/// Returns all map types, including those on request.
+pub fn all() -> impl Iterator<Item = &'static MapType> {
+    MAP_TYPES.iter().chain(ON_REQUEST)
+}
+
+/// Returns the map type with this id.
+pub fn find(id: &str) -> Option<&'static MapType> {
+    all().find(|m| m.id == id)
+}

@@ -13,7 +13,7 @@ pub(super) fn straight(rng: &mut Stream) -> Layout {
     let freeway = section.class == LaneClass::Freeway;
     let length = if freeway { rng.uniform(850.0, 1000.0) } else { rng.uniform(500.0, 620.0) };
     let path = centred(Path::straight(length), 0.5 * length, rng);
-    whole(rng, &Road::new(path, section), "straight-road")
+    whole(rng, &Road::new(path, section), "road").finish("straight-road")
 }
 
 /// Draws a winding road.
@@ -23,7 +23,7 @@ pub(super) fn curved(rng: &mut Stream) -> Layout {
     let path = winding(rng, length, speed);
     let middle = path.length() * rng.uniform(0.4, 0.6);
     let path = centred(path, middle, rng);
-    whole(rng, &Road::new(path, section), "curved-road")
+    whole(rng, &Road::new(path, section), "road").finish("curved-road")
 }
 
 /// Draws a narrow street of one lane per direction, with parked cars on both sides.
@@ -64,20 +64,20 @@ pub(super) fn narrow(rng: &mut Stream) -> Layout {
 }
 
 /// Draws a cross-section: mostly of a street, sometimes of a motorway.
-fn any_section(rng: &mut Stream) -> (Section, f64) {
+pub(super) fn any_section(rng: &mut Stream) -> (Section, f64) {
     if rng.chance(0.25) { motorway(rng, (2, 4)) } else { street(rng, (1, 3)) }
 }
 
-/// Lays a single stretch from border to border.
-fn whole(rng: &mut Stream, road: &Road, kind: &str) -> Layout {
+/// Lays a single stretch from border to border. Lane ids begin with `name`.
+pub(super) fn whole(rng: &mut Stream, road: &Road, name: &str) -> MapBuilder {
     let mut b = MapBuilder::new();
     let end = road.path.length();
-    let lanes = road.lay(&mut b, "road", 0.0, end, (true, true));
+    let lanes = road.lay(&mut b, name, 0.0, end, (true, true));
     for direction in road.directions() {
         road.parking(&mut b, rng, direction, 3.0, end - 3.0);
         enter(&mut b, rng, road, &lanes, direction);
     }
-    b.finish(kind)
+    b
 }
 
 /// Adds the entries of a direction: vehicles on its lanes, cyclists on its bicycle lane.

@@ -1,8 +1,10 @@
-//! Validation of generated maps: the rules that every [`Layout`] must satisfy.
+//! Validation of generated maps: the rules that every [`Layout`] must satisfy. Objects on different levels
+//! neither meet nor overlap.
 
 mod beside;
 pub(super) mod crossing;
 mod ground;
+mod heights;
 mod lanes;
 mod people;
 mod region;
@@ -47,6 +49,8 @@ pub enum Rule {
     Parking,
     /// Footways are off the road, and crossings name the lanes that they cross.
     Footway,
+    /// Heights, if any, are known everywhere; they agree where lanes are linked, and lanes rise gently.
+    Height,
 }
 
 /// A violation of a rule.
@@ -73,6 +77,7 @@ pub fn validate(layout: &Layout) -> Vec<Flaw> {
     ground::check(&survey, &mut flaws);
     right_of_way::check(&survey, &mut flaws);
     people::check(&survey, &mut flaws);
+    heights::check(&survey, &mut flaws);
     flaws.found.sort_by_key(|flaw| flaw.rule);
     flaws.found
 }

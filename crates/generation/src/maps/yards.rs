@@ -21,6 +21,8 @@ const STALL_WIDTH: f64 = 2.75;
 const EDGE_CLEARANCE: f64 = 4.2;
 /// Minimum distance of the middle of a spot from the side of a footway, metres.
 const FOOTWAY_CLEARANCE: f64 = 3.0;
+/// Height, metres, above which an edge of a road is not on the ground.
+const MAX_GROUND_HEIGHT: f64 = 0.5;
 /// Maximum distance of a spot from the middle of the map, metres.
 const MAX_DISTANCE: f64 = 130.0;
 
@@ -42,12 +44,19 @@ pub(super) fn add(layout: &mut Layout, rng: &mut Stream) {
     if motorway || built <= 0.0 {
         return;
     }
-    let line = |e: &RoadEdge| Some((Polyline::new(&e.points).ok()?, e.kind));
-    let (edges, kinds): (Vec<Polyline>, Vec<RoadEdgeKind>) =
-        layout.map.road_edges.iter().filter_map(line).unzip();
+    // Nobody parks on a bridge or its ramps.
+    let is_raised = |i: usize| {
+        layout.map.heights.road_edges.get(i).is_some_and(|h| h.iter().any(|z| *z > MAX_GROUND_HEIGHT))
+    };
+    let line = |(i, e): (usize, &RoadEdge)| {
+        let has_yards = e.kind == RoadEdgeKind::Boundary && !is_raised(i);
+        Some((Polyline::new(&e.points).ok()?, has_yards))
+    };
+    let (edges, outer): (Vec<Polyline>, Vec<bool>) =
+        layout.map.road_edges.iter().enumerate().filter_map(line).unzip();
     let mut yards: Vec<ParkingSpot> = Vec::new();
-    for (edge, kind) in edges.iter().zip(kinds) {
-        if kind != RoadEdgeKind::Boundary || edge.length() < 30.0 {
+    for (edge, has_yards) in edges.iter().zip(outer) {
+        if !has_yards || edge.length() < 30.0 {
             continue;
         }
         let mut s = 4.0;

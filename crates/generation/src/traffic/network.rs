@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 pub(super) use conflicts::{Conflict, Duty};
 
+use super::super::heights::height_at;
 use super::super::{Layout, RightOfWay};
 use reactsim_geometry::{Polyline, Vec2, direction, ring_distance, signed_angle_between, wrap};
 use reactsim_scene::{LaneArea, LaneClass, LaneKind, LaneParts, NeighborParts};
@@ -21,6 +22,8 @@ const TWIN_DISTANCE: f64 = 2.2;
 /// A lane with the properties that traffic needs. Indices are those of the layout's lanes.
 pub(super) struct TrafficLane {
     pub(super) line: Polyline,
+    /// Height at each point of the line, metres; empty on maps without heights.
+    heights: Vec<f64>,
     pub(super) length: f64,
     pub(super) half_width: f64,
     /// Speed limit, m/s.
@@ -72,6 +75,11 @@ impl AdjacentLane {
 }
 
 impl TrafficLane {
+    /// Returns the height at `s`, metres, if known.
+    pub(super) fn height_at(&self, s: f64) -> Option<f64> {
+        height_at(&self.line, &self.heights, s)
+    }
+
     /// Returns the unsigned curvature near `s`, 1/m.
     pub(super) fn curvature_at(&self, s: f64) -> f64 {
         if self.curvatures.is_empty() {
@@ -105,10 +113,11 @@ impl Network {
             layout.map.lanes.iter().enumerate().map(|(i, l)| (l.id.clone(), i)).collect();
         let all = |ids: &[String]| ids.iter().filter_map(|id| index.get(id).copied()).collect::<Vec<_>>();
         let mut lanes = Vec::with_capacity(layout.map.lanes.len());
-        for lane in &layout.map.lanes {
+        for (i, lane) in layout.map.lanes.iter().enumerate() {
             let line = Polyline::new(&lane.points).expect("a generated lane has two points");
             let curvatures = curvatures(&line);
             lanes.push(TrafficLane {
+                heights: layout.map.heights.lanes.get(i).cloned().unwrap_or_default(),
                 length: line.length(),
                 half_width: half_width(lane, &line),
                 limit: lane.speed_limit.unwrap_or(13.4),

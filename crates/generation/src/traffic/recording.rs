@@ -19,6 +19,9 @@ const WARM_UP_MAX: f64 = 50.0;
 pub struct Recording {
     /// Agents that were present at some frame, with 91 frames each.
     pub agents: Vec<(Agent, Vec<Frame>)>,
+    /// Height of each agent at each frame, metres, `None` where it is absent; empty lists on maps without
+    /// heights.
+    pub heights: Vec<Vec<Option<f64>>>,
     /// Light states at each frame, per signal plan of the layout.
     pub lights: Vec<Vec<LightState>>,
     /// Indices into `agents` of the drivers who can be the AV: present at every frame, not parked, no
@@ -45,7 +48,8 @@ pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
         world.step();
     }
     let standing = parked.into_iter().map(|(agent, state)| (agent, vec![Some(state); FRAMES]));
-    recorder.finish(standing)
+    let parked_heights = if layout.map.heights.is_empty() { Vec::new() } else { vec![Some(0.0); FRAMES] };
+    recorder.finish(standing, &parked_heights)
 }
 
 #[derive(Default)]
@@ -63,7 +67,9 @@ impl Recorder {
         for v in &world.vehicles {
             let bicycle = world.network.lanes[v.path[0]].bicycles;
             let kind = if bicycle { AgentKind::Cyclist } else { AgentKind::Vehicle };
-            let at = self.store((kind, v.id.into()), (v.body.length, v.body.width), frame, state(v));
+            let height = world.network.lanes[v.path[0]].height_at(v.s);
+            let size = (v.body.length, v.body.width);
+            let at = self.store((kind, v.id.into()), size, frame, (state(v), height));
             if v.passed_red && frame > 0 {
                 self.recording.offenders.push(at);
             }
@@ -76,7 +82,8 @@ impl Recorder {
                 vx: p.velocity.x,
                 vy: p.velocity.y,
             };
-            self.store((AgentKind::Pedestrian, p.id), (p.length, p.width), frame, state);
+            let size = (p.length, p.width);
+            self.store((AgentKind::Pedestrian, p.id), size, frame, (state, p.height));
         }
     }
 
@@ -85,20 +92,29 @@ impl Recorder {
         id: (AgentKind, u64),
         (length, width): (f64, f64),
         frame: usize,
-        state: AgentState,
+        (state, height): (AgentState, Option<f64>),
     ) -> usize {
         let at = self.ids.iter().position(|&known| known == id).unwrap_or_else(|| {
             let agent = Agent { id: format!("{}-{}", id.0, id.1), kind: id.0, length, width };
             self.ids.push(id);
             self.recording.agents.push((agent, vec![None; FRAMES]));
+            self.recording.heights.push(Vec::new());
             self.ids.len() - 1
         });
         self.recording.agents[at].1[frame] = Some(state);
+        if height.is_some() {
+            self.recording.heights[at].resize(FRAMES, None);
+            self.recording.heights[at][frame] = height;
+        }
         at
     }
 
-    /// Completes the recording with the parked vehicles.
-    fn finish(mut self, standing: impl Iterator<Item = (Agent, Vec<Frame>)>) -> Recording {
+    /// Completes the recording with the parked vehicles and the heights of each.
+    fn finish(
+        mut self,
+        standing: impl Iterator<Item = (Agent, Vec<Frame>)>,
+        heights: &[Option<f64>],
+    ) -> Recording {
         let agents = self.recording.agents.iter().enumerate();
         self.recording.drivers = agents
             .filter(|(_, (agent, track))| {
@@ -107,6 +123,7 @@ impl Recorder {
             .map(|(i, _)| i)
             .collect();
         self.recording.agents.extend(standing);
+        self.recording.heights.resize(self.recording.agents.len(), heights.to_vec());
         self.recording
     }
 }

@@ -281,12 +281,12 @@ mod tests {
     use reactsim_rollout::{Purpose, stream};
 
     use super::*;
-    use crate::maps::MAP_TYPES;
+    use crate::maps;
 
     /// On every map type, no vehicle leaves its lane, and none stands for ever.
     #[test]
     fn drivers_stay_in_their_lanes() {
-        for kind in MAP_TYPES {
+        for kind in maps::all() {
             for seed in 0..4 {
                 let layout = kind.layout(&mut stream(seed, kind.id, 0, Purpose::Map));
                 let mut world = World::new(&layout, 1.0, stream(seed, kind.id, 0, Purpose::Traffic));

@@ -294,6 +294,7 @@ impl MapBuilder {
         let footway = |w: &Walk| {
             Some(Footway {
                 line: Polyline::new(&grid(&w.points)).ok()?,
+                heights: Vec::new(),
                 width: w.width,
                 crossing: w.crossing,
                 crosses: ids(&w.crosses),

@@ -100,7 +100,9 @@ fn overlap(a: &TracedLane<'_>, b: &TracedLane<'_>) -> Option<Vec2> {
         };
         touch(a, b) || touch(b, a)
     };
-    let inside = |p: &Vec2| b.area.bounds.contains(*p) && b.area.holds(*p, OVERLAP_TOLERANCE) && !linked(*p);
+    let inside = |p: &Vec2| {
+        b.area.bounds.contains(*p) && b.area.holds(*p, OVERLAP_TOLERANCE) && !linked(*p) && !a.is_apart(b, *p)
+    };
     let corners = a.ring.iter().zip(a.ring.iter().skip(1).chain(a.ring.first()));
     let border = corners.flat_map(|(&p, &q)| {
         let count = ((q - p).norm() / POINT_SPACING).ceil().max(1.0);

@@ -4,6 +4,7 @@ use reactsim_geometry::{OrientedBox, Vec2, left};
 
 use super::survey::Survey;
 use super::{Flaws, Rule};
+use crate::heights::on_different_levels;
 
 /// Tolerance between the borders of lanes and of the ground, metres, since both are sampled.
 const SAMPLING_TOLERANCE: f64 = 0.03;
@@ -17,7 +18,9 @@ const PARKING_CLEARANCE: f64 = 0.2;
 pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     for lane in &survey.lanes {
         let points = lane.line.points().iter().chain(&lane.ring);
-        if let Some(&p) = points.into_iter().find(|p| !survey.drivable(**p, SAMPLING_TOLERANCE)) {
+        if let Some(&p) =
+            points.into_iter().find(|p| !survey.drivable(**p, lane.height(**p), SAMPLING_TOLERANCE))
+        {
             flaws.add(Rule::Drivable, lane.id(), p, "is outside the drivable ground");
         }
     }
@@ -26,13 +29,16 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     }
     for (i, edge) in survey.layout.map.road_edges.iter().enumerate() {
         let name = format!("road edge {i} ({})", edge.kind.name());
-        for pair in edge.points.windows(2) {
+        let heights = survey.layout.map.heights.road_edges.get(i).map_or(&[][..], Vec::as_slice);
+        for (k, pair) in edge.points.windows(2).enumerate() {
             let along = pair[1] - pair[0];
             if along.norm() < MIN_SEGMENT {
                 continue;
             }
             let (middle, aside) = (pair[0] + along * 0.5, left(along.normalize()) * SIDE_OFFSET);
-            let sides = (survey.drivable(middle + aside, 0.0), survey.drivable(middle - aside, 0.0));
+            let height = heights.get(k..k + 2).map(|ends| 0.5 * (ends[0] + ends[1]));
+            let drivable = |p: Vec2| survey.drivable(p, height, 0.0);
+            let sides = (drivable(middle + aside), drivable(middle - aside));
             if sides != (true, false) {
                 let found = format!("drivable on the left: {}, on the right: {}", sides.0, sides.1);
                 flaws.add(Rule::Edge, &name, middle, found);
@@ -44,11 +50,14 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
 }
 
 fn parking(survey: &Survey<'_>, flaws: &mut Flaws) {
+    let height = survey.parking_height();
     for (i, spot) in survey.layout.parking.iter().enumerate() {
         let name = format!("parking spot {i}");
         let corners = OrientedBox::new(spot.position, spot.heading, spot.length, spot.width).corners();
-        let outside =
-            corners.iter().chain([&spot.position]).find(|p| !survey.drivable(**p, SAMPLING_TOLERANCE));
+        let outside = corners
+            .iter()
+            .chain([&spot.position])
+            .find(|p| !survey.drivable(**p, height, SAMPLING_TOLERANCE));
         if let Some(&p) = outside {
             flaws.add(Rule::Parking, &name, p, "is outside the drivable ground");
             continue;
@@ -61,7 +70,8 @@ fn parking(survey: &Survey<'_>, flaws: &mut Flaws) {
         for lane in survey.lanes.iter().filter(|l| l.area.bounds.intersects(&reach)) {
             let hit = around
                 .iter()
-                .find(|p| lane.area.contains(**p) || lane.area.border_within(**p, PARKING_CLEARANCE));
+                .find(|p| lane.area.contains(**p) || lane.area.border_within(**p, PARKING_CLEARANCE))
+                .filter(|p| !on_different_levels(lane.height(**p), height, 0.0));
             if let Some(&p) = hit {
                 flaws.add(Rule::Parking, &name, p, format!("less than 0.2 m from lane `{}`", lane.id()));
                 break;

@@ -7,6 +7,7 @@ use reactsim_geometry::{Polyline, Vec2, left, point_in_ring};
 use super::crossing::cross;
 use super::survey::Survey;
 use super::{Flaws, Rule};
+use crate::heights::{height_at, on_different_levels};
 
 /// Distance, metres, within which ends of footways are joined.
 const JOIN_DISTANCE: f64 = 3.0;
@@ -30,10 +31,11 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
                 let s = k as f64 * POINT_SPACING;
                 let (a, b) = footway.line.segment(footway.line.segment_at(s));
                 let aside = left((b - a).normalize()) * half;
-                let p = footway.line.at(s);
-                [p, p + aside, p - aside]
+                let (p, height) = (footway.line.at(s), height_at(&footway.line, &footway.heights, s));
+                [p, p + aside, p - aside].map(|p| (p, height))
             });
-            if let Some(p) = points.into_iter().find(|&p| survey.well_drivable(p, TOUCH_TOLERANCE)) {
+            let mut points = points.into_iter();
+            if let Some((p, _)) = points.find(|&(p, z)| survey.well_drivable(p, z, TOUCH_TOLERANCE)) {
                 flaws.add(Rule::Footway, &name, p, "is on drivable ground but is not a crossing");
             }
             if !(footway.crosses.is_empty() && footway.waits_for.is_empty()) {
@@ -41,7 +43,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
             }
             continue;
         }
-        for end in [first, last] {
+        for (end, s) in [(first, 0.0), (last, footway.line.length())] {
             let other = footways.iter().enumerate().filter(|(j, _)| *j != i);
             let nearest = other
                 .flat_map(|(_, f)| ends(&f.line))
@@ -51,7 +53,8 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
                 let found = format!("ends {nearest:.2} m from other footways, expected at most 3 m");
                 flaws.add(Rule::Footway, &name, end, found);
             }
-            if survey.well_drivable(end, TOUCH_TOLERANCE) {
+            let height = height_at(&footway.line, &footway.heights, s);
+            if survey.well_drivable(end, height, TOUCH_TOLERANCE) {
                 flaws.add(Rule::Footway, &name, end, "the crossing ends on drivable ground");
             }
         }
@@ -69,7 +72,9 @@ fn crossed(survey: &Survey<'_>, i: usize, name: &str, flaws: &mut Flaws) {
         }
     }
     for lane in &survey.lanes {
-        let at = meets(&footway.line, &lane.line);
+        let height = |p: Vec2| height_at(&footway.line, &footway.heights, footway.line.project(p).s);
+        let at = meets(&footway.line, &lane.line)
+            .filter(|&at| !on_different_levels(height(at), lane.height(at), 0.0));
         match (at, named.contains(lane.id())) {
             (Some(at), false) => {
                 flaws.add(Rule::Footway, name, at, format!("crosses lane `{}` without naming it", lane.id()));

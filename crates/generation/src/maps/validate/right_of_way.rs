@@ -211,12 +211,13 @@ fn entries(survey: &Survey<'_>, flaws: &mut Flaws) {
             if !entered.contains(&i) {
                 flaws.add(Rule::Entry, lane.id(), lane.start(), "nobody can come in: it is no entry");
             }
-            if survey.drivable(lane.start() - lane.unit(0) * BORDER_DISTANCE, 0.0) {
+            let before = lane.start() - lane.unit(0) * BORDER_DISTANCE;
+            if survey.drivable(before, lane.height(lane.start()), 0.0) {
                 flaws.add(Rule::Entry, lane.id(), lane.start(), "begins inside the drivable ground");
             }
         }
         let ahead = lane.end() + lane.unit(lane.line.segments() - 1) * BORDER_DISTANCE;
-        if lane.part.successors.is_empty() && survey.drivable(ahead, 0.0) {
+        if lane.part.successors.is_empty() && survey.drivable(ahead, lane.height(lane.end()), 0.0) {
             flaws.add(Rule::Entry, lane.id(), lane.end(), "ends inside the drivable ground");
         }
     }

@@ -8,6 +8,7 @@ use reactsim_scene::{LaneArea, LaneKind, LaneParts};
 use super::crossing::{cross, open_ring};
 use super::region::Region;
 use super::{Flaws, Layout, Rule};
+use crate::heights::{height_at, on_different_levels};
 
 /// A lane with its centre line and its area.
 pub(super) struct TracedLane<'a> {
@@ -16,6 +17,8 @@ pub(super) struct TracedLane<'a> {
     /// The outline as an open ring.
     pub(super) ring: Vec<Vec2>,
     pub(super) area: Region,
+    /// Height at each point of the line, metres; empty on maps without heights.
+    pub(super) heights: &'a [f64],
 }
 
 impl TracedLane<'_> {
@@ -29,6 +32,20 @@ impl TracedLane<'_> {
 
     pub(super) fn end(&self) -> Vec2 {
         self.line.points()[self.line.points().len() - 1]
+    }
+
+    /// Returns the height of the lane next to a point, metres, if known.
+    pub(super) fn height(&self, p: Vec2) -> Option<f64> {
+        if self.heights.is_empty() {
+            None
+        } else {
+            height_at(&self.line, self.heights, self.line.project(p).s)
+        }
+    }
+
+    /// Whether two lanes that share a point of the plane are on different levels there.
+    pub(super) fn is_apart(&self, other: &Self, p: Vec2) -> bool {
+        on_different_levels(self.height(p), other.height(p), 0.0)
     }
 
     pub(super) fn is_connector(&self) -> bool {
@@ -50,14 +67,37 @@ pub(super) struct Survey<'a> {
     /// Pairs of lanes (lower index first) that meet: they cross, or end at the same place. Diverging lanes
     /// are not included.
     pub(super) meetings: BTreeMap<(usize, usize), Vec2>,
-    ground: Vec<Region>,
+    ground: Vec<Ground<'a>>,
+}
+
+/// A polygon of drivable ground.
+struct Ground<'a> {
+    region: Region,
+    exterior: &'a [Vec2],
+    /// Height at each point of the exterior, metres; empty on maps without heights.
+    heights: &'a [f64],
+}
+
+impl Ground<'_> {
+    /// Whether the ground near a point is on the level of `height`: its height is that of its nearest
+    /// vertex.
+    fn is_on_level(&self, p: Vec2, height: Option<f64>) -> bool {
+        if height.is_none() {
+            return true;
+        }
+        let vertices = self.exterior.iter().zip(self.heights);
+        let nearest = vertices.min_by(|a, b| (a.0 - p).norm_squared().total_cmp(&(b.0 - p).norm_squared()));
+        nearest.is_none_or(|(vertex, &z)| !on_different_levels(Some(z), height, (vertex - p).norm()))
+    }
 }
 
 impl<'a> Survey<'a> {
     pub(super) fn new(layout: &'a Layout, flaws: &mut Flaws) -> Self {
         let mut lanes: Vec<TracedLane<'a>> = Vec::new();
         let mut index = BTreeMap::new();
-        for part in &layout.map.lanes {
+        let heights = &layout.map.heights;
+        let of = |list: &'a [Vec<f64>], i: usize| list.get(i).map_or(&[][..], Vec::as_slice);
+        for (i, part) in layout.map.lanes.iter().enumerate() {
             let first = part.points.first().copied().unwrap_or_default();
             match Polyline::new(&part.points) {
                 _ if index.contains_key(part.id.as_str()) => {
@@ -67,7 +107,7 @@ impl<'a> Survey<'a> {
                     let ring = outline(part, &line);
                     let area = Region::new([&ring[..]]);
                     index.insert(part.id.as_str(), lanes.len());
-                    lanes.push(TracedLane { part, line, ring, area });
+                    lanes.push(TracedLane { part, line, ring, area, heights: of(&heights.lanes, i) });
                 }
                 Ok(_) => flaws.add(Rule::Id, &part.id, first, "points of the centre line repeat"),
                 Err(error) => flaws.add(Rule::Id, &part.id, first, error.to_string()),
@@ -77,7 +117,12 @@ impl<'a> Survey<'a> {
         let rings = |p: &'a reactsim_geometry::Polygon| {
             Region::new(std::iter::once(&p.exterior[..]).chain(p.holes.iter().map(|h| &h[..])))
         };
-        let ground = polygons.map(rings).collect();
+        let ground = polygons.enumerate().map(|(i, p)| Ground {
+            region: rings(p),
+            exterior: &p.exterior,
+            heights: of(&heights.drivable_area, i),
+        });
+        let ground = ground.collect();
         let mut survey = Self { layout, lanes, index, meetings: BTreeMap::new(), ground };
         survey.meetings = survey.find_meetings();
         survey
@@ -93,15 +138,26 @@ impl<'a> Survey<'a> {
         self.meetings.get(&(a.min(b), a.max(b))).copied()
     }
 
-    /// Whether a point is on drivable ground, or outside but within `tolerance` of its border.
-    pub(super) fn drivable(&self, p: Vec2, tolerance: f64) -> bool {
-        self.ground.iter().any(|g| g.contains(p))
-            || tolerance > 0.0 && self.ground.iter().any(|g| g.border_within(p, tolerance))
+    /// Returns the height of parked vehicles, metres, if the map has heights.
+    pub(super) fn parking_height(&self) -> Option<f64> {
+        (!self.layout.map.heights.is_empty()).then_some(0.0)
     }
 
-    /// Whether a point is on drivable ground and at least this far from its border.
-    pub(super) fn well_drivable(&self, p: Vec2, depth: f64) -> bool {
-        self.drivable(p, 0.0) && !self.ground.iter().any(|g| g.border_within(p, depth))
+    /// Whether a point at a height (unknown: any) is on drivable ground, or outside but within `tolerance`
+    /// of its border.
+    pub(super) fn drivable(&self, p: Vec2, height: Option<f64>, tolerance: f64) -> bool {
+        let here = |g: &Ground<'_>| {
+            let near = g.region.contains(p) || tolerance > 0.0 && g.region.border_within(p, tolerance);
+            near && g.is_on_level(p, height)
+        };
+        self.ground.iter().any(here)
+    }
+
+    /// Whether a point at a height (unknown: any) is on drivable ground and at least this far from its
+    /// border.
+    pub(super) fn well_drivable(&self, p: Vec2, height: Option<f64>, depth: f64) -> bool {
+        let border = |g: &Ground<'_>| g.region.border_within(p, depth) && g.is_on_level(p, height);
+        self.drivable(p, height, 0.0) && !self.ground.iter().any(border)
     }
 
     fn find_meetings(&self) -> BTreeMap<(usize, usize), Vec2> {
@@ -118,6 +174,7 @@ impl<'a> Survey<'a> {
                 if i < j
                     && bounds[k].intersects(&bounds[m as usize])
                     && let Some(at) = cross(a, b, c, d).filter(|_| !self.related(i, j))
+                    && !self.lanes[i].is_apart(&self.lanes[j], at)
                 {
                     met.entry((i, j)).or_insert(at);
                 }

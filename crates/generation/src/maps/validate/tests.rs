@@ -2,8 +2,8 @@
 
 use reactsim_geometry::{Polygon, Polyline, Vec2};
 use reactsim_scene::{
-    Crosswalk, LaneArea, LaneClass, LaneKind, LaneParts, LightState, MapParts, NeighborParts, RoadEdge,
-    RoadEdgeKind, StopKind, StopLineParts,
+    Crosswalk, LaneArea, LaneClass, LaneKind, LaneParts, LightState, MapHeights, MapParts, NeighborParts,
+    RoadEdge, RoadEdgeKind, StopKind, StopLineParts,
 };
 
 use super::super::super::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
@@ -85,6 +85,7 @@ fn sound() -> Layout {
     let polygon = |low: Vec2, high: Vec2| Polygon { exterior: rectangle(low, high), holes: Vec::new() };
     let walk = |from: Vec2, to: Vec2| Footway {
         line: Polyline::new(&[from, to]).unwrap(),
+        heights: Vec::new(),
         width: 2.0,
         crossing: false,
         crosses: Vec::new(),
@@ -349,4 +350,57 @@ fn footways() {
     breaks(Rule::Footway, "names lanes", |l| l.footways[0].crosses.push("b.x".into()));
     breaks(Rule::Footway, "no crosswalk", |l| l.map.crosswalks.clear());
     breaks(Rule::Footway, "m wide", |l| l.footways[0].width = 0.1);
+}
+
+/// Adds heights: `b` for the road to the north and the footways along its crosswalk, 0 for the other road.
+fn with_heights(layout: &mut Layout, b: f64) {
+    let map = &mut layout.map;
+    let of = |is_b: bool, points: usize| vec![if is_b { b } else { 0.0 }; points];
+    let (edges, areas) = (map.road_edges.iter().enumerate(), map.drivable_area.iter().flatten().enumerate());
+    map.heights = MapHeights {
+        lanes: map.lanes.iter().map(|l| of(l.id.starts_with('b'), l.points.len())).collect(),
+        road_edges: edges.map(|(i, e)| of(i == 2, e.points.len())).collect(),
+        crosswalks: map.crosswalks.iter().map(|c| of(true, c.outline.len())).collect(),
+        drivable_area: areas.map(|(i, p)| of(i == 1, p.exterior.len())).collect(),
+        ..MapHeights::default()
+    };
+    for footway in &mut layout.footways {
+        footway.heights = vec![b; footway.line.points().len()];
+    }
+}
+
+#[test]
+fn heights() {
+    let lane = |l: &mut Layout, id: &str| l.map.lanes.iter().position(|lane| lane.id == id).unwrap();
+    breaks(Rule::Height, "0 heights for 11 points", |l| {
+        with_heights(l, 0.0);
+        l.map.heights.lanes[2].clear();
+    });
+    breaks(Rule::Height, "footway 1", |l| {
+        with_heights(l, 0.0);
+        l.footways[1].heights[0] = f64::NAN;
+    });
+    breaks(Rule::Height, "begins at 0.500 m", |l| {
+        with_heights(l, 0.0);
+        let out = lane(l, "b.out");
+        l.map.heights.lanes[out].fill(0.5);
+    });
+    breaks(Rule::Height, "rises by 6.", |l| {
+        with_heights(l, 0.0);
+        let out = lane(l, "b.out");
+        l.map.heights.lanes[out] = (0..=10).map(|i| 0.2 * f64::from(i)).collect();
+    });
+}
+
+#[test]
+fn roads_on_different_levels_do_not_meet() {
+    let mut layout = sound();
+    layout.signals.clear();
+    layout.footways[2].waits_for.clear();
+    for (height, sound) in [(0.0, false), (8.0, true)] {
+        with_heights(&mut layout, height);
+        let flaws = validate(&layout);
+        assert_eq!(flaws.is_empty(), sound, "{height} m: {}", text(&flaws));
+        assert!(flaws.iter().all(|f| f.rule == Rule::Priority), "{}", text(&flaws));
+    }
 }

@@ -2,6 +2,7 @@
 
 use reactsim_geometry::Bounds;
 
+use super::super::super::heights::on_different_levels;
 use super::super::super::{Layout, RightOfWay};
 use super::{Network, TrafficLane};
 
@@ -87,7 +88,7 @@ pub(super) fn find(network: &mut Network, layout: &Layout) {
     }
 }
 
-/// Returns the stretches on which two lanes are too close for two vehicles side by side.
+/// Returns the stretches on which two lanes are too close for two vehicles side by side, on one level.
 fn stretches(a: &TrafficLane, b: &TrafficLane, joins: bool) -> Option<([f64; 2], [f64; 2])> {
     let near = match (a.bicycles || b.bicycles, joins) {
         (true, _) => BICYCLE_DISTANCE,
@@ -96,8 +97,11 @@ fn stretches(a: &TrafficLane, b: &TrafficLane, joins: bool) -> Option<([f64; 2],
     };
     let on = |x: &TrafficLane, y: &TrafficLane| -> Option<[f64; 2]> {
         let steps = (x.length / TEST_SPACING) as usize + 1;
-        let close =
-            |k: &usize| y.line.project(x.line.at((*k as f64 * TEST_SPACING).min(x.length))).distance < near;
+        let close = |k: &usize| {
+            let s = (*k as f64 * TEST_SPACING).min(x.length);
+            let at = y.line.project(x.line.at(s));
+            at.distance < near && !on_different_levels(x.height_at(s), y.height_at(at.s), at.distance)
+        };
         let first = (0..=steps).find(close)?;
         let last = if joins { steps } else { (0..=steps).rev().find(close)? };
         Some([
@@ -106,4 +110,45 @@ fn stretches(a: &TrafficLane, b: &TrafficLane, joins: bool) -> Option<([f64; 2],
         ])
     };
     Some((on(a, b)?, on(b, a)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_geometry::Vec2;
+    use reactsim_scene::{LaneArea, LaneClass, LaneKind, LaneParts, MapHeights, MapParts};
+
+    use super::*;
+
+    fn connector(id: &str, from: Vec2, to: Vec2) -> LaneParts {
+        LaneParts {
+            id: id.to_owned(),
+            kind: LaneKind::Connector,
+            class: LaneClass::SurfaceStreet,
+            speed_limit: None,
+            points: vec![from, to],
+            area: LaneArea::Corridor { half_width: 1.75 },
+            successors: Vec::new(),
+            predecessors: Vec::new(),
+            left: Vec::new(),
+            right: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn lanes_on_different_levels_do_not_conflict() {
+        let lanes = vec![
+            connector("east", Vec2::new(-60.0, 0.0), Vec2::new(60.0, 0.0)),
+            connector("north", Vec2::new(0.0, -60.0), Vec2::new(0.0, 60.0)),
+        ];
+        let conflicts = |heights: Vec<Vec<f64>>| {
+            let heights = MapHeights { lanes: heights, ..MapHeights::default() };
+            let map = MapParts { lanes: lanes.clone(), heights, ..MapParts::default() };
+            let network = Network::new(&Layout { map, ..Layout::default() });
+            network.lanes.iter().map(|l| l.conflicts.len()).sum::<usize>()
+        };
+        assert_eq!(conflicts(Vec::new()), 2);
+        assert_eq!(conflicts(vec![vec![0.0, 0.0], vec![0.0, 0.0]]), 2);
+        // Both ends of the ramp are 6 m away from the height in its middle.
+        assert_eq!(conflicts(vec![vec![0.0, 0.0], vec![0.0, 12.0]]), 0);
+    }
 }

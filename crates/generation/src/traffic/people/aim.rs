@@ -232,6 +232,7 @@ impl Crowd {
         self.walkers.iter().any(|other| {
             let d = other.position - w.position;
             other.id != w.id
+                && !self.are_apart(w, other)
                 && other.velocity.norm_squared() < 0.01
                 && d.norm() < w.radius + other.radius + 0.25
                 && d.dot(&w.facing) > 0.5 * d.norm()

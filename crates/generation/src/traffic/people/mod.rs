@@ -39,6 +39,7 @@ use self::motion::StepBuffers;
 use self::network::Network;
 use self::walker::{Activity, Walker};
 use crate::Layout;
+use crate::heights::on_different_levels;
 use reactsim_geometry::{Vec2, signed_angle_between};
 use reactsim_rollout::Stream;
 
@@ -49,6 +50,8 @@ pub struct Person {
     pub id: u64,
     /// Box centre, metres.
     pub position: Vec2,
+    /// Height, metres; `None` on maps without heights.
+    pub height: Option<f64>,
     /// Velocity over the last step, m/s.
     pub velocity: Vec2,
     /// Heading, radians; standing people keep it.
@@ -121,6 +124,7 @@ impl Crowd {
         self.walkers.iter().map(|w| Person {
             id: w.id,
             position: w.position,
+            height: self.height(w),
             velocity: w.velocity,
             heading: signed_angle_between(Vec2::x(), w.facing),
             length: w.length,
@@ -140,6 +144,8 @@ impl Crowd {
         let mut buffers = std::mem::take(&mut self.buffers);
         buffers.old.clear();
         buffers.old.extend(self.walkers.iter().map(|w| w.position));
+        buffers.heights.clear();
+        buffers.heights.extend(self.walkers.iter().map(|w| self.height(w)));
         buffers.pair(&self.walkers);
         buffers.aims.clear();
         buffers.aims.extend(self.walkers.iter().map(|w| self.aim(w, surroundings)));
@@ -150,6 +156,16 @@ impl Crowd {
         self.buffers = buffers;
         self.leave();
         self.report();
+    }
+
+    /// Returns the height of a pedestrian, metres, if known.
+    fn height(&self, w: &Walker) -> Option<f64> {
+        self.network.stretches[w.stretch].height_at(w.s)
+    }
+
+    /// Whether two pedestrians who are near each other in the plane are on different levels.
+    fn are_apart(&self, a: &Walker, b: &Walker) -> bool {
+        on_different_levels(self.height(a), self.height(b), (b.position - a.position).norm())
     }
 
     /// Lists the people on crossings.

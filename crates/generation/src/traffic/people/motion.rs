@@ -5,6 +5,7 @@ use reactsim_geometry::{OrientedBox, Vec2, direction, left};
 use super::aim::Aim;
 use super::walker::{Activity, Walker};
 use super::{Crowd, Surroundings, Vehicle, forces};
+use crate::heights::on_different_levels;
 
 /// Time in which people reach their desired velocity, seconds (Moussaïd et al. 2009).
 const RELAXATION_TIME: f64 = 0.54;
@@ -23,7 +24,9 @@ const NEAR_DISTANCE: f64 = 2.4;
 #[derive(Clone, Debug, Default)]
 pub(super) struct StepBuffers {
     order: Vec<usize>,
-    /// Pairs of people within interaction range: indices and distance.
+    /// Height of each pedestrian, metres, if known.
+    pub(super) heights: Vec<Option<f64>>,
+    /// Pairs of people on one level within interaction range: indices and distance.
     pub(super) pairs: Vec<(usize, usize, f64)>,
     /// Pairs that may touch or hold each other up in this step.
     pub(super) near: Vec<(usize, usize, f64)>,
@@ -175,7 +178,7 @@ impl Crowd {
 }
 
 impl StepBuffers {
-    /// Finds the pairs within reach by a sweep over x.
+    /// Finds the pairs within reach by a sweep over x; `heights` must be up to date.
     pub(super) fn pair(&mut self, walkers: &[Walker]) {
         self.order.clear();
         self.order.extend(0..walkers.len());
@@ -192,6 +195,9 @@ impl StepBuffers {
                 let square = d.norm_squared();
                 if square < forces::INTERACTION_RANGE * forces::INTERACTION_RANGE {
                     let distance = square.sqrt();
+                    if on_different_levels(self.heights[i], self.heights[j], distance) {
+                        continue;
+                    }
                     self.pairs.push((i, j, distance));
                     if distance < NEAR_DISTANCE {
                         self.near.push((i, j, distance));

@@ -3,6 +3,7 @@
 use reactsim_geometry::{Polyline, Vec2, left};
 
 use crate::Layout;
+use crate::heights::height_at;
 
 /// Distance, metres, within which ends of footways are joined (see [`Layout::footways`]).
 const JOIN_DISTANCE: f64 = 3.0;
@@ -19,6 +20,8 @@ const CROSSING_COST: f64 = 12.0;
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) line: Polyline,
+    /// Height at each point of the line, metres; empty on maps without heights.
+    heights: Vec<f64>,
     /// Unit vectors along the segments of the line.
     along: Vec<Vec2>,
     /// Maximum distance of a walker's centre from the line, metres.
@@ -35,6 +38,11 @@ impl Stretch {
     pub(super) fn point(&self, s: f64, offset: f64, near: usize) -> Vec2 {
         let i = self.line.segment_from(s, near);
         self.line.on_segment(s, i) + left(self.along[i]) * offset
+    }
+
+    /// Returns the height at arc length `s`, metres, if known.
+    pub(super) fn height_at(&self, s: f64) -> Option<f64> {
+        height_at(&self.line, &self.heights, s)
     }
 
     /// Returns the unit vector along a segment.
@@ -62,14 +70,14 @@ pub(super) struct Network {
 impl Network {
     pub(super) fn new(layout: &Layout) -> Self {
         let mut network = Self::default();
-        for (line, half, crossing) in pieces(layout, &mut network.crossings) {
+        for (line, heights, half, crossing) in pieces(layout, &mut network.crossings) {
             let along = (0..line.segments()).map(|i| {
                 let (a, b) = line.segment(i);
                 (b - a) / (b - a).norm()
             });
             let (along, ends) = (along.collect(), [line.at(0.0), line.at(line.length())]);
             let ends = ends.map(|p| network.node(p));
-            network.stretches.push(Stretch { line, along, half, crossing, ends });
+            network.stretches.push(Stretch { line, heights, along, half, crossing, ends });
         }
         let border = Border::new(layout);
         let degree = |n: usize| network.stretches.iter().filter(|s| s.ends.contains(&n)).count();
@@ -139,16 +147,16 @@ impl Network {
     }
 }
 
-/// Splits footways where a crossing begins or ends in their middle. Returns line, half width for walkers
-/// and crossing index of each piece, and fills the list of crossings.
-fn pieces(layout: &Layout, crossings: &mut Vec<usize>) -> Vec<(Polyline, f64, Option<usize>)> {
+/// Splits footways where a crossing begins or ends in their middle. Returns line, heights, half width
+/// for walkers and crossing index of each piece, and fills the list of crossings.
+fn pieces(layout: &Layout, crossings: &mut Vec<usize>) -> Vec<(Polyline, Vec<f64>, f64, Option<usize>)> {
     let ends = |line: &Polyline| [line.at(0.0), line.at(line.length())];
     let mut pieces = Vec::new();
     for (i, footway) in layout.footways.iter().enumerate() {
         let (line, half) = (&footway.line, (0.5 * footway.width - SHOULDER_HALF_WIDTH).max(0.1));
         if footway.crossing {
             crossings.push(i);
-            pieces.push((line.clone(), half, Some(crossings.len() - 1)));
+            pieces.push((line.clone(), footway.heights.clone(), half, Some(crossings.len() - 1)));
             continue;
         }
         let mut cuts: Vec<f64> = layout
@@ -166,11 +174,13 @@ fn pieces(layout: &Layout, crossings: &mut Vec<usize>) -> Vec<(Polyline, f64, Op
         let bounds: Vec<f64> = [0.0].into_iter().chain(cuts).chain([line.length()]).collect();
         for part in bounds.windows(2) {
             let inner = line.points().iter().zip(line.arc());
-            let inner = inner.filter(|(_, s)| **s > part[0] + 0.01 && **s < part[1] - 0.01).map(|(p, _)| *p);
-            let points: Vec<Vec2> =
-                [line.at(part[0])].into_iter().chain(inner).chain([line.at(part[1])]).collect();
+            let inner =
+                inner.filter(|(_, s)| **s > part[0] + 0.01 && **s < part[1] - 0.01).map(|(p, s)| (*p, *s));
+            let end = |s: f64| [(line.at(s), s)].into_iter();
+            let (points, arc): (Vec<Vec2>, Vec<f64>) = end(part[0]).chain(inner).chain(end(part[1])).unzip();
             if let Ok(piece) = Polyline::new(&points) {
-                pieces.push((piece, half, None));
+                let heights = arc.iter().filter_map(|&s| height_at(line, &footway.heights, s)).collect();
+                pieces.push((piece, heights, half, None));
             }
         }
     }

@@ -120,6 +120,7 @@ impl Crowd {
             }
             let room = |w: &Walker, o: &Walker| {
                 (w.position - o.position).norm() > w.radius + o.radius + 2.0 * BODY_CLEARANCE
+                    || self.are_apart(w, o)
             };
             let free = placed.iter().enumerate().all(|(i, w)| {
                 self.walkers.iter().chain(&placed[..i]).all(|o| room(w, o)) && self.on_ground(w) == w.position
@@ -192,7 +193,9 @@ impl Crowd {
         for group in &mut pending {
             // Companions who walk abreast enter together, others one after the other.
             while let Some(w) = group.first() {
-                let clear = |o: &Walker| (o.position - w.position).norm() > o.radius + w.radius + 0.2;
+                let clear = |o: &Walker| {
+                    (o.position - w.position).norm() > o.radius + w.radius + 0.2 || self.are_apart(w, o)
+                };
                 if !self.walkers.iter().all(clear) {
                     break;
                 }

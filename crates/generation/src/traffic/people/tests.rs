@@ -62,6 +62,7 @@ pub(super) fn street(light: bool) -> Layout {
     };
     let pavement = |a: f64, b: f64, y: f64| Footway {
         line: line((a, y), (b, y)),
+        heights: Vec::new(),
         width: 2.4,
         crossing: false,
         crosses: Vec::new(),
@@ -84,6 +85,7 @@ pub(super) fn street(light: bool) -> Layout {
             pavement(-60.0, 60.0, 5.2),
             Footway {
                 line: line((0.0, -5.2), (0.0, 5.2)),
+                heights: Vec::new(),
                 width: 3.5,
                 crossing: true,
                 crosses: vec!["east".into(), "west".into()],
@@ -347,4 +349,26 @@ fn a_map_without_footways_has_no_people() {
     let mut crowd = Crowd::new(&Layout::default(), 1.0, &mut rng);
     crowd.step(DT, &Surroundings::default());
     assert_eq!(crowd.people().count(), 0);
+}
+
+#[test]
+fn people_on_different_levels_ignore_each_other() {
+    let mut layout = street(false);
+    let heights = |z: f64| vec![z; 2];
+    for (i, footway) in layout.footways.iter_mut().enumerate() {
+        footway.heights = heights(if i == 2 { 6.0 } else { 0.0 });
+    }
+    let crowd = crowd(&layout, 3, 4);
+    for person in crowd.people() {
+        assert_eq!(person.height, Some(if person.position.y > 3.0 { 6.0 } else { 0.0 }));
+    }
+    let mut walkers = crowd.walkers.clone();
+    walkers.truncate(2);
+    walkers[1].position = walkers[0].position;
+    let mut buffers = StepBuffers::default();
+    for (height, pairs) in [(0.0, 1), (6.0, 0)] {
+        buffers.heights = vec![Some(0.0), Some(height)];
+        buffers.pair(&walkers);
+        assert_eq!((buffers.pairs.len(), buffers.near.len()), (pairs, pairs), "{height} m");
+    }
 }

@@ -1,0 +1,121 @@
+//! Tests of scenarios with two levels.
+
+use reactsim_geometry::rounded_distance;
+use reactsim_scene::levels::apart;
+use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Scenario};
+
+use crate::maps::{self, MAP_TYPES, ON_REQUEST};
+use crate::{GenerationSettings, Generator, Preset};
+
+/// Number of scenarios per preset.
+const SCENARIOS: u64 = 6;
+
+fn overpasses() -> Vec<Scenario> {
+    let of = |preset| {
+        let settings =
+            GenerationSettings { preset, maps: vec!["overpass".to_owned()], ..GenerationSettings::default() };
+        let generator = Generator::new(settings).unwrap();
+        (0..SCENARIOS).map(move |number| generator.scenario(number).unwrap())
+    };
+    Preset::ALL.into_iter().flat_map(of).collect()
+}
+
+/// Returns the recorded height of an agent at a frame, metres.
+fn height(scenario: &Scenario, agent: usize, frame: usize) -> Option<f64> {
+    let (start, future) = (&scenario.start.heights[agent], &scenario.log_future.heights[agent]);
+    start.iter().chain(future).nth(frame).copied().flatten()
+}
+
+#[test]
+fn bridges_are_a_second_level_with_traffic_on_both() {
+    let (mut pairs, mut raised, mut low) = (0, 0, 0);
+    for scenario in overpasses() {
+        assert_eq!(
+            (scenario.levels(), scenario.source.as_str()),
+            (2, "generated/overpass"),
+            "{}",
+            scenario.id
+        );
+        assert!(scenario.repairs.is_empty(), "{}: {:?}", scenario.id, scenario.repairs);
+        let agents = &scenario.start.agents;
+        for (i, a) in agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
+            let moves = scenario.start.now(i).speed() > 1.0;
+            match height(&scenario, i, CURRENT) {
+                Some(z) if z > 3.0 && moves => raised += 1,
+                Some(z) if z < 0.1 && moves => low += 1,
+                Some(_) => {}
+                None => panic!("{}: {} has no height", scenario.id, a.id),
+            }
+        }
+        for i in 0..agents.len() {
+            for j in 0..i {
+                let meet = |f: usize| {
+                    let (a, b) = (scenario.logged_at(i, f)?, scenario.logged_at(j, f)?);
+                    let (p, q) = (a.footprint(&agents[i]), b.footprint(&agents[j]));
+                    let near = (p.center - q.center).norm() < p.radius() + q.radius();
+                    (near && rounded_distance(&p, &q, 0.7) < 0.0).then_some(f)
+                };
+                // Only agents on different levels are ever at one place.
+                if let Some(f) = (0..FRAMES).find_map(meet) {
+                    let (a, b) = (height(&scenario, i, f).unwrap(), height(&scenario, j, f).unwrap());
+                    assert!(
+                        apart(a, b, 0.0),
+                        "{}: {} and {} touch at frame {f}",
+                        scenario.id,
+                        agents[i].id,
+                        agents[j].id
+                    );
+                    pairs += 1;
+                }
+            }
+        }
+    }
+    assert!(pairs > 10, "only {pairs} pairs pass above one another");
+    assert!(raised > 20 && low > 20, "{raised} vehicles on bridges, {low} below");
+}
+
+#[test]
+fn heights_of_agents_are_those_of_their_roads() {
+    for scenario in overpasses() {
+        for (i, agent) in scenario.start.agents.iter().enumerate() {
+            let mut last: Option<f64> = None;
+            for f in 0..FRAMES {
+                let state = scenario.logged_at(i, f);
+                let z = height(&scenario, i, f);
+                assert_eq!(z.is_some(), state.is_some(), "{}: {} at frame {f}", scenario.id, agent.id);
+                let (Some(state), Some(z)) = (state, z) else {
+                    last = None;
+                    continue;
+                };
+                if let Some(last) = last {
+                    let step = 0.051 * state.speed() * DT + 0.01;
+                    assert!((z - last).abs() <= step, "{}: {} jumps to {z} m", scenario.id, agent.id);
+                }
+                last = Some(z);
+                // Vehicles off the road are not on the nearest lane or edge.
+                let road = scenario.start.road().on_level(z);
+                if road.drivable(state.position(), &mut None) == Some(true) {
+                    let ground = scenario.start.road().ground_height(state.position(), z);
+                    let id = &agent.id;
+                    assert!((z - ground).abs() < 0.3, "{}: {id} at {z} m, ground {ground} m", scenario.id);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn maps_on_request_are_drawn_only_by_id() {
+    let settings = |maps: &[&str]| GenerationSettings {
+        maps: maps.iter().map(|&id| id.to_owned()).collect(),
+        ..GenerationSettings::default()
+    };
+    let drawn = |maps: &[&str]| settings(maps).map_types().iter().map(|m| m.id).collect::<Vec<_>>();
+    assert_eq!(drawn(&[]), MAP_TYPES.iter().map(|m| m.id).collect::<Vec<_>>());
+    assert_eq!(drawn(&["overpass", "on-ramp"]), ["on-ramp", "overpass"]);
+    for kind in ON_REQUEST {
+        assert!(maps::find(kind.id).is_some() && !drawn(&[]).contains(&kind.id));
+    }
+    let error = Generator::new(settings(&["moon"])).unwrap_err().to_string();
+    assert!(error.ends_with(", overpass"), "{error}");
+}
