@@ -3,7 +3,13 @@
 
 #![no_std]
 
+/// Shipped weights by file name; each has a row in the manifest with `shipped = true`. Empty without the feature
+/// `files`.
+#[cfg(not(feature = "files"))]
+pub static SHIPPED: &[(&str, &[u8])] = &[];
+
 /// Shipped weights by file name; each has a row in the manifest with `shipped = true`.
+#[cfg(feature = "files")]
 pub static SHIPPED: &[(&str, &[u8])] = &[
     ("ntp-reactive.safetensors", include_bytes!("ntp-reactive.safetensors")),
     ("qp-regression.safetensors", include_bytes!("qp-regression.safetensors")),

@@ -36,7 +36,7 @@ pub enum BackendError {
         known: String,
     },
     /// It does not work on this machine.
-    #[error("backend `{name}` does not work on this machine: {reason}")]
+    #[error("backend `{name}` does not work on this machine: {reason}{}", usage_hint(name))]
     Unusable {
         /// Name of the backend.
         name: &'static str,
@@ -52,6 +52,21 @@ fn build_hint(name: &str) -> String {
     }
 }
 
+/// Returns what a backend needs at run time.
+fn usage_hint(name: &str) -> &'static str {
+    match name {
+        "cuda" => {
+            "; it needs an NVIDIA card with its driver (`nvidia-smi` lists both) and the CUDA toolkit, whose \
+             folder CUDA_PATH names if it is not /usr/local/cuda; without `--backend` processors compute"
+        }
+        "wgpu" => {
+            "; it needs a graphics driver with Vulkan, Metal or DirectX 12 (`vulkaninfo --summary` lists those \
+             of Vulkan); without `--backend` processors compute"
+        }
+        _ => "",
+    }
+}
+
 impl Backend {
     /// The backends that this program contains; the first one is the default.
     pub const ALL: &'static [Self] = &[
@@ -63,6 +78,19 @@ impl Backend {
         #[cfg(feature = "cuda")]
         Self::Cuda,
     ];
+
+    /// Returns whether it computes on a graphics processor.
+    pub const fn is_gpu(self) -> bool {
+        match self {
+            Self::Flex => false,
+            #[cfg(feature = "ndarray")]
+            Self::Ndarray => false,
+            #[cfg(feature = "wgpu")]
+            Self::Wgpu => true,
+            #[cfg(feature = "cuda")]
+            Self::Cuda => true,
+        }
+    }
 
     /// Returns the name used on the command line and in provenance.
     pub const fn name(self) -> &'static str {

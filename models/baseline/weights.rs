@@ -128,23 +128,30 @@ fn rows_for(id: &str) -> Result<impl Iterator<Item = WeightsRow>, ModelError> {
     Ok(manifest()?.into_iter().filter(move |row| row.is_for(id)))
 }
 
-/// Returns the weights that ship, by file name.
+/// Returns the weights that are part of the program, by file name; none without the feature `weights`.
 pub fn embedded() -> impl Iterator<Item = &'static (&'static str, &'static [u8])> {
     let crates = [
         reactsim_weights::SHIPPED,
+        #[cfg(feature = "weights")]
         reactsim_weights_smart::SHIPPED,
+        #[cfg(feature = "weights")]
         reactsim_weights_catk::SHIPPED,
+        #[cfg(feature = "weights")]
         reactsim_weights_diffusion::SHIPPED,
+        #[cfg(feature = "weights")]
         reactsim_weights_guarded::SHIPPED,
     ];
     crates.into_iter().flatten()
 }
 
-/// Returns the weights that ship for a baseline.
+/// Returns the weights that ship for a baseline; `None` without the feature `weights`.
 ///
 /// # Errors
 /// [`ModelError`] if manifest and files do not agree; a test rules it out.
 pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
+    if !cfg!(feature = "weights") {
+        return Ok(None);
+    }
     let Some(row) = rows_for(id)?.find(|row| row.shipped) else { return Ok(None) };
     let Some((_, bytes)) = embedded().find(|(name, _)| *name == row.file) else {
         return Err(ModelError::NotEmbedded { id, file: row.file });

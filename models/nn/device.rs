@@ -1,6 +1,7 @@
 //! Devices: where networks run.
 
 use std::panic;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use burn::tensor::{Device, Tensor};
 use reactsim_baseline::{Backend, BackendError};
@@ -25,42 +26,41 @@ pub fn device() -> Device {
     device_of(Backend::default())
 }
 
-const fn is_gpu_backend(backend: Backend) -> bool {
-    match backend {
-        Backend::Flex => false,
-        #[cfg(feature = "ndarray")]
-        Backend::Ndarray => false,
-        #[cfg(feature = "wgpu")]
-        Backend::Wgpu => true,
-        #[cfg(feature = "cuda")]
-        Backend::Cuda => true,
-    }
-}
-
 /// Returns whether the tensors of a device without gradients are on a graphics processor, far from the host.
 pub(super) fn is_gpu(device: &Device) -> bool {
-    Backend::ALL.iter().any(|backend| is_gpu_backend(*backend) && device_of(*backend) == *device)
+    Backend::ALL.iter().any(|backend| backend.is_gpu() && device_of(*backend) == *device)
 }
 
-/// Checks that a backend computes on this machine: drivers of graphics processors may be missing.
+/// Checks that a backend computes on this machine: drivers of graphics processors, or the libraries that their
+/// compilers need, may be missing.
 ///
 /// # Errors
 /// [`BackendError::Unusable`] with the message of the driver.
 pub fn check_backend(backend: Backend) -> Result<(), BackendError> {
-    // Drivers panic where nothing else reports that they are missing. The message goes into the error.
+    // Drivers panic where nothing else reports that they are missing, and on threads of their own: the first
+    // message has the reason, the later ones only that another thread has ended.
+    let first = Arc::new(Mutex::new(None));
     let before = panic::take_hook();
-    panic::set_hook(Box::new(|_| ()));
+    let messages = Arc::clone(&first);
+    panic::set_hook(Box::new(move |panic| {
+        let text = panic.payload_as_str().unwrap_or_default().to_owned();
+        messages.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text);
+    }));
+    // The cosine is not an instruction of every device: it also needs the library of mathematical functions.
     let sum = panic::catch_unwind(|| {
-        Tensor::<1>::from_data([1.0f32, 2.0], &device_of(backend)).sum().into_data().try_to_vec::<f32>()
+        let zeros = Tensor::<1>::from_data([0.0f32, 0.0], &device_of(backend));
+        zeros.cos().sum().into_data().try_to_vec::<f32>()
     });
     panic::set_hook(before);
     let reason = match sum {
-        Ok(Ok(sum)) if sum == [3.0] => return Ok(()),
-        Ok(sum) => format!("1 + 2 is {sum:?}"),
-        Err(cause) => {
-            let text = cause.downcast_ref::<String>().map(String::as_str);
-            let text = text.or_else(|| cause.downcast_ref::<&str>().copied());
-            text.unwrap_or("its driver gives no reason").lines().next().unwrap_or_default().to_owned()
+        Ok(Ok(sum)) if sum == [2.0] => return Ok(()),
+        Ok(sum) => format!("the sum of two cosines of 0 is {sum:?}"),
+        Err(_) => {
+            let first = first.lock().unwrap_or_else(PoisonError::into_inner).take().unwrap_or_default();
+            let line = first.lines().map(str::trim).find(|line| !line.is_empty());
+            let line = line.unwrap_or("its driver gives no reason");
+            // Lists of all names that were tried do not help.
+            line.split(" - searched for").next().unwrap_or(line).to_owned()
         }
     };
     Err(BackendError::Unusable { name: backend.name(), reason })

@@ -105,7 +105,8 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
         Kind::Weights => weights::manifest()?
             .into_iter()
             .map(|row| {
-                let whence = if row.shipped { "shipped" } else { "to be given" };
+                let is_embedded = weights::embedded().any(|(name, _)| *name == row.file);
+                let whence = if is_embedded { "shipped" } else { "to be given" };
                 let bytes = format!("{} bytes", row.bytes);
                 vec![row.id, row.file, bytes, row.licence, whence.to_owned(), row.sha256, row.title]
             })

@@ -29,6 +29,7 @@ mod score;
 mod shard;
 mod sharded;
 mod shell;
+mod speed;
 mod study;
 mod subject;
 mod suggestion;
@@ -129,6 +130,8 @@ enum Command {
     ExportAv(export_av::ExportAvArgs),
     /// Write scenarios as frames that the Python package reads
     Scenes(scenes::ScenesArgs),
+    /// Measure the speed of networks on tensor backends, and how far backends agree
+    Speed(speed::SpeedArgs),
     /// List models, parameters, metrics, formats, weights, maps, cases or backends
     List(list::ListArgs),
     /// Print a completion script for a shell
@@ -195,6 +198,7 @@ pub fn main() -> ExitCode {
         Command::Export(args) => export::export(&args),
         Command::ExportAv(args) => export_av::export_av(&args),
         Command::Scenes(args) => scenes::scenes(&args),
+        Command::Speed(args) => speed::speed(&args),
         Command::List(args) => list::list(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),

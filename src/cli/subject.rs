@@ -136,19 +136,8 @@ impl EvaluationArgs {
     pub(super) fn adjustments(&self, smoothing: Option<Smoothing>) -> anyhow::Result<Adjustments> {
         let weights = read_weights(&self.model_weights)?;
         let backend = self.backend;
-        let mut adjustments = Adjustments { weights, smoothing, backend, ..Adjustments::default() };
-        for text in &self.set {
-            let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
-            let Some(((id, key), value)) = parts else {
-                bail!("--set `{text}`: write ID.KEY=VALUE, such as idm.vehicle.headway=1.5");
-            };
-            adjustments.parameters.push((
-                id.trim().to_owned(),
-                key.trim().to_owned(),
-                value.trim().to_owned(),
-            ));
-        }
-        Ok(adjustments)
+        let parameters = read_parameters(&self.set)?;
+        Ok(Adjustments { weights, parameters, smoothing, backend })
     }
 
     /// Refuses options about simulators, for commands that choose their own; `why` says which.
@@ -229,6 +218,18 @@ impl EvaluationArgs {
         };
         Ok(request.plan()?)
     }
+}
+
+/// Parses the texts of `--set`: id, dotted path, value.
+pub(super) fn read_parameters(texts: &[String]) -> anyhow::Result<Vec<(String, String, String)>> {
+    let read = |text: &String| {
+        let parts = text.split_once('=').and_then(|(path, value)| Some((path.split_once('.')?, value)));
+        let Some(((id, key), value)) = parts else {
+            bail!("--set `{text}`: write ID.KEY=VALUE, such as idm.vehicle.headway=1.5");
+        };
+        Ok((id.trim().to_owned(), key.trim().to_owned(), value.trim().to_owned()))
+    };
+    texts.iter().map(read).collect()
 }
 
 /// Reads the files of `--model-weights`, with the ids that they are for.

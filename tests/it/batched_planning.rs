@@ -2,9 +2,7 @@
 //! rounding.
 
 use burn::tensor::Device;
-use reactsim::models::nn::device;
-#[cfg(feature = "wgpu")]
-use reactsim::models::nn::{Backend, check_backend, device_of};
+use reactsim::models::nn::{Backend, check_backend, device, device_of};
 use reactsim::models::ntp::reactive::ReactiveSimulator;
 use reactsim::models::ntp::smart::{SmartParameters, SmartSimulator};
 use reactsim::models::ntp::{Driving, Sampling};
@@ -35,16 +33,16 @@ fn simulators(device: &Device) -> [(&'static str, Box<dyn Simulator>); 2] {
 /// a graphics processor if there is one, and others with gradients.
 #[cfg_attr(feature = "ndarray", expect(deprecated, reason = "burn-ndarray is kept for comparison"))]
 fn devices() -> Vec<Device> {
-    #[cfg_attr(not(feature = "wgpu"), expect(unused_mut, reason = "there are no others"))]
     let mut devices = vec![
         device().autodiff(),
         #[cfg(feature = "ndarray")]
         Device::ndarray().autodiff(),
     ];
-    #[cfg(feature = "wgpu")]
-    match check_backend(Backend::Wgpu) {
-        Ok(()) => devices.push(device_of(Backend::Wgpu)),
-        Err(error) => crate::skipped(&format!("no graphics processor: {error}")),
+    for backend in Backend::ALL.iter().copied().filter(|backend| backend.is_gpu()) {
+        match check_backend(backend) {
+            Ok(()) => devices.push(device_of(backend)),
+            Err(error) => crate::skipped(&format!("no graphics processor: {error}")),
+        }
     }
     devices
 }

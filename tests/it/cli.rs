@@ -134,6 +134,7 @@ fn help_fits_a_terminal() {
       export       Write runs in the formats of others
       export-av    Write the trajectories of deviated AVs without anything of the recorded future
       scenes       Write scenarios as frames that the Python package reads
+      speed        Measure the speed of networks on tensor backends, and how far backends agree
       list         List models, parameters, metrics, formats, weights, maps, cases or backends
       completions  Print a completion script for a shell
       man          Write manual pages
@@ -165,6 +166,7 @@ fn help_fits_a_terminal() {
         "inspect",
         "export-av",
         "scenes",
+        "speed",
         "list",
     ] {
         let help = stdout(&reactsim(&[verb, "--help"]));
