@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/paper-findings.md: numbers of the paper next to numbers of `references`.
+"""Writes the tables of docs/paper-findings.md: numbers of the paper next to `references`.
 
 `python3 benches/paper.py` rewrites the tables; with `--check` it fails if they are out of date.
 """
@@ -22,7 +22,7 @@ PAPER = {
     "CATK": (0.1426, 0.4029, 10.25, 5.02),
     "TrajTok": (0.1407, 0.4173, 3.23, 3.93),
 }
-# Table of both protocols: A-AV Coll. (reactive), A-AV Coll., ADE and kinematic likelihood (realism).
+# Table of both protocols: A-AV Coll. (reactive); A-AV Coll., ADE, kinematic likelihood (realism).
 PROTOCOLS = {
     "MTR": (0.1457, 0.0781, 2.5498, 0.2379),
     "CTG": (0.6195, 0.2527, 1.9405, 0.2721),
@@ -33,7 +33,7 @@ PROTOCOLS = {
 }
 # Shares of scenarios in which log replay collides and is risky, %.
 PRESSURE = (83.46, 98.14)
-# The six systems here: reference and simulator. The paper's CTG is a policy trained by behaviour cloning.
+# The six systems here: reference and simulator. The paper lists CTG as behaviour cloning.
 SYSTEMS = {
     "MTR": ("paper-networks", "mtr"),
     "CTG": ("paper-networks", "ctg-cloning"),
@@ -96,7 +96,9 @@ def pressure() -> str:
         shares = ("share_at_fault_collision", "share_any_overlap", "share_risky")
         values = [f"{100 * found[share]:.1f}" for share in shares]
         rows.append([f"`{reference}`", str(replay["scenarios"]), *values])
-    return table(["", "scenarios", "collision (%)", "overlap, at fault or not (%)", "risky (%)"], rows)
+    return table(
+        ["", "scenarios", "collision (%)", "overlap, at fault or not (%)", "risky (%)"], rows
+    )
 
 
 def systems() -> str:
@@ -128,7 +130,9 @@ def correlation() -> str:
         order = [name for _, name in sorted(zip(paper, SYSTEMS))]
         ours = [name for _, name in sorted(zip(here, SYSTEMS))]
         rows.append([text, ", ".join(order), ", ".join(ours), f"{spearman(paper, here):.2f}"])
-    return table(["relative to log replay", "order, paper", "order, here", "rank correlation"], rows)
+    return table(
+        ["relative to log replay", "order, paper", "order, here", "rank correlation"], rows
+    )
 
 
 def shipped() -> str:
