@@ -78,7 +78,8 @@ fn links_lead_to_files_and_headings() {
                 }
                 let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
                 let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
-                let is_heading = || anchors(&fs::read_to_string(&target).unwrap()).contains(&anchor.to_owned());
+                let is_heading =
+                    || anchors(&fs::read_to_string(&target).unwrap()).contains(&anchor.to_owned());
                 let leads_to_heading = anchor.is_empty() || !file_is_markdown(&target) || is_heading();
                 if !target.exists() || !leads_to_heading {
                     broken.push(format!("{}:{}: {link}", path.display(), number + 1));
