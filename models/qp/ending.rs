@@ -68,6 +68,9 @@ impl Ending {
     }
 }
 
+/// Outcome that counts programs that the solver gave up or found infeasible.
+pub const FAILED_SOLVES: &str = "qp-failed-solves";
+
 /// Counts of plan outcomes and of solver statistics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Endings {
@@ -93,8 +96,7 @@ impl Endings {
         }
         let solves: u64 = self.iterations.values().sum();
         let iterations: u64 = self.iterations.iter().map(|(i, n)| u64::from(*i) * n).sum();
-        for (name, n) in
-            [("qp-solves", solves), ("qp-iterations", iterations), ("qp-failed-solves", self.failed)]
+        for (name, n) in [("qp-solves", solves), ("qp-iterations", iterations), (FAILED_SOLVES, self.failed)]
         {
             if n > 0 {
                 *outcomes.entry(name).or_default() += n;

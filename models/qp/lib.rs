@@ -27,7 +27,7 @@ mod tests;
 mod vehicle;
 mod walkers;
 
-pub use ending::{Ending, Endings};
+pub use ending::{Ending, Endings, FAILED_SOLVES};
 pub use guard::GuardSettings;
 pub use mode::Mode;
 pub use program::Solve;

@@ -114,7 +114,8 @@ def scenarios(
         *selection(ids, categories),
         ("--future", future),
     ]
-    command = [find_program(), "scenes", *arguments(given, [] if path is None else [path])]
+    sources = [] if path is None else [path]
+    command = [find_program(), "export", "scenes", *arguments(given, sources)]
     return _read(command, path)
 
 

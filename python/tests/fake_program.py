@@ -107,7 +107,7 @@ def run(arguments: list[str]) -> int:
 
 
 def scenes(arguments: list[str]) -> int:
-    """Plays `reactsim scenes`."""
+    """Plays `reactsim export scenes`."""
     if "missing" in arguments:
         sys.stderr.write("error: missing: no such file\n")
         return 2
@@ -138,7 +138,11 @@ def main() -> int:
     if command == "inspect":
         Path(value(arguments, "--svg")).write_text("<svg></svg>")
         return 0
-    return {"run": run, "scenes": scenes}[command](arguments)
+    if command == "export":
+        assert arguments.pop(0) == "scenes"
+        return scenes(arguments)
+    assert command == "run"
+    return run(arguments)
 
 
 if __name__ == "__main__":

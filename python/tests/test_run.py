@@ -177,7 +177,9 @@ def test_names_are_no_options(fake_program: Path, tmp_path: Path, name: str) -> 
 
 def test_program_as_module(fake_program: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "reactsim", "scenes", "missing"], capture_output=True, check=False
+        [sys.executable, "-m", "reactsim", "export", "scenes", "missing"],
+        capture_output=True,
+        check=False,
     )
     assert done.returncode == 2
     assert done.stderr == b"error: missing: no such file\n"
@@ -185,7 +187,7 @@ def test_program_as_module(fake_program: Path) -> None:
 
 def test_scenarios(fake_program: Path) -> None:
     scenarios = list(reactsim.scenarios())
-    assert arguments(fake_program) == ["scenes", "--future"]
+    assert arguments(fake_program) == ["export", "scenes", "--future"]
     assert [s.id for s in scenarios] == ["scenario-0", "scenario-1", "scenario-2"]
     first, second, _ = scenarios
     assert first.agents == ["av", "b", "c", "d"]
@@ -204,7 +206,8 @@ def test_scenarios(fake_program: Path) -> None:
 
     source = reactsim.scenarios(Path("logs"), deviations="d", limit=2, future=False)
     scenario = next(iter(source))
-    assert arguments(fake_program) == ["scenes", "--deviations=d", "--limit=2", "--", "logs"]
+    command = ["export", "scenes", "--deviations=d", "--limit=2", "--", "logs"]
+    assert arguments(fake_program) == command
     assert scenario.future is None
     with pytest.raises(ValueError, match="future=True"):
         _ = scenario.states

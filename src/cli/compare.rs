@@ -45,10 +45,10 @@ pub(super) struct CompareArgs {
     /// Scenarios to list per metric: N that got worse and N that got better
     #[arg(long, value_name = "N", default_value_t = 3)]
     top: usize,
-    /// Seed of the resamplings and permutations
+    /// Seed of all random choices
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
-    /// Output format
+    /// Format of the output
     #[arg(long, default_value = "markdown", value_parser = ["markdown", "json"])]
     format: String,
 }

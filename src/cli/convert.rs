@@ -33,8 +33,8 @@ pub(super) struct ConvertArgs {
     /// rollout are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
     futures: Option<PathBuf>,
-    /// Deviations (of `curate`) that replace the logged future of the AV, and their certificates that of
-    /// the agents that respond to it; scenarios without a certificate are left out
+    /// Deviations (of `curate`) that replace the logged future of the AV, and whose certificates replace the
+    /// future of the agents that respond to it; scenarios without a certificate are left out
     #[arg(long, value_name = "DEVIATIONS", conflicts_with = "futures")]
     certificates: Option<PathBuf>,
     /// Leave out everything after the current frame, so that the file can be given to others

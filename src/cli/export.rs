@@ -1,5 +1,7 @@
-//! `reactsim export`: runs in the formats of others.
+//! `reactsim export`: deviated AVs, scenarios and runs for other programs.
 
+mod av;
+mod scenes;
 mod wosac;
 
 use clap::{Args, Subcommand};
@@ -15,12 +17,18 @@ pub(super) struct ExportArgs {
 
 #[derive(Debug, Subcommand)]
 enum Export {
+    /// Write the trajectories of deviated AVs, without anything of the recorded future
+    Av(av::ExportAvArgs),
+    /// Write scenarios as frames that the Python package reads
+    Scenes(scenes::ExportScenesArgs),
     /// Write a run in the realism protocol as a submission to the Waymo Open Sim Agents Challenge
     Wosac(wosac::ExportWosacArgs),
 }
 
 pub(super) fn export(args: &ExportArgs) -> anyhow::Result<ExitStatus> {
     match &args.what {
+        Export::Av(args) => av::export(args),
+        Export::Scenes(args) => scenes::export(args),
         Export::Wosac(args) => wosac::export(args),
     }
 }

@@ -13,7 +13,7 @@ use crate::evaluation::Plan;
 use crate::external::{Command, ExternalSettings, ExternalSimulator, RunOutline, StderrTarget, TimeLimits};
 use crate::rollout::Request;
 
-/// Command that stands for our own standard input and output.
+/// Command for our own standard input and output.
 const STDIO: &str = "@stdio";
 
 /// Arguments for external simulators.
@@ -134,7 +134,7 @@ fn log_name(simulator: &str) -> String {
     format!("external-{simulator}.log")
 }
 
-/// Repeats the first `count` scenarios singly and reports the largest difference to their batches.
+/// Repeats the first `count` scenarios one at a time and reports the largest difference to their batches.
 pub(super) fn check_batches(
     plan: &Plan,
     simulators: &[ExternalSimulator],
@@ -160,8 +160,8 @@ pub(super) fn check_batches(
             largest = largest.max(difference.largest);
         }
         say(format_args!(
-            "{}: {compared} scenarios together, at most {} per batch, and singly: positions differ by at most \
-             {largest} m",
+            "{}: {compared} scenarios together, at most {} per batch, and one at a time: positions differ by \
+             at most {largest} m",
             simulator.name(),
             simulator.batch(),
         ));

@@ -6,7 +6,9 @@ use anyhow::Context;
 
 use super::{count, note, say};
 use crate::evaluation::{EVENTS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
+use crate::models::qp::FAILED_SOLVES;
 use crate::report::{Run, TableStyle, exporter, markdown_text};
+use crate::rollout::{NOT_FINITE, PLANNED_ALONE};
 
 /// Writes the table of a run to its folder, followed by plan outcomes and failures.
 pub(super) fn put_table(folder: &RunFolder, summary: &Summary, style: TableStyle<'_>) -> anyhow::Result<()> {
@@ -21,7 +23,7 @@ pub(super) fn put_table(folder: &RunFolder, summary: &Summary, style: TableStyle
     Ok(folder.put(TABLE, &text)?)
 }
 
-/// Prints what lies in the folder of a run, and what to do with it.
+/// Prints the contents of a run folder, and what to do with it.
 pub(super) fn show_next_steps(folder: &Path, keeps_rollouts: bool) {
     let folder = folder.display();
     let scenes = if keeps_rollouts { "" } else { " (scenes need --keep-rollouts)" };
@@ -49,6 +51,24 @@ pub(super) fn report_left_out(summary: &Summary) {
     }
 }
 
+/// Outcomes of plans that are faults of a simulator, and what they mean.
+const PROBLEMS: [(&str, &str); 3] = [
+    (NOT_FINITE, "plans were not finite; their agents continued as before"),
+    (PLANNED_ALONE, "rollouts were repeated one at a time because their batch failed twice"),
+    (FAILED_SOLVES, "quadratic programs could not be solved; the vehicles used a fallback"),
+];
+
+/// Warns of plans that did not end as they should.
+pub(super) fn report_problems(summary: &Summary) {
+    for (id, simulator) in &summary.simulators {
+        for (outcome, meaning) in PROBLEMS {
+            if let Some(n) = simulator.outcomes.get(outcome) {
+                say(format_args!("warning: {id}: {n} {meaning}"));
+            }
+        }
+    }
+}
+
 /// Prints the notes of the scenarios.
 pub(super) fn report_notes(summary: &Summary) {
     for (id, found) in &summary.provenance.notes {
@@ -72,7 +92,7 @@ fn outcome_lines(summary: &Summary) -> impl Iterator<Item = String> {
     })
 }
 
-/// Returns the plan outcomes as a Markdown list, printed below the table.
+/// Returns the plan outcomes as a Markdown list.
 pub(super) fn outcomes(summary: &Summary) -> String {
     let lines: String = outcome_lines(summary).map(|line| format!("- {line}\n")).collect();
     if lines.is_empty() { lines } else { format!("\nHow plans ended:\n\n{lines}") }

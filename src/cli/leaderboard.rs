@@ -27,7 +27,7 @@ pub(super) struct LeaderboardArgs {
     /// Scenarios of the benchmark, unless they ship with the program
     #[arg(long, value_name = "PATH")]
     scenarios: Option<PathBuf>,
-    /// Format of the table on stdout
+    /// Format of the output
     #[arg(long, default_value = "markdown", value_parser = leaderboard::FORMS)]
     format: String,
     /// Also write the table to this file, as an HTML page

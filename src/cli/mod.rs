@@ -8,12 +8,12 @@ mod convert;
 mod curate;
 mod duration;
 mod export;
-mod export_av;
 mod external;
 mod finished;
 mod futures;
 mod gallery;
 mod generate;
+mod help;
 mod inspect;
 mod leaderboard;
 mod list;
@@ -24,7 +24,6 @@ mod reference;
 mod report;
 mod run;
 mod scenario_args;
-mod scenes;
 mod score;
 mod shard;
 mod sharded;
@@ -71,6 +70,9 @@ struct Cli {
     /// Print results, warnings and errors only: no progress and no hints
     #[arg(long, short, global = true)]
     quiet: bool,
+    /// Also print how plans ended, which run folders contain in any case
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    verbose: bool,
 }
 
 /// Whether only results, warnings and errors are printed.
@@ -78,6 +80,13 @@ static QUIET: AtomicBool = AtomicBool::new(false);
 
 fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
+}
+
+/// Whether details are printed that run folders contain.
+static VERBOSE: AtomicBool = AtomicBool::new(false);
+
+fn is_verbose() -> bool {
+    VERBOSE.load(Ordering::Relaxed)
 }
 
 /// Whether the user has interrupted the program.
@@ -90,50 +99,47 @@ fn is_interrupted() -> bool {
 const AFTER: &str = "\
 Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
 
-Without arguments the program runs every baseline on the shipped scenarios.";
+Without arguments, the program runs the default baselines on the shipped scenarios.";
 
+/// Commands of the program, in the order of [`help::TASKS`].
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// List models, parameters, metrics, formats, weights, maps, cases or backends
+    List(list::ListArgs),
+    /// Describe and draw a scenario
+    Inspect(inspect::InspectArgs),
+    /// Show run folders in a browser: tables, figures, every scene from above
+    View(view::ViewArgs),
+    /// Print the tables of finished runs, or write them as an HTML page
+    Report(report::ReportArgs),
+    /// Compare two runs on the same scenarios, scenario by scenario
+    Compare(compare::CompareArgs),
     /// Run simulators on scenarios and print the table of their metrics
     Run(run::RunArgs),
+    /// Run studies: replan interval, reactive against realism protocol, ablations
+    Study(study::StudyArgs),
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
     /// Create AV trajectories that leave the log (deviated AVs), review and analyse them
     Curate(curate::CurateArgs),
     /// Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
     Generate(generate::GenerateArgs),
-    /// Train networks, build vocabularies and intention points
-    Train(train::TrainArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
-    /// Print the tables of finished runs, or write them as an HTML page
-    Report(report::ReportArgs),
-    /// Compare two runs on the same scenarios, scenario by scenario
-    Compare(compare::CompareArgs),
+    /// Write deviated AVs, scenarios or runs for other programs
+    Export(export::ExportArgs),
+    /// Train networks, build vocabularies and intention points
+    Train(train::TrainArgs),
     /// Check that this program reproduces the numbers of a reference
     Verify(verify::VerifyArgs),
     /// Create references, and write their tables into documents
     Reference(reference::ReferenceArgs),
     /// List references and submitted runs in one table
     Leaderboard(leaderboard::LeaderboardArgs),
-    /// Show run folders in a browser: tables, figures, every scene from above
-    View(view::ViewArgs),
-    /// Run studies: replan interval, reactive against realism protocol, ablations
-    Study(study::StudyArgs),
-    /// Divide a run into units for clusters, carry them out, and merge their results
+    /// Divide a run into units for clusters, run them, and merge their results
     Shard(shard::ShardArgs),
-    /// Describe and draw a scenario
-    Inspect(inspect::InspectArgs),
-    /// Write runs in the formats of others
-    Export(export::ExportArgs),
-    /// Write the trajectories of deviated AVs without anything of the recorded future
-    ExportAv(export_av::ExportAvArgs),
-    /// Write scenarios as frames that the Python package reads
-    Scenes(scenes::ScenesArgs),
     /// Measure the speed of networks on tensor backends, and how far backends agree
     Speed(speed::SpeedArgs),
-    /// List models, parameters, metrics, formats, weights, maps, cases or backends
-    List(list::ListArgs),
     /// Print a completion script for a shell
     Completions(shell::CompletionsArgs),
     /// Write manual pages
@@ -173,33 +179,32 @@ pub fn main() -> ExitCode {
     }
     survive_file_limits();
     // Without arguments: `run` with its defaults.
-    let Cli { command, quiet } = parse();
+    let Cli { command, quiet, verbose } = parse();
     QUIET.store(quiet, Ordering::Relaxed);
+    VERBOSE.store(verbose, Ordering::Relaxed);
     let command = command.unwrap_or_else(|| {
         let bare = Cli::parse_from(["reactsim", "run"]).command;
         bare.expect("`run` needs no arguments")
     });
     let result = match command {
+        Command::List(args) => list::list(&args),
+        Command::Inspect(args) => inspect::inspect(&args),
+        Command::View(args) => view::view(&args),
+        Command::Report(args) => report::report(&args),
+        Command::Compare(args) => compare::compare(&args),
         Command::Run(args) => run::run(args),
+        Command::Study(args) => study::study(&args),
         Command::Score(args) => score::score(&args),
         Command::Curate(args) => curate::curate(&args),
         Command::Generate(args) => generate::generate(&args),
-        Command::Train(args) => train::train(&args),
         Command::Convert(args) => convert::convert(&args),
-        Command::Report(args) => report::report(&args),
-        Command::Compare(args) => compare::compare(&args),
+        Command::Export(args) => export::export(&args),
+        Command::Train(args) => train::train(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Reference(args) => reference::reference(&args),
         Command::Leaderboard(args) => leaderboard::leaderboard(&args),
-        Command::View(args) => view::view(&args),
-        Command::Study(args) => study::study(&args),
         Command::Shard(args) => shard::shard(args),
-        Command::Inspect(args) => inspect::inspect(&args),
-        Command::Export(args) => export::export(&args),
-        Command::ExportAv(args) => export_av::export_av(&args),
-        Command::Scenes(args) => scenes::scenes(&args),
         Command::Speed(args) => speed::speed(&args),
-        Command::List(args) => list::list(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
     };
@@ -296,7 +301,9 @@ fn refuse_encoding() -> ! {
 
 /// Returns the definition of all arguments.
 fn command_line() -> clap::Command {
-    with_negative_numbers(Cli::command())
+    let command = with_negative_numbers(Cli::command());
+    let template = help::template(&command);
+    command.help_template(template)
 }
 
 fn with_negative_numbers(command: clap::Command) -> clap::Command {

@@ -14,6 +14,9 @@ use crate::report::{Run, TableStyle, study_tables};
 /// Format of the page.
 const HTML: &str = "html";
 
+/// Heading of the options of the page.
+const PAGE: &str = "Page (--format html)";
+
 /// Number of scenes of a page.
 const DEFAULT_CASES: usize = 12;
 
@@ -36,7 +39,7 @@ pub(super) struct ReportArgs {
     /// Folders of runs or studies
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Output format [default: terminal on a terminal, else markdown]; html is the page
+    /// Format of the table [default: terminal on a terminal, else markdown]; html is the page
     #[arg(long, value_parser = formats([HTML]))]
     format: Option<String>,
     #[command(flatten)]
@@ -44,17 +47,17 @@ pub(super) struct ReportArgs {
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// For the page: file or folder with scenarios of the runs; may be repeated
-    #[arg(long, value_name = "PATH")]
+    /// Scenarios of the runs, unless they ship with the program; may be repeated
+    #[arg(long, value_name = "PATH", help_heading = PAGE)]
     scenarios: Vec<PathBuf>,
-    /// For the page: number of scenes, of the scenarios in which simulators differ most [default: 12]
-    #[arg(long, value_name = "N")]
+    /// Number of scenes, of the scenarios in which simulators differ most [default: 12]
+    #[arg(long, value_name = "N", help_heading = PAGE)]
     cases: Option<usize>,
-    /// For the page: also show the scene of this scenario; may be repeated
-    #[arg(long = "case", value_name = "ID")]
+    /// Also show the scene of this scenario; may be repeated
+    #[arg(long = "case", value_name = "ID", help_heading = PAGE)]
     case: Vec<String>,
-    /// For the page: show the scenes of all scenarios
-    #[arg(long)]
+    /// Show the scenes of all scenarios
+    #[arg(long, help_heading = PAGE)]
     all: bool,
 }
 

@@ -10,12 +10,12 @@ use anyhow::bail;
 use clap::Args;
 
 use super::external::{check_batches, keep_stderr, report_faults};
-use super::finished::{outcomes, put_table, report_left_out, report_notes, show_next_steps};
+use super::finished::{outcomes, put_table, report_left_out, report_notes, report_problems, show_next_steps};
 use super::live_table::LiveTable;
 use super::progress::Progress;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::table_output::{TableArgs, formats};
-use super::{ExitStatus, note, say, stop_on_interrupt};
+use super::{ExitStatus, is_verbose, note, say, stop_on_interrupt};
 use crate::evaluation::{self, Outcome, Plan, RunFolder, Source, Summary};
 use crate::external::{ExternalSimulator, RunOutline};
 use crate::models::qp::Smoothing;
@@ -55,8 +55,8 @@ pub(super) struct RunArgs {
     /// Continue the interrupted run in --out
     #[arg(long, requires = "out")]
     pub(super) resume: bool,
-    /// Repeat the first K scenarios of external simulators singly after the run, and report the
-    /// largest difference to their batches
+    /// Repeat the first K scenarios of external simulators one at a time after the run, and report
+    /// the largest difference to their batches
     #[arg(long, value_name = "K", requires = "external", help_heading = "External simulators")]
     pub(super) check_batch: Option<NonZeroUsize>,
     /// Keep the rollouts in the run folder
@@ -76,7 +76,7 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     run_until(args, &stop)
 }
 
-/// Carries out a run until `stop` is set.
+/// Executes a run until `stop` is set.
 pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     if args.subject.external.takes_stdout() && args.out.is_none() {
@@ -126,8 +126,10 @@ pub(crate) fn finish(
         bail!("no scenario could be run: see the warnings above");
     }
     if !args.subject.external.takes_stdout() {
-        args.table.write(&[Run { name: "", summary }], args.format.as_deref(), None, &outcomes(summary))?;
+        let below = if is_verbose() { outcomes(summary) } else { String::new() };
+        args.table.write(&[Run { name: "", summary }], args.format.as_deref(), None, &below)?;
     }
+    report_problems(summary);
     match &args.out {
         Some(path) => show_next_steps(path, args.keep_rollouts),
         None => note(format_args!(

@@ -23,11 +23,11 @@ pub(super) struct ShardArgs {
 enum ShardCommand {
     /// Divide a command into units
     Plan(planned::PlanArgs),
-    /// Carry out units; may be called by any number of processes on any machines that share the folder
+    /// Run units; may be called by any number of processes on any machines that share the folder
     Run(run::UnitArgs),
     /// Show which units are finished
     Status(FolderArgs),
-    /// Join the results of all units into those that one machine would have written
+    /// Merge the results of all units into the output that one machine would have written
     Merge(FolderArgs),
 }
 

@@ -4,10 +4,10 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use clap::{Args, CommandFactory};
+use clap::Args;
 use clap_complete::Shell;
 
-use super::{Cli, ExitStatus, count, say, write_result};
+use super::{ExitStatus, command_line, count, say, write_result};
 
 /// Arguments of `completions`.
 #[derive(Debug, Args)]
@@ -26,7 +26,7 @@ pub(super) struct ManArgs {
 
 pub(super) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitStatus> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "reactsim", &mut script);
+    clap_complete::generate(args.shell, &mut command_line(), "reactsim", &mut script);
     write_result(None, |out| out.write_all(&script))?;
     Ok(ExitStatus::Done)
 }
@@ -34,7 +34,7 @@ pub(super) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitStatus> 
 pub(super) fn man(args: &ManArgs) -> anyhow::Result<ExitStatus> {
     let folder = &args.out;
     fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
-    clap_mangen::generate_to(Cli::command(), folder)
+    clap_mangen::generate_to(command_line(), folder)
         .with_context(|| format!("could not write manual pages to {}", folder.display()))?;
     let pages = fs::read_dir(folder).map_or(0, Iterator::count);
     say(format_args!("{}: {}", folder.display(), count(pages, "page")));

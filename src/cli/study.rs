@@ -70,7 +70,7 @@ struct SharedArgs {
     keep_rollouts: bool,
     #[command(flatten)]
     work: ExecutionArgs,
-    /// Format of the table on stdout
+    /// Format of the output
     #[arg(long, default_value = "markdown", value_parser = FORMATS)]
     format: String,
     #[command(flatten)]

@@ -28,16 +28,16 @@ use crate::work::available_threads;
 pub(super) struct EvaluationArgs {
     #[command(flatten)]
     input: ScenarioArgs,
-    /// Simulators, separated by commas; `all` for all baselines that have weights, `default` for those that
-    /// run by default; `reactsim list models` shows them [default: default]
+    /// Simulators, separated by commas; `all` for all baselines that have weights, `default` for the ones
+    /// that run by default; `reactsim list models` shows them [default: default]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     pub(super) models: Vec<String>,
-    /// Weights of a simulator, such as pufferdrive=puffer.safetensors, or of a variant beside the shipped
-    /// one, such as ntp-reactive@mine=new.safetensors; may be repeated
+    /// Weights of a simulator, such as pufferdrive=puffer.safetensors, or of a variant next to the
+    /// shipped one, such as ntp-reactive@mine=new.safetensors; may be repeated
     #[arg(long = "model-weights", value_name = "ID=FILE")]
     model_weights: Vec<String>,
-    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5, or of a variant beside
-    /// it, such as idm@calm.vehicle.headway=2.5; may be repeated.
+    /// Override a parameter of a simulator's card, such as idm.vehicle.headway=1.5, or of a variant next
+    /// to it, such as idm@calm.vehicle.headway=2.5; may be repeated.
     /// `reactsim list parameters idm` shows parameters and ranges
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
@@ -45,7 +45,7 @@ pub(super) struct EvaluationArgs {
     /// retime:<factor>, shift:<m> or file:<path> [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
-    /// Tensor backend of the networks; `reactsim list backends` shows those of this program
+    /// Tensor backend of the networks; `reactsim list backends` shows which this program has
     #[arg(long, default_value_t, value_name = "NAME")]
     backend: Backend,
     /// Seed of all random choices
@@ -103,7 +103,7 @@ impl From<ProtocolName> for Protocol {
 /// Number of threads, which does not change any result.
 #[derive(Debug, Args)]
 pub(super) struct JobsArg {
-    /// Threads [default: one per core]
+    /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }

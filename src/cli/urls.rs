@@ -112,7 +112,7 @@ mod tests {
             "reactsim convert s3://a --out b --certificates s3://c",
             "reactsim curate s3://a --out b",
             "reactsim inspect s3://a",
-            "reactsim scenes s3://a",
+            "reactsim export scenes s3://a",
             "reactsim shard plan units run s3://a --out b",
             "reactsim score rollouts.parquet --scenarios s3://a",
             "reactsim verify folder --scenarios s3://a",

@@ -38,7 +38,7 @@ pub(super) struct VerifyArgs {
     /// Run networks only on every 15th scenario
     #[arg(long)]
     quick: bool,
-    /// Scenarios of the reference, unless they ship with the program; may be repeated
+    /// Scenarios of the runs, unless they ship with the program; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
     /// File of deviated AVs, if the reference has one

@@ -115,39 +115,50 @@ fn help_fits_a_terminal() {
 
     Usage: reactsim [OPTIONS] [COMMAND]
 
-    Commands:
-      run          Run simulators on scenarios and print the table of their metrics
-      score        Score rollouts that any program produced
-      curate       Create AV trajectories that leave the log (deviated AVs), review and analyse them
-      generate     Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
-      train        Train networks, build vocabularies and intention points
-      convert      Convert scenarios of any format to native Parquet
+    Look:
+      list         List models, parameters, metrics, formats, weights, maps, cases or backends
+      inspect      Describe and draw a scenario
+      view         Show run folders in a browser: tables, figures, every scene from above
       report       Print the tables of finished runs, or write them as an HTML page
       compare      Compare two runs on the same scenarios, scenario by scenario
+
+    Run:
+      run          Run simulators on scenarios and print the table of their metrics
+      study        Run studies: replan interval, reactive against realism protocol, ablations
+      score        Score rollouts that any program produced
+
+    Data:
+      curate       Create AV trajectories that leave the log (deviated AVs), review and analyse them
+      generate     Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
+      convert      Convert scenarios of any format to native Parquet
+      export       Write deviated AVs, scenarios or runs for other programs
+
+    Train:
+      train        Train networks, build vocabularies and intention points
+
+    Publish:
       verify       Check that this program reproduces the numbers of a reference
       reference    Create references, and write their tables into documents
       leaderboard  List references and submitted runs in one table
-      view         Show run folders in a browser: tables, figures, every scene from above
-      study        Run studies: replan interval, reactive against realism protocol, ablations
-      shard        Divide a run into units for clusters, carry them out, and merge their results
-      inspect      Describe and draw a scenario
-      export       Write runs in the formats of others
-      export-av    Write the trajectories of deviated AVs without anything of the recorded future
-      scenes       Write scenarios as frames that the Python package reads
+
+    Scale:
+      shard        Divide a run into units for clusters, run them, and merge their results
       speed        Measure the speed of networks on tensor backends, and how far backends agree
-      list         List models, parameters, metrics, formats, weights, maps, cases or backends
+
+    Shell:
       completions  Print a completion script for a shell
       man          Write manual pages
-      help         Print this message or the help of the given subcommand(s)
+      help         Print this message or the help of a command
 
     Options:
       -q, --quiet    Print results, warnings and errors only: no progress and no hints
+      -v, --verbose  Also print how plans ended, which run folders contain in any case
       -h, --help     Print help
       -V, --version  Print version
 
     Exit codes: 0 done; 1 done, but some scenarios failed; 2 wrong input or settings; 130 interrupted.
 
-    Without arguments the program runs every baseline on the shipped scenarios.
+    Without arguments, the program runs the default baselines on the shipped scenarios.
     ");
     for verb in [
         "run",
@@ -164,8 +175,8 @@ fn help_fits_a_terminal() {
         "view",
         "study",
         "inspect",
-        "export-av",
-        "scenes",
+        "export",
+        "shard",
         "speed",
         "list",
     ] {
@@ -174,10 +185,37 @@ fn help_fits_a_terminal() {
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
         assert!(widest < 100, "{verb}: {widest} columns");
     }
-    for kind in ["replan", "realism", "guards"] {
-        let help = stdout(&reactsim(&["study", kind, "--help"]));
+    for (verb, kind) in [
+        ("study", "replan"),
+        ("study", "realism"),
+        ("study", "guards"),
+        ("export", "av"),
+        ("export", "scenes"),
+        ("export", "wosac"),
+    ] {
+        let help = stdout(&reactsim(&[verb, kind, "--help"]));
+        assert!(help.contains(&format!("Usage: reactsim {verb} {kind}")), "{help}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
-        assert!(widest < 100, "study {kind}: {widest} columns");
+        assert!(widest < 100, "{verb} {kind}: {widest} columns");
+    }
+    for old in ["export-av", "scenes"] {
+        assert_eq!(reactsim(&[old]).status.code(), Some(2), "{old}");
+    }
+}
+
+#[test]
+fn how_plans_ended_is_in_the_folder_and_printed_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let run = ["run", "--limit", "1", "--models", "idm+qp"];
+    let printed = reactsim(&[&run[..], &["--out", text(&out)]].concat());
+    assert_eq!(printed.status.code(), Some(0), "{}", stderr(&printed));
+    assert!(!stdout(&printed).contains("How plans ended"), "{}", stdout(&printed));
+    assert_eq!(stderr(&printed), "", "nothing to worry about");
+    let kept = fs::read_to_string(out.join("summary.md")).unwrap();
+    let verbose = stdout(&reactsim(&[&run[..], &["--verbose"]].concat()));
+    for text in [kept, verbose] {
+        assert!(text.contains("\nHow plans ended:\n\n- idm+qp: "), "{text}");
     }
 }
 
@@ -186,9 +224,10 @@ fn shells_and_man_know_every_command() {
     let home = tempfile::tempdir().unwrap();
     let (script, _) = crate::reference::said(&["completions", "bash"], 0);
     crate::reference::said(&["man", "--out", home.path().to_str().unwrap()], 0);
-    for command in ["run", "curate", "study", "inspect", "verify"] {
-        assert!(script.contains(command), "{command}");
-        let page = home.path().join(format!("reactsim-{command}.1"));
-        assert!(std::fs::read_to_string(page).unwrap().contains(".SH"), "{command}");
+    let page = |name: &str| home.path().join(format!("reactsim-{name}.1"));
+    for command in ["run", "curate", "study", "inspect", "verify", "export", "export-av", "export-scenes"] {
+        assert!(script.contains(command.split('-').next().unwrap()), "{command}");
+        assert!(std::fs::read_to_string(page(command)).unwrap().contains(".SH"), "{command}");
     }
+    assert!(!page("scenes").exists());
 }

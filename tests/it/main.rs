@@ -16,6 +16,7 @@ mod ctg;
 mod curation;
 mod diffusion_planner;
 mod document;
+mod documents;
 mod evaluation;
 mod external;
 mod formats;

@@ -176,6 +176,43 @@ fn the_page_says_what_the_run_found() {
 }
 
 #[test]
+fn the_first_screen_shows_a_collision_and_a_reaction() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, address) = page(folder.path(), MINI, &["--cases", "0"]);
+    let text = fs::read_to_string(folder.path().join("page.html")).unwrap();
+    let data = text.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
+    let data: Value = serde_json::from_str(data).unwrap();
+    let lead = |name: &str| usize::try_from(data["lead"][name].as_u64().unwrap()).unwrap();
+    assert!(text.contains(&format!("id=\"scene-{}\"", lead("scenario"))), "it has a scene without --cases");
+    let scenario = &data["scenarios"]["id"][lead("scenario")];
+    let hits = |side: &str| {
+        let simulator = &data["subjects"][lead(side)]["id"];
+        let events = lines_of(&run.join("events.jsonl"));
+        let of_side = |e: &&Value| e["scenario"] == *scenario && e["simulator"] == *simulator;
+        events
+            .iter()
+            .filter(of_side)
+            .filter(|e| e["metric"] == "aav-collision" && e["counted"] == true)
+            .count()
+    };
+    assert!(hits("left") > 0 && hits("right") == 0, "{}", data["lead"]);
+
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &address);
+    page.until(&format!("document.body.dataset.lead === '{}'", lead("scenario")));
+    assert_eq!(page.evaluate("document.querySelectorAll('#lead-panes canvas').length"), json!(2));
+    let about = page.text("lead-about");
+    assert!(
+        about.contains("a vehicle hits the AV at ") && about.contains(scenario.as_str().unwrap()),
+        "{about}"
+    );
+    page.evaluate("document.getElementById('lead-open').click()");
+    page.until(&format!("location.hash.includes('scenario={}')", scenario.as_str().unwrap()));
+    clean(&page);
+}
+
+#[test]
 fn the_viewer_is_worked_by_mouse_keys_and_address() {
     let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
     let folder = tempfile::tempdir().unwrap();

@@ -239,7 +239,7 @@ fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
     let (histories, avs) = (path("histories.parquet"), path("avs.json"));
     for arguments in [
         vec!["convert", input, "--history-only", "--out", &histories],
-        vec!["export-av", input, "--out", &avs],
+        vec!["export", "av", input, "--out", &avs],
     ] {
         let output = reactsim(&arguments);
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));

@@ -18,7 +18,7 @@ pub const MAX_CANDIDATES: u32 = 1000;
 
 /// Candidates from a file of trajectories, any number per scenario.
 ///
-/// The file is one of deviations, as `scenarios/README.md` describes it, of any program. If it is the output
+/// The file is one of deviations, as `docs/files.md` describes it, of any program. If it is the output
 /// of a curation, all of its candidates are judged anew.
 #[derive(Debug)]
 pub struct CandidateFile {

@@ -1,5 +1,5 @@
 //! The file of a curation: Parquet, one row per candidate. Its format is described in
-//! `scenarios/README.md`.
+//! `docs/files.md`.
 //!
 //! It is a file of deviations ([`reactsim_formats::deviations`]): readers that need only the chosen
 //! trajectories may ignore the other columns. A row group holds whole scenarios, so that one scenario

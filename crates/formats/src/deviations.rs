@@ -1,4 +1,4 @@
-//! Deviated AV trajectories by scenario id, from Parquet or JSON. Described in `scenarios/README.md`.
+//! Deviated AV trajectories by scenario id, from Parquet or JSON. Described in `docs/files.md`.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;

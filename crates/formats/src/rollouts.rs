@@ -1,4 +1,4 @@
-//! Rollouts in Parquet: one row per scenario, simulator and rollout. Described in `scenarios/README.md`.
+//! Rollouts in Parquet: one row per scenario, simulator and rollout. Described in `docs/files.md`.
 
 mod by_name;
 

@@ -93,7 +93,7 @@ struct ScenarioRollout<'a> {
 }
 
 /// Outcome of an episode of a batch that the simulator broke off twice, so that it was rolled out alone.
-const PLANNED_ALONE: &str = "planned-alone";
+pub const PLANNED_ALONE: &str = "planned-alone";
 
 /// Outcome of an episode of a batch that the simulator broke off once and then completed.
 const PLANNED_AGAIN: &str = "planned-again";

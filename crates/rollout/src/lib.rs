@@ -11,7 +11,7 @@ mod settings;
 mod stream;
 
 pub use av::{Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
-pub use engine::{Request, Rollout, RolloutError, roll_out};
+pub use engine::{PLANNED_ALONE, Request, Rollout, RolloutError, roll_out};
 pub use episode::{
     Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,
     Simulator, SingleEpisode,

@@ -47,7 +47,7 @@ pub(super) struct MakeArgs {
     /// Only the first N scenarios of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
-    /// Threads [default: one per core]
+    /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     /// Leave out the scenes that the review page draws: the file is smaller, and the page shows only

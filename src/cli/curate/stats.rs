@@ -16,7 +16,7 @@ pub(super) struct StatsArgs {
     /// A file that `curate` wrote
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Output format
+    /// Format of the output
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
     /// Also draw charts into this folder, as SVG

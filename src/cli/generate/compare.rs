@@ -25,16 +25,16 @@ pub(super) struct CompareArgs {
     /// File or folder of the scenarios to compare them with
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
-    /// Output format
+    /// Format of the output
     #[arg(long, value_enum, default_value = "markdown")]
     format: Format,
     /// Also draw the histograms to this file, as SVG
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Only the first N records of every file [default: all]
+    /// Only the first N scenarios of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
-    /// Threads [default: one per core]
+    /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }

@@ -41,7 +41,7 @@ pub(super) struct MakeArgs {
     /// Traffic volume as a multiple of the usual one [default: drawn for each scenario]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     density: Option<f64>,
-    /// Threads [default: one per core]
+    /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }

@@ -38,10 +38,10 @@ pub(super) struct WosacArgs {
     /// 32
     #[arg(long)]
     pub(super) partial: bool,
-    /// Simulator of a run folder, if it has several
+    /// Simulator, if the run has several
     #[arg(long, value_name = "ID")]
     pub(super) simulator: Option<String>,
-    /// Threads of --wosac [default: one per core]
+    /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
 }

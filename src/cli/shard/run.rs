@@ -89,7 +89,7 @@ pub(super) fn run(args: &UnitArgs) -> anyhow::Result<ExitStatus> {
     }
     progress.end();
     if refused > 0 {
-        bail!("{refused} of {} are not carried out: see the warnings above", count(units.len(), "unit"));
+        bail!("{refused} of {} did not run: see the warnings above", count(units.len(), "unit"));
     }
     Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }

@@ -13,8 +13,8 @@ use crate::rollout::Settings;
 
 const AFTER: &str = "\
 Every agent follows its log by the nearest tokens of a vocabulary (`token-replay`), whatever the AV
-does. The metrics are those of the motion that comes out, beside those of the log itself: the AV
-plays no part in them. A vocabulary is a file of `train vocabulary`, or the weights of a token
+does. The metrics describe the resulting motion, next to the motion of the log itself, and do not
+depend on the AV. A vocabulary is a file of `train vocabulary`, or the weights of a token
 network, which contain one.
 
 Examples:
@@ -29,7 +29,8 @@ const SHIPPED: [(&str, &str); 3] =
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct VocabularyArgs {
-    /// A vocabulary and its name in the table; may be repeated [default: those of the shipped networks]
+    /// A vocabulary and its name in the table; may be repeated [default: vocabularies of the shipped
+    /// networks]
     #[arg(long = "vocabulary", value_name = "NAME=FILE")]
     vocabularies: Vec<VocabularyFile>,
     #[command(flatten)]

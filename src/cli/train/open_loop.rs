@@ -40,10 +40,10 @@ pub(super) struct OpenLoopArgs {
     /// Also predict parked agents
     #[arg(long)]
     with_parked: bool,
-    /// Only the first N records of every file [default: all]
+    /// Only the first N scenarios of every file [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
-    /// Tensor backend of the network; `reactsim list backends` shows those of this program
+    /// Tensor backend of the networks; `reactsim list backends` shows which this program has
     #[arg(long, default_value_t, value_name = "NAME")]
     backend: Backend,
 }

@@ -45,7 +45,7 @@ pub(super) struct SessionArgs {
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
-    /// Tensor backend; `reactsim list backends` shows those of this program
+    /// Tensor backend of the networks; `reactsim list backends` shows which this program has
     #[arg(long, default_value_t, value_name = "NAME")]
     pub(super) backend: Backend,
     /// Threads; they do not change the result [default: one per core]

@@ -17,7 +17,7 @@ use crate::scene::Scenario;
 use crate::training::{leading_bits, unit_interval};
 
 const AFTER: &str = "\
-The part of a scenario depends on its content and the seed alone: it stays the same when other
+The part of a scenario depends only on its content and the seed: it stays the same when other
 scenarios are added, and scenarios with the same content are in the same part.
 
 Example:
@@ -37,7 +37,7 @@ pub(super) struct SplitArgs {
     /// Folder to write: a file NAME.parquet for every part
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Seed of the division
+    /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
 }

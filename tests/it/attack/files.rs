@@ -35,7 +35,7 @@ fn kinds(home: &Path) -> Vec<Kind> {
     let (native, avs, run) = (text(&at("native.parquet")), text(&at("avs.json")), text(&at("run")));
     let (one, curated) = (text(&mini.join("cut-in.json")), text(&at("curated.parquet")));
     make(&["convert", &one, &text(&mini.join("merge.json")), "--out", &native]);
-    make(&["export-av", &native, "--out", &avs]);
+    make(&["export", "av", &native, "--out", &avs]);
     make(&["curate", &native, "--min-vehicles", "1", "--without-scenes", "--out", &curated]);
     make(&["run", &native, "--models", "stop,idm", "--keep-rollouts", "--out", &run]);
     let file = |name, file: &str, arguments: &[&str]| {

@@ -356,7 +356,7 @@ fn deviations_of_all_agents_are_used_with_all_agents() {
     assert_eq!(simulators(&native), simulators(&all));
     let avs = path("avs.json");
     let rest = ["--deviations", text(&out), "--all-agents", "--out", text(&avs)];
-    let output = reactsim(&[&["export-av", text(&logs)], &rest[..]].concat());
+    let output = reactsim(&[&["export", "av", text(&logs)], &rest[..]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 }
 

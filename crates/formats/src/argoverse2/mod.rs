@@ -1,5 +1,5 @@
 //! Argoverse 2 motion forecasting: one Parquet table of tracks per scenario, with a JSON map next to it.
-//! Described in `scenarios/README.md`.
+//! Described in `docs/files.md`.
 
 mod lanes;
 mod map;

@@ -1,5 +1,5 @@
 //! JSON files of GPUDrive and its predecessor Nocturne: one Waymo scenario each. Described in
-//! `scenarios/README.md`.
+//! `docs/files.md`.
 
 pub(super) mod links;
 

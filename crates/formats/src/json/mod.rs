@@ -1,5 +1,5 @@
 //! Hand-written scenarios: one JSON file each, with compact notations for motions and lines. Described in
-//! `scenarios/README.md`.
+//! `docs/files.md`.
 
 mod motion;
 mod parts;

@@ -1,4 +1,4 @@
-//! Structure of a hand-written scenario file. The fields are described in `scenarios/README.md`.
+//! Structure of a hand-written scenario file. The fields are described in `docs/files.md`.
 
 use serde::Deserialize;
 

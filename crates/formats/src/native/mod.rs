@@ -1,5 +1,5 @@
 //! The native format of this program: Parquet, one row per scenario. The columns are described in
-//! `scenarios/README.md`.
+//! `docs/files.md`.
 
 mod by_number;
 mod decode;

@@ -37,7 +37,7 @@ pub(super) fn folder_for(log: &Path) -> Result<PathBuf, FormatError> {
     places.find(|folder| folder.join(MAP_LIST).is_file()).ok_or_else(|| {
         let expected = format!(
             "`{MAP_LIST}` in a folder above the log or in its subfolder `maps`; or give the folder in a \
-             selection (scenarios/README.md)"
+             selection (docs/files.md)"
         );
         FormatError::file(log, Cause::schema("the folder of the maps", "missing", expected))
     })

@@ -2,7 +2,7 @@
 //! (JSON).
 //!
 //! A log gives a scenario every ten seconds; a selection lists logs and selects windows by token, tag or
-//! time. Maps are read once and shared. Described in `scenarios/README.md`.
+//! time. Maps are read once and shared. Described in `docs/files.md`.
 
 mod layers;
 mod library;

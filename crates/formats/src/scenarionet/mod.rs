@@ -1,5 +1,5 @@
 //! Pickles of ScenarioNet: one scenario each, from Waymo, nuPlan, nuScenes or Argoverse 2. Described in
-//! `scenarios/README.md`.
+//! `docs/files.md`.
 
 mod ground;
 mod lights;

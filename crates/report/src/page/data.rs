@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::PageError;
+use super::choice::Lead;
 use super::gallery::{Gallery, GalleryScenario};
 use crate::table::{self, Column};
 use crate::wosac_tables::{AGGREGATES, Aggregate};
@@ -24,6 +25,8 @@ pub(super) struct Data<'a> {
     commit: &'static str,
     /// Whether scenes are requested from a server; otherwise they are embedded in the page.
     live: bool,
+    /// The scenario of the first screen; `None` if no scene fits.
+    lead: Option<Lead>,
     /// Reasons why scenes are unavailable.
     lacks: Vec<String>,
     metrics: Vec<MetricData>,
@@ -130,6 +133,7 @@ impl Gallery {
             version: program_version(),
             commit: program_commit(),
             live,
+            lead: self.lead()?.filter(|lead| scenes.contains(&lead.scenario)),
             lacks: self.missing_for_scenes(),
             metrics: METRICS
                 .iter()

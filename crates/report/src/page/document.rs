@@ -39,6 +39,7 @@ const SCRIPTS: &[Asset] = &[
     script!("panel.js"),
     script!("strip.js"),
     script!("viewer.js"),
+    script!("lead.js"),
     script!("main.js"),
 ];
 
@@ -63,6 +64,9 @@ impl Gallery {
     ) -> Result<(), PageError> {
         let mut scenes: BTreeSet<usize> =
             self.choose(if all { usize::MAX } else { count }).into_iter().collect();
+        if let Some(lead) = self.lead()? {
+            scenes.insert(lead.scenario);
+        }
         for id in cases {
             scenes.insert(self.find(id).ok_or_else(|| PageError::UnknownScenario(id.clone()))?);
         }

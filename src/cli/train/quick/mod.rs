@@ -1,4 +1,4 @@
-//! `reactsim train quick`: from nothing to a trained network in the table, in a few minutes.
+//! `reactsim train quick`: from scratch to a trained network in the table, in a few minutes.
 
 mod data;
 
@@ -28,8 +28,8 @@ const AFTER: &str = "\
 2. Trains a reactive network of 0.2 million weights on them.
 3. Runs it on the shipped benchmark next to the baselines.
 
-The files in --out are those of `generate`, `train` and `run`, so that every step can be repeated and
-changed; the tutorial on training goes on from there.";
+The files in --out are the files of `generate`, `train` and `run`, so that every step can be repeated
+and changed; the guide on training continues from there.";
 
 /// Arguments of `train quick`.
 #[derive(Debug, Args)]
@@ -38,7 +38,7 @@ pub(super) struct QuickArgs {
     /// Folder to write: scenarios, training, run
     #[arg(long, default_value = "quick", value_name = "FOLDER")]
     out: PathBuf,
-    /// Seed of the network's initial weights and of the order of the data
+    /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
     /// Continue in --out where it was interrupted

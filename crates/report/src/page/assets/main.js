@@ -4,6 +4,7 @@ import { data, runs, scenarios, subjects } from "./data.js";
 import { $, el, save, toast } from "./dom.js";
 import { figures } from "./figures.js";
 import { count } from "./format.js";
+import { lead } from "./lead.js";
 import { filters, list } from "./list.js";
 import { choose } from "./palette.js";
 import { chosen, provenance, results } from "./results.js";
@@ -103,6 +104,10 @@ function begin() {
   downloads();
   viewer(remember);
   list(asked, (i) => show(i), remember);
+  lead((scenario, t, left, right) => {
+    show(scenario, { t, left, right });
+    $("viewer").scrollIntoView();
+  });
   keys();
   $("theme").onclick = turnTheme;
   $("help-button").onclick = () => $("help").showModal();

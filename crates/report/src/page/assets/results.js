@@ -92,7 +92,7 @@ function show() {
     el("thead", {}, el("tr", {},
       several ? head("Run", "run") : null,
       head("Method", "name"),
-      ...columns.map((c) => head(`${titled(c)} ${c.lower_is_better ? "↓" : "↑"}`, c.id, true, `${c.id} · ${c.source}`)),
+      ...columns.map((c) => head(el("span", {}, `${c.title} `, el("span", { class: "unit" }, `${titled(c).slice(c.title.length)} ${c.lower_is_better ? "↓" : "↑"}`.trim())), c.id, true, `${c.id} · ${c.source}`)),
       failed ? el("th", { scope: "col", class: "number" }, "Failed") : null)),
     el("tbody", {}, ...rows.map((s) => el("tr", { "data-subject": s.index },
       several ? el("td", {}, runs[s.run].name) : null,

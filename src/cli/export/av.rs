@@ -1,4 +1,4 @@
-//! `reactsim export-av`: the trajectories of deviated AVs, for programs that simulate offline.
+//! `reactsim export av`: the trajectories of deviated AVs, for programs that simulate offline.
 
 use std::path::PathBuf;
 
@@ -6,8 +6,8 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use super::scenario_args::ScenarioArgs;
-use super::{ExitStatus, count, say};
+use crate::cli::scenario_args::ScenarioArgs;
+use crate::cli::{ExitStatus, count, say};
 use crate::evaluation::Deviations;
 use crate::files;
 use crate::scene::{AgentState, DeviatedTrack, Deviation, Scenario};
@@ -19,9 +19,9 @@ are scored with `reactsim score`.
 
 Example:
   reactsim convert logs/ --history-only --out histories.parquet
-  reactsim export-av logs/ --deviations deviations.parquet --out avs.json";
+  reactsim export av logs/ --deviations deviations.parquet --out avs.json";
 
-/// Arguments of `export-av`.
+/// Arguments of `export av`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct ExportAvArgs {
@@ -32,7 +32,7 @@ pub(super) struct ExportAvArgs {
     out: PathBuf,
 }
 
-pub(super) fn export_av(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
+pub(super) fn export(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
     let selected = args.input.selected()?;
     let mut entries = Vec::new();
     let failed = selected.each(|scenario| {

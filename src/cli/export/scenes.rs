@@ -1,11 +1,11 @@
-//! `reactsim scenes`: scenarios as frames of the protocol for external simulators.
+//! `reactsim export scenes`: scenarios as frames of the protocol for external simulators.
 
 use std::io::{self, Write};
 
 use clap::Args;
 
-use super::scenario_args::ScenarioArgs;
-use super::{ExitStatus, say, write_result};
+use crate::cli::scenario_args::ScenarioArgs;
+use crate::cli::{ExitStatus, say, write_result};
 use crate::evaluation::Deviations;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};
 use crate::scene::Scenario;
@@ -15,10 +15,10 @@ Writes one message of type `scene` per scenario and a final `bye` to standard ou
 package reads them (`reactsim.scenarios`). Without --future, nothing after the current frame is
 written. The protocol is described in docs/external-protocol.md.";
 
-/// Arguments of `scenes`.
+/// Arguments of `export scenes`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
-pub(super) struct ScenesArgs {
+pub(super) struct ExportScenesArgs {
     #[command(flatten)]
     input: ScenarioArgs,
     /// Also write the logged future and the deviated AV
@@ -26,7 +26,7 @@ pub(super) struct ScenesArgs {
     future: bool,
 }
 
-pub(super) fn scenes(args: &ScenesArgs) -> anyhow::Result<ExitStatus> {
+pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
     let selected = args.input.selected()?;
     let mut failed = 0;
     write_result(None, |out| {
