@@ -19,8 +19,10 @@ pub const REACTIVE: Baseline =
     entry("ntp-reactive", include_str!("cards/reactive.toml"), REACTIVE_RANGES, reactive);
 
 /// Our network, with tokens executed exactly.
-pub const REACTIVE_RAW: Baseline =
-    entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), REACTIVE_RANGES, reactive);
+pub const REACTIVE_RAW: Baseline = Baseline {
+    by_default: false,
+    ..entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), REACTIVE_RANGES, reactive)
+};
 
 /// The published network, with tokens executed exactly.
 pub const SMART: Baseline = entry("smart", include_str!("cards/smart.toml"), SMART_RANGES, smart);

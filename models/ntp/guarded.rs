@@ -18,7 +18,6 @@ pub const GUARDED: Baseline = Baseline {
     card: include_str!("cards/guarded.toml"),
     ranges: include_str!("ranges/guarded.toml"),
     takes_stage: false,
-    by_default: false,
     make,
     ..entries::REACTIVE
 };

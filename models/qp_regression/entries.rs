@@ -27,14 +27,13 @@ pub const REGRESSION: Baseline = Baseline {
     ranges: include_str!("ranges/regression.toml"),
     oracle: false,
     takes_stage: true,
-    by_default: true,
+    by_default: false,
     needs_weights: true,
     make: regression,
 };
 
 /// The same with the published structure, without the lane outlook.
-pub const MTR: Baseline =
-    Baseline { id: "mtr", card: include_str!("cards/mtr.toml"), by_default: false, ..REGRESSION };
+pub const MTR: Baseline = Baseline { id: "mtr", card: include_str!("cards/mtr.toml"), ..REGRESSION };
 
 /// Returns the parameters on the card of the baseline that executes predictions as they are.
 ///
