@@ -1,19 +1,22 @@
-//! AVs: fixed trajectories, the logged AV, and scripts.
+//! AVs: fixed trajectories, the logged AV, scripts, and AVs that a simulator moves.
 
 mod logged_drive;
 mod scripted;
+mod simulated;
 
 use super::Observation;
 use reactsim_scene::{AgentState, FUTURE, Scenario, estimate_av_velocities};
 
 pub use logged_drive::LoggedDrive;
 pub use scripted::{ParseScriptError, Script, ScriptedAv};
+pub use simulated::SimulatedAv;
 
 /// The AV of a scenario. It does not change: rollouts share it, and each begins a policy with a state of its
 /// own.
 pub trait Av: Send + Sync {
-    /// Creates the policy of one rollout.
-    fn begin(&self) -> Box<dyn AvPolicy + '_>;
+    /// Creates the policy of one rollout. `rollout`: index among the rollouts of the scenario, part of the
+    /// names of random streams.
+    fn begin(&self, rollout: u32) -> Box<dyn AvPolicy + '_>;
 }
 
 /// Policy that moves the AV one step at a time during one rollout.
@@ -87,10 +90,26 @@ pub enum AvError {
         /// Largest plausible displacement in one step, metres.
         limit: f64,
     },
+    /// A planner does not drive the AV to its next state.
+    #[error("the planner does not drive the AV to step {step}: {reason}")]
+    Planner {
+        /// Step 1 to 80.
+        step: usize,
+        /// Reason.
+        reason: String,
+    },
+    /// The simulator that moves the AV has no state for it.
+    #[error("the simulator does not move the AV to step {step}: {reason}")]
+    Simulator {
+        /// Step 1 to 80.
+        step: usize,
+        /// Reason.
+        reason: String,
+    },
 }
 
 /// Largest plausible displacement of an AV in 0.1 s, metres: 80 m/s.
-const MAX_STEP_DISPLACEMENT: f64 = 8.0;
+pub const MAX_STEP_DISPLACEMENT: f64 = 8.0;
 
 /// AV that replays a fixed trajectory: the deviated AV of the benchmark.
 #[derive(Clone, Debug)]
@@ -133,7 +152,7 @@ fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
 }
 
 impl Av for DeviatedAv {
-    fn begin(&self) -> Box<dyn AvPolicy + '_> {
+    fn begin(&self, _: u32) -> Box<dyn AvPolicy + '_> {
         Box::new(FixedStates { track: &self.track, is_recording: false })
     }
 }
@@ -158,7 +177,7 @@ impl LogAv {
 }
 
 impl Av for LogAv {
-    fn begin(&self) -> Box<dyn AvPolicy + '_> {
+    fn begin(&self, _: u32) -> Box<dyn AvPolicy + '_> {
         Box::new(FixedStates { track: &self.track, is_recording: true })
     }
 }

@@ -251,7 +251,7 @@ impl<'a> ScenarioRollout<'a> {
             track
         };
         let av = match settings.protocol {
-            Protocol::Reactive => request.av.as_ref().map(|av| av.begin()),
+            Protocol::Reactive => request.av.as_ref().map(|av| av.begin(request.rollout)),
             Protocol::Realism => None,
         };
         let lacks_av = settings.protocol == Protocol::Reactive && av.is_none();

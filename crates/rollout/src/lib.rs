@@ -10,7 +10,10 @@ mod observation;
 mod settings;
 mod stream;
 
-pub use av::{Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, ParseScriptError, Script, ScriptedAv};
+pub use av::{
+    Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, MAX_STEP_DISPLACEMENT, ParseScriptError, Script,
+    ScriptedAv, SimulatedAv,
+};
 pub use engine::{PLANNED_ALONE, Request, Rollout, RolloutError, roll_out};
 pub use episode::{
     Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,

@@ -68,6 +68,11 @@ impl<'a> Observation<'a> {
         self.av_next
     }
 
+    /// Returns the same observation without the state of the AV one step ahead.
+    pub(super) fn without_av_next(self) -> Self {
+        Self { av_next: None, ..self }
+    }
+
     /// Returns the states of a traffic light from frame 0 to now; `None` where it was not observed.
     #[inline]
     pub fn light(&self, light: usize) -> &'a [Option<LightState>] {

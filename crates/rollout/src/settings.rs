@@ -24,7 +24,7 @@ impl Protocol {
     }
 }
 
-/// Number of steps between two plans of the simulator.
+/// Number of steps between two plans of a simulator, or of a planner of the AV.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Replan {
     steps: usize,

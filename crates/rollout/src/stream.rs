@@ -22,6 +22,10 @@ pub enum Purpose {
     Map,
     /// Draws of generated traffic.
     Traffic,
+    /// Choices made once per episode by a simulator that moves the AV only.
+    AvBegin,
+    /// Choices made while planning by a simulator that moves the AV only.
+    AvPlan,
 }
 
 /// Returns the stream named by seed, scenario, rollout and purpose: ChaCha8 keyed by the BLAKE3 digest
@@ -52,6 +56,7 @@ mod tests {
             first(0, "b", 0, Purpose::Begin),
             first(0, "a", 1, Purpose::Begin),
             first(0, "a", 0, Purpose::Plan),
+            first(0, "a", 0, Purpose::AvBegin),
         ] {
             assert_ne!(base, other);
         }

@@ -17,7 +17,7 @@ use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight}
 struct Unasked;
 
 impl Av for Unasked {
-    fn begin(&self) -> Box<dyn AvPolicy> {
+    fn begin(&self, _: u32) -> Box<dyn AvPolicy> {
         panic!("the simulator moves the AV")
     }
 }

@@ -143,7 +143,7 @@ impl ScriptedAv {
 }
 
 impl Av for ScriptedAv {
-    fn begin(&self) -> Box<dyn AvPolicy + '_> {
+    fn begin(&self, _: u32) -> Box<dyn AvPolicy + '_> {
         Box::new(FixedStates { track: &self.track, is_recording: false })
     }
 }

@@ -1,0 +1,141 @@
+//! AVs that a simulator moves.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{AgentState, FUTURE, Scenario};
+
+use super::{Av, AvError, AvPolicy};
+use crate::episode::{Beginning, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
+use crate::{Observation, Purpose, Replan, Stream, stream};
+
+/// AV that a simulator moves: it plans all agents, and the AV executes its own part of the plan.
+///
+/// Each rollout has an episode of its own, in which the simulator moves the AV too. Other agents are moved by
+/// the controller of the rollout; the simulator observes what they did, and plans again. Its random streams
+/// are its own, so that the streams of the controller are the same as with any other AV. Outcomes of its
+/// plans are not counted, and a broken-off plan ([`PlanError::BrokenOff`]) is not repeated.
+#[derive(Clone)]
+pub struct SimulatedAv {
+    simulator: Arc<dyn Simulator>,
+    replan: Replan,
+    seed: u64,
+    /// Id of the scenario.
+    scenario: String,
+    origin: Vec2,
+}
+
+impl SimulatedAv {
+    /// Creates the AV of a scenario, whose id names the random streams. The simulator receives the id and the
+    /// origin only if it asks for them ([`Simulator::wants_identity`]).
+    pub fn new(scenario: &Scenario, simulator: Arc<dyn Simulator>, replan: Replan, seed: u64) -> Self {
+        Self { simulator, replan, seed, scenario: scenario.id.clone(), origin: scenario.origin }
+    }
+}
+
+impl Av for SimulatedAv {
+    fn begin(&self, rollout: u32) -> Box<dyn AvPolicy + '_> {
+        let stream = stream(self.seed, &self.scenario, rollout, Purpose::AvPlan);
+        Box::new(SimulatedPolicy {
+            av: self,
+            rollout,
+            memory: None,
+            stream,
+            plan: JointPlan::new(0, 0),
+            next: 0,
+        })
+    }
+}
+
+/// The episode of one rollout.
+struct SimulatedPolicy<'a> {
+    av: &'a SimulatedAv,
+    rollout: u32,
+    /// Memory of the simulator; `None` before the episode begins.
+    memory: Option<Memory>,
+    stream: Stream,
+    plan: JointPlan,
+    /// Step of the plan that is executed next.
+    next: usize,
+}
+
+impl AvPolicy for SimulatedPolicy<'_> {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        let failed = |reason| AvError::Simulator { step: seen.step() + 1, reason };
+        if self.next == self.plan.steps() {
+            self.plan = self.planned(seen.without_av_next()).map_err(|error| failed(error.to_string()))?;
+            self.next = 0;
+        }
+        let has_slot = self.plan.agents() > 0 && self.next < self.plan.steps();
+        let state = if has_slot { self.plan.get(0, self.next) } else { None };
+        let lacks_av = || {
+            let planned_at = seen.step() - self.next;
+            failed(format!(
+                "its plan of step {planned_at} has no state of the AV (slot 0), which simulators plan if \
+                 `moves_av` is set; choose a simulator that supports the realism protocol"
+            ))
+        };
+        let state = state.ok_or_else(lacks_av)?;
+        self.next += 1;
+        Ok(state)
+    }
+}
+
+impl SimulatedPolicy<'_> {
+    /// Returns the plan from now on, at most up to the last step; begins the episode if it has not begun.
+    fn planned(&mut self, seen: Observation<'_>) -> Result<JointPlan, PlanError> {
+        let memory = match &mut self.memory {
+            Some(memory) => memory,
+            none => {
+                let (memory, begun) = begun(self.av, self.rollout, &seen);
+                let memory = none.insert(memory);
+                begun?;
+                memory
+            }
+        };
+        let steps = self.av.replan.steps().min(FUTURE - seen.step());
+        let mut episode = [Episode {
+            seen,
+            memory,
+            stream: &mut self.stream,
+            moves_av: true,
+            plan: JointPlan::new(seen.tracks().len(), steps),
+            outcomes: BTreeMap::new(),
+            error: None,
+        }];
+        self.av.simulator.plan(&mut episode)?;
+        let [episode] = episode;
+        match episode.error {
+            Some(error) => Err(error),
+            None => Ok(episode.plan),
+        }
+    }
+}
+
+/// Begins an episode. Returns its memory, which must be given back even if the beginning failed.
+fn begun(av: &SimulatedAv, rollout: u32, seen: &Observation<'_>) -> (Memory, Result<(), PlanError>) {
+    let identity = Identity { scenario: &av.scenario, origin: av.origin, rollout };
+    let mut beginning = [Beginning {
+        start: seen.start(),
+        stream: stream(av.seed, &av.scenario, rollout, Purpose::AvBegin),
+        moves_av: true,
+        steps: av.replan.steps(),
+        identity: av.simulator.wants_identity().then_some(identity),
+        memory: Memory::NONE,
+    }];
+    let result = av.simulator.begin_batch(&mut beginning);
+    let [Beginning { memory, .. }] = beginning;
+    (memory, result)
+}
+
+impl Drop for SimulatedPolicy<'_> {
+    fn drop(&mut self) {
+        if let Some(memory) = self.memory.take() {
+            self.av.simulator.end_batch(vec![memory]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
