@@ -172,13 +172,11 @@ impl Episode<'_> {
         for iteration in 0..self.steps {
             let trajectory = self.trajectory(iteration, &samples, &lights, planner, trajectories.last())?;
             let ego = samples[first + iteration].ego;
-            let next = self.controller.advance(&ego, self.shape, &trajectory);
-            let next = next.map_err(|source| ClosedLoopError::Controller { iteration, source })?;
+            let next = self.next_ego(iteration, start_time, &ego, &trajectory)?;
             let surroundings = traffic.advance(iteration + 1, &ego);
             let surroundings =
                 surroundings.map_err(|source| ClosedLoopError::Traffic { iteration, source })?;
-            let time = start_time + STEP * (iteration + 1) as f64;
-            samples.push(Sample { ego: EgoState { time, ..next }, objects: surroundings.objects });
+            samples.push(Sample { ego: next, objects: surroundings.objects });
             lights = surroundings.lights;
             trajectories.push(trajectory);
         }
@@ -186,8 +184,22 @@ impl Episode<'_> {
         Ok(Drive { samples, trajectories })
     }
 
-    /// Returns the trajectory of an iteration: a new plan, or the one before.
-    fn trajectory(
+    /// Returns the state of ego at the iteration after this one. `start_time`: time of iteration 0, seconds.
+    pub(crate) fn next_ego(
+        &self,
+        iteration: usize,
+        start_time: f64,
+        ego: &EgoState,
+        trajectory: &Trajectory,
+    ) -> Result<EgoState, ClosedLoopError> {
+        let next = self.controller.advance(ego, self.shape, trajectory);
+        let next = next.map_err(|source| ClosedLoopError::Controller { iteration, source })?;
+        Ok(EgoState { time: start_time + STEP * (iteration + 1) as f64, ..next })
+    }
+
+    /// Returns the trajectory of an iteration: a new plan, or the one before. The last of `samples` is the
+    /// present one.
+    pub(crate) fn trajectory(
         &self,
         iteration: usize,
         samples: &[Sample],

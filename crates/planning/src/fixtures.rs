@@ -1,4 +1,6 @@
-//! Small maps and objects for tests.
+//! Small maps, objects and scenarios for tests.
+
+pub(crate) mod scenes;
 
 use reactsim_geometry::{Polyline, Vec2};
 

@@ -19,6 +19,7 @@ mod simulation;
 mod tests;
 
 pub use proposals::{Leader, Proposal};
+pub(crate) use route::without_gaps;
 pub use scoring::Scores;
 
 use std::collections::BTreeSet;

@@ -55,15 +55,22 @@ impl Route {
     /// # Errors
     /// [`RouteError`] if there are no ids or the map has no roadblock with one of them.
     pub fn new<'a>(map: &PlanningMap, ids: impl IntoIterator<Item = &'a str>) -> Result<Self, RouteError> {
+        let find =
+            |id: &str| map.find_roadblock(id).ok_or_else(|| RouteError::UnknownRoadblock(id.to_owned()));
+        let roadblocks: Vec<usize> = ids.into_iter().map(find).collect::<Result<_, _>>()?;
+        Self::of_roadblocks(roadblocks).ok_or(RouteError::Empty)
+    }
+
+    /// Creates a route from indices of roadblocks of a map in driving order; repetitions are dropped. `None`
+    /// without roadblocks.
+    pub(crate) fn of_roadblocks(indices: impl IntoIterator<Item = usize>) -> Option<Self> {
         let mut roadblocks = Vec::new();
-        for id in ids {
-            let roadblock =
-                map.find_roadblock(id).ok_or_else(|| RouteError::UnknownRoadblock(id.to_owned()))?;
+        for roadblock in indices {
             if !roadblocks.contains(&roadblock) {
                 roadblocks.push(roadblock);
             }
         }
-        if roadblocks.is_empty() { Err(RouteError::Empty) } else { Ok(Self { roadblocks }) }
+        (!roadblocks.is_empty()).then_some(Self { roadblocks })
     }
 
     /// Returns the roadblocks: indices into [`PlanningMap::roadblocks`], at least one.

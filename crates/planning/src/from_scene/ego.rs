@@ -1,7 +1,7 @@
 //! States of ego and the expert from tracks of box centres.
 
 use reactsim_geometry::{Vec2, direction, left, wrap};
-use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, Frame};
+use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, Frame, HISTORY};
 
 use crate::{EgoShape, EgoState};
 
@@ -17,18 +17,35 @@ pub fn ego_states(track: &[Frame], shape: &EgoShape) -> Option<Vec<EgoState>> {
     let present = |frame: usize| track.get(frame).copied().flatten().filter(AgentState::is_finite);
     let first = if present(CURRENT - 1).is_some() { CURRENT - 1 } else { CURRENT };
     let states: Vec<AgentState> = (first..FRAMES).map(present).collect::<Option<_>>()?;
+    Some(states_by_differences(&states, first, shape).split_off(CURRENT - first))
+}
+
+/// Returns the states of a vehicle up to the current frame, by the differences of [`ego_states`]; the last one
+/// has one-sided differences. Frames of `track` after the current one are not used.
+///
+/// The states are those of the uninterrupted frames that end at the current one, oldest first; none if the
+/// vehicle is absent or not finite at the current frame.
+pub fn ego_states_until_now(track: &[Frame], shape: &EgoShape) -> Vec<EgoState> {
+    let present = |frame: usize| track.get(frame).copied().flatten().filter(AgentState::is_finite);
+    let mut states: Vec<AgentState> = (0..=CURRENT).rev().map_while(present).collect();
+    states.reverse();
+    states_by_differences(&states, HISTORY - states.len(), shape)
+}
+
+/// Returns the states of ego at successive frames, the first of which is the frame `first`.
+fn states_by_differences(states: &[AgentState], first: usize, shape: &EgoShape) -> Vec<EgoState> {
     let yaw_rate =
         |i: usize| difference(states.len(), i, |from, to| wrap(states[to].heading - states[from].heading));
     let yaw_rates: Vec<f64> = (0..states.len()).map(yaw_rate).collect();
     let velocities: Vec<Vec2> =
-        (0..states.len()).map(|i| rear_axle_velocity(&states, i, yaw_rates[i], shape)).collect();
+        (0..states.len()).map(|i| rear_axle_velocity(states, i, yaw_rates[i], shape)).collect();
     let rate =
         |i: usize, of: &dyn Fn(usize) -> f64| difference(states.len(), i, |from, to| of(to) - of(from));
     let state = |i: usize| {
         let rear_axle = states[i].position() - direction(states[i].heading) * shape.rear_axle_to_center;
         let (velocity, yaw_rate) = (velocities[i], yaw_rates[i]);
         EgoState {
-            time: (first + i - CURRENT) as f64 * DT,
+            time: ((first + i) as f64 - CURRENT as f64) * DT,
             x: rear_axle.x,
             y: rear_axle.y,
             heading: states[i].heading,
@@ -41,7 +58,7 @@ pub fn ego_states(track: &[Frame], shape: &EgoShape) -> Option<Vec<EgoState>> {
             yaw_acceleration: rate(i, &|k| yaw_rates[k]),
         }
     };
-    Some((CURRENT - first..states.len()).map(state).collect())
+    (0..states.len()).map(state).collect()
 }
 
 /// Returns the velocity of the rear axle in the body frame, m/s.
@@ -88,6 +105,25 @@ mod tests {
             assert!((state.vx - 10.0).abs() < 1e-9 && (state.vy + 0.5 * 1.461).abs() < 1e-9);
             assert!((state.ay - 5.0).abs() < 1e-9 && (state.ax - 0.25 * 1.461).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn the_past_does_not_depend_on_the_future() {
+        let mut track = circle(20.0, 0.5);
+        let past = ego_states_until_now(&track, &EgoShape::PACIFICA);
+        let times: Vec<f64> = past.iter().map(|state| state.time).collect();
+        assert_eq!((times.len(), times[0], times[10]), (11, -1.0, 0.0));
+        for state in &past {
+            assert!((state.yaw_rate - 0.5).abs() < 1e-9 && (state.vx - 10.0).abs() < 1e-9);
+            assert!((state.ay - 5.0).abs() < 1e-9 && (state.ax - 0.25 * 1.461).abs() < 1e-9);
+        }
+        track[CURRENT + 1..].fill(None);
+        assert_eq!(ego_states_until_now(&track, &EgoShape::PACIFICA), past);
+        assert_eq!(ego_states_until_now(&track[..=CURRENT], &EgoShape::PACIFICA), past);
+        track[6] = None;
+        assert_eq!(ego_states_until_now(&track, &EgoShape::PACIFICA).len(), 4);
+        track[CURRENT] = None;
+        assert!(ego_states_until_now(&track, &EgoShape::PACIFICA).is_empty());
     }
 
     #[test]

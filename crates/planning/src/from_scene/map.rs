@@ -21,7 +21,7 @@ use super::roadblocks::{Roadblocks, roadblocks};
 pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryError> {
     let id = &scenario.id;
     let map = &scenario.start.map;
-    let kept: Vec<usize> = (0..map.lanes.len()).filter(|&i| map.lanes[i].class != LaneClass::Bike).collect();
+    let kept = planning_lanes(map);
     let lanes = kept_lanes(map, &kept);
     let Roadblocks { list, of_lane } = roadblocks(&lanes);
     let parts = PlanningMapParts {
@@ -35,6 +35,12 @@ pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryErro
         drivable: drivable(id, map)?,
     };
     PlanningMap::new(parts).map_err(|source| SceneHistoryError::Map { scenario: id.clone(), source })
+}
+
+/// Returns the lanes of a scenario that its planning map has, as indices in increasing order: lane `i` of the
+/// planning map is the `i`-th of them.
+pub fn planning_lanes(map: &RoadMap) -> Vec<usize> {
+    (0..map.lanes.len()).filter(|&i| map.lanes[i].class != LaneClass::Bike).collect()
 }
 
 /// Returns the kept lanes, with the links among them.

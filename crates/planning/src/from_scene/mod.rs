@@ -7,6 +7,7 @@ mod ego;
 mod map;
 mod objects;
 mod roadblocks;
+mod route;
 
 use std::collections::BTreeSet;
 
@@ -16,9 +17,11 @@ use crate::map::{AreaError, PlanningMap, PlanningMapError};
 use crate::metrics::{History, HistoryError, Label, MissingInputs, PlannerScores, judge};
 use crate::{EgoShape, EgoState, TrackedObject};
 
-pub use ego::ego_states;
-pub use map::planning_map;
+pub use ego::{ego_states, ego_states_until_now};
+pub use map::{planning_lanes, planning_map};
 pub use objects::rollout_objects;
+pub(crate) use objects::{Differences, ObjectFrame, ObjectIds};
+pub use route::logged_route;
 
 /// Number of samples: the current frame and the frames after it.
 pub const SAMPLES: usize = FRAMES - CURRENT;

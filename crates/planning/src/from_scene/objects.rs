@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, Scenario, levels};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, Scenario, Start, levels};
 
 use crate::metrics::Label;
 use crate::{ObjectId, ObjectKind, TrackedObject};
@@ -21,24 +21,115 @@ pub fn rollout_objects(
     tracks: &[Vec<Frame>],
     labels: &mut BTreeSet<Label>,
 ) -> Vec<Vec<TrackedObject>> {
-    let heights = Heights::new(scenario, tracks);
-    let mut samples = vec![Vec::new(); SAMPLES];
-    for (i, (agent, track)) in scenario.start.agents.iter().zip(tracks).enumerate().skip(AV + 1) {
-        let id = ObjectId::from(agent.id.as_str());
-        for (k, sample) in samples.iter_mut().enumerate() {
-            let Some(state) = state_at(track, CURRENT + k).filter(|_| agent.has_extent()) else { continue };
-            if heights.is_apart_from_av(tracks, k, heights.of_agent(i, k), state.position()) {
+    let start = &scenario.start;
+    let ids = ObjectIds::new(start);
+    let heights = heights_per_sample(start, tracks);
+    let at = |k: usize| {
+        let frame = ObjectFrame {
+            start,
+            ids: &ids,
+            tracks,
+            frame: CURRENT + k,
+            heights: heights.get(k).map_or(&[], Vec::as_slice),
+        };
+        let (objects, is_estimated) = frame.objects(Differences::BackwardOrForward);
+        if is_estimated {
+            labels.insert(Label::SpeedsDisplacement);
+        }
+        objects
+    };
+    (0..SAMPLES).map(at).collect()
+}
+
+/// Ids of the objects of a scenario. No agent has the id of an obstacle.
+#[derive(Clone, Debug)]
+pub(crate) struct ObjectIds {
+    agents: Vec<ObjectId>,
+    obstacles: Vec<ObjectId>,
+}
+
+impl ObjectIds {
+    pub(crate) fn new(start: &Start) -> Self {
+        let obstacle = |i: usize| ObjectId::from(format!("obstacle:{i}"));
+        Self {
+            agents: start.agents.iter().map(|agent| ObjectId::from(agent.id.as_str())).collect(),
+            obstacles: (0..start.obstacles.len()).map(obstacle).collect(),
+        }
+    }
+}
+
+/// Positions from which unknown velocities are estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Differences {
+    /// The frame before, else the frame after.
+    BackwardOrForward,
+    /// The frame before only: what is known at the frame.
+    Backward,
+}
+
+/// One frame of a rollout.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ObjectFrame<'a> {
+    pub(crate) start: &'a Start,
+    pub(crate) ids: &'a ObjectIds,
+    /// Frames per agent, from frame 0 on.
+    pub(crate) tracks: &'a [Vec<Frame>],
+    /// The frame.
+    pub(crate) frame: usize,
+    /// Height of each agent at the frame, metres, NaN if unknown; empty in scenarios of one level.
+    pub(crate) heights: &'a [f64],
+}
+
+impl ObjectFrame<'_> {
+    /// Returns the objects by the rules of [`rollout_objects`], and whether a velocity is estimated.
+    pub(crate) fn objects(&self, differences: Differences) -> (Vec<TrackedObject>, bool) {
+        let mut is_estimated = false;
+        let mut objects = Vec::new();
+        let agents = self.start.agents.iter().zip(&self.ids.agents).zip(self.tracks);
+        for (i, ((agent, id), track)) in agents.enumerate().skip(AV + 1) {
+            let Some(state) = state_at(track, self.frame).filter(|_| agent.has_extent()) else { continue };
+            if self.is_apart_from_av(self.height(i), state.position()) {
                 continue;
             }
             let velocity = state.velocity().unwrap_or_else(|| {
-                labels.insert(Label::SpeedsDisplacement);
-                displacement_velocity(track, CURRENT + k)
+                is_estimated = true;
+                displacement_velocity(track, self.frame, differences)
             });
-            sample.push(object(&id, agent, &state, velocity));
+            objects.push(object(id, agent, &state, velocity));
         }
+        objects.extend(self.obstacles());
+        (objects, is_estimated)
     }
-    add_obstacles(scenario, tracks, &heights, &mut samples);
-    samples
+
+    fn obstacles(&self) -> impl Iterator<Item = TrackedObject> {
+        let obstacles = self.start.obstacles.iter().zip(&self.ids.obstacles).enumerate();
+        obstacles.filter_map(|(i, (obstacle, id))| {
+            let standing = TrackedObject {
+                id: id.clone(),
+                kind: ObjectKind::GenericObject,
+                center: obstacle.center,
+                heading: reactsim_geometry::heading_of(obstacle.axis),
+                length: 2.0 * obstacle.half_length,
+                width: 2.0 * obstacle.half_width,
+                velocity: Vec2::zeros(),
+            };
+            let is_apart = || self.is_apart_from_av(self.start.obstacle_height(i), standing.center);
+            (standing.is_finite() && !is_apart()).then_some(standing)
+        })
+    }
+
+    /// Returns the height of an agent; NaN if unknown.
+    fn height(&self, agent: usize) -> f64 {
+        self.heights.get(agent).copied().unwrap_or(f64::NAN)
+    }
+
+    /// Returns whether an object is on another level than the AV.
+    fn is_apart_from_av(&self, height: f64, center: Vec2) -> bool {
+        let Some(av) = self.tracks.get(AV).and_then(|track| state_at(track, self.frame)) else {
+            return false;
+        };
+        levels::apart(height, self.height(AV), (center - av.position()).norm())
+    }
 }
 
 fn object(id: &ObjectId, agent: &Agent, state: &AgentState, velocity: Vec2) -> TrackedObject {
@@ -62,73 +153,32 @@ fn kind_of(kind: AgentKind) -> ObjectKind {
     }
 }
 
-/// Adds the obstacles to every sample. No agent has one of their ids.
-fn add_obstacles(
-    scenario: &Scenario,
-    tracks: &[Vec<Frame>],
-    heights: &Heights,
-    samples: &mut [Vec<TrackedObject>],
-) {
-    for (i, obstacle) in scenario.start.obstacles.iter().enumerate() {
-        let standing = TrackedObject {
-            id: ObjectId::from(format!("obstacle:{i}")),
-            kind: ObjectKind::GenericObject,
-            center: obstacle.center,
-            heading: reactsim_geometry::heading_of(obstacle.axis),
-            length: 2.0 * obstacle.half_length,
-            width: 2.0 * obstacle.half_width,
-            velocity: Vec2::zeros(),
-        };
-        let height = scenario.start.obstacle_height(i);
-        for (k, sample) in samples.iter_mut().enumerate() {
-            if standing.is_finite() && !heights.is_apart_from_av(tracks, k, height, standing.center) {
-                sample.push(standing.clone());
-            }
-        }
-    }
-}
-
 /// Returns the state at a frame, if it is present and finite.
 fn state_at(track: &[Frame], frame: usize) -> Option<AgentState> {
     track.get(frame).copied().flatten().filter(AgentState::is_finite)
 }
 
-/// Returns the backward difference of the positions, else the forward difference, else 0, m/s.
-fn displacement_velocity(track: &[Frame], frame: usize) -> Vec2 {
+/// Returns the backward difference of the positions, else the forward difference if it may be used, else 0,
+/// m/s.
+fn displacement_velocity(track: &[Frame], frame: usize, differences: Differences) -> Vec2 {
     let step = |from: usize, to: usize| {
         Some((state_at(track, to)?.position() - state_at(track, from)?.position()) / DT)
     };
-    frame
-        .checked_sub(1)
-        .and_then(|before| step(before, frame))
-        .or_else(|| step(frame, frame + 1))
-        .unwrap_or_default()
+    let forward = || match differences {
+        Differences::BackwardOrForward => step(frame, frame + 1),
+        Differences::Backward => None,
+    };
+    frame.checked_sub(1).and_then(|before| step(before, frame)).or_else(forward).unwrap_or_default()
 }
 
-/// Heights of the agents per sample, metres; empty in scenarios of one level.
-struct Heights(Vec<Vec<f64>>);
-
-impl Heights {
-    fn new(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Self {
-        if !scenario.start.has_levels() {
-            return Self(Vec::new());
-        }
-        let after =
-            |track: &'_ Vec<Frame>| track.get(CURRENT..FRAMES).map(<[Frame]>::to_vec).unwrap_or_default();
-        let along = |(i, track)| scenario.start.heights_along(i, &after(track));
-        Self(tracks.iter().enumerate().map(along).collect())
+/// Returns the heights of the agents per sample, metres, NaN if unknown; empty in scenarios of one level.
+fn heights_per_sample(start: &Start, tracks: &[Vec<Frame>]) -> Vec<Vec<f64>> {
+    if !start.has_levels() {
+        return Vec::new();
     }
-
-    /// Returns the height of an agent at a sample; NaN if unknown.
-    fn of_agent(&self, agent: usize, sample: usize) -> f64 {
-        self.0.get(agent).and_then(|heights| heights.get(sample)).copied().unwrap_or(f64::NAN)
-    }
-
-    /// Returns whether an object is on another level than the AV at a sample.
-    fn is_apart_from_av(&self, tracks: &[Vec<Frame>], sample: usize, height: f64, center: Vec2) -> bool {
-        let Some(av) = tracks.get(AV).and_then(|track| state_at(track, CURRENT + sample)) else {
-            return false;
-        };
-        levels::apart(height, self.of_agent(AV, sample), (center - av.position()).norm())
-    }
+    let after = |track: &'_ Vec<Frame>| track.get(CURRENT..FRAMES).map(<[Frame]>::to_vec).unwrap_or_default();
+    let along = |(i, track)| start.heights_along(i, &after(track));
+    let per_agent: Vec<Vec<f64>> = tracks.iter().enumerate().map(along).collect();
+    let at = |k: usize| per_agent.iter().map(|h| h.get(k).copied().unwrap_or(f64::NAN)).collect();
+    (0..SAMPLES).map(at).collect()
 }

@@ -29,6 +29,7 @@ pub use drivable_area::{DrivableAreaCompliance, OffRoadCorner};
 pub use driving_direction::DrivingDirection;
 pub use history::{History, HistoryError, MIN_SAMPLES, MissingInputs};
 pub use progress::ExpertProgress;
+pub(crate) use progress::passed_lanes;
 pub use savitzky_golay::{PreparedFilter, SavitzkyGolay};
 pub use score::{ClosedLoopScore, MetricRole};
 pub use scores::{PlannerScores, judge};

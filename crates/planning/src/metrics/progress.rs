@@ -94,28 +94,47 @@ fn without_totals(value: MetricValue) -> ExpertProgress {
     ExpertProgress { value, ego_total: None, expert_total: 0.0, ego_progress: Vec::new() }
 }
 
-/// Returns the links of the route of the expert: a new one whenever its lanes change to lanes of another
-/// roadblock. If lanes overlap, the lane that counts is the one of the driving direction.
+/// Returns the links of the route of the expert.
 fn route_of<'m>(map: &'m PlanningMap, expert: &[EgoState], centers: &[Vec2]) -> Vec<Link<'m>> {
+    let link = |lane: usize| {
+        let lane = map.lane(lane);
+        Link { roadblock: lane.roadblock, baseline: &lane.baseline }
+    };
+    passed_lanes(map, expert, centers).entered.into_iter().map(link).collect()
+}
+
+/// The lanes that a vehicle passes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct PassedLanes {
+    /// The lane through which the vehicle enters each roadblock, in driving order.
+    pub(crate) entered: Vec<usize>,
+    /// The lane at the last sample that has one.
+    pub(crate) last: Option<usize>,
+}
+
+/// Returns the lanes that a vehicle passes: a new one whenever its lanes change to lanes of another roadblock.
+/// If lanes overlap, the lane that counts is the one of the driving direction.
+pub(crate) fn passed_lanes(map: &PlanningMap, expert: &[EgoState], centers: &[Vec2]) -> PassedLanes {
     let mut lists = center_lanes(map, centers);
     if lanes_overlap(map, &lists) {
         let matched = matched_lanes(map, &lists, expert, centers, true);
         lists = matched.into_iter().map(Vec::from_iter).collect();
     }
+    let last = lists.iter().rev().find_map(|lanes| lanes.first().copied());
     let mut kept: Vec<usize> = Vec::new();
-    let mut route: Vec<Link<'m>> = Vec::new();
+    let mut entered: Vec<usize> = Vec::new();
     for lanes in lists {
         let Some(&first) = lanes.first() else { continue };
         if lanes.iter().any(|lane| kept.contains(lane)) {
             continue;
         }
-        let lane = map.lane(first);
-        if route.last().is_none_or(|link| link.roadblock != lane.roadblock) {
-            route.push(Link { roadblock: lane.roadblock, baseline: &lane.baseline });
+        let roadblock = |lane: usize| map.lane(lane).roadblock;
+        if entered.last().is_none_or(|&before| roadblock(before) != roadblock(first)) {
+            entered.push(first);
         }
         kept = lanes;
     }
-    route
+    PassedLanes { entered, last }
 }
 
 /// Returns the progress along the route since the previous sample, metres, per sample. Samples off the route

@@ -130,7 +130,7 @@ fn linked_to_start(map: &PlanningMap, start: &Start, route: &[usize]) -> Vec<usi
 }
 
 /// Returns the route with the roadblocks between neighbours that are not linked, where a search finds them.
-fn without_gaps(map: &PlanningMap, route: &[usize]) -> Vec<usize> {
+pub(crate) fn without_gaps(map: &PlanningMap, route: &[usize]) -> Vec<usize> {
     let mut filled = Vec::with_capacity(route.len());
     for (i, &block) in route.iter().enumerate() {
         filled.push(block);

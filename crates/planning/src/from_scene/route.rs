@@ -1,0 +1,160 @@
+//! The route of the logged AV, extended beyond the end of its log.
+
+use reactsim_geometry::{Vec2, direction, wrap};
+use reactsim_scene::{AgentState, CURRENT, Scenario};
+
+use crate::metrics::passed_lanes;
+use crate::pdm::without_gaps;
+use crate::planner::Route;
+use crate::{EgoShape, EgoState, PlanningMap};
+
+use super::AV;
+
+/// Length in metres of the lanes of a route after the last logged position: the way of 8 s at 25 m/s, so that
+/// a planner that drives faster than the log does not reach the end of its route.
+const LENGTH_AHEAD: f64 = 200.0;
+/// Length in metres of the beginning of a lane over which its turn is measured. Connectors begin in the
+/// direction of the lane before, and most have turned after this length.
+const TURN_LENGTH: f64 = 20.0;
+
+/// Returns the route of a planner that drives the AV of a scenario; `None` if the map has no lanes.
+///
+/// 1. The roadblocks that the logged AV passes from the current frame on, as the metric of progress finds
+///    them. Frames at which the AV is absent are left out; if there are any before the last logged position,
+///    roadblocks that are not linked are joined by a shortest sequence of roadblocks, where there is one.
+/// 2. The log ends after 8 s. From the lane of the last logged position the route continues through the
+///    successor that turns least, the first one in map order on ties, until 200 m of lanes are ahead of that
+///    position, or there is no successor that the extension has not passed yet.
+/// 3. If the logged AV is in no lane, the route begins with the roadblock of the lane that is nearest to the
+///    current box of the AV, and continues as in step 2 from there.
+///
+/// Of the logged future, the result contains the choice of roadblocks only.
+pub fn logged_route(scenario: &Scenario, map: &PlanningMap, shape: &EgoShape) -> Option<Route> {
+    let track = scenario.logged(AV);
+    let frames = track.iter().enumerate().skip(CURRENT);
+    let present = frames.filter_map(|(frame, state)| Some((frame, state.filter(AgentState::is_finite)?)));
+    let (frames, states): (Vec<usize>, Vec<AgentState>) = present.unzip();
+    let centers: Vec<Vec2> = states.iter().map(AgentState::position).collect();
+    let ego: Vec<EgoState> = states.iter().map(|state| standing(state, shape)).collect();
+    let passed = passed_lanes(map, &ego, &centers);
+    let (entered, last, position) = match (passed.last, centers.last()) {
+        (Some(last), Some(&position)) => (passed.entered, last, position),
+        _ => {
+            let now = scenario.start.now(AV);
+            let lanes: Vec<usize> = (0..map.lanes().len()).collect();
+            let footprint = shape.footprint_at(now.position(), now.heading);
+            (Vec::new(), map.nearest_lane(&lanes, &footprint)?, now.position())
+        }
+    };
+    let roadblock = |lane: usize| map.lane(lane).roadblock;
+    let mut roadblocks: Vec<usize> = entered.into_iter().map(roadblock).collect();
+    if frames.windows(2).any(|pair| pair[1] != pair[0] + 1) {
+        roadblocks = without_gaps(map, &roadblocks);
+    }
+    roadblocks.extend(lanes_ahead(map, last, position).into_iter().map(roadblock));
+    Route::of_roadblocks(roadblocks)
+}
+
+/// Returns a state with this pose. Passed lanes depend on poses only.
+fn standing(state: &AgentState, shape: &EgoShape) -> EgoState {
+    let rear_axle = state.position() - direction(state.heading) * shape.rear_axle_to_center;
+    EgoState::standing(rear_axle, state.heading)
+}
+
+/// Returns `lane` and the lanes after it until [`LENGTH_AHEAD`] is ahead of `position`, or no new successor
+/// is left.
+fn lanes_ahead(map: &PlanningMap, lane: usize, position: Vec2) -> Vec<usize> {
+    let baseline = &map.lane(lane).baseline;
+    let mut ahead = baseline.length() - baseline.project(position).s;
+    let mut lanes = vec![lane];
+    let mut last = lane;
+    while ahead < LENGTH_AHEAD
+        && let Some(next) = straightest(map, last, &lanes)
+    {
+        ahead += map.lane(next).baseline.length();
+        lanes.push(next);
+        last = next;
+    }
+    lanes
+}
+
+/// Returns the successor that turns least, without those already `passed`.
+fn straightest(map: &PlanningMap, lane: usize, passed: &[usize]) -> Option<usize> {
+    let baseline = &map.lane(lane).baseline;
+    let end = baseline.heading(baseline.segments() - 1);
+    let turn = |&next: &usize| {
+        let next = &map.lane(next).baseline;
+        wrap(next.heading_at(next.length().min(TURN_LENGTH)) - end).abs()
+    };
+    let mut successors = map.lane(lane).successors.clone();
+    successors.sort_unstable();
+    successors.retain(|next| !passed.contains(next));
+    successors.into_iter().min_by(|a, b| turn(a).total_cmp(&turn(b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_scene::AgentKind;
+
+    use super::*;
+    use crate::fixtures::scenes::{agent, lane, scenario, straight_track};
+    use crate::from_scene::{ego_shape, planning_map};
+
+    /// Returns the ids of the roadblocks of the route.
+    fn route(scenario: &Scenario) -> Option<Vec<String>> {
+        let (map, shape) = (planning_map(scenario).unwrap(), ego_shape(scenario).unwrap());
+        let route = logged_route(scenario, &map, &shape)?;
+        let id = |&block: &usize| map.roadblocks()[block].id.replace("roadblock of ", "");
+        Some(route.roadblocks().iter().map(id).collect())
+    }
+
+    /// A road along the x axis of lanes of 60 m, with a turn to the left at the end of the third one.
+    fn fork() -> Vec<reactsim_scene::LaneParts> {
+        vec![
+            lane("a", &[(-50.0, 0.0), (10.0, 0.0)], &["b"]),
+            lane("b", &[(10.0, 0.0), (70.0, 0.0)], &["c"]),
+            lane("c", &[(70.0, 0.0), (130.0, 0.0)], &["left", "d"]),
+            lane("left", &[(130.0, 0.0), (140.0, 5.0), (145.0, 60.0)], &[]),
+            lane("d", &[(130.0, 0.0), (190.0, 0.0)], &["e"]),
+            lane("e", &[(190.0, 0.0), (250.0, 0.0)], &["f"]),
+            lane("f", &[(250.0, 0.0), (310.0, 0.0)], &["g"]),
+            lane("g", &[(310.0, 0.0), (370.0, 0.0)], &[]),
+        ]
+    }
+
+    #[test]
+    fn routes_follow_the_log_and_then_the_lanes_that_turn_least() {
+        let av = |speed| agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, speed));
+        // The log ends at 80 m, the lane at 130 m: the route is complete in lane f, which begins at 250 m.
+        assert_eq!(route(&scenario(vec![av(10.0)], fork())).unwrap(), ["a", "b", "c", "d", "e", "f"]);
+        assert_eq!(route(&scenario(vec![av(1.0)], fork())).unwrap(), ["a", "b", "c", "d", "e"]);
+        assert_eq!(route(&scenario(vec![av(30.0)], fork())).unwrap(), ["a", "b", "c", "d", "e", "f", "g"]);
+    }
+
+    #[test]
+    fn gaps_of_the_log_are_bridged() {
+        let mut cut = scenario(vec![agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 10.0))], fork());
+        cut.log_future.tracks[0][5..75].fill(None);
+        assert_eq!(route(&cut).unwrap(), ["a", "b", "c", "d", "e", "f"]);
+        cut.log_future.tracks[0][5..].fill(None);
+        assert_eq!(route(&cut).unwrap(), ["a", "b", "c", "d", "e"]);
+        assert_eq!(route(&cut.without_future()).unwrap(), ["a", "b", "c", "d", "e"]);
+    }
+
+    #[test]
+    fn rings_end() {
+        let ring = vec![
+            lane("a", &[(-20.0, 0.0), (20.0, 0.0)], &["b"]),
+            lane("b", &[(20.0, 0.0), (20.0, 20.0), (-20.0, 20.0), (-20.0, 0.0)], &["a"]),
+        ];
+        let standing = agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 0.0));
+        assert_eq!(route(&scenario(vec![standing], ring)).unwrap(), ["a", "b"]);
+    }
+
+    #[test]
+    fn away_from_all_lanes_the_nearest_one_counts() {
+        let aside = agent("av", AgentKind::Vehicle, straight_track(200.0, -30.0, 0.0));
+        assert_eq!(route(&scenario(vec![aside.clone()], fork())).unwrap(), ["e", "f", "g"]);
+        assert_eq!(route(&scenario(vec![aside], Vec::new())), None);
+    }
+}
