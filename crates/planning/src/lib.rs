@@ -3,10 +3,12 @@
 //! Start with [`EgoState`], [`TrackedObject`] and [`PlanningMap`]: every planner, controller and metric
 //! of this crate works on them. [`metrics::judge`] computes the metrics, and [`from_scene::SceneHistory`]
 //! the input of the metrics for a rollout of a scenario. A [`planner::Planner`] is stepped in closed loop
-//! by a [`closed_loop::Episode`]; [`pdm::PdmClosed`] and [`idm_planner::IdmPlanner`] are planners.
+//! by a [`closed_loop::Episode`]; [`pdm::PdmClosed`] and [`idm_planner::IdmPlanner`] are planners. In a
+//! rollout, whose traffic is simulated, a planner drives the AV as an [`av::PlannerAv`].
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+pub mod av;
 pub mod closed_loop;
 pub mod from_scene;
 pub mod idm_planner;

@@ -18,7 +18,7 @@ pub enum LightState {
     Yellow,
     /// Drivers have to stop.
     Red,
-    /// Not observed.
+    /// Not observed, or a signal that planners have no rule for.
     Unknown,
 }
 

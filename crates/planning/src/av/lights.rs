@@ -1,0 +1,39 @@
+//! The traffic lights of a scenario as planners observe them.
+
+use reactsim_rollout::Observation;
+use reactsim_scene::{LightState as SceneLight, Start};
+
+use crate::from_scene::planning_lanes;
+use crate::planner::{Light, LightState};
+
+/// The lane of the planning map that each light of a scenario controls; `None` if the map leaves it out.
+#[derive(Clone, Debug)]
+pub(super) struct LightLanes(Vec<Option<usize>>);
+
+impl LightLanes {
+    pub(super) fn new(start: &Start) -> Self {
+        let lanes = planning_lanes(&start.map);
+        Self(start.lights.iter().map(|light| lanes.binary_search(&light.lane).ok()).collect())
+    }
+
+    /// Returns the present states, in the order of the scenario.
+    pub(super) fn now(&self, seen: &Observation<'_>) -> Vec<Light> {
+        let states = self.0.iter().zip(seen.lights_now());
+        states.filter_map(|(&lane, state)| Some(Light { lane: lane?, state: planner_light(state) })).collect()
+    }
+}
+
+/// Returns the state for planners. Arrows count as full lights, because a light controls one lane only.
+///
+/// A flashing red light is a stop sign: drivers stop and then go when it is clear. Planners have no such rule
+/// and would wait in front of a red light forever, so it is unknown to them.
+fn planner_light(state: Option<SceneLight>) -> LightState {
+    match state {
+        Some(SceneLight::Stop | SceneLight::ArrowStop) => LightState::Red,
+        Some(SceneLight::Caution | SceneLight::ArrowCaution | SceneLight::FlashingCaution) => {
+            LightState::Yellow
+        }
+        Some(SceneLight::Go | SceneLight::ArrowGo) => LightState::Green,
+        Some(SceneLight::Unknown | SceneLight::FlashingStop) | None => LightState::Unknown,
+    }
+}
