@@ -60,6 +60,7 @@ mod tests {
         "format",
         "id",
         "keep-rollouts",
+        "limit",
         "model-weights",
         "models",
         "out",
