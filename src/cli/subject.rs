@@ -42,7 +42,8 @@ pub(super) struct EvaluationArgs {
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
     /// Driver of the AV: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>,
-    /// retime:<factor>, shift:<m> or file:<path> [default: deviated]
+    /// retime:<factor>, shift:<m>, file:<path> or a planner, which is judged: planner:pdm-closed, planner:idm
+    /// or planner:log; with settings such as planner:idm,tracker=perfect,every=5 [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
     /// Tensor backend of the networks; `reactsim list backends` shows which this program has

@@ -34,6 +34,7 @@ mod model_weights;
 mod networks;
 mod ntp_reactive;
 mod page;
+mod planners;
 mod parameters;
 mod program;
 mod protocol;

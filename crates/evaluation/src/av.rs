@@ -4,11 +4,13 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use reactsim_rollout::{ParseScriptError, Script};
+use reactsim_planning::av::PlannerChoice;
+use reactsim_planning::tracking::Controller;
+use reactsim_rollout::{ParseReplanError, ParseScriptError, Replan, Script};
 
 /// The choices, for help and error texts.
 pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, \
-                              retime:<factor>, shift:<m> or file:<path>";
+                              retime:<factor>, shift:<m>, file:<path> or planner:<id>";
 
 /// The AV policy in the reactive protocol.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +25,28 @@ pub enum AvChoice {
     Scripted(Script),
     /// Deviated trajectories from this file.
     File(PathBuf),
+    /// A planner, which is judged.
+    Planned(PlannedAv),
+}
+
+/// An AV that is judged by the metrics of planners.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlannedAv {
+    /// The planner.
+    pub driver: AvDriver,
+    /// The controller that follows its trajectories.
+    pub controller: Controller,
+    /// Number of steps between two plans; one by default, as in nuPlan.
+    pub every: Replan,
+}
+
+/// The planner of an AV.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AvDriver {
+    /// The logged AV: the expert, which others are compared with.
+    Log,
+    /// A planner that plans from what it observes.
+    Planner(PlannerChoice),
 }
 
 /// The reason why a text does not name an AV policy.
@@ -37,12 +61,82 @@ pub enum ParseAvError {
     /// The file name is missing.
     #[error("`file:` names no file: write `file:<path>`")]
     NoFile,
+    /// There is no such planner.
+    #[error("`{0}` is not a planner: choose log, pdm-closed or idm")]
+    UnknownPlanner(String),
+    /// A setting of a planner is unknown or not a valid value.
+    #[error("`{0}` is not a setting of a planner: write tracker=lqr, tracker=perfect or every=<steps>")]
+    PlannerSetting(String),
+    /// The interval of a planner is out of range.
+    #[error(transparent)]
+    PlanEvery(#[from] ParseReplanError),
+    /// The planner plans poses without velocities.
+    #[error("`{0}` plans poses without velocities, which tracker=perfect cannot follow; use tracker=lqr")]
+    PosesOnly(&'static str),
+    /// The logged AV has no settings.
+    #[error("`planner:log` replays the log and has no settings, but `{0}` is given; leave it out")]
+    LogSetting(String),
 }
 
 impl AvChoice {
     /// Returns whether the AV follows the deviated trajectories of scenarios that have one.
     pub const fn follows_deviations(&self) -> bool {
         matches!(self, Self::Deviated | Self::DeviatedOrLog | Self::File(_))
+    }
+
+    /// Returns whether the AV is judged by the metrics of planners.
+    pub const fn is_judged(&self) -> bool {
+        matches!(self, Self::Planned(_))
+    }
+}
+
+impl FromStr for PlannedAv {
+    type Err = ParseAvError;
+
+    /// Parses the id of a planner and its settings, such as `idm,tracker=perfect,every=5`.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (id, settings) = text.split_once(',').unwrap_or((text, ""));
+        let driver = match (id, PlannerChoice::from_id(id)) {
+            ("log", _) => AvDriver::Log,
+            (_, Some(planner)) => AvDriver::Planner(planner),
+            _ => return Err(ParseAvError::UnknownPlanner(id.to_owned())),
+        };
+        let mut planned = Self { driver, controller: Controller::LqrBicycle, every: Replan::EVERY_STEP };
+        for setting in settings.split(',').filter(|setting| !setting.is_empty()) {
+            if driver == AvDriver::Log {
+                return Err(ParseAvError::LogSetting(setting.to_owned()));
+            }
+            match setting.split_once('=') {
+                Some(("tracker", "lqr")) => planned.controller = Controller::LqrBicycle,
+                Some(("tracker", "perfect")) => planned.controller = Controller::PerfectTracking,
+                Some(("every", steps)) => planned.every = steps.parse()?,
+                _ => return Err(ParseAvError::PlannerSetting(setting.to_owned())),
+            }
+        }
+        match driver {
+            AvDriver::Planner(planner)
+                if planner.plans_poses_only() && planned.controller == Controller::PerfectTracking =>
+            {
+                Err(ParseAvError::PosesOnly(planner.id()))
+            }
+            _ => Ok(planned),
+        }
+    }
+}
+
+impl fmt::Display for PlannedAv {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.driver {
+            AvDriver::Log => f.write_str("log")?,
+            AvDriver::Planner(planner) => f.write_str(planner.id())?,
+        }
+        if self.controller == Controller::PerfectTracking {
+            f.write_str(",tracker=perfect")?;
+        }
+        if self.every != Replan::EVERY_STEP {
+            write!(f, ",every={}", self.every.steps())?;
+        }
+        Ok(())
     }
 }
 
@@ -54,10 +148,11 @@ impl FromStr for AvChoice {
             "deviated" => Ok(Self::Deviated),
             "log" => Ok(Self::Log),
             "deviated-or-log" => Ok(Self::DeviatedOrLog),
-            _ => match text.strip_prefix("file:") {
-                Some("") => Err(ParseAvError::NoFile),
-                Some(path) => Ok(Self::File(path.into())),
-                None => text.parse().map(Self::Scripted).map_err(|error| match error {
+            _ => match (text.strip_prefix("file:"), text.strip_prefix("planner:")) {
+                (_, Some(planned)) => planned.parse().map(Self::Planned),
+                (Some(""), _) => Err(ParseAvError::NoFile),
+                (Some(path), _) => Ok(Self::File(path.into())),
+                _ => text.parse().map(Self::Scripted).map_err(|error| match error {
                     ParseScriptError::Unknown(text) => ParseAvError::Unknown(text),
                     error => ParseAvError::Script(error),
                 }),
@@ -75,6 +170,7 @@ impl fmt::Display for AvChoice {
             Self::Log => f.write_str("log"),
             Self::DeviatedOrLog => f.write_str("deviated-or-log"),
             Self::Scripted(script) => script.fmt(f),
+            Self::Planned(planned) => write!(f, "planner:{planned}"),
         }
     }
 }
@@ -86,9 +182,14 @@ mod tests {
     #[test]
     fn names_round_trip() {
         let scripts = ["constant-velocity", "brake:4", "retime:1.6", "shift:-2"];
-        for text in ["deviated", "log", "deviated-or-log"].into_iter().chain(scripts) {
+        let planners =
+            ["planner:log", "planner:pdm-closed", "planner:idm,tracker=perfect", "planner:idm,every=5"];
+        let all = ["deviated", "log", "deviated-or-log"].into_iter().chain(scripts).chain(planners);
+        for text in all {
             assert_eq!(text.parse::<AvChoice>().unwrap().to_string(), text);
         }
+        let spelled: AvChoice = "planner:idm,tracker=lqr,every=1steps".parse().unwrap();
+        assert_eq!(spelled.to_string(), "planner:idm");
         assert_eq!("file:a/b:c.parquet".parse(), Ok(AvChoice::File("a/b:c.parquet".into())));
     }
 
@@ -99,5 +200,10 @@ mod tests {
         assert!(text("shift:inf").contains("from -5 to 5 m"));
         insta::assert_snapshot!(text("file:"), @"`file:` names no file: write `file:<path>`");
         assert!(text("swerve").contains("choose deviated, log"));
+        assert!(text("planner:pdm").contains("choose log, pdm-closed or idm"));
+        assert!(text("planner:idm,speed=3").contains("tracker=perfect"));
+        assert!(text("planner:idm,every=0").contains("1 to 80 steps"));
+        assert!(text("planner:pdm-closed,tracker=perfect").contains("use tracker=lqr"));
+        assert!(text("planner:log,every=5").contains("leave it out"));
     }
 }

@@ -7,6 +7,7 @@ use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{Certificate, Scenario};
 
+use super::av_scores::{JudgedAv, judge_av};
 use super::row::{Row, Value};
 
 /// The scores of the rollouts of one scenario and one simulator.
@@ -23,6 +24,8 @@ pub(super) struct RolloutResult {
     pub(super) events: Vec<Event>,
     pub(super) deviation: BTreeMap<String, f64>,
     pub(super) direction_tracking: &'static str,
+    /// What must be said about the scores of the AV.
+    pub(super) av: BTreeMap<String, u64>,
 }
 
 impl PairScores {
@@ -36,7 +39,12 @@ impl PairScores {
                 direction_tracking: Some(result.direction_tracking.to_owned()),
                 metrics: result.metrics,
                 deviation: result.deviation,
-                outcomes: rollout.outcomes.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect(),
+                outcomes: rollout
+                    .outcomes
+                    .iter()
+                    .map(|(name, n)| ((*name).to_owned(), *n))
+                    .chain(result.av)
+                    .collect(),
                 ..template.clone()
             });
             events.push(result.events);
@@ -47,25 +55,34 @@ impl PairScores {
 }
 
 /// Scores the rollouts of one scenario and one simulator. `certificate`: responses that avoid the AV of the
-/// rollouts, if known.
+/// rollouts, if known. `judges_av`: whether the AV is judged, too.
 pub(super) fn judge(
     scenario: &Scenario,
     certificate: Option<&Certificate>,
     rollouts: &[Rollout],
     options: Options,
+    judges_av: bool,
 ) -> PairScores {
     let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
     let all = metrics::score_rollouts(scenario, &tracks, options);
     let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
     let results = rollouts.iter().map(|rollout| {
-        let case = Case::of_rollout(scenario, &rollout.tracks, options);
-        let scores = metrics::score_case(&case.with_certificate(certificate));
-        let own = scores.values.iter().filter(|(spec, _)| spec.scope == Scope::Rollout);
+        let av = judges_av.then(|| judge_av(scenario, rollout));
+        let (av, said) = match av {
+            Some(Ok(JudgedAv { scores, outcomes })) => (Some(scores), outcomes),
+            Some(Err(error)) => (None, [(format!("av not judged: {error}"), 1)].into()),
+            None => (None, BTreeMap::new()),
+        };
+        let case = Case::of_rollout(scenario, &rollout.tracks, options).with_certificate(certificate);
+        let scores = metrics::score_case(&case.with_av_scores(av.as_ref()));
+        let is_own = |scope| scope == Scope::Rollout || judges_av && scope == Scope::Av;
+        let own = scores.values.iter().filter(|(spec, _)| is_own(spec.scope));
         RolloutResult {
             metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),
             deviation: scores.deviation.map(|d| deviation(&d)).unwrap_or_default(),
             direction_tracking: scores.dir_tracking.name(),
             events: scores.events,
+            av: said,
         }
     });
     PairScores { rollouts: results.collect(), over_all: over_all.collect() }

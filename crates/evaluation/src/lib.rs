@@ -22,6 +22,7 @@
 mod finished_run;
 mod access;
 mod av;
+mod av_scores;
 mod blocks;
 mod benchmarks;
 mod case_study;
@@ -65,7 +66,7 @@ mod summary_builder;
 mod tally;
 
 pub use access::{Access, Mark, Standing};
-pub use av::{AV_CHOICES, AvChoice, ParseAvError};
+pub use av::{AV_CHOICES, AvChoice, AvDriver, ParseAvError, PlannedAv};
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use case_study::{CASE_STUDIES, CaseStudy};
 pub use comparison::{Comparison, PairedDifference};

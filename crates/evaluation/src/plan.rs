@@ -7,11 +7,13 @@ use std::sync::Arc;
 use reactsim_formats::deviations::{self, DeviationRecord};
 use reactsim_metrics::Options;
 use reactsim_nn::cpu_class;
+use reactsim_planning::av::{PlannerAv, PlannerAvError};
+use reactsim_planning::from_scene::{ego_shape, planning_map};
 use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
 use reactsim_scene::{DeviatedTrack, Frame, Scenario};
 
 use super::EvaluationError;
-use super::av::AvChoice;
+use super::av::{AvChoice, AvDriver, PlannedAv};
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use super::folder::RunFolder;
@@ -107,6 +109,9 @@ pub enum NoAv {
     /// The trajectory is invalid.
     #[error(transparent)]
     Refused(#[from] AvError),
+    /// The planner cannot drive in the scenario.
+    #[error(transparent)]
+    Planner(#[from] PlannerAvError),
     /// The trajectory in a file of deviations is invalid.
     #[error("{source} (in {file})")]
     RefusedDeviation {
@@ -261,6 +266,14 @@ impl Plan {
                 deviated => deviated?,
             },
             AvChoice::Scripted(script) => undeviated(Arc::new(ScriptedAv::new(scenario, *script)?)),
+            AvChoice::Planned(PlannedAv { driver: AvDriver::Log, .. }) => {
+                // The log needs no map, but the metrics do.
+                ego_shape(scenario).and_then(|_| planning_map(scenario)).map_err(PlannerAvError::from)?;
+                undeviated(Arc::new(LogAv::new(scenario)?))
+            }
+            AvChoice::Planned(PlannedAv { driver: AvDriver::Planner(planner), controller, every }) => {
+                undeviated(Arc::new(PlannerAv::new(scenario, *planner, *controller, *every)?))
+            }
         };
         Ok((Some(av), deviation))
     }

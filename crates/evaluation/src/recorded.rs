@@ -88,7 +88,7 @@ impl Recorded {
                     let failed = rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
                     rollout.outcomes.extend(failed.into_iter().map(|check| (check.outcome(), 1)));
                 }
-                let (rows, events) = score_rollouts(place, scenario, name, &rollouts, self.options);
+                let (rows, events) = score_rollouts(place, scenario, name, &rollouts, self.options, false);
                 Ok(ScoredPair { simulator, rollouts, rows, events })
             });
             scored.push(pair.map_err(|error| (name.clone(), error)));
@@ -145,15 +145,16 @@ pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
 }
 
 /// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
-/// and the events of each.
+/// and the events of each. `judges_av`: whether the AV is judged, too.
 pub(super) fn score_rollouts(
     place: RecordPosition,
     scenario: &Scenario,
     simulator: &str,
     rollouts: &[Rollout],
     options: Options,
+    judges_av: bool,
 ) -> (Vec<Row>, Vec<Vec<Event>>) {
     let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
     let template = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
-    judge(scenario, deviation.certificate.as_ref(), rollouts, options).rows(template, rollouts)
+    judge(scenario, deviation.certificate.as_ref(), rollouts, options, judges_av).rows(template, rollouts)
 }

@@ -112,7 +112,9 @@ impl PlanRequest {
     fn deviations_file(&self) -> Result<Option<&Path>, EvaluationError> {
         match (&self.deviations, &self.av) {
             (Some(_), Some(AvChoice::File(_))) => Err(EvaluationError::DeviationsTwice),
-            (Some(_), Some(AvChoice::Log | AvChoice::Scripted(_))) => Err(EvaluationError::DeviationsUnused),
+            (Some(_), Some(AvChoice::Log | AvChoice::Scripted(_) | AvChoice::Planned(_))) => {
+                Err(EvaluationError::DeviationsUnused)
+            }
             (Some(path), None | Some(AvChoice::Deviated | AvChoice::DeviatedOrLog))
             | (None, Some(AvChoice::File(path))) => Ok(Some(path)),
             (None, _) => Ok(None),

@@ -47,7 +47,8 @@ pub struct Row {
     /// Statistics of the deviated AV against the logged AV, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub deviation: BTreeMap<String, f64>,
-    /// Number of outcomes of parts of plans, by name.
+    /// Number of outcomes of parts of plans, by name. If the AV is judged, also the inputs of its metrics that
+    /// were substituted, and its undefined metrics with their reasons (`av …`).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub outcomes: BTreeMap<String, u64>,
     /// Properties of the scenario that affect how the results are read, by id.

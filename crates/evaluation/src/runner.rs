@@ -508,7 +508,9 @@ impl Runner<'_> {
         let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
-        let scores = judge(&ready.scenario, certificate, rollouts, self.plan.settings.options);
+        let settings = &self.plan.settings;
+        let judges_av = settings.rollout.protocol == Protocol::Reactive && settings.av.is_judged();
+        let scores = judge(&ready.scenario, certificate, rollouts, settings.options, judges_av);
         scores.rows(template, rollouts)
     }
 

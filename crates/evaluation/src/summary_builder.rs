@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use reactsim_metrics::Scope;
+
+use super::av::AvChoice;
 use super::blocks::BLOCK;
 use super::provenance::Provenance;
 use super::row::Failure;
@@ -101,7 +104,13 @@ impl<'a> SummaryBuilder<'a> {
             .are_many()
             .then(|| format!("Poisson bootstrap over blocks of {BLOCK} consecutive scenarios"));
         let has_reference = self.provenance.simulators.iter().any(|s| s.id == PAIRING_REFERENCE);
-        let estimates = self.samples.finish();
+        let mut estimates = self.samples.finish();
+        // The AV is judged only where a planner drives it.
+        if !self.provenance.settings.av.parse::<AvChoice>().is_ok_and(|av| av.is_judged()) {
+            estimates.leave_out(|metric| {
+                reactsim_metrics::metric(metric).is_some_and(|metric| metric.spec().scope == Scope::Av)
+            });
+        }
         let all = self.provenance.simulators.iter().zip(self.simulators).enumerate();
         let simulators = all.map(|(i, (simulator, totals))| {
             let parts = |counts: BTreeMap<String, usize>, part: fn(String) -> Part| {

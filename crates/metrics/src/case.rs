@@ -6,6 +6,7 @@ use reactsim_scene::{
     AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario, Start, levels,
 };
 
+use super::av::AvScores;
 use super::cache::Cache;
 use super::light::ObservedLight;
 use super::motion::Motion;
@@ -34,6 +35,8 @@ pub struct Case<'a> {
     pub rollouts: Vec<Vec<&'a [Frame]>>,
     /// Responses with which the agents can avoid the AV of this case; `None` if unknown.
     pub certificate: Option<&'a Certificate>,
+    /// Closed-loop scores of the AV; `None` if it is not judged.
+    pub av_scores: Option<&'a AvScores>,
     /// Heights of the logged states from the current frame on, per object, metres; empty in scenarios of one
     /// level.
     log_heights: Vec<Vec<f64>>,
@@ -74,6 +77,7 @@ impl<'a> Case<'a> {
             log: None,
             rollouts: Vec::new(),
             certificate: None,
+            av_scores: None,
             log_heights: Vec::new(),
             motion,
             cache: Cache::default(),
@@ -162,6 +166,12 @@ impl<'a> Case<'a> {
     pub fn with_certificate(mut self, certificate: Option<&'a Certificate>) -> Self {
         self.certificate = certificate;
         self.cache = Cache::default();
+        self
+    }
+
+    /// Adds the closed-loop scores of the AV, if it is judged.
+    pub fn with_av_scores(mut self, scores: Option<&'a AvScores>) -> Self {
+        self.av_scores = scores;
         self
     }
 

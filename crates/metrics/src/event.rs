@@ -28,6 +28,7 @@ pub const EVENT_UNITS: &[(&str, &str)] = &[
     ("acceleration", "m/s²"),
     ("av_speed", "m/s"),
     ("curvature", "1/m"),
+    ("delta_v", "m/s"),
     ("driven", "m"),
     ("excess", "m/s²"),
     ("heading_error", "rad"),

@@ -5,6 +5,7 @@
 
 mod ade;
 mod agent_agent;
+mod av;
 mod boxes;
 mod cache;
 mod case;
@@ -34,6 +35,7 @@ pub mod wosac;
 
 pub use ade::Displacement;
 pub use agent_agent::{Overlaps, pair_counts};
+pub use av::AvScores;
 pub use case::Case;
 pub use collision::{BEHIND_DEGREES, Contact, Fault, STOPPED_SPEED};
 pub use deviation::DeviationStats;

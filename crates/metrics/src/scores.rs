@@ -4,6 +4,7 @@ use reactsim_scene::{Frame, HISTORY, Scenario};
 
 use super::ade::{self, Displacement};
 use super::agent_agent::{self, Overlaps};
+use super::av::OfAv;
 use super::collision::{self, Contact};
 use super::deviation::{self, DeviationStats};
 use super::direction::{self, WrongWay};
@@ -18,7 +19,7 @@ use super::ttc::{self, Approach};
 use super::undisturbed;
 use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Scope, Score};
 
-/// Every metric: the paper's seven in its column order, then the additional ones.
+/// Every metric: the paper's seven in its column order, the additional ones, and the metrics of the AV.
 pub const METRICS: &[&dyn Metric] = &[
     &collision::AtFault,
     &ttc::Risky,
@@ -38,6 +39,16 @@ pub const METRICS: &[&dyn Metric] = &[
     &undisturbed::UndisturbedLoss,
     &log_clinging::LogClinging,
     &likelihood::Likelihood,
+    &OfAv(0),
+    &OfAv(1),
+    &OfAv(2),
+    &OfAv(3),
+    &OfAv(4),
+    &OfAv(5),
+    &OfAv(6),
+    &OfAv(7),
+    &OfAv(8),
+    &OfAv(9),
 ];
 
 /// Returns the metric with this id.

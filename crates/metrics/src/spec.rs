@@ -41,6 +41,8 @@ pub enum Scope {
     Rollout,
     /// All rollouts of a scenario together.
     Scenario,
+    /// The AV in one rollout, if it is judged: in runs in which a planner drives it.
+    Av,
 }
 
 /// The unit of a metric, which decides how its values are averaged and printed.

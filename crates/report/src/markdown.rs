@@ -24,6 +24,11 @@ impl Exporter for Markdown {
         let columns = style.columns_of(runs);
         let lines = table::lines(runs);
         write_table(out, &columns, &lines, style.bold)?;
+        let of_av = Column::of_av(runs);
+        if !of_av.is_empty() {
+            writeln!(out, "\n{}:\n", table::AV_TITLE)?;
+            write_table(out, &of_av, &lines, style.bold)?;
+        }
         for division in Division::ALL {
             for part in division.parts(runs) {
                 let lines = table::part_lines(runs, division, &part);

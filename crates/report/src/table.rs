@@ -7,7 +7,7 @@ use reactsim_evaluation::{
     Summary, changed_options,
 };
 use reactsim_metrics as metrics;
-use reactsim_metrics::Unit;
+use reactsim_metrics::{METRICS, Scope, Unit};
 use reactsim_scene::Difficulty;
 
 /// A column of the tables.
@@ -100,6 +100,16 @@ impl Column {
         }
     }
 
+    /// Returns the columns of the metrics of the AV for which at least one simulator has a number.
+    pub(super) fn of_av(runs: &[super::Run<'_>]) -> Vec<Self> {
+        let has = |column: &Self| {
+            let simulators = runs.iter().flat_map(|run| run.summary.simulators.values());
+            simulators.flat_map(|s| s.metrics.get(column.metric)).any(|e| e.mean.is_some())
+        };
+        let of_av = METRICS.iter().map(|metric| metric.spec()).filter(|spec| spec.scope == Scope::Av);
+        of_av.map(|spec| Self { metric: spec.id }).filter(has).collect()
+    }
+
     /// Returns the columns for which at least one simulator has a number, and those of `also`.
     pub(super) fn used(summaries: &[&Summary], also: &[Self]) -> Vec<Self> {
         let any =
@@ -115,6 +125,9 @@ impl Column {
         Self::with(COLUMNS.iter().filter(has).copied().collect(), also)
     }
 }
+
+/// Title of the table of the AV.
+pub(super) const AV_TITLE: &str = "The AV, driven by a planner and judged by nuPlan's closed-loop metrics";
 
 /// A line of a table: a simulator and its numbers.
 pub(super) struct Line<'a> {

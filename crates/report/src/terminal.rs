@@ -55,14 +55,19 @@ const PLAIN: &str = "\x1b[0m";
 /// If `out` cannot be written.
 pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
     let lines = table::lines(runs);
-    write_table(runs, &lines, style, out)?;
+    write_table(&style.table.columns_of(runs), &lines, style, out)?;
+    let of_av = Column::of_av(runs);
+    if !of_av.is_empty() {
+        writeln!(out, "\n{}\n", table::AV_TITLE)?;
+        write_table(&of_av, &lines, style, out)?;
+    }
     if let Some(division) = style.by {
         for part in division.parts(runs) {
             let lines = table::part_lines(runs, division, &part);
             let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
             let title = markdown::capital(&plain(&division.title(&part)));
             writeln!(out, "\n{title} ({})\n", table::count(n, "scenario"))?;
-            write_table(runs, &lines, style, out)?;
+            write_table(&style.table.columns_of(runs), &lines, style, out)?;
         }
     }
     writeln!(out)?;
@@ -77,15 +82,14 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
 
 /// Writes one table. Columns that do not fit into the window follow in further tables below it.
 fn write_table(
-    runs: &[Run<'_>],
+    columns: &[Column],
     lines: &[Line<'_>],
     style: TerminalStyle<'_>,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let names: Vec<String> = lines.iter().map(name).collect();
     let name_width = names.iter().map(|name| length(name)).max().unwrap_or(0);
-    let columns: Vec<TextColumn> =
-        style.table.columns_of(runs).iter().map(|column| TextColumn::new(column, lines)).collect();
+    let columns: Vec<TextColumn> = columns.iter().map(|column| TextColumn::new(column, lines)).collect();
     let mut rest = &columns[..];
     while !rest.is_empty() {
         let mut left = style.width.saturating_sub(name_width);

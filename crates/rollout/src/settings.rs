@@ -36,6 +36,9 @@ pub struct Replan {
 pub struct ParseReplanError(String);
 
 impl Replan {
+    /// A plan at every step.
+    pub const EVERY_STEP: Self = Self { steps: 1 };
+
     /// Creates a replan interval of 1 to 80 steps; `None` outside this range.
     pub fn every(steps: usize) -> Option<Self> {
         (1..=FUTURE).contains(&steps).then_some(Self { steps })

@@ -56,10 +56,11 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                 let recorded = rollouts_of(&scenario, &records);
                 let recorded =
                     recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
-                let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options);
+                let av = run.settings.av.parse::<AvChoice>().ok();
+                let judges_av = av.as_ref().is_some_and(AvChoice::is_judged);
+                let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options, judges_av);
                 // Rows have a category only if the AV is the deviated one.
-                let av = run.settings.av.parse::<AvChoice>();
-                let deviated = av.is_ok_and(|av| av.follows_deviations());
+                let deviated = av.is_some_and(|av| av.follows_deviations());
                 let comparable = |row: &Row| {
                     let mut row = row.clone();
                     row.restrict_to(&metrics);

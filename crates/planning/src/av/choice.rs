@@ -47,7 +47,7 @@ impl PlannerChoice {
     }
 
     /// Returns whether the planned states have poses, but no velocities.
-    pub(super) const fn plans_poses_only(self) -> bool {
+    pub const fn plans_poses_only(self) -> bool {
         matches!(self, Self::PdmClosed)
     }
 }
