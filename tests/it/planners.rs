@@ -90,9 +90,9 @@ fn a_map_without_lanes_is_a_failure_with_its_reason() {
     let mut scenario = small_scenarios::deviating(0, false);
     scenario.start.map.lanes.clear();
     let av: AvChoice = "planner:idm".parse().unwrap();
-    let results = Benchmark::scenarios([scenario]).baseline("stop").av(av).run().unwrap();
-    let [failure] = results.summary.provenance.failures.as_slice() else { panic!("{:?}", results.summary) };
-    assert!(failure.error.contains("the map has no lanes for motor vehicles"), "{}", failure.error);
+    let error = Benchmark::scenarios([scenario]).baseline("stop").av(av).run().unwrap_err().to_string();
+    let reason = "record 0: scenario `road-000`: the map has no lanes for motor vehicles";
+    assert!(error.contains(reason), "{error}");
 }
 
 #[test]

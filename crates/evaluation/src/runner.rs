@@ -354,7 +354,12 @@ impl Runner<'_> {
                 Ok(None)
             }
             Err(error) => {
-                let text = self.named(item.place, &format!("scenario `{}`: {error}", scenario.id));
+                let text = match error {
+                    // It names the scenario.
+                    NoAv::Planner(error) => error.to_string(),
+                    error => format!("scenario `{}`: {error}", scenario.id),
+                };
+                let text = self.named(item.place, &text);
                 Err(refuse(Some(scenario.id), text))
             }
         }
