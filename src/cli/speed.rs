@@ -31,7 +31,7 @@ them together, from one thread. Times are by the wall clock. The first round con
 of kernels; the speed is that of the best of the other rounds. \"In the network\" is the share of
 the threads' time in which the simulator plans; the rest is the protocol's.
 
-The last columns compare the rollouts of the other backends with those of the first one: positions of all
+The last columns compare the rollouts of each other backend with the rollouts of the first: positions of all
 agents at all steps, agents at all steps, and the largest distances. The exit code is 1 if less than
 --agreement of the positions are within 1 mm.
 
@@ -65,7 +65,7 @@ pub(super) struct SpeedArgs {
     /// Override a parameter of a network's card, such as smart-small.sampling.top_k=1; may be repeated
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
-    /// Tensor backends, separated by commas; `reactsim list backends` shows those of this program
+    /// Tensor backends, separated by commas; `reactsim list backends` shows which this program has
     #[arg(long, value_delimiter = ',', value_name = "NAMES", default_value = "flex")]
     backends: Vec<Backend>,
     /// Numbers of episodes that are rolled out at once, separated by commas

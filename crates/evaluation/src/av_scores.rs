@@ -10,7 +10,7 @@ use reactsim_planning::metrics::{
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
-/// The scores of the AV, and what must be said about them.
+/// The scores of the AV, and what they lack.
 pub(super) struct JudgedAv {
     pub(super) scores: AvScores,
     /// Substituted inputs, and undefined metrics with their reasons, each counted once.
@@ -26,20 +26,6 @@ pub(super) enum AvScoresError {
     History(#[from] HistoryError),
 }
 
-/// Returns the id of a metric in rows and tables.
-const fn id(metric: PlannerMetric) -> &'static str {
-    match metric {
-        PlannerMetric::Collisions => "av-at-fault-collisions",
-        PlannerMetric::DrivableArea => "av-drivable-area",
-        PlannerMetric::DrivingDirection => "av-driving-direction",
-        PlannerMetric::MakingProgress => "av-making-progress",
-        PlannerMetric::Progress => "av-expert-progress",
-        PlannerMetric::TimeToCollision => "av-time-to-collision",
-        PlannerMetric::SpeedLimit => "av-speed-limit",
-        PlannerMetric::Comfort => "av-comfort",
-    }
-}
-
 /// Judges the AV of a rollout by nuPlan's closed-loop metrics. Its motion is its track, so that all AVs are
 /// judged alike, and rollouts that are kept can be judged again.
 ///
@@ -52,9 +38,9 @@ pub(super) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedA
         judged.labels.iter().map(|label| (format!("av {}", Label::name(*label)), 1)).collect();
     for (metric, value) in judged.values() {
         match value {
-            MetricValue::Defined(value) => values.push((id(metric), value)),
+            MetricValue::Defined(value) => values.push((metric.id(), value)),
             MetricValue::Undefined(reason) => {
-                outcomes.insert(format!("{} undefined: {}", id(metric), reason.id()), 1);
+                outcomes.insert(format!("{} undefined: {}", metric.id(), reason.id()), 1);
             }
         }
     }
@@ -66,10 +52,10 @@ pub(super) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedA
     Ok(JudgedAv { scores: AvScores { values, events }, outcomes })
 }
 
-/// Returns the first contacts of the AV with others; those of its fault count.
+/// Returns the first contact of the AV with each object; a contact counts if it is the fault of the AV.
 fn contacts(scenario: &Scenario, judged: &PlannerScores) -> Vec<Event> {
     let event = |contact: &FirstContact| Event {
-        metric: id(PlannerMetric::Collisions),
+        metric: PlannerMetric::Collisions.id(),
         // Steps are 1 to 80; a contact at the current frame was there before.
         step: contact.step.max(1),
         last_step: contact.step.max(1),

@@ -24,7 +24,7 @@ pub(super) struct RolloutResult {
     pub(super) events: Vec<Event>,
     pub(super) deviation: BTreeMap<String, f64>,
     pub(super) direction_tracking: &'static str,
-    /// What must be said about the scores of the AV.
+    /// Substituted inputs and undefined metrics of the AV, as outcomes.
     pub(super) av: BTreeMap<String, u64>,
 }
 

@@ -10,6 +10,7 @@ use reactsim_shards::differences;
 use serde::{Deserialize, Serialize};
 
 use super::access::Access;
+use super::av::AvChoice;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use super::pose::Pose;
@@ -97,6 +98,11 @@ impl SettingsRecord {
             pose: None,
             selection: Selection::default(),
         }
+    }
+
+    /// Returns whether the AV is judged by the metrics of planners.
+    pub(super) fn judges_av(&self) -> bool {
+        self.av.parse::<AvChoice>().is_ok_and(|av| av.is_judged())
     }
 
     /// Returns the record of a pose; `None` for box centres.

@@ -131,7 +131,7 @@ impl Samples {
                 (0..self.parts.len()).flat_map(part).collect()
             }
         };
-        Estimates { metrics: self.metrics, parts: self.parts, layout, by_index, left_out: Vec::new() }
+        Estimates { metrics: self.metrics, parts: self.parts, layout, by_index }
     }
 }
 
@@ -192,16 +192,9 @@ pub(super) struct Estimates {
     parts: Vec<Part>,
     layout: Layout,
     by_index: Vec<Estimate>,
-    /// Whether a metric is left out.
-    left_out: Vec<bool>,
 }
 
 impl Estimates {
-    /// Leaves out metrics.
-    pub(super) fn leave_out(&mut self, left_out: impl Fn(&str) -> bool) {
-        self.left_out = self.metrics.iter().map(|metric| left_out(metric)).collect();
-    }
-
     /// Returns one estimate per metric, by id.
     pub(super) fn of(&self, simulator: usize, part: &Part) -> BTreeMap<String, Estimate> {
         let part = self.parts.iter().position(|p| p == part);
@@ -209,8 +202,7 @@ impl Estimates {
             let index = part? * self.layout.columns + simulator * self.layout.metrics + metric;
             self.by_index.get(index).copied()
         };
-        let is_kept = |metric: usize| !self.left_out.get(metric).is_some_and(|left_out| *left_out);
-        let named = self.metrics.iter().enumerate().filter(|(metric, _)| is_kept(*metric));
+        let named = self.metrics.iter().enumerate();
         named.map(|(metric, id)| ((*id).to_owned(), estimate(metric).unwrap_or_default())).collect()
     }
 }

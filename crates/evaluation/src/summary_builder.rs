@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_metrics::Scope;
+use reactsim_metrics::{Scope, metric};
 
-use super::av::AvChoice;
 use super::blocks::BLOCK;
 use super::provenance::Provenance;
 use super::row::Failure;
@@ -104,18 +103,20 @@ impl<'a> SummaryBuilder<'a> {
             .are_many()
             .then(|| format!("Poisson bootstrap over blocks of {BLOCK} consecutive scenarios"));
         let has_reference = self.provenance.simulators.iter().any(|s| s.id == PAIRING_REFERENCE);
-        let mut estimates = self.samples.finish();
-        // The AV is judged only where a planner drives it.
-        if !self.provenance.settings.av.parse::<AvChoice>().is_ok_and(|av| av.is_judged()) {
-            estimates.leave_out(|metric| {
-                reactsim_metrics::metric(metric).is_some_and(|metric| metric.spec().scope == Scope::Av)
-            });
-        }
+        let estimates = self.samples.finish();
+        let judges_av = self.provenance.settings.judges_av();
+        let is_kept =
+            |id: &str| judges_av || metric(id).is_none_or(|metric| metric.spec().scope != Scope::Av);
+        let estimates_of = |simulator: usize, part: &Part| {
+            let mut all = estimates.of(simulator, part);
+            all.retain(|id, _| is_kept(id));
+            all
+        };
         let all = self.provenance.simulators.iter().zip(self.simulators).enumerate();
         let simulators = all.map(|(i, (simulator, totals))| {
             let parts = |counts: BTreeMap<String, usize>, part: fn(String) -> Part| {
                 let summary = |(name, scenarios): (String, usize)| {
-                    let metrics = estimates.of(i, &part(name.clone()));
+                    let metrics = estimates_of(i, &part(name.clone()));
                     (name, CategorySummary { scenarios, metrics })
                 };
                 counts.into_iter().map(summary).collect()
@@ -127,11 +128,11 @@ impl<'a> SummaryBuilder<'a> {
                 failed: failed(failures, &simulator.id),
                 oracle: simulator.oracle,
                 external: simulator.external.as_ref().map(|_| simulator.access()),
-                metrics: estimates.of(i, &Part::All),
+                metrics: estimates_of(i, &Part::All),
                 by_category: parts(totals.by_category, Part::Category),
                 by_difficulty: parts(totals.by_difficulty, Part::Difficulty),
                 paired_to_log_replay: match has_reference && simulator.id != PAIRING_REFERENCE {
-                    true => estimates.of(i, &Part::Paired),
+                    true => estimates_of(i, &Part::Paired),
                     false => BTreeMap::new(),
                 },
                 pressure: Pressure {

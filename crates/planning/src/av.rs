@@ -37,7 +37,7 @@ type NewPlanner = Box<dyn Fn() -> Box<dyn Planner> + Send + Sync>;
 /// AV that a planner drives in closed loop: the planner observes the realised traffic and plans
 /// trajectories, which a controller tracks.
 ///
-/// The map, the box and the route ([`logged_route`]) are those of one scenario. Each rollout has a planner of
+/// The map, the box and the route ([`logged_route`]) belong to one scenario. Each rollout has a planner of
 /// its own. Of the logged future, the planner receives the roadblocks of the route only.
 pub struct PlannerAv {
     scenario: String,

@@ -39,6 +39,9 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     for row in rows {
         pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
     }
+    let judges_av = run.settings.judges_av();
+    // Rows have a category only if the AV is the deviated one.
+    let deviated = run.settings.av.parse::<AvChoice>().is_ok_and(|av| av.follows_deviations());
     let mut scored = 0;
     for (input, source) in sources.iter().enumerate() {
         for (record, pending) in (source.open)(0)?.enumerate() {
@@ -56,11 +59,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                 let recorded = rollouts_of(&scenario, &records);
                 let recorded =
                     recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
-                let av = run.settings.av.parse::<AvChoice>().ok();
-                let judges_av = av.as_ref().is_some_and(AvChoice::is_judged);
                 let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options, judges_av);
-                // Rows have a category only if the AV is the deviated one.
-                let deviated = av.is_some_and(|av| av.follows_deviations());
                 let comparable = |row: &Row| {
                     let mut row = row.clone();
                     row.restrict_to(&metrics);

@@ -1,6 +1,6 @@
 //! A road on a bridge above another road.
 //!
-//! Sources in addition to those of the ranges: AASHTO, A Policy on Geometric Design of Highways and Streets
+//! Further sources: AASHTO, A Policy on Geometric Design of Highways and Streets
 //! (7th edition, 2018): a vertical clearance of 16 ft over arterials, grades of up to 5 to 7 % on urban
 //! arterials, and rates of vertical curvature `K`, by which a curve of length `K A` changes the grade by `A`
 //! percent. The larger one, that of sag curves, applies to crests as well.

@@ -23,7 +23,7 @@ pub fn ego_states(track: &[Frame], shape: &EgoShape) -> Option<Vec<EgoState>> {
 /// Returns the states of a vehicle up to the current frame, by the differences of [`ego_states`]; the last one
 /// has one-sided differences. Frames of `track` after the current one are not used.
 ///
-/// The states are those of the uninterrupted frames that end at the current one, oldest first; none if the
+/// There is a state for each of the uninterrupted frames that end at the current one, oldest first; none if the
 /// vehicle is absent or not finite at the current frame.
 pub fn ego_states_until_now(track: &[Frame], shape: &EgoShape) -> Vec<EgoState> {
     let present = |frame: usize| track.get(frame).copied().flatten().filter(AgentState::is_finite);

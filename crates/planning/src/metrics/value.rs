@@ -37,14 +37,14 @@ impl PlannerMetric {
     /// Returns the id used in files and tables.
     pub const fn id(self) -> &'static str {
         match self {
-            Self::Collisions => "at-fault-collisions",
-            Self::DrivableArea => "drivable-area",
-            Self::DrivingDirection => "driving-direction",
-            Self::MakingProgress => "making-progress",
-            Self::Progress => "expert-progress",
-            Self::TimeToCollision => "time-to-collision",
-            Self::SpeedLimit => "speed-limit",
-            Self::Comfort => "comfort",
+            Self::Collisions => "av-at-fault-collisions",
+            Self::DrivableArea => "av-drivable-area",
+            Self::DrivingDirection => "av-driving-direction",
+            Self::MakingProgress => "av-making-progress",
+            Self::Progress => "av-expert-progress",
+            Self::TimeToCollision => "av-time-to-collision",
+            Self::SpeedLimit => "av-speed-limit",
+            Self::Comfort => "av-comfort",
         }
     }
 
