@@ -25,9 +25,9 @@ pub struct MapType {
     pub id: &'static str,
     /// One-line description.
     pub title: &'static str,
-    /// Weight among the scenarios of the preset `train` (among the requested types if some are), chosen so that junctions and motorways are about
-    /// as frequent as in recordings (the train split of the Waymo Open Motion Dataset kept outside this
-    /// repository: 8 of 196 scenes with motorway lanes).
+    /// Weight among the scenarios of the preset `train`, or among the requested types if some are. Weights are
+    /// chosen so that junctions and motorways are about as frequent as in recordings (the train split of the
+    /// Waymo Open Motion Dataset kept outside this repository: 8 of 196 scenes with motorway lanes).
     pub weight: f64,
     /// Draws the road map. The result depends only on the stream.
     pub draw: fn(&mut Stream) -> Layout,

@@ -25,14 +25,6 @@ impl PlannerChoice {
         }
     }
 
-    /// Returns the name used in tables.
-    pub const fn title(self) -> &'static str {
-        match self {
-            Self::PdmClosed => "PDM-Closed",
-            Self::Idm => "IDM",
-        }
-    }
-
     /// Returns the planner with this id.
     pub fn from_id(id: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|planner| planner.id() == id)
