@@ -42,13 +42,15 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
-    self, Adjustments, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator,
-    RolloutCheck, RunObserver, Selection, Source, Summary, weights_file,
+    self, Adjustments, AvChoice, Driver, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedAv,
+    PlannedSimulator, RolloutCheck, RunObserver, Selection, Source, Summary, weights_file,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
 use crate::formats::{self, FormatError};
 use crate::metrics::Options;
 use crate::models::nn::Backend;
+use crate::planning::planner::Planner;
+use crate::planning::tracking::Controller as PlanTracking;
 use crate::report::{self, Run, TableStyle};
 use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
 use crate::scene::Scenario;
@@ -64,6 +66,7 @@ pub struct Benchmark {
     scenarios: Scenarios,
     deviations: Option<PathBuf>,
     av: Option<AvChoice>,
+    drivers: Vec<Driver>,
     settings: Settings,
     options: Options,
     rollouts: u32,
@@ -151,6 +154,7 @@ impl Benchmark {
             scenarios,
             deviations: None,
             av: None,
+            drivers: Vec::new(),
             settings: Settings::default(),
             options: Options::default(),
             rollouts: 1,
@@ -244,6 +248,25 @@ impl Benchmark {
     /// Policy of the AV [default: the deviated trajectory].
     pub fn av(mut self, av: AvChoice) -> Self {
         self.av = Some(av);
+        self
+    }
+
+    /// Lets a planner of your own drive the AV, at every step, along the route of the log: the AV is then judged by
+    /// nuPlan's closed-loop metrics, next to the agents. `new_planner` is called once per rollout. The last call of
+    /// [`Self::av`], `planner` and [`Self::planner_with`] counts.
+    pub fn planner(
+        self,
+        name: impl Into<String>,
+        new_planner: impl Fn() -> Box<dyn Planner> + Send + Sync + 'static,
+    ) -> Self {
+        self.planner_with(Driver::own(name, new_planner), PlanTracking::LqrBicycle, Replan::EVERY_STEP)
+    }
+
+    /// Lets a planner drive the AV, tracked by `tracking`, with a plan every `every` steps.
+    pub fn planner_with(mut self, driver: Driver, tracking: PlanTracking, every: Replan) -> Self {
+        let planned = PlannedAv { driver: driver.driver().clone(), controller: tracking, every };
+        self.av = Some(AvChoice::Planned(planned));
+        self.drivers.push(driver);
         self
     }
 
@@ -408,6 +431,7 @@ impl Benchmark {
         let request = PlanRequest {
             deviations: self.deviations,
             av: self.av,
+            drivers: self.drivers,
             rollout: self.settings,
             rollouts: self.rollouts,
             options: self.options,

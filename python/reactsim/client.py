@@ -1,11 +1,11 @@
-"""Client of the protocol for external simulators of `reactsim`.
+"""Client of the protocol for external simulators and planners of `reactsim`.
 
 This file needs only numpy (>= 1.17) and Python (>= 3.8), so it can be copied into any repository:
 
     from client import Simulator, serve
 
 A simulator has a method `plan`, which receives an `Observation` and returns the future states of
-all agents. `serve` answers the program until it closes the connection.
+all agents. A `Planner` drives the AV. `serve` answers the program until it closes the connection.
 
 Units are metres, seconds, radians (counter-clockwise from the x axis) and m/s. Positions are box
 centres in the local frame of the scenario, whose origin is the position of the AV at the current
@@ -62,6 +62,8 @@ __all__ = [
     "Neighbor",
     "Observation",
     "Plan",
+    "Planner",
+    "PlannerObservation",
     "ProtocolError",
     "Relation",
     "Scene",
@@ -814,6 +816,64 @@ class Simulator:
         """Is called when the batch is over; `episodes` are handles, u64 [B]."""
 
 
+class PlannerObservation:
+    """Everything that a planner of the AV observes at a plan.
+
+    Arrays are read-only and cover frames 0 to `frame`. Agent 0 is the AV.
+    """
+
+    def __init__(self, scene: Scene, route: List[int], memory: Any, seen: Observation) -> None:
+        self.scene = scene
+        """Agents and map."""
+        self.route = route
+        """Lanes of the route in driving order, as indices in `scene.lanes`."""
+        self.memory = memory
+        """The value that `Planner.begin` returned for this episode."""
+        self.frame = seen.frame
+        """Present frame, 10 to 89."""
+        self.steps = seen.steps
+        """Number of steps until the next plan."""
+        self.states: Array = seen.states[0]
+        """Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN velocity
+        where unknown."""
+        self.valid: Array = seen.valid[0]
+        """Whether each agent is present, bool [n, frame + 1]."""
+        self.light_states: Array = seen.light_states
+        """States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`."""
+
+    @property
+    def av(self) -> Array:
+        """Present state of the AV, f64 [5]: x, y, heading, vx, vy."""
+        state: Array = self.states[0, -1]
+        return state
+
+
+class Planner:
+    """Base class of planners, which drive the AV.
+
+    One planner plans for many episodes at the same time: what it remembers of an episode goes into
+    the value that `begin` returns.
+    """
+
+    role = "planner"
+    name: str = ""
+    """Name of the planner; the name of the class by default."""
+    version: str = ""
+    weights_sha256: str = ""
+    """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
+
+    def begin(self, scene: Scene) -> Any:
+        """Receives the scene of a new episode. The returned value is `memory` at its plans."""
+
+    def plan(self, seen: PlannerObservation) -> Any:
+        """Returns poses of the centre of the AV after 1, 2, ... steps, f64 or f32 [P, 3].
+
+        A pose is x, y, heading; P is at least `seen.steps` and at most 80. The tracker of the run
+        follows the poses until the next plan.
+        """
+        raise NotImplementedError("a planner needs a method `plan`")
+
+
 # --------------------------------------------------------------------------------------------------
 # Session.
 
@@ -937,8 +997,55 @@ class _Batch:
         return Plan(states, errors)
 
 
+class _Drive:
+    """An open episode of a planner."""
+
+    def __init__(self, scenes: Scenes, route: List[int], memory: Any) -> None:
+        self.batch = _Batch(scenes)
+        self.scene = scenes[0]
+        self.route = route
+        self.memory = memory
+
+    def observe(
+        self, metadata: Mapping[str, str], tensors: Dict[str, Array]
+    ) -> PlannerObservation:
+        seen = self.batch.observe(metadata, tensors)
+        return PlannerObservation(self.scene, self.route, self.memory, seen)
+
+    @staticmethod
+    def check(returned: Any, steps: int, place: str) -> Array:
+        """Checks the poses that `plan` returned, and returns them as an array [P, 3]."""
+        expected = "an array of shape [%d to %d, 3]" % (steps, FRAMES - HISTORY)
+        if returned is None:
+            raise _UserError("%s returned None, expected %s" % (place, expected))
+        try:
+            poses = np.asarray(returned)
+        except Exception as error:
+            text = "%s returned a %s that is no array: %s"
+            raise _UserError(text % (place, type(returned).__name__, error)) from error
+        is_shape = poses.ndim == 2 and poses.shape[1] == 3
+        if not is_shape or not steps <= poses.shape[0] <= FRAMES - HISTORY:
+            raise _UserError(
+                "%s returned an array of shape %s, expected %s: x, y, heading after each step"
+                % (place, poses.shape, expected)
+            )
+        if poses.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
+            raise _UserError(
+                "%s returned type %s, expected float64 or float32" % (place, poses.dtype)
+            )
+        with np.errstate(invalid="ignore"):
+            bad = ~(np.abs(poses) <= MAX_COORDINATE).all(axis=1)
+        if bad.any():
+            step = int(np.argmax(bad))
+            raise _UserError(
+                "%s returned x %g, y %g, heading %g for step %d: expected finite numbers within "
+                "100 km of the origin" % (place, *poses[step].tolist(), step + 1)
+            )
+        return poses
+
+
 class Session:
-    """Answers the requests of the program for one simulator."""
+    """Answers the requests of the program for one simulator or planner."""
 
     def __init__(
         self,
@@ -952,10 +1059,13 @@ class Session:
         self.size = batch
         self.on_end = on_end
         self.batch: Optional[_Batch] = None
+        self.drives: Dict[int, _Drive] = {}
+        """Open episodes of a planner by handle."""
+        self.role = getattr(self.simulator, "role", "simulator")
         self.first_error: Optional[str] = None
         """Text of the first `failed` answer."""
         if not callable(getattr(self.simulator, "plan", None)):
-            raise TypeError("%s is no simulator: it has no method `plan`" % self.title)
+            raise TypeError("%s is no simulator or planner: it has no method `plan`" % self.title)
 
     def run(self, reader: IO[bytes], writer: IO[bytes]) -> None:
         """Answers requests until `bye` or the end of the stream."""
@@ -989,6 +1099,8 @@ class Session:
             raise ProtocolError(text % (metadata["protocol"], PROTOCOL))
         if kind == "hello":
             return "welcome", self._welcome(), {}
+        if self.role == "planner":
+            return self._drive(kind, metadata, tensors)
         if kind == "begin":
             if self.batch is not None:
                 raise ProtocolError("`begin` while a batch is open")
@@ -1017,6 +1129,31 @@ class Session:
             return "ended", {}, {}
         raise ProtocolError("unknown request `%s`" % kind)
 
+    def _drive(
+        self, kind: str, metadata: Mapping[str, str], tensors: Dict[str, Array]
+    ) -> Tuple[str, Dict[str, str], Dict[str, Array]]:
+        """Answers a request about one episode of a planner."""
+        handle = int(_Tensors(tensors).take("episode", "U64", 1)[0])
+        if kind == "begin":
+            scenes = Scenes(metadata, tensors)
+            route = _Tensors(tensors).take_index("route", len(scenes[0].lanes), 0, "R")
+            begin = getattr(self.simulator, "begin", None)
+            memory = begin(scenes[0]) if begin is not None else None
+            self.drives[handle] = _Drive(scenes, route.tolist(), memory)
+            return "begun", {}, {}
+        if kind == "plan":
+            if handle not in self.drives:
+                raise ProtocolError("`plan` without `begin`")
+            seen = self.drives[handle].observe(metadata, tensors)
+            place = self.title + ".plan"
+            poses = _Drive.check(self.simulator.plan(seen), seen.steps, place)
+            return "planned", {}, {"trajectory": poses[None]}
+        if kind == "end":
+            if self.drives.pop(handle, None) is not None and self.on_end is not None:
+                self.on_end(1)
+            return "ended", {}, {}
+        raise ProtocolError("unknown request `%s`" % kind)
+
     def _welcome(self) -> Dict[str, str]:
         def text(name: str, default: str = "") -> str:
             value = getattr(self.simulator, name, None) or default
@@ -1033,6 +1170,7 @@ class Session:
         if not all(1 <= n < FRAMES for n in intervals):
             raise _UserError("%s.intervals is %s, expected 1 to 80 steps" % (self.title, intervals))
         answer = {
+            "role": self.role,
             "name": text("name", self.title),
             "version": text("version"),
             "weights_sha256": weights,
@@ -1125,13 +1263,13 @@ def claim_streams() -> Tuple[IO[bytes], IO[bytes]]:
 def serve(simulator: Any) -> None:
     """Answers `reactsim` over standard input and output until the program closes the connection.
 
-    `simulator` is a `Simulator`, a class without arguments to make one, or any object with the same
-    methods. Prints of the simulator go to standard error. An exception in the simulator fails the
+    `simulator` is a `Simulator` or `Planner`, a class without arguments to make one, or any object
+    with the same methods (and, for planners, the attribute `role`). Prints of the simulator go to standard error. An exception in the simulator fails the
     batch with the traceback, and the process goes on.
     """
     if not hasattr(sys, _CLAIMED) and sys.stdin is not None and sys.stdin.isatty():
-        text = "this program is a simulator for reactsim; start it with: "
-        text += "reactsim run --external 'NAME=%s %s'"
+        text = "this program is a simulator or planner for reactsim; start it with: "
+        text += "reactsim run --external 'NAME=%s %s' (planners: --planner)"
         raise SystemExit(text % (os.path.basename(sys.executable), " ".join(sys.argv)))
     reader, writer = claim_streams()
     try:

@@ -31,9 +31,12 @@ INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to wri
 
 
 def run(
-    simulator: Any,
+    simulator: Any = None,
     scenarios: PathLike | Sequence[PathLike] | None = None,
     *,
+    planner: Any = None,
+    tracker: str = "lqr",
+    plan_every: int = 1,
     name: str | None = None,
     av: str | None = None,
     deviations: PathLike | None = None,
@@ -53,18 +56,23 @@ def run(
     jobs: int | None = None,
     progress: bool = True,
 ) -> Results:
-    """Runs a simulator, and baselines next to it, and returns the results.
+    """Runs a simulator or a planner, and baselines next to it, and returns the results.
 
-    The program `reactsim` is started as a child process; it asks the simulator, which stays in this
-    process, so breakpoints, prints and notebooks work.
+    The program `reactsim` is started as a child process; it asks the simulator or planner, which
+    stays in this process, so breakpoints, prints and notebooks work.
 
     Args:
         simulator: A `Simulator`, a class without arguments to make one, or any object with the same
             methods.
+        planner: A `Planner` that drives the AV, instead of a simulator: the agents are moved by
+            `baselines`. A class without arguments to make one will do.
+        tracker: Controller that follows the plans of the planner: "lqr" or "perfect".
+        plan_every: Number of steps between two plans of the planner.
         scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default.
         name: Name in tables; the simulator's name by default.
         av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
-            "retime:0.8", "shift:2" or "file:PATH".
+            "retime:0.8", "shift:2", "file:PATH", or a planner that ships, such as
+            "planner:pdm-closed".
         deviations: File of deviated AVs.
         protocol: "reactive", or "realism", in which the simulator also moves the AV.
         replan: Replan rate or interval, such as "2hz" or "5steps".
@@ -89,15 +97,29 @@ def run(
     """
     if resume and out is None:
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
-    session = Session(simulator, batch=batch, on_end=_Counter() if progress else None)
+    if (simulator is None) == (planner is None):
+        raise ValueError(
+            "give a simulator or a planner; to use both, serve the planner as a program and give it "
+            "in `options`: --planner=NAME=COMMAND, and av='planner:external:NAME'"
+        )
+    if planner is not None and av is not None:
+        raise ValueError("`planner` drives the AV: leave `av` out")
+    served = simulator if planner is None else planner
+    session = Session(served, batch=batch, on_end=_Counter() if progress else None)
+    if session.role != ("simulator" if planner is None else "planner"):
+        raise ValueError(
+            f"{session.title} is a {session.role}; pass it as `{session.role}`"
+        )
     program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
     title = name or getattr(session.simulator, "name", "") or session.title
     models = baselines if isinstance(baselines, str) else ",".join(baselines)
+    if planner is not None:
+        av = f"planner:external:{title},tracker={tracker},every={plan_every}"
     given = [
         ("--models", models or None),
-        ("--external", f"{title}=@stdio"),
+        ("--external" if planner is None else "--planner", f"{title}=@stdio"),
         ("--out", folder),
         ("--keep-rollouts", True),
         ("--protocol", protocol),
@@ -122,7 +144,7 @@ def run(
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         raise
-    error = f"\nfirst error of the simulator:\n{session.first_error}" if session.first_error else ""
+    error = f"\nfirst error of the {session.role}:\n{session.first_error}" if session.first_error else ""
     if temporary is not None:
         # The folder lives as long as the results.
         weakref.finalize(results or session, shutil.rmtree, temporary, ignore_errors=True)

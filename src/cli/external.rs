@@ -1,4 +1,4 @@
-//! External simulators on the command line.
+//! External simulators and planners on the command line.
 
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -10,7 +10,10 @@ use clap::Args;
 use super::duration::duration;
 use super::{count, say};
 use crate::evaluation::Plan;
-use crate::external::{Command, ExternalSettings, ExternalSimulator, RunOutline, StderrTarget, TimeLimits};
+use crate::external::{
+    Command, ExternalPlanner, ExternalSettings, ExternalSimulator, Processes, RunOutline, StderrTarget,
+    TimeLimits,
+};
 use crate::rollout::Request;
 
 /// Command for our own standard input and output.
@@ -24,7 +27,11 @@ pub(super) struct ExternalArgs {
     /// only external simulators run
     #[arg(long, value_name = "NAME=COMMAND", help_heading = HEADING)]
     external: Vec<String>,
-    /// Processes per external simulator; they do not change any result
+    /// External planner: a command that speaks the protocol for planners, such as mine='python mine.py', or
+    /// @stdio; it drives the AV with --av planner:external:NAME; may be repeated
+    #[arg(long, value_name = "NAME=COMMAND", help_heading = HEADING)]
+    planner: Vec<String>,
+    /// Processes per external simulator or planner; they do not change any result
     #[arg(long, default_value_t = 1, value_name = "N", help_heading = HEADING)]
     external_workers: usize,
     /// Scenarios per batch of an external simulator; part of the provenance [default: what it asks
@@ -46,7 +53,12 @@ pub(super) struct ExternalArgs {
     reveal_ids: bool,
 }
 
-const HEADING: &str = "External simulators";
+/// Option for simulators.
+const EXTERNAL: &str = "--external";
+/// Option for planners.
+const PLANNER: &str = "--planner";
+
+const HEADING: &str = "External simulators and planners";
 
 impl ExternalArgs {
     /// Returns whether there is any.
@@ -54,39 +66,51 @@ impl ExternalArgs {
         !self.external.is_empty()
     }
 
-    /// Returns whether our standard output belongs to a simulator.
+    /// Returns whether our standard output belongs to a simulator or planner.
     pub(super) fn takes_stdout(&self) -> bool {
-        self.external.iter().any(|text| text.ends_with(&format!("={STDIO}")))
+        let all = self.external.iter().chain(&self.planner);
+        all.into_iter().any(|text| text.ends_with(&format!("={STDIO}")))
     }
 
-    /// Starts the simulators.
-    pub(super) fn start(&self, outline: &RunOutline) -> anyhow::Result<Vec<ExternalSimulator>> {
-        let mut simulators: Vec<ExternalSimulator> = Vec::new();
-        for text in &self.external {
+    /// Starts the simulators and planners.
+    pub(super) fn start(&self, outline: &RunOutline) -> anyhow::Result<Outside> {
+        let mut outside = Outside::default();
+        let mut has_parent = false;
+        for (option, text) in self.given() {
             let Some((name, command)) = text.split_once('=') else {
-                bail!("--external `{text}`: write NAME=COMMAND, such as mine='python mine.py'");
+                bail!("{option} `{text}`: write NAME=COMMAND, such as mine='python mine.py'");
             };
             let command = match command.trim() {
+                STDIO if has_parent => {
+                    bail!("{option} `{text}`: only one simulator or planner can be the parent process");
+                }
                 STDIO => Command::Stdio,
                 line => Command::Shell(line.to_owned()),
             };
-            if command == Command::Stdio && simulators.iter().any(|s| *s.command() == Command::Stdio) {
-                bail!("--external `{text}`: only one simulator can be the parent process");
+            has_parent |= command == Command::Stdio;
+            if outside.processes().any(|processes| processes.name() == name) {
+                bail!("{option} `{text}`: the name is given twice");
             }
-            if simulators.iter().any(|s| s.name() == name) {
-                bail!("--external `{text}`: the name is given twice");
-            }
-            let limits = self.limits(&command);
             let settings = ExternalSettings {
                 workers: self.external_workers,
                 batch: self.external_batch,
-                limits,
+                limits: self.limits(&command),
                 reveal_ids: self.reveal_ids,
                 ..ExternalSettings::new(name, command)
             };
-            simulators.push(ExternalSimulator::start(settings, outline.clone())?);
+            if option == PLANNER {
+                outside.planners.push(ExternalPlanner::start(settings, outline.clone())?);
+            } else {
+                outside.simulators.push(ExternalSimulator::start(settings, outline.clone())?);
+            }
         }
-        Ok(simulators)
+        Ok(outside)
+    }
+
+    /// Returns the definitions of simulators and planners, with their options.
+    fn given(&self) -> impl Iterator<Item = (&'static str, &String)> {
+        let simulators = self.external.iter().map(|text| (EXTERNAL, text));
+        simulators.chain(self.planner.iter().map(|text| (PLANNER, text)))
     }
 
     fn limits(&self, command: &Command) -> TimeLimits {
@@ -100,32 +124,46 @@ impl ExternalArgs {
     }
 }
 
-/// Stores the standard error of external simulators in the folder of the run; without a folder, it is passed
-/// on with the name of the simulator.
-pub(super) fn keep_stderr(simulators: &[ExternalSimulator], folder: Option<&Path>) -> anyhow::Result<()> {
-    for simulator in simulators {
-        let name = simulator.name().to_owned();
-        let target = match folder {
-            Some(folder) => StderrTarget::File(folder.join(log_name(&name))),
-            None => StderrTarget::Lines(Box::new(move |line| say(format_args!("{name}: {line}")))),
-        };
-        simulator.set_stderr(target).context("could not write the log of an external simulator")?;
-    }
-    Ok(())
+/// The running external simulators and planners of a command.
+#[derive(Default)]
+pub(super) struct Outside {
+    pub(super) simulators: Vec<ExternalSimulator>,
+    pub(super) planners: Vec<ExternalPlanner>,
 }
 
-/// Warns of batches of external simulators that failed, although a repetition may have hidden it.
-pub(super) fn report_faults(simulators: &[ExternalSimulator], folder: Option<&Path>) {
-    for simulator in simulators {
-        let Some((n, first)) = simulator.faults() else { continue };
-        let name = simulator.name();
-        let log = folder.map_or_else(String::new, |folder| {
-            format!("; all are in {}", folder.join(log_name(name)).display())
-        });
-        let n = count(n, "time");
-        // A foreign text cannot pass for another message.
-        let first = first.replace('\n', "\n    ");
-        say(format_args!("warning: {name}: a batch failed and ran again ({n}), the first: {first}{log}"));
+impl Outside {
+    fn processes(&self) -> impl Iterator<Item = &Processes> {
+        let simulators = self.simulators.iter().map(ExternalSimulator::processes);
+        simulators.chain(self.planners.iter().map(ExternalPlanner::processes))
+    }
+
+    /// Stores the standard error of the processes in the folder of the run; without a folder, it is passed on
+    /// with the name of the simulator or planner.
+    pub(super) fn keep_stderr(&self, folder: Option<&Path>) -> anyhow::Result<()> {
+        for processes in self.processes() {
+            let name = processes.name().to_owned();
+            let target = match folder {
+                Some(folder) => StderrTarget::File(folder.join(log_name(&name))),
+                None => StderrTarget::Lines(Box::new(move |line| say(format_args!("{name}: {line}")))),
+            };
+            processes.set_stderr(target).context("could not write the log of an external program")?;
+        }
+        Ok(())
+    }
+
+    /// Warns of requests that failed, although a repetition may have hidden it.
+    pub(super) fn report_faults(&self, folder: Option<&Path>) {
+        for processes in self.processes() {
+            let Some((n, first)) = processes.faults() else { continue };
+            let name = processes.name();
+            let log = folder.map_or_else(String::new, |folder| {
+                format!("; all are in {}", folder.join(log_name(name)).display())
+            });
+            let n = count(n, "time");
+            // A foreign text cannot pass for another message.
+            let first = first.replace('\n', "\n    ");
+            say(format_args!("warning: {name}: a batch failed and ran again ({n}), the first: {first}{log}"));
+        }
     }
 }
 

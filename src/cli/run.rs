@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::bail;
 use clap::Args;
 
-use super::external::{check_batches, keep_stderr, report_faults};
+use super::external::{Outside, check_batches};
 use super::finished::{outcomes, put_table, report_left_out, report_notes, report_problems, show_next_steps};
 use super::live_table::LiveTable;
 use super::progress::Progress;
@@ -17,7 +17,7 @@ use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::table_output::{TableArgs, formats};
 use super::{ExitStatus, is_verbose, note, say, stop_on_interrupt};
 use crate::evaluation::{self, Outcome, Plan, RunFolder, Source, Summary};
-use crate::external::{ExternalSimulator, RunOutline};
+use crate::external::RunOutline;
 use crate::models::qp::Smoothing;
 use crate::report::Run;
 use crate::rollout::{Replan, Settings};
@@ -80,17 +80,17 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
 pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     if args.subject.external.takes_stdout() && args.out.is_none() {
-        bail!("--external …=@stdio: standard output belongs to the simulator: give --out FOLDER");
+        bail!("@stdio: standard output belongs to the simulator or planner: give --out FOLDER");
     }
     args.table.check(args.format.as_deref())?;
-    let (plan, external) = plan(&args, args.subject.sources()?)?;
+    let (plan, outside) = plan(&args, args.subject.sources()?)?;
     let (folder, tally) = plan.open_folder(args.out.as_deref(), args.resume)?;
-    keep_stderr(&external, args.out.as_deref())?;
+    outside.keep_stderr(args.out.as_deref())?;
     let progress = Progress::with_table(LiveTable::of(&plan.simulators));
     let execution = args.work.execution();
     let outcome = evaluation::run(&plan, execution, folder.as_ref(), tally, &progress, stop);
     progress.end();
-    report_faults(&external, args.out.as_deref());
+    outside.report_faults(args.out.as_deref());
     match outcome? {
         Outcome::Interrupted => {
             match &args.out {
@@ -104,7 +104,7 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
         }
         Outcome::Finished(summary) => {
             if let Some(count) = args.check_batch {
-                check_batches(&plan, &external, count)?;
+                check_batches(&plan, &outside.simulators, count)?;
             }
             finish(&args, folder.as_ref(), &summary)
         }
@@ -146,7 +146,7 @@ pub(crate) fn finish(
 }
 
 /// Plans the run of these arguments on these scenarios.
-pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan, Vec<ExternalSimulator>)> {
+pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan, Outside)> {
     let subject = &args.subject;
     let settings = Settings {
         protocol: args.protocol.into(),
@@ -154,9 +154,9 @@ pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan
         av_lookahead: args.av_lookahead == "1",
         seed: subject.seed,
     };
-    let (simulators, external) = subject.simulators(args.smooth, &RunOutline::of(&settings))?;
-    let plan = subject.plan(sources, simulators, settings, args.rollouts, args.keep_rollouts)?;
-    Ok((plan, external))
+    let (simulators, outside) = subject.simulators(args.smooth, &RunOutline::of(&settings))?;
+    let plan = subject.plan(sources, simulators, &outside, settings, args.rollouts, args.keep_rollouts)?;
+    Ok((plan, outside))
 }
 
 /// Parses the name of a stage; `off` is none.

@@ -12,10 +12,10 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::ExitStatus;
+use super::external::Outside;
 use super::subject::{EvaluationArgs, ExecutionArgs};
 use super::table_output::ColumnArgs;
 use crate::evaluation::{Source, StudyPlan};
-use crate::external::ExternalSimulator;
 
 const AFTER: &str = "\
 Examples:
@@ -50,8 +50,8 @@ enum StudyCommand {
     Vocabulary(vocabulary::VocabularyArgs),
 }
 
-/// A study, and the external simulators in it.
-type PlannedStudy = (StudyPlan, Vec<ExternalSimulator>);
+/// A study, and the external simulators and planners in it.
+type PlannedStudy = (StudyPlan, Outside);
 
 /// Arguments common to all studies.
 #[derive(Debug, Args)]

@@ -7,16 +7,16 @@ use std::path::Path;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::external::ExternalArgs;
+use super::external::{ExternalArgs, Outside};
 use super::log_sources;
 use super::metric_options;
 use super::scenario_args::ScenarioArgs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
-    Adjustments, AvChoice, Execution, FileRecord, Plan, PlanRequest, PlannedSimulator, Pose, RolloutCheck,
-    Source, weights_file,
+    Adjustments, AvChoice, Driver, Execution, FileRecord, Plan, PlanRequest, PlannedSimulator, Pose,
+    RolloutCheck, Source, weights_file,
 };
-use crate::external::{ExternalSimulator, RunOutline};
+use crate::external::RunOutline;
 use crate::models::WeightsFile;
 use crate::models::nn::Backend;
 use crate::models::qp::Smoothing;
@@ -42,8 +42,9 @@ pub(super) struct EvaluationArgs {
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
     /// Driver of the AV: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>,
-    /// retime:<factor>, shift:<m>, file:<path> or a planner, which is judged: planner:pdm-closed, planner:idm
-    /// or planner:log; with settings such as planner:idm,tracker=perfect,every=5 [default: deviated]
+    /// retime:<factor>, shift:<m>, file:<path> or a planner, which is judged: planner:pdm-closed, planner:idm,
+    /// planner:log, planner:simulator:<id> or planner:external:<name>; with settings such as
+    /// planner:idm,tracker=perfect,every=5 [default: deviated]
     #[arg(long, value_name = "POLICY")]
     av: Option<AvChoice>,
     /// Tensor backend of the networks; `reactsim list backends` shows which this program has
@@ -161,21 +162,21 @@ impl EvaluationArgs {
     }
 
     /// Creates the simulators: baselines with the requested weights and parameters, then external ones, each
-    /// with this stage behind it. The second list gives access to the external ones.
+    /// with this stage behind it. The second value has the external ones and the external planners.
     pub(super) fn simulators(
         &self,
         smoothing: Option<Smoothing>,
         outline: &RunOutline,
-    ) -> anyhow::Result<(Vec<PlannedSimulator>, Vec<ExternalSimulator>)> {
+    ) -> anyhow::Result<(Vec<PlannedSimulator>, Outside)> {
         let external_only = self.external.is_any() && self.models.is_empty();
         let adjustments = self.adjustments(smoothing)?;
         let mut simulators =
             if external_only { Vec::new() } else { PlannedSimulator::adjusted(&self.models, &adjustments)? };
-        let external = self.external.start(outline)?;
-        for simulator in &external {
+        let outside = self.external.start(outline)?;
+        for simulator in &outside.simulators {
             simulators.push(PlannedSimulator::external(simulator.clone(), smoothing)?);
         }
-        Ok((simulators, external))
+        Ok((simulators, outside))
     }
 
     /// Finds the files of scenarios.
@@ -199,25 +200,47 @@ impl EvaluationArgs {
         &self,
         sources: Vec<Source>,
         simulators: Vec<PlannedSimulator>,
+        outside: &Outside,
         rollout: Settings,
         rollouts: u32,
         keep_rollouts: bool,
     ) -> anyhow::Result<Plan> {
+        let drivers: Vec<Driver> = outside.planners.iter().cloned().map(Driver::external).collect();
+        let named = match &self.av {
+            Some(AvChoice::Planned(planned)) => Some(&planned.driver),
+            _ => None,
+        };
+        if let Some(unused) = drivers.iter().map(Driver::driver).find(|driver| named != Some(driver)) {
+            bail!("--planner: no AV is driven by `{unused}`: add --av planner:{unused}");
+        }
         let request = PlanRequest {
-            sources,
-            simulators,
+            drivers,
+            av: self.av.clone(),
+            rollouts,
+            ..self.request(sources, simulators, rollout, keep_rollouts)?
+        };
+        Ok(request.plan()?)
+    }
+
+    /// Asks for one rollout of these simulators with the default AV.
+    pub(super) fn request(
+        &self,
+        sources: Vec<Source>,
+        simulators: Vec<PlannedSimulator>,
+        rollout: Settings,
+        keep_rollouts: bool,
+    ) -> anyhow::Result<PlanRequest> {
+        Ok(PlanRequest {
             deviations: self.input.deviations.clone(),
             pose: self.motion.pose,
-            av: self.av.clone(),
             rollout,
-            rollouts,
             options: metric_options(&self.metric_options)?,
             limit: self.input.limit.map(NonZeroUsize::get),
             selection: self.input.selection.selection(),
             keep_rollouts,
             allowed: self.motion.allow.clone(),
-        };
-        Ok(request.plan()?)
+            ..PlanRequest::new(sources, simulators)
+        })
     }
 }
 

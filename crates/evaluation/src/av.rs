@@ -12,6 +12,12 @@ use reactsim_rollout::{ParseReplanError, ParseScriptError, Replan, Script};
 pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, \
                               retime:<factor>, shift:<m>, file:<path> or planner:<id>";
 
+/// Prefix of the planners.
+pub(super) const PLANNER: &str = "planner:";
+
+/// The planners, for error texts.
+const PLANNERS: &str = "log, pdm-closed, idm, simulator:<id> or external:<name>";
+
 /// The AV policy in the reactive protocol.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AvChoice {
@@ -30,23 +36,51 @@ pub enum AvChoice {
 }
 
 /// An AV that is judged by the metrics of planners.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlannedAv {
     /// The planner.
     pub driver: AvDriver,
-    /// The controller that follows its trajectories.
+    /// The controller that follows its trajectories. Simulators have none: the AV takes the states that they plan.
     pub controller: Controller,
-    /// Number of steps between two plans; one by default, as in nuPlan.
+    /// Number of steps between two plans. By default one, as in nuPlan; for simulators five, as in the benchmark.
     pub every: Replan,
 }
 
 /// The planner of an AV.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum AvDriver {
     /// The logged AV: the expert, which others are compared with.
     Log,
     /// A planner that plans from what it observes.
     Planner(PlannerChoice),
+    /// A simulator, by its id: it plans for all agents, and the AV follows its part of the plan.
+    Simulator(String),
+    /// A program that speaks the protocol for planners, by its name.
+    External(String),
+    /// A planner that the calling program provides, by its name.
+    Own(String),
+}
+
+impl AvDriver {
+    /// Returns the number of steps between two plans if nothing else is chosen.
+    fn default_interval(&self) -> Replan {
+        match self {
+            Self::Simulator(_) => Replan::default(),
+            Self::Log | Self::Planner(_) | Self::External(_) | Self::Own(_) => Replan::EVERY_STEP,
+        }
+    }
+}
+
+impl fmt::Display for AvDriver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Log => f.write_str("log"),
+            Self::Planner(planner) => f.write_str(planner.id()),
+            Self::Simulator(id) => write!(f, "simulator:{id}"),
+            Self::External(name) => write!(f, "external:{name}"),
+            Self::Own(name) => write!(f, "own:{name}"),
+        }
+    }
 }
 
 /// The reason why a text does not name an AV policy.
@@ -62,7 +96,7 @@ pub enum ParseAvError {
     #[error("`file:` names no file: write `file:<path>`")]
     NoFile,
     /// There is no such planner.
-    #[error("`{0}` is not a planner: choose log, pdm-closed or idm")]
+    #[error("`{0}` is not a planner: choose {PLANNERS}")]
     UnknownPlanner(String),
     /// A setting of a planner is unknown or not a valid value.
     #[error("`{0}` is not a setting of a planner: write tracker=lqr, tracker=perfect or every=<steps>")]
@@ -76,6 +110,9 @@ pub enum ParseAvError {
     /// The logged AV has no settings.
     #[error("`planner:log` replays the log and has no settings, but `{0}` is given; leave it out")]
     LogSetting(String),
+    /// A simulator has no tracker.
+    #[error("the AV takes the states that a simulator plans, so `{0}` has no use; leave it out")]
+    SimulatorSetting(String),
 }
 
 impl AvChoice {
@@ -96,24 +133,31 @@ impl FromStr for PlannedAv {
     /// Parses the id of a planner and its settings, such as `idm,tracker=perfect,every=5`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (id, settings) = text.split_once(',').unwrap_or((text, ""));
-        let driver = match (id, PlannerChoice::from_id(id)) {
-            ("log", _) => AvDriver::Log,
-            (_, Some(planner)) => AvDriver::Planner(planner),
+        let driver = match (id, PlannerChoice::from_id(id), id.split_once(':')) {
+            ("log", ..) => AvDriver::Log,
+            (_, Some(planner), _) => AvDriver::Planner(planner),
+            (_, _, Some(("simulator", id))) if !id.is_empty() => AvDriver::Simulator(id.to_owned()),
+            (_, _, Some(("external", name))) if !name.is_empty() => AvDriver::External(name.to_owned()),
             _ => return Err(ParseAvError::UnknownPlanner(id.to_owned())),
         };
-        let mut planned = Self { driver, controller: Controller::LqrBicycle, every: Replan::EVERY_STEP };
+        let mut planned =
+            Self { every: driver.default_interval(), controller: Controller::LqrBicycle, driver };
         for setting in settings.split(',').filter(|setting| !setting.is_empty()) {
-            if driver == AvDriver::Log {
+            if planned.driver == AvDriver::Log {
                 return Err(ParseAvError::LogSetting(setting.to_owned()));
             }
+            let is_simulator = matches!(planned.driver, AvDriver::Simulator(_));
             match setting.split_once('=') {
+                Some(("tracker", _)) if is_simulator => {
+                    return Err(ParseAvError::SimulatorSetting(setting.to_owned()));
+                }
                 Some(("tracker", "lqr")) => planned.controller = Controller::LqrBicycle,
                 Some(("tracker", "perfect")) => planned.controller = Controller::PerfectTracking,
                 Some(("every", steps)) => planned.every = steps.parse()?,
                 _ => return Err(ParseAvError::PlannerSetting(setting.to_owned())),
             }
         }
-        match driver {
+        match &planned.driver {
             AvDriver::Planner(planner)
                 if planner.plans_poses_only() && planned.controller == Controller::PerfectTracking =>
             {
@@ -126,14 +170,11 @@ impl FromStr for PlannedAv {
 
 impl fmt::Display for PlannedAv {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.driver {
-            AvDriver::Log => f.write_str("log")?,
-            AvDriver::Planner(planner) => f.write_str(planner.id())?,
-        }
+        self.driver.fmt(f)?;
         if self.controller == Controller::PerfectTracking {
             f.write_str(",tracker=perfect")?;
         }
-        if self.every != Replan::EVERY_STEP {
+        if self.every != self.driver.default_interval() {
             write!(f, ",every={}", self.every.steps())?;
         }
         Ok(())
@@ -148,7 +189,7 @@ impl FromStr for AvChoice {
             "deviated" => Ok(Self::Deviated),
             "log" => Ok(Self::Log),
             "deviated-or-log" => Ok(Self::DeviatedOrLog),
-            _ => match (text.strip_prefix("file:"), text.strip_prefix("planner:")) {
+            _ => match (text.strip_prefix("file:"), text.strip_prefix(PLANNER)) {
                 (_, Some(planned)) => planned.parse().map(Self::Planned),
                 (Some(""), _) => Err(ParseAvError::NoFile),
                 (Some(path), _) => Ok(Self::File(path.into())),
@@ -170,7 +211,7 @@ impl fmt::Display for AvChoice {
             Self::Log => f.write_str("log"),
             Self::DeviatedOrLog => f.write_str("deviated-or-log"),
             Self::Scripted(script) => script.fmt(f),
-            Self::Planned(planned) => write!(f, "planner:{planned}"),
+            Self::Planned(planned) => write!(f, "{PLANNER}{planned}"),
         }
     }
 }
@@ -182,8 +223,15 @@ mod tests {
     #[test]
     fn names_round_trip() {
         let scripts = ["constant-velocity", "brake:4", "retime:1.6", "shift:-2"];
-        let planners =
-            ["planner:log", "planner:pdm-closed", "planner:idm,tracker=perfect", "planner:idm,every=5"];
+        let planners = [
+            "planner:log",
+            "planner:pdm-closed",
+            "planner:idm,tracker=perfect",
+            "planner:idm,every=5",
+            "planner:simulator:idm@calm+qp",
+            "planner:simulator:idm,every=1",
+            "planner:external:mine,tracker=perfect,every=5",
+        ];
         let all = ["deviated", "log", "deviated-or-log"].into_iter().chain(scripts).chain(planners);
         for text in all {
             assert_eq!(text.parse::<AvChoice>().unwrap().to_string(), text);
@@ -200,7 +248,11 @@ mod tests {
         assert!(text("shift:inf").contains("from -5 to 5 m"));
         insta::assert_snapshot!(text("file:"), @"`file:` names no file: write `file:<path>`");
         assert!(text("swerve").contains("choose deviated, log"));
-        assert!(text("planner:pdm").contains("choose log, pdm-closed or idm"));
+        assert!(
+            text("planner:pdm").contains("choose log, pdm-closed, idm, simulator:<id> or external:<name>")
+        );
+        assert!(text("planner:external:").contains("is not a planner"));
+        assert!(text("planner:simulator:idm,tracker=lqr").contains("leave it out"));
         assert!(text("planner:idm,speed=3").contains("tracker=perfect"));
         assert!(text("planner:idm,every=0").contains("1 to 80 steps"));
         assert!(text("planner:pdm-closed,tracker=perfect").contains("use tracker=lqr"));

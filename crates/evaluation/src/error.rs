@@ -279,6 +279,28 @@ pub enum EvaluationError {
         /// The id.
         id: String,
     },
+    /// The AV policy names a planner that is not given.
+    #[error(
+        "the AV policy names the planner `{name}`, which is not given: define it with --planner NAME=COMMAND"
+    )]
+    NoDriver {
+        /// Its name in the AV policy.
+        name: String,
+    },
+    /// Several simulators cannot drive one AV.
+    #[error("`{id}` names several simulators, and one drives the AV: choose one")]
+    SeveralDrivers {
+        /// The name.
+        id: String,
+    },
+    /// A simulator that observes the logged future cannot drive the AV.
+    #[error(
+        "`{id}` observes the logged future and cannot drive the AV: choose another simulator, or planner:log"
+    )]
+    OracleDriver {
+        /// Id of the simulator.
+        id: String,
+    },
     /// Weights or a parameter are for a simulator that does not run.
     #[error(
         "weights or parameters are given for the simulator `{id}`, which does not run: \

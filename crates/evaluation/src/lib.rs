@@ -29,6 +29,7 @@ mod case_study;
 mod comparison;
 mod conditions;
 pub mod document;
+mod driver;
 mod error;
 mod file_record;
 mod finish;
@@ -71,6 +72,7 @@ pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_
 pub use case_study::{CASE_STUDIES, CaseStudy};
 pub use comparison::{Comparison, PairedDifference};
 pub use conditions::{Condition, ConditionDifference, changed_options};
+pub use driver::Driver;
 pub use error::EvaluationError;
 pub use file_record::{CompanionRecord, FileRecord, Registrar};
 pub use finished_run::FinishedRun;

@@ -15,6 +15,7 @@ use reactsim_scene::{DeviatedTrack, Frame, Scenario};
 use super::EvaluationError;
 use super::av::{AvChoice, AvDriver, PlannedAv};
 use super::benchmarks::BenchmarkRecord;
+use super::driver::Driver;
 use super::file_record::FileRecord;
 use super::folder::RunFolder;
 use super::known_deviation::KnownDeviation;
@@ -76,6 +77,8 @@ pub struct Plan {
     /// sets are not mixed. In the realism protocol, which has no deviated AVs, the file selects the
     /// scenarios.
     pub deviations: Option<Deviations>,
+    /// Drivers of the AV, of which the AV policy names one or none.
+    pub drivers: Vec<Driver>,
     /// Settings.
     pub settings: RunSettings,
     /// Whether the run folder keeps the rollouts.
@@ -112,6 +115,9 @@ pub enum NoAv {
     /// The planner cannot drive in the scenario.
     #[error(transparent)]
     Planner(#[from] PlannerAvError),
+    /// The planner that the AV policy names was not given.
+    #[error("there is no planner `{0}`")]
+    NoDriver(String),
     /// The trajectory in a file of deviations is invalid.
     #[error("{source} (in {file})")]
     RefusedDeviation {
@@ -126,7 +132,8 @@ impl Plan {
     /// Returns the provenance of the run.
     pub fn provenance(&self) -> Provenance {
         let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
-        let backend = self.simulators.iter().find_map(|s| s.backend);
+        let of_driver = || self.driver().and_then(|driver| driver.backend);
+        let backend = self.simulators.iter().find_map(|s| s.backend).or_else(of_driver);
         Provenance {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
@@ -148,19 +155,8 @@ impl Plan {
                 let named = self.settings.options.named();
                 named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
             },
-            simulators: self
-                .simulators
-                .iter()
-                .map(|s| SimulatorRecord {
-                    id: s.id.clone(),
-                    title: s.title.clone(),
-                    oracle: s.controller.is_oracle(),
-                    card: blake3::hash(s.card.as_bytes()).to_hex().to_string(),
-                    parameters: s.parameters.clone(),
-                    weights: s.weights.clone(),
-                    external: s.external.clone(),
-                })
-                .collect(),
+            simulators: self.simulators.iter().map(SimulatorRecord::of).collect(),
+            driver: self.driver().and_then(|driver| driver.record.clone()),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
             deviations: self.deviations.as_ref().map(|d| d.file.clone()),
             benchmark: match (self.sources.as_slice(), &self.deviations, self.settings.limit) {
@@ -172,6 +168,14 @@ impl Plan {
             backend: backend.map(|b| b.name().to_owned()),
             cpu: backend.map(|_| cpu_class().to_owned()),
             keep_rollouts: Some(self.keep_rollouts),
+        }
+    }
+
+    /// Returns what drives the AV, if it is more than a name.
+    pub(super) fn driver(&self) -> Option<&Driver> {
+        match &self.settings.av {
+            AvChoice::Planned(planned) => self.drivers.iter().find(|d| d.driver == planned.driver),
+            _ => None,
         }
     }
 
@@ -273,6 +277,10 @@ impl Plan {
             }
             AvChoice::Planned(PlannedAv { driver: AvDriver::Planner(planner), controller, every }) => {
                 undeviated(Arc::new(PlannerAv::new(scenario, *planner, *controller, *every)?))
+            }
+            AvChoice::Planned(planned) => {
+                let driver = self.driver().ok_or_else(|| NoAv::NoDriver(planned.driver.to_string()))?;
+                undeviated(driver.av(scenario, planned, self.settings.rollout.seed)?)
             }
         };
         Ok((Some(av), deviation))

@@ -10,11 +10,12 @@ use reactsim_shards::differences;
 use serde::{Deserialize, Serialize};
 
 use super::access::Access;
-use super::av::AvChoice;
+use super::av::PLANNER;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
 use super::pose::Pose;
 use super::selection::Selection;
+use super::simulators::PlannedSimulator;
 
 /// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
 /// parameters and weights, and for networks the backend and the class of the processor.
@@ -34,6 +35,9 @@ pub struct Provenance {
     pub metric_options: BTreeMap<String, String>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<SimulatorRecord>,
+    /// What drives the AV, if it is a simulator or an external planner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<SimulatorRecord>,
     /// Scenario files in the order of reading.
     pub inputs: Vec<FileRecord>,
     /// The file of deviated AVs, if given.
@@ -102,7 +106,7 @@ impl SettingsRecord {
 
     /// Returns whether the AV is judged by the metrics of planners.
     pub(super) fn judges_av(&self) -> bool {
-        self.av.parse::<AvChoice>().is_ok_and(|av| av.is_judged())
+        self.av.starts_with(PLANNER)
     }
 
     /// Returns the record of a pose; `None` for box centres.
@@ -172,6 +176,19 @@ impl ExternalRecord {
 }
 
 impl SimulatorRecord {
+    /// Creates the record of a simulator.
+    pub(super) fn of(simulator: &PlannedSimulator) -> Self {
+        Self {
+            id: simulator.id.clone(),
+            title: simulator.title.clone(),
+            oracle: simulator.controller.is_oracle(),
+            card: blake3::hash(simulator.card.as_bytes()).to_hex().to_string(),
+            parameters: simulator.parameters.clone(),
+            weights: simulator.weights.clone(),
+            external: simulator.external.clone(),
+        }
+    }
+
     /// Returns what the simulator can know beyond its observations.
     pub fn access(&self) -> Access {
         match &self.external {

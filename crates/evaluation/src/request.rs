@@ -6,8 +6,9 @@ use reactsim_metrics::Options;
 use reactsim_rollout::{Protocol, Settings};
 
 use super::EvaluationError;
-use super::av::AvChoice;
+use super::av::{AvChoice, AvDriver, PlannedAv};
 use super::benchmarks::BenchmarkRecord;
+use super::driver::Driver;
 use super::plan::{Deviations, Plan, RunSettings};
 use super::pose::Pose;
 use super::rollout_checks::RolloutCheck;
@@ -27,6 +28,8 @@ pub struct PlanRequest {
     pub pose: Pose,
     /// AV policy in the reactive protocol; `None` for the deviated AV.
     pub av: Option<AvChoice>,
+    /// Planners that the AV policy may name, without simulators.
+    pub drivers: Vec<Driver>,
     /// Protocol, replan interval, lookahead, seed.
     pub rollout: Settings,
     /// Number of rollouts per scenario and simulator.
@@ -52,6 +55,7 @@ impl PlanRequest {
             deviations: None,
             pose: Pose::Centre,
             av: None,
+            drivers: Vec::new(),
             rollout: Settings::default(),
             rollouts: 1,
             options: Options::default(),
@@ -66,7 +70,7 @@ impl PlanRequest {
     ///
     /// # Errors
     /// [`EvaluationError`] if a simulator is repeated, there are no rollouts, the AV and the deviations do not
-    /// fit together or to the protocol, the file of deviations cannot be read, or no AV is chosen and the
+    /// fit together or to the protocol, the AV policy names a planner that is not given, the file of deviations cannot be read, or no AV is chosen and the
     /// scenarios have no deviated one.
     pub fn plan(self) -> Result<Plan, EvaluationError> {
         for (i, simulator) in self.simulators.iter().enumerate() {
@@ -96,6 +100,7 @@ impl PlanRequest {
             }
             None => AvChoice::Deviated,
         };
+        let drivers = with_driver(&av, self.drivers)?;
         let settings = RunSettings {
             rollout: self.rollout,
             av,
@@ -105,7 +110,7 @@ impl PlanRequest {
             selection: self.selection,
         };
         let Self { sources, simulators, keep_rollouts, allowed, .. } = self;
-        Ok(Plan { sources, simulators, deviations, settings, keep_rollouts, allowed })
+        Ok(Plan { sources, simulators, deviations, drivers, settings, keep_rollouts, allowed })
     }
 
     /// Returns the file of deviations, which the AV policy may name too.
@@ -120,6 +125,20 @@ impl PlanRequest {
             (None, _) => Ok(None),
         }
     }
+}
+
+/// Returns these drivers and, if the AV policy names a simulator, this one.
+///
+/// # Errors
+/// [`EvaluationError`] if the policy names a planner that is not given, or a simulator that cannot drive.
+pub(super) fn with_driver(av: &AvChoice, mut drivers: Vec<Driver>) -> Result<Vec<Driver>, EvaluationError> {
+    drivers.extend(Driver::of(av)?);
+    let AvChoice::Planned(PlannedAv { driver, .. }) = av else { return Ok(drivers) };
+    let needs_driver = matches!(driver, AvDriver::External(_) | AvDriver::Own(_));
+    if needs_driver && !drivers.iter().any(|given| given.driver == *driver) {
+        return Err(EvaluationError::NoDriver { name: driver.to_string() });
+    }
+    Ok(drivers)
 }
 
 /// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the

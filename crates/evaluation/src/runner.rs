@@ -8,10 +8,11 @@ use std::thread;
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_metrics::Event;
 use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
-use reactsim_scene::Scenario;
+use reactsim_scene::{HISTORY, Scenario};
 use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
 
+use super::driver::Driver;
 use super::finish::finish;
 use super::folder::RunFolder;
 use super::judge::judge;
@@ -230,6 +231,8 @@ enum GivenBy<'a> {
     Deviations,
     /// A simulator, by id.
     Simulator(&'a str),
+    /// A planner, by name.
+    Planner(&'a str),
 }
 
 /// A scenario of a batch that is ready to run.
@@ -383,7 +386,7 @@ impl Runner<'_> {
         let texts: Vec<&str> = missing.map(|finding| finding.text.as_str()).collect();
         let subject = match by {
             GivenBy::Deviations => "the file of deviations".to_owned(),
-            GivenBy::Simulator(id) => format!("`{id}`"),
+            GivenBy::Simulator(id) | GivenBy::Planner(id) => format!("`{id}`"),
         };
         Err(EvaluationError::Motion {
             subject,
@@ -425,7 +428,12 @@ impl Runner<'_> {
             }
         }
         // An interrupt ends simulators, too.
-        let given_up = planned.given_up().filter(|_| !self.stop.load(Ordering::Relaxed));
+        let driver = self.plan.driver();
+        let given_up = [(planned.id.clone(), planned.given_up())]
+            .into_iter()
+            .chain(driver.map(|driver| (driver.driver().to_string(), driver.given_up())))
+            .find_map(|(name, reason)| Some((name, reason?)))
+            .filter(|_| !self.stop.load(Ordering::Relaxed));
         let mut stopped = None;
         for ((ready, rollouts), error) in todo.iter().zip(finished).zip(failed) {
             // Part of a batch that is repeated for another record.
@@ -444,7 +452,7 @@ impl Runner<'_> {
                 // Not a result of this scenario: it runs again when the run is resumed.
                 Some(_) if given_up.is_some() => {}
                 // So it is with a simulator that was ended because it did not answer in time.
-                Some(_) if planned.batch().is_some() && self.is_interrupted() => {}
+                Some(_) if self.has_processes(planned) && self.is_interrupted() => {}
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
                     let text = self.named(ready.place, &error);
@@ -452,13 +460,18 @@ impl Runner<'_> {
                 }
             }
         }
-        if let Some(reason) = given_up {
-            return Err(EvaluationError::GivenUp { simulator: planned.id.clone(), reason });
+        if let Some((simulator, reason)) = given_up {
+            return Err(EvaluationError::GivenUp { simulator, reason });
         }
         stopped.map_or(Ok(()), Err)
     }
 
-    /// Checks the motion of an external simulator, and marks rollouts that fail allowed checks.
+    /// Returns whether the agents or the AV are moved by processes of their own.
+    fn has_processes(&self, simulator: &PlannedSimulator) -> bool {
+        simulator.external.is_some() || self.plan.driver().is_some_and(Driver::is_foreign)
+    }
+
+    /// Checks the motion of an external simulator or planner, and marks rollouts that fail allowed checks.
     ///
     /// # Errors
     /// [`EvaluationError::Motion`] if a check fails that is not allowed.
@@ -476,6 +489,11 @@ impl Runner<'_> {
                 let given = GivenScene::of_rollout(&ready.scenario, &rollout.tracks, without_av);
                 let by = GivenBy::Simulator(&planned.id);
                 failed.extend(self.allow(by, &ready.scenario.id, given.findings())?);
+            }
+            if let Some(driver) = self.plan.driver().filter(|driver| driver.is_foreign()) {
+                let given = GivenScene::of_av(&ready.scenario, None, &rollout.tracks[0][HISTORY..]);
+                let name = driver.driver().to_string();
+                failed.extend(self.allow(GivenBy::Planner(&name), &ready.scenario.id, given.findings())?);
             }
             failed.sort();
             failed.dedup();

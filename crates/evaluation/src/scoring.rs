@@ -73,6 +73,7 @@ impl Scoring {
                 let named = options.named();
                 named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
             },
+            driver: None,
             simulators: recorded.simulators().iter().map(|name| simulator(name)).collect(),
             // The rollout files first, then the scenario files.
             inputs: files,

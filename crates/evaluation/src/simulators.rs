@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use reactsim_baseline::{Baseline, Card, ModelError, WeightsFile};
-use reactsim_external::ExternalSimulator;
+use reactsim_external::{ExternalSimulator, Processes};
 use reactsim_files::{name_of, read_regular};
 use reactsim_models as models;
 use reactsim_models::MODELS;
@@ -37,7 +37,7 @@ pub struct PlannedSimulator {
     /// The simulator.
     pub controller: Controller,
     /// Its processes, if it is an external program.
-    pub(super) processes: Option<ExternalSimulator>,
+    pub(super) processes: Option<Processes>,
 }
 
 /// Requested changes to simulators, beyond their cards and the weights that ship.
@@ -182,7 +182,7 @@ impl PlannedSimulator {
         }
         let (mut title, mut card) = (id.clone(), String::new());
         let external = Some(ExternalRecord::of(&simulator));
-        let processes = Some(simulator.clone());
+        let processes = Some(simulator.processes().clone());
         let mut controller = Controller::Fair(Box::new(simulator));
         if let Some(smoothing) = smoothing {
             controller = smoothing.behind("external", controller)?;

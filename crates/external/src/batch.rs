@@ -81,12 +81,16 @@ impl OpenBatch {
     /// Plans the episodes, given by their index in the batch.
     pub(super) fn plan(&mut self, active: &mut [(usize, &mut Episode<'_>)]) -> Result<(), PlanError> {
         let (b, n) = (self.episodes.len(), self.agents);
-        let request = {
-            let seen: Vec<(usize, &Episode<'_>)> = active.iter().map(|(i, e)| (*i, &**e)).collect();
-            realised::request(&self.episodes, n, &self.lights, self.frames, &seen)
-        };
-        let steps = active.first().map_or(0, |(_, episode)| episode.plan.steps());
-        self.frames = active.first().map_or(self.frames, |(_, episode)| episode.seen.frame() + 1);
+        let (steps, frame) = active
+            .first()
+            .map_or((0, self.frames.saturating_sub(1)), |(_, e)| (e.plan.steps(), e.seen.frame()));
+        let mut seen = vec![None; b];
+        for (index, episode) in active.iter() {
+            seen[*index] = Some(episode.seen);
+        }
+        let new = self.frames..frame + 1;
+        let request = realised::request(&self.episodes, n, &self.lights, new, &seen, steps);
+        self.frames = frame + 1;
         let planned = self.request(request, "planned", b * n * steps * 3 * size_of::<f64>());
         let planned = planned.map_err(PlanError::BrokenOff)?;
         if let Some(worker) = &mut self.worker {

@@ -195,6 +195,15 @@ impl Frame {
         self.header.metadata().as_ref()?.get(key).map(String::as_str)
     }
 
+    /// Returns the shape of a tensor.
+    ///
+    /// # Errors
+    /// [`DocumentError`] if it is missing.
+    pub fn shape(&self, name: &str) -> Result<&[usize], DocumentError> {
+        let missing = || DocumentError(format!("there is no tensor `{name}`"));
+        Ok(&self.header.info(name).ok_or_else(missing)?.shape)
+    }
+
     /// Returns the numbers of a tensor of `f64` or `f32` with this shape.
     ///
     /// # Errors

@@ -1,7 +1,8 @@
-//! Simulators that are programs of their own: a process protocol over standard input and output.
+//! Simulators and planners that are programs of their own: a process protocol over standard input and output.
 //!
 //! The protocol is described in `docs/external-protocol.md`. Start with [`ExternalSimulator`]: a
-//! [`Simulator`](reactsim_rollout::Simulator) whose plans come from child processes. A `document` is the
+//! [`Simulator`](reactsim_rollout::Simulator) whose plans come from child processes; an [`ExternalPlanner`] plans
+//! trajectories of the AV. A `document` is the
 //! content of a frame; `scenes` and `realised` write what a child receives, `replies` checks what it answers.
 //! A `connection` carries frames and limits their time, a `process` is a child with its standard error, and
 //! `workers` hands out connections to threads.
@@ -12,7 +13,9 @@ mod batch;
 mod connection;
 mod document;
 mod error;
+mod planner;
 mod process;
+mod processes;
 mod realised;
 mod replies;
 mod scene_frame;
@@ -24,8 +27,10 @@ mod workers;
 
 pub use document::{DocumentError, Frame, FrameWriter, Values, read_frame};
 pub use error::ExternalError;
+pub use planner::{ExternalPlanner, PlannerEpisode};
 pub use process::{end_all, interrupt};
-pub use replies::Description;
+pub use processes::Processes;
+pub use replies::{Description, Role};
 pub use scene_frame::{SceneExtras, scene_frame};
 pub use scenes::{LINE_TYPES, LINK_RELATIONS, add_scenes};
 pub use settings::{Command, ExternalSettings, RunOutline, TimeLimits};

@@ -15,9 +15,30 @@ const FARTHEST: f64 = 1e5;
 /// Largest length of texts that a simulator states about itself, bytes.
 const LONGEST_TEXT: usize = 200;
 
-/// The statement of a simulator about itself.
+/// What an external program does in a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It moves the agents.
+    Simulator,
+    /// It plans trajectories of the AV.
+    Planner,
+}
+
+impl Role {
+    /// Returns the name used in messages of the protocol.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Simulator => "simulator",
+            Self::Planner => "planner",
+        }
+    }
+}
+
+/// The statement of a simulator or planner about itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Description {
+    /// What it is.
+    pub role: Role,
     /// Name.
     pub name: String,
     /// Version; may be empty.
@@ -45,6 +66,15 @@ impl Description {
         if name.is_empty() {
             return Err(refuse("`name` is missing or empty".to_owned()));
         }
+        let role = match frame.optional_text("role") {
+            // Simulators need not state it.
+            None | Some("" | "simulator") => Role::Simulator,
+            Some("planner") => Role::Planner,
+            Some(other) => {
+                let other = brief(other);
+                return Err(refuse(format!("`role` is {other:?} instead of `simulator` or `planner`")));
+            }
+        };
         let digest = short("weights_sha256")?.to_ascii_lowercase();
         if !digest.is_empty() && (digest.len() != 64 || !digest.bytes().all(|b| b.is_ascii_hexdigit())) {
             let text = format!("`weights_sha256` is {digest:?} instead of 64 hexadecimal digits");
@@ -67,7 +97,70 @@ impl Description {
             }
         };
         let weights_sha256 = Some(digest).filter(|d| !d.is_empty());
-        Ok(Self { name, version: short("version")?, weights_sha256, intervals, batch })
+        Ok(Self { role, name, version: short("version")?, weights_sha256, intervals, batch })
+    }
+}
+
+/// Returns the errors that `planned` states, by the index of their episode in the batch of `b` episodes.
+fn errors(frame: &Frame, b: usize) -> Result<BTreeMap<usize, String>, DocumentError> {
+    let Some(text) = frame.optional_text("errors").filter(|t| !t.is_empty()) else {
+        return Ok(BTreeMap::new());
+    };
+    let errors: BTreeMap<usize, String> = serde_json::from_str(text).map_err(|e| {
+        DocumentError(format!("`errors` is not an object from indices of episodes to texts: {e}"))
+    })?;
+    match errors.keys().find(|index| **index >= b) {
+        Some(index) => Err(DocumentError(format!("`errors` names episode {index} of a batch of {b}"))),
+        None => Ok(errors),
+    }
+}
+
+/// Returns the trajectory of `planned`: poses of the centre of the AV after 1, 2, … steps, at least `steps` of
+/// them. `Err` inside if the planner reports a failure.
+///
+/// # Errors
+/// If the answer has not the shape that was asked for, or numbers that are no poses in metres and radians.
+pub(super) fn trajectory(
+    frame: &Frame,
+    steps: usize,
+) -> Result<Result<Vec<[f64; 3]>, String>, DocumentError> {
+    if let Some(text) = errors(frame, 1)?.remove(&0) {
+        return Ok(Err(format!("the planner reports: {}", brief(text.trim_end()))));
+    }
+    let shape = frame.shape("trajectory")?;
+    let &[1, poses, 3] = shape else {
+        let text = format!("`trajectory` has the shape {shape:?} instead of [1, {steps} to {FUTURE}, 3]");
+        return Err(DocumentError(text));
+    };
+    if !(steps..=FUTURE).contains(&poses) {
+        return Err(DocumentError(format!(
+            "`trajectory` has {poses} poses; it needs {steps}, the steps until the next plan, to {FUTURE}"
+        )));
+    }
+    let numbers = frame.floats("trajectory", &[1, poses, 3])?;
+    let poses = numbers.as_chunks::<3>().0;
+    for (step, pose) in (1..).zip(poses) {
+        for (axis, value) in ["x", "y", "heading"].into_iter().zip(*pose) {
+            if !is_possible(value) {
+                let expected = expected(axis);
+                let text = format!("`trajectory`: {axis} of pose {step} is {value}, expected {expected}");
+                return Err(DocumentError(text));
+            }
+        }
+    }
+    Ok(Ok(poses.to_vec()))
+}
+
+/// Returns whether a coordinate or heading is possible; NaN is not.
+fn is_possible(value: f64) -> bool {
+    value.abs() < FARTHEST
+}
+
+/// Returns what an impossible value of an axis should have been.
+fn expected(axis: &str) -> &'static str {
+    match axis {
+        "heading" => "radians, not degrees",
+        _ => "metres from the origin of the scenario",
     }
 }
 
@@ -83,15 +176,7 @@ pub(super) fn take_plans(
 ) -> Result<(), DocumentError> {
     let steps = active.first().map_or(0, |(_, episode)| episode.plan.steps());
     let states = frame.floats("states", &[b, n, steps, 3])?;
-    let mut errors = BTreeMap::new();
-    if let Some(text) = frame.optional_text("errors").filter(|t| !t.is_empty()) {
-        errors = serde_json::from_str::<BTreeMap<usize, String>>(text).map_err(|e| {
-            DocumentError(format!("`errors` is not an object from indices of episodes to texts: {e}"))
-        })?;
-        if let Some(index) = errors.keys().find(|index| **index >= b) {
-            return Err(DocumentError(format!("`errors` names episode {index} of a batch of {b}")));
-        }
-    }
+    let mut errors = errors(frame, b)?;
     for (index, episode) in active {
         if let Some(text) = errors.remove(index) {
             let text = format!("the simulator reports: {}", brief(text.trim_end()));
@@ -114,14 +199,8 @@ fn take_plan(states: &[f64], steps: usize, episode: &mut Episode<'_>) -> Result<
             let at = (slot * steps + k) * 3;
             let (x, y, heading) = (states[at], states[at + 1], states[at + 2]);
             for (axis, value) in ["x", "y", "heading"].into_iter().zip([x, y, heading]) {
-                // NaN is not below either.
-                let is_possible = value.abs() < FARTHEST;
-                if !is_possible {
-                    let step = episode.seen.step() + k + 1;
-                    let expected = match axis {
-                        "heading" => "radians, not degrees",
-                        _ => "metres from the origin of the scenario",
-                    };
+                if !is_possible(value) {
+                    let (step, expected) = (episode.seen.step() + k + 1, expected(axis));
                     return Err(format!(
                         "`states`: {axis} of agent {slot} at step {step} is {value}, expected {expected}"
                     ));

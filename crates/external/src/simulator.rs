@@ -1,6 +1,5 @@
 //! A simulator whose plans come from a process.
 
-use std::io;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
@@ -10,10 +9,9 @@ use reactsim_rollout::{
 };
 
 use super::batch::OpenBatch;
-use super::replies::Description;
+use super::processes::Processes;
+use super::replies::{Description, Role};
 use super::settings::{DEFAULT_BATCH, ExternalSettings, RunOutline};
-use super::stderr::StderrTarget;
-use super::workers::Workers;
 use super::{Command, ExternalError};
 
 /// A simulator that runs as a program of its own, in one or several processes. Clones share the processes,
@@ -22,7 +20,7 @@ use super::{Command, ExternalError};
 pub struct ExternalSimulator {
     settings: ExternalSettings,
     description: Description,
-    workers: Arc<Workers>,
+    processes: Processes,
 }
 
 /// Memory of an episode: the batch that it is part of, and its index there.
@@ -39,14 +37,9 @@ impl ExternalSimulator {
     /// [`ExternalError`] for wrong settings, if the process does not start or greet, or does not support the
     /// replan intervals of the run.
     pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
-        settings.check()?;
         let name = || settings.name.clone();
         let intervals = outline.intervals.clone();
-        let workers = Arc::new(Workers::new(settings.clone(), outline));
-        let failed = |reason| ExternalError::Start { name: name(), reason };
-        let worker = workers.take().map_err(failed)?;
-        workers.put_back(Some(worker));
-        let description = workers.description().ok_or_else(|| failed("it stated nothing".to_owned()))?;
+        let (processes, description) = Processes::start(&settings, outline, Role::Simulator)?;
         let is_supported = |steps: &usize| description.intervals.contains(steps);
         let unsupported = intervals.iter().find(|steps| !is_supported(steps));
         if let (Some(asked), Some(hint)) = (unsupported, description.intervals.first()) {
@@ -57,7 +50,7 @@ impl ExternalSimulator {
                 hint: *hint,
             });
         }
-        Ok(Self { settings, description, workers })
+        Ok(Self { settings, description, processes })
     }
 
     /// Returns its name in tables.
@@ -86,23 +79,9 @@ impl ExternalSimulator {
         self.settings.batch.or(self.description.batch).unwrap_or(DEFAULT_BATCH)
     }
 
-    /// Returns the number of batches that failed and were repeated or given up, and the reason of the first;
-    /// `None` if none did.
-    pub fn faults(&self) -> Option<(usize, String)> {
-        self.workers.faults()
-    }
-
-    /// Returns the reason why no further process is started: starts or single episodes that failed in a row.
-    pub fn given_up(&self) -> Option<String> {
-        self.workers.given_up()
-    }
-
-    /// Sends the standard error of its processes to a target, also what they wrote before.
-    ///
-    /// # Errors
-    /// If a file cannot be opened.
-    pub fn set_stderr(&self, target: StderrTarget) -> io::Result<()> {
-        self.workers.stderr.set_target(target)
+    /// Returns its processes.
+    pub fn processes(&self) -> &Processes {
+        &self.processes
     }
 
     /// Rolls out a batch together and singly and compares the positions: a network on a graphics processor
@@ -136,7 +115,7 @@ pub struct BatchDifference {
 impl Simulator for ExternalSimulator {
     fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
         let seeds: Vec<u64> = batch.iter_mut().map(|episode| episode.stream.next_u64()).collect();
-        let open = OpenBatch::begin(&self.workers, self.settings.limits, batch, &seeds)?;
+        let open = OpenBatch::begin(&self.processes.workers, self.settings.limits, batch, &seeds)?;
         let open = Arc::new(Mutex::new(Some(open)));
         for (index, episode) in batch.iter_mut().enumerate() {
             episode.memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });

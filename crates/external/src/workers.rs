@@ -1,4 +1,4 @@
-//! The processes of a simulator, handed out to threads.
+//! The processes of a simulator or planner, handed out to threads.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use parking_lot::{Condvar, Mutex};
 use super::connection::{Connection, RequestError};
 use super::document::FrameWriter;
 use super::process::is_interrupted;
-use super::replies::Description;
+use super::replies::{Description, Role};
 use super::settings::{Command, ExternalSettings, RunOutline};
 use super::stderr::{LAST_WORDS_HEAD, Stderr};
 
@@ -44,6 +44,7 @@ impl Worker {
 pub(super) struct Workers {
     settings: ExternalSettings,
     outline: RunOutline,
+    role: Role,
     pub(super) stderr: Stderr,
     state: Mutex<State>,
     returned: Condvar,
@@ -64,7 +65,7 @@ struct State {
 }
 
 impl Workers {
-    pub(super) fn new(settings: ExternalSettings, outline: RunOutline) -> Self {
+    pub(super) fn new(settings: ExternalSettings, outline: RunOutline, role: Role) -> Self {
         let count = if settings.command == Command::Stdio { 1 } else { settings.workers };
         let free = (0..count).map(|_| None).collect();
         let state = State {
@@ -76,7 +77,7 @@ impl Workers {
             faults: None,
         };
         let (stderr, returned) = (Stderr::default(), Condvar::new());
-        Self { settings, outline, stderr, state: Mutex::new(state), returned }
+        Self { settings, outline, role, stderr, state: Mutex::new(state), returned }
     }
 
     /// Waits for a free worker and starts it if it is not running.
@@ -191,20 +192,28 @@ impl Workers {
 
     /// Opens a connection and exchanges greetings.
     fn greet(&self) -> Result<(Connection, Description), String> {
-        let Self { settings, outline, stderr, .. } = self;
+        let Self { settings, outline, role, stderr, .. } = self;
         let opened = Connection::open(&settings.command, stderr);
         let mut connection = opened.map_err(|e| format!("`{}`: {e}", settings.command.text()))?;
         let mut hello = FrameWriter::new("hello");
         hello
             .text("program", format!("reactsim {}", env!("CARGO_PKG_VERSION")))
             .text("protocols", format!("[\"{}\"]", super::PROTOCOL))
+            .text("role", role.name())
             .text("name", settings.name.clone())
             .text("replan_steps", format!("{:?}", outline.intervals))
             .text("protocol_name", format!("{:?}", outline.protocols))
             .text("reveals_ids", if settings.reveal_ids { "1" } else { "0" });
         let read = |connection: &mut Connection| {
             let welcome = connection.request(hello, "welcome", 0, settings.limits.start)?;
-            Description::read(&welcome).map_err(|e| RequestError::Refused(e.to_string()))
+            let description =
+                Description::read(&welcome).map_err(|e| RequestError::Refused(e.to_string()))?;
+            if description.role != *role {
+                let (found, wanted) = (description.role.name(), role.name());
+                let text = format!("it states that it is a {found}, and is used as a {wanted}");
+                return Err(RequestError::Refused(text));
+            }
+            Ok(description)
         };
         let description = read(&mut connection).map_err(|error| match error {
             RequestError::Broken(text) => text,

@@ -13,7 +13,7 @@ use reactsim_geometry::{direction, left};
 use reactsim_rollout::{Av, AvError, AvPolicy, MAX_STEP_DISPLACEMENT, Observation, Replan};
 use reactsim_scene::{AgentState, CURRENT, FUTURE, Scenario, Start};
 
-use crate::closed_loop::{ClosedLoopError, Episode};
+use crate::closed_loop::{ClosedLoopError, Episode, Now};
 use crate::from_scene::{
     Differences, ObjectFrame, ObjectIds, SceneHistoryError, ego_shape, ego_states_until_now, logged_route,
     planning_map,
@@ -31,8 +31,8 @@ const AV: usize = 0;
 /// Time at the current frame, seconds.
 const START_TIME: f64 = 0.0;
 
-/// Creates a planner for one rollout.
-type NewPlanner = Box<dyn Fn() -> Box<dyn Planner> + Send + Sync>;
+/// Creates a planner for the rollout with this index among the rollouts of the scenario.
+type NewPlanner = Box<dyn Fn(u32) -> Box<dyn Planner> + Send + Sync>;
 
 /// AV that a planner drives in closed loop: the planner observes the realised traffic and plans
 /// trajectories, which a controller tracks.
@@ -94,16 +94,17 @@ impl PlannerAv {
         if controller == Controller::PerfectTracking && planner.plans_poses_only() {
             return Err(PlannerAvError::PosesOnly { planner: planner.id() });
         }
-        Self::with_planner(scenario, move || planner.new_planner(), controller, plan_every)
+        Self::with_planner(scenario, move |_| planner.new_planner(), controller, plan_every)
     }
 
-    /// Creates the AV of a scenario with any planner. `new_planner` is called once per rollout.
+    /// Creates the AV of a scenario with any planner. `new_planner` is called once per rollout, with the index of
+    /// the rollout among those of the scenario.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn with_planner(
         scenario: &Scenario,
-        new_planner: impl Fn() -> Box<dyn Planner> + Send + Sync + 'static,
+        new_planner: impl Fn(u32) -> Box<dyn Planner> + Send + Sync + 'static,
         controller: Controller,
         plan_every: Replan,
     ) -> Result<Self, PlannerAvError> {
@@ -150,10 +151,10 @@ impl fmt::Debug for PlannerAv {
 }
 
 impl Av for PlannerAv {
-    fn begin(&self, _: u32) -> Box<dyn AvPolicy + '_> {
+    fn begin(&self, rollout: u32) -> Box<dyn AvPolicy + '_> {
         Box::new(PlannerPolicy {
             av: self,
-            planner: (self.new_planner)(),
+            planner: (self.new_planner)(rollout),
             samples: Vec::new(),
             next: None,
             iteration: 0,
@@ -187,7 +188,7 @@ impl AvPolicy for PlannerPolicy<'_> {
             )));
         }
         self.observe(seen);
-        let next = self.advance(&self.av.lights.now(seen)).map_err(|error| failed(reason(&error)))?;
+        let next = self.advance(&self.av.lights.now(seen), seen).map_err(|error| failed(reason(&error)))?;
         let state = state_of_box(&next, &self.av.shape);
         let metres = seen.state(AV).map_or(0.0, |now| (state.position() - now.position()).norm());
         if metres > MAX_STEP_DISPLACEMENT {
@@ -224,7 +225,7 @@ impl PlannerPolicy<'_> {
     }
 
     /// Returns the next state of ego.
-    fn advance(&mut self, lights: &[Light]) -> Result<EgoState, ClosedLoopError> {
+    fn advance(&mut self, lights: &[Light], seen: &Observation<'_>) -> Result<EgoState, ClosedLoopError> {
         let av = self.av;
         let episode = Episode {
             map: &av.map,
@@ -234,9 +235,9 @@ impl PlannerPolicy<'_> {
             steps: FUTURE,
             replan_interval: av.plan_every.steps(),
         };
-        let (iteration, before) = (self.iteration, self.trajectory.as_ref());
-        let trajectory =
-            episode.trajectory(iteration, &self.samples, lights, self.planner.as_mut(), before)?;
+        let (iteration, samples) = (self.iteration, self.samples.as_slice());
+        let now = Now { iteration, samples, lights, seen: Some(*seen) };
+        let trajectory = episode.trajectory(&now, self.planner.as_mut(), self.trajectory.as_ref())?;
         let ego = self.samples.last().ok_or(ClosedLoopError::NoHistory)?.ego;
         let next = episode.next_ego(iteration, START_TIME, &ego, &trajectory)?;
         self.trajectory = Some(trajectory);

@@ -5,6 +5,8 @@
 //! same time, from the state of ego before the step. The data is plain: recorded futures are known to the
 //! [`Traffic`] at most.
 
+use reactsim_rollout::Observation;
+
 use crate::planner::{History, Light, Planner, PlannerError, PlannerInput, Route, Sample};
 use crate::tracking::{Controller, ControllerError};
 use crate::trajectory::{STEP, Trajectory, TrajectoryError, validate};
@@ -98,6 +100,16 @@ pub struct EpisodeStart {
     pub lights: Vec<Light>,
 }
 
+/// The present of an iteration.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Now<'a> {
+    pub(crate) iteration: usize,
+    /// Samples up to the present one.
+    pub(crate) samples: &'a [Sample],
+    pub(crate) lights: &'a [Light],
+    pub(crate) seen: Option<Observation<'a>>,
+}
+
 /// A finished episode.
 #[derive(Clone, Debug)]
 pub struct Drive {
@@ -170,7 +182,9 @@ impl Episode<'_> {
         let start_time = samples[first].ego.time;
         let mut trajectories: Vec<Trajectory> = Vec::with_capacity(self.steps);
         for iteration in 0..self.steps {
-            let trajectory = self.trajectory(iteration, &samples, &lights, planner, trajectories.last())?;
+            let (now, before) =
+                (Now { iteration, samples: &samples, lights: &lights, seen: None }, trajectories.last());
+            let trajectory = self.trajectory(&now, planner, before)?;
             let ego = samples[first + iteration].ego;
             let next = self.next_ego(iteration, start_time, &ego, &trajectory)?;
             let surroundings = traffic.advance(iteration + 1, &ego);
@@ -197,23 +211,21 @@ impl Episode<'_> {
         Ok(EgoState { time: start_time + STEP * (iteration + 1) as f64, ..next })
     }
 
-    /// Returns the trajectory of an iteration: a new plan, or the one before. The last of `samples` is the
-    /// present one.
+    /// Returns the trajectory of an iteration: a new plan, or the one before.
     pub(crate) fn trajectory(
         &self,
-        iteration: usize,
-        samples: &[Sample],
-        lights: &[Light],
+        now: &Now<'_>,
         planner: &mut dyn Planner,
         before: Option<&Trajectory>,
     ) -> Result<Trajectory, ClosedLoopError> {
+        let Now { iteration, samples, lights, seen } = *now;
         let history = History::new(samples).ok_or(ClosedLoopError::NoHistory)?;
         let kept = before.filter(|_| !iteration.is_multiple_of(self.replan_interval));
         let trajectory = match kept {
             Some(trajectory) => trajectory.clone(),
             None => {
                 let (map, route, shape) = (self.map, self.route, self.shape);
-                let input = PlannerInput { iteration, history, lights, route, map, shape };
+                let input = PlannerInput { iteration, history, lights, route, map, shape, seen };
                 planner.plan(&input).map_err(|source| ClosedLoopError::Planner { iteration, source })?
             }
         };

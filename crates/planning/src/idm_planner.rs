@@ -250,6 +250,7 @@ mod tests {
             route: &route,
             map,
             shape: &EgoShape::PACIFICA,
+            seen: None,
         };
         IdmPlanner::new().plan(&input).unwrap()
     }

@@ -3,6 +3,8 @@
 //! A planner receives a [`PlannerInput`] at each iteration. It contains the past and the present only: no
 //! part of it refers to recorded states after the present time.
 
+use reactsim_rollout::Observation;
+
 use crate::trajectory::{STEP, Trajectory, TrajectoryError};
 use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
 
@@ -77,6 +79,15 @@ impl Route {
     pub fn roadblocks(&self) -> &[usize] {
         &self.roadblocks
     }
+
+    /// Returns the lanes of the roadblocks in driving order: indices into [`PlanningMap::lanes`].
+    pub fn lanes(&self, map: &PlanningMap) -> Vec<usize> {
+        let lanes = |&block: &usize| {
+            let in_block = move |lane: &usize| map.lane(*lane).roadblock == block;
+            (0..map.lanes().len()).filter(in_block)
+        };
+        self.roadblocks.iter().flat_map(lanes).collect()
+    }
 }
 
 /// Ego and the objects around it at one sample.
@@ -134,6 +145,9 @@ pub struct PlannerInput<'a> {
     pub map: &'a PlanningMap,
     /// Box and axles of ego.
     pub shape: &'a EgoShape,
+    /// The states in the vocabulary of simulators, for planners that are written for it. `None` where no
+    /// rollout is the traffic.
+    pub seen: Option<Observation<'a>>,
 }
 
 impl<'a> PlannerInput<'a> {
@@ -174,6 +188,9 @@ pub enum PlannerError {
     /// The first input does not belong to iteration 0.
     #[error("first plan is at iteration {0}; planners start at iteration 0")]
     NotStarted(usize),
+    /// The planner reports a failure of its own.
+    #[error("{0}")]
+    Failed(String),
     /// The planned states are not a trajectory.
     #[error("planned states are not a trajectory")]
     Trajectory(#[from] TrajectoryError),

@@ -1,8 +1,8 @@
 //! Trajectories that planners return, their validation, and their interpolation.
 
-use reactsim_geometry::{Vec2, wrap};
+use reactsim_geometry::{Vec2, direction, left, wrap};
 
-use crate::EgoState;
+use crate::{EgoShape, EgoState};
 
 /// Interval of the simulation, seconds (nuPlan devkit 1.2.2: 10 Hz).
 pub const STEP: f64 = reactsim_scene::DT;
@@ -141,6 +141,37 @@ impl Trajectory {
         Ok(Self { states })
     }
 
+    /// Creates a trajectory from poses of the centre of the box at intervals of [`STEP`] after the present, such
+    /// as networks plan: x and y (m, frame of the map) and heading (rad). It begins with the present state of
+    /// ego. Velocities of the rear axle are differences over the interval before, and accelerations
+    /// differences of these velocities; the first are in relation to `ego`.
+    ///
+    /// # Errors
+    /// As for [`validate`].
+    pub fn through_centers(
+        poses: &[[f64; 3]],
+        ego: &EgoState,
+        shape: &EgoShape,
+    ) -> Result<Self, TrajectoryError> {
+        let mut states = vec![*ego];
+        for (i, &[x, y, heading]) in (1..).zip(poses) {
+            let before = states[states.len() - 1];
+            let ahead = direction(heading);
+            let rear_axle = Vec2::new(x, y) - ahead * shape.rear_axle_to_center;
+            let velocity = (rear_axle - before.rear_axle()) / STEP;
+            let (vx, vy) = (velocity.dot(&ahead), velocity.dot(&left(ahead)));
+            states.push(EgoState {
+                time: ego.time + STEP * f64::from(i),
+                vx,
+                vy,
+                ax: (vx - before.vx) / STEP,
+                ay: (vy - before.vy) / STEP,
+                ..EgoState::standing(rear_axle, heading)
+            });
+        }
+        Self::new(states, ego)
+    }
+
     /// Returns the states, at least two, by increasing time.
     pub fn states(&self) -> &[EgoState] {
         &self.states
@@ -250,6 +281,21 @@ mod tests {
         let trajectory = Trajectory::new(states, &ego).unwrap();
         assert!((trajectory.at(0.25).heading - (PI - 0.05)).abs() < 1e-12);
         assert!((trajectory.at(0.75).heading - (-PI + 0.05)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn centres_become_rear_axles_with_differences_as_velocities() {
+        let (ego, shape) = (state(2.0, 0.0), EgoShape::PACIFICA);
+        let centers = [1.0, 2.1].map(|x| [x + shape.rear_axle_to_center, 0.0, 0.0]);
+        let trajectory = Trajectory::through_centers(&centers, &ego, &shape).unwrap();
+        let [now, one, two] = trajectory.states() else { panic!("{trajectory:?}") };
+        assert_eq!(*now, ego);
+        for (state, [time, x, vx, ax]) in [(one, [2.1, 1.0, 10.0, 0.0]), (two, [2.2, 2.1, 11.0, 10.0])] {
+            let found = [state.time, state.x, state.vx, state.ax];
+            assert!(found.iter().zip([time, x, vx, ax]).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+        }
+        let far = Trajectory::through_centers(&[[9.0, 0.0, 0.0]], &ego, &shape);
+        assert!(matches!(far, Err(TrajectoryError::Teleport { index: 1, .. })));
     }
 
     #[test]

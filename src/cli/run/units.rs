@@ -4,13 +4,12 @@ use anyhow::{Context, bail};
 
 use super::{RunArgs, finish, plan};
 use crate::cli::ExitStatus;
-use crate::cli::external::keep_stderr;
+use crate::cli::external::Outside;
 use crate::cli::progress::Progress;
 use crate::cli::sharded::{Sharded, WorkSettings, refuse};
 use crate::cli::subject::EvaluationArgs;
 use crate::evaluation::shards::{RunWork, Runs, ShardedRuns, merge};
 use crate::evaluation::{Execution, Source};
-use crate::external::ExternalSimulator;
 use crate::shards::{FinishedUnits, ShardPlan, Work};
 
 impl Sharded for RunArgs {
@@ -24,7 +23,7 @@ impl Sharded for RunArgs {
     }
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
-        let (mut plan, _external) = plan(self, self.subject.sources()?)?;
+        let (mut plan, _outside) = plan(self, self.subject.sources()?)?;
         divide(&mut plan, arguments, records)
     }
 
@@ -40,8 +39,8 @@ impl Sharded for RunArgs {
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
         let planned: ShardedRuns = shards.subject()?;
         let sources = known_sources(&self.subject, shards, &planned, units)?;
-        let (plan, external) = plan(self, sources)?;
-        work(Box::new(plan), &external, planned, self.work.execution(), settings)
+        let (plan, outside) = plan(self, sources)?;
+        work(Box::new(plan), &outside, planned, self.work.execution(), settings)
     }
 
     fn merge(
@@ -71,15 +70,15 @@ pub(crate) fn divide(
     Ok(ShardPlan::new(arguments, &subject, ranges)?)
 }
 
-/// Prepares units of runs with these external simulators.
+/// Prepares units of runs with these external simulators and planners.
 pub(in crate::cli) fn work<'a>(
     runs: Box<dyn Runs>,
-    external: &[ExternalSimulator],
+    outside: &Outside,
     planned: ShardedRuns,
     execution: Execution,
     settings: WorkSettings<'a>,
 ) -> anyhow::Result<Box<dyn Work + 'a>> {
-    keep_stderr(external, Some(settings.folder))?;
+    outside.keep_stderr(Some(settings.folder))?;
     let execution = Execution { jobs: settings.jobs, ..execution };
     Ok(Box::new(RunWork::new(runs, planned, execution, settings.progress, settings.stop)))
 }

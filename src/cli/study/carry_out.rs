@@ -4,7 +4,6 @@ use anyhow::{Context, bail};
 
 use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
-use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
@@ -14,14 +13,14 @@ use crate::evaluation::{
 use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
-    (mut plan, external): PlannedStudy,
+    (mut plan, outside): PlannedStudy,
     shared: &SharedArgs,
 ) -> anyhow::Result<ExitStatus> {
     let folder = match shared.resume {
         true => StudyFolder::resume(&shared.out, &mut plan)?,
         false => StudyFolder::create(&shared.out, plan.study())?,
     };
-    keep_stderr(&external, Some(folder.path()))?;
+    outside.keep_stderr(Some(folder.path()))?;
     let stop = stop_on_interrupt("writing what is finished")?;
     let members = plan.study().members.clone();
     let mut failed = 0;
@@ -49,7 +48,7 @@ pub(super) fn carry_out(
         finish_member(&run, &summary, shared, i == 0)?;
         failed += summary.provenance.failures.len();
     }
-    report_faults(&external, Some(folder.path()));
+    outside.report_faults(Some(folder.path()));
     finish(&folder, shared, plan.study().kind, failed)
 }
 

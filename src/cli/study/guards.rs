@@ -31,7 +31,8 @@ pub(super) fn plan(args: &GuardsArgs, sources: Vec<Source>) -> anyhow::Result<Pl
     let subject = &args.shared.subject;
     let adjustments = subject.adjustments(None)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
-    let (simulators, external) = subject.simulators(None, &RunOutline::of(&settings))?;
-    let plan = subject.plan(sources, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
-    Ok((StudyPlan::guards(plan, &adjustments)?, external))
+    let (simulators, outside) = subject.simulators(None, &RunOutline::of(&settings))?;
+    let plan =
+        subject.plan(sources, simulators, &outside, settings, args.rollouts, args.shared.keep_rollouts)?;
+    Ok((StudyPlan::guards(plan, &adjustments)?, outside))
 }

@@ -39,11 +39,17 @@ pub(super) fn plan(args: &RealismArgs, sources: Vec<Source>) -> anyhow::Result<P
     let subject = &args.shared.subject;
     let protocols = vec!["reactive", "realism"];
     let outline = RunOutline { intervals: vec![args.replan.steps()], protocols };
-    let (simulators, external) = subject.simulators(None, &outline)?;
+    let (simulators, outside) = subject.simulators(None, &outline)?;
     let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
-    let plan =
-        subject.plan(sources, simulators, settings, args.reactive_rollouts, args.shared.keep_rollouts)?;
-    Ok((StudyPlan::realism(plan, args.rollouts), external))
+    let plan = subject.plan(
+        sources,
+        simulators,
+        &outside,
+        settings,
+        args.reactive_rollouts,
+        args.shared.keep_rollouts,
+    )?;
+    Ok((StudyPlan::realism(plan, args.rollouts), outside))
 }
 
 /// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, and writes

@@ -41,11 +41,12 @@ pub(super) fn plan(args: &ReplanArgs, sources: Vec<Source>) -> anyhow::Result<Pl
     let protocol: Protocol = args.protocol.into();
     let steps = intervals.iter().map(|interval| interval.steps()).collect();
     let outline = RunOutline { intervals: steps, protocols: vec![protocol.name()] };
-    let (mut simulators, external) = subject.simulators(None, &outline)?;
+    let (mut simulators, outside) = subject.simulators(None, &outline)?;
     if subject.models.is_empty() {
         simulators.retain(|s| !s.controller.is_oracle());
     }
     let settings = Settings { protocol, seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(sources, simulators, settings, args.rollouts, args.shared.keep_rollouts)?;
-    Ok((StudyPlan::replan(plan, &intervals), external))
+    let plan =
+        subject.plan(sources, simulators, &outside, settings, args.rollouts, args.shared.keep_rollouts)?;
+    Ok((StudyPlan::replan(plan, &intervals), outside))
 }

@@ -21,7 +21,7 @@ impl Sharded for StudyArgs {
     }
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
-        let (mut plan, _external) = self.plan(self.shared().subject.sources()?)?;
+        let (mut plan, _outside) = self.plan(self.shared().subject.sources()?)?;
         divide(&mut plan, arguments, records)
     }
 
@@ -37,8 +37,8 @@ impl Sharded for StudyArgs {
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
         let planned: ShardedRuns = shards.subject()?;
         let shared = self.shared();
-        let (plan, external) = self.plan(known_sources(&shared.subject, shards, &planned, units)?)?;
-        work(Box::new(plan), &external, planned, shared.work.execution(), settings)
+        let (plan, outside) = self.plan(known_sources(&shared.subject, shards, &planned, units)?)?;
+        work(Box::new(plan), &outside, planned, shared.work.execution(), settings)
     }
 
     fn merge(
@@ -52,7 +52,7 @@ impl Sharded for StudyArgs {
             return Err(ShardError::Merged { path: shared.out.clone() }.into());
         }
         // Nothing is run, so no file has to be read for its digest.
-        let (mut study, _external) = self.plan(known_sources(&shared.subject, plan, &planned, &[])?)?;
+        let (mut study, _outside) = self.plan(known_sources(&shared.subject, plan, &planned, &[])?)?;
         let (kind, members) = (study.study().kind, study.study().members.clone());
         if members.len() != planned.runs.len() {
             bail!("the plan is of another study than its arguments: plan again");

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
+use crate::cli::external::Outside;
 use crate::evaluation::{NamedVocabulary, Source, StudyPlan, weights_file};
 use crate::models::weights;
 use crate::rollout::Settings;
@@ -72,8 +73,9 @@ pub(super) fn plan(args: &VocabularyArgs, sources: Vec<Source>) -> anyhow::Resul
         }
     }
     let settings = Settings { seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(sources, Vec::new(), settings, 1, args.shared.keep_rollouts)?;
-    Ok((StudyPlan::vocabulary(plan, vocabularies)?, Vec::new()))
+    let outside = Outside::default();
+    let plan = subject.plan(sources, Vec::new(), &outside, settings, 1, args.shared.keep_rollouts)?;
+    Ok((StudyPlan::vocabulary(plan, vocabularies)?, outside))
 }
 
 fn read(file: &VocabularyFile) -> anyhow::Result<NamedVocabulary> {

@@ -6,6 +6,7 @@ use reactsim_rollout::{Protocol, Replan, Settings};
 use reactsim_shards::differences;
 
 use super::{Reference, ReferenceError};
+use crate::request::with_driver;
 use crate::{
     Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
     Provenance, RunSettings, Source, program_version,
@@ -44,11 +45,13 @@ impl Reference {
             smoothing: None,
             backend: stated.backend.as_deref().and_then(|name| name.parse().ok()).unwrap_or_default(),
         };
+        let settings = self.settings()?;
         let plan = Plan {
+            drivers: with_driver(&settings.av, Vec::new())?,
             sources: inputs.sources,
             simulators: PlannedSimulator::adjusted(&ids, &adjustments)?,
             deviations: inputs.deviations,
-            settings: self.settings()?,
+            settings,
             keep_rollouts: false,
             allowed: Vec::new(),
         };

@@ -305,7 +305,7 @@ fn recorder(
 ) -> (PlannerAv, Arc<Mutex<Vec<Vec<Sample>>>>) {
     let inputs = Arc::default();
     let shared = Arc::clone(&inputs);
-    let new = move || Box::new(Recorder { inputs: Arc::clone(&shared), change }) as Box<dyn Planner>;
+    let new = move |_| Box::new(Recorder { inputs: Arc::clone(&shared), change }) as Box<dyn Planner>;
     (PlannerAv::with_planner(scenario, new, controller, every(1)).unwrap(), inputs)
 }
 

@@ -26,6 +26,7 @@ fn plan_at(
         route: &route,
         map,
         shape: &EgoShape::PACIFICA,
+        seen: None,
     };
     let mut planner = PdmClosed::new();
     let trajectory = planner.plan(&input)?;

@@ -31,6 +31,7 @@ fn compare(document: &Part, largest: &mut Largest) {
         route: &route,
         map: &map,
         shape: &document.shape(),
+        seen: None,
     };
     let mut planner = PdmClosed::new();
     let trajectory = planner.plan(&input).unwrap();
