@@ -2,6 +2,7 @@
 
 mod carry_out;
 mod guards;
+mod planners;
 mod realism;
 mod replan;
 mod units;
@@ -22,6 +23,7 @@ Examples:
   reactsim study replan --out studies/replan
   reactsim study realism logs/ --deviations d.parquet --out studies/realism
   reactsim study guards --models ntp-reactive,idm --out studies/guards
+  reactsim study planners --models log-replay,idm --out studies/planners
 
 The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim
 report` and `reactsim compare`. To continue an interrupted study, repeat the command with
@@ -48,6 +50,8 @@ enum StudyCommand {
     Guards(guards::GuardsArgs),
     /// Motion tokens: the log as several vocabularies replay it
     Vocabulary(vocabulary::VocabularyArgs),
+    /// Planners of the AV: score and rank under several simulators
+    Planners(planners::PlannersArgs),
 }
 
 /// A study, and the external simulators and planners in it.
@@ -84,6 +88,7 @@ impl StudyArgs {
             StudyCommand::Realism(args) => &args.shared,
             StudyCommand::Guards(args) => &args.shared,
             StudyCommand::Vocabulary(args) => &args.shared,
+            StudyCommand::Planners(args) => &args.shared,
         }
     }
 
@@ -94,6 +99,7 @@ impl StudyArgs {
             StudyCommand::Realism(args) => realism::plan(args, sources),
             StudyCommand::Guards(args) => guards::plan(args, sources),
             StudyCommand::Vocabulary(args) => vocabulary::plan(args, sources),
+            StudyCommand::Planners(args) => planners::plan(args, sources),
         }
     }
 }

@@ -46,7 +46,7 @@ pub(super) struct EvaluationArgs {
     /// planner:log, planner:simulator:<id> or planner:external:<name>; with settings such as
     /// planner:idm,tracker=perfect,every=5 [default: deviated]
     #[arg(long, value_name = "POLICY")]
-    av: Option<AvChoice>,
+    pub(super) av: Option<AvChoice>,
     /// Tensor backend of the networks; `reactsim list backends` shows which this program has
     #[arg(long, default_value_t, value_name = "NAME")]
     backend: Backend,
@@ -168,10 +168,21 @@ impl EvaluationArgs {
         smoothing: Option<Smoothing>,
         outline: &RunOutline,
     ) -> anyhow::Result<(Vec<PlannedSimulator>, Outside)> {
+        self.simulators_or(&[], smoothing, outline)
+    }
+
+    /// Like [`Self::simulators`]; `default` has the ids of the baselines if none are named.
+    pub(super) fn simulators_or(
+        &self,
+        default: &[String],
+        smoothing: Option<Smoothing>,
+        outline: &RunOutline,
+    ) -> anyhow::Result<(Vec<PlannedSimulator>, Outside)> {
         let external_only = self.external.is_any() && self.models.is_empty();
         let adjustments = self.adjustments(smoothing)?;
+        let ids = if self.models.is_empty() { default } else { self.models.as_slice() };
         let mut simulators =
-            if external_only { Vec::new() } else { PlannedSimulator::adjusted(&self.models, &adjustments)? };
+            if external_only { Vec::new() } else { PlannedSimulator::adjusted(ids, &adjustments)? };
         let outside = self.external.start(outline)?;
         for simulator in &outside.simulators {
             simulators.push(PlannedSimulator::external(simulator.clone(), smoothing)?);

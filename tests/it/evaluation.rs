@@ -19,6 +19,7 @@ fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
         sources,
         simulators: PlannedSimulator::by_ids(&ids).unwrap(),
         deviations: None,
+        drivers: Vec::new(),
         settings: RunSettings {
             rollout: Settings::default(),
             av: AvChoice::Deviated,

@@ -2,6 +2,7 @@
 
 mod faults;
 mod mistakes;
+mod planners;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -89,7 +90,15 @@ pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> 
         limit: None,
         selection: Selection::default(),
     };
-    Plan { sources, simulators, deviations: None, settings, keep_rollouts: false, allowed: Vec::new() }
+    Plan {
+        sources,
+        simulators,
+        deviations: None,
+        drivers: Vec::new(),
+        settings,
+        keep_rollouts: false,
+        allowed: Vec::new(),
+    }
 }
 
 #[derive(Default)]
@@ -260,7 +269,7 @@ fn simulators_that_cannot_start_are_refused_with_their_reason() {
         ("sequence hello", "`welcome` answers request 999 instead of request 0"),
     ] {
         let text = of(fault);
-        assert!(text.starts_with("external simulator `mine` did not start: "), "{fault}: {text}");
+        assert!(text.starts_with("external program `mine` did not start: "), "{fault}: {text}");
         assert!(text.contains(part), "{fault}: {text}");
     }
     let missing = refusal(ExternalSettings::new("mine", Command::Shell("no-such-program-here".to_owned())));

@@ -101,7 +101,10 @@ fn wrong_planners_are_refused_with_the_mend() {
         let command = ["run", "--limit", "1", "--models", "stop", "--av", av];
         said(&[&command[..], more].concat(), 2).1
     };
-    assert!(refused("planner:pdm", &[]).contains("choose log, pdm-closed or idm"));
+    assert!(
+        refused("planner:pdm", &[])
+            .contains("choose log, pdm-closed, idm, simulator:<id> or external:<name>")
+    );
     assert!(refused("planner:pdm-closed,tracker=perfect", &[]).contains("use tracker=lqr"));
     assert!(refused("planner:idm,every=81", &[]).contains("1 to 80 steps"));
     let realism = refused("planner:idm", &["--protocol", "realism"]);

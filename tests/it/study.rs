@@ -279,6 +279,7 @@ fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
         sources: vec![source("a", vec![0])],
         simulators: PlannedSimulator::adjusted(&ids, asked).unwrap(),
         deviations: None,
+        drivers: Vec::new(),
         settings: RunSettings {
             rollout: Settings::default(),
             av: AvChoice::Deviated,

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use reactsim_formats::rollouts::ByName;
+use reactsim_formats::rollouts::{ByName, RolloutRecord};
 use reactsim_scene::{Frame, Scenario};
 
 use super::EvaluationError;
@@ -137,14 +137,23 @@ impl FinishedRun {
         simulator: usize,
         rollout: u32,
     ) -> Result<Option<Vec<Vec<Frame>>>, EvaluationError> {
-        let Some(rollouts) = &self.rollouts else { return Ok(None) };
-        let simulator = &self.tally.simulators[simulator];
-        let Some(record) = rollouts.read(&scenario.id, simulator, rollout)? else { return Ok(None) };
+        let Some(record) = self.recorded(&scenario.id, simulator, rollout)? else { return Ok(None) };
         let foreign = |source| EvaluationError::ForeignRollout {
             path: self.folder.join(ROLLOUTS),
             scenario: scenario.id.clone(),
             source: Box::new(source),
         };
         recorded_tracks(scenario, &record).map(Some).map_err(foreign)
+    }
+
+    /// Reads a rollout as it was kept, by the id of its scenario. `None` if it was not kept.
+    pub(super) fn recorded(
+        &self,
+        scenario: &str,
+        simulator: usize,
+        rollout: u32,
+    ) -> Result<Option<RolloutRecord>, EvaluationError> {
+        let Some(rollouts) = &self.rollouts else { return Ok(None) };
+        Ok(rollouts.read(scenario, &self.tally.simulators[simulator], rollout)?)
     }
 }

@@ -143,7 +143,7 @@ pub(super) fn with_driver(av: &AvChoice, mut drivers: Vec<Driver>) -> Result<Vec
 
 /// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the
 /// run reports later. Known benchmarks are not read for it.
-fn are_deviated(sources: &[Source]) -> bool {
+pub(super) fn are_deviated(sources: &[Source]) -> bool {
     if sources.first().is_some_and(|source| BenchmarkRecord::of(&source.file).is_some()) {
         return true;
     }

@@ -62,7 +62,7 @@ pub(super) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// Draws a uniform index below `n`: the high half of a product (the bias is below n / 2^64).
-fn below(random: &mut Stream, n: usize) -> usize {
+pub(super) fn below(random: &mut Stream, n: usize) -> usize {
     ((u128::from(random.next_u64()) * n as u128) >> 64) as usize
 }
 

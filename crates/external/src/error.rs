@@ -1,32 +1,32 @@
-//! Reasons why an external simulator cannot be used.
+//! Reasons why an external simulator or planner cannot be used.
 
-/// Error in starting or using an external simulator.
+/// Error in starting or using an external simulator or planner.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExternalError {
     /// A setting is wrong.
-    #[error("external simulator `{name}`: {reason}")]
+    #[error("external program `{name}`: {reason}")]
     Setting {
-        /// Name of the simulator.
+        /// Name of the simulator or planner.
         name: String,
         /// The setting, and what it may be.
         reason: String,
     },
     /// Its process does not start or does not greet.
-    #[error("external simulator `{name}` did not start: {reason}")]
+    #[error("external program `{name}` did not start: {reason}")]
     Start {
-        /// Name of the simulator.
+        /// Name of the simulator or planner.
         name: String,
         /// Reason, with the last lines of its standard error.
         reason: String,
     },
     /// It does not support the settings of the run.
     #[error(
-        "external simulator `{name}` plans every {supported} steps, this run every {asked}: \
+        "external program `{name}` plans every {supported} steps, this run every {asked}: \
          give --replan {hint}steps"
     )]
     Interval {
-        /// Name of the simulator.
+        /// Name of the simulator or planner.
         name: String,
         /// Supported intervals, steps.
         supported: String,

@@ -1,8 +1,9 @@
-//! Tables of studies: simulators by replan interval, by protocol, or by variant.
+//! Tables of studies: simulators by replan interval, by protocol, by variant, or by planner.
 
 mod json;
 mod latex;
 mod markdown;
+mod planners;
 
 use super::TableStyle;
 use super::table::{Column, MAIN_COLUMNS, best_number};
@@ -22,6 +23,12 @@ const REALISM_METRICS: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade",
 const MOTION_METRICS: &[&str] =
     &["acceleration", "curvature", "curvature-velocity", "aa-collision", "offroad", "direction", "ade"];
 
+/// Metrics of planners, of which those without a value are left out.
+const PLANNER_METRICS: &[&str] = &["av-score", "av-score-partial", "av-at-fault-collisions", "aav-collision"];
+
+/// Metrics of agents around fixed AVs.
+const FIXED_AV_METRICS: &[&str] = &["aav-collision", "over-reaction"];
+
 /// A table of a study.
 struct StudyTable<'a> {
     title: Title,
@@ -37,6 +44,8 @@ enum Title {
     None,
     /// It shows this metric by replan interval.
     ByInterval(Column),
+    /// It shows this metric by planner.
+    ByPlanner(Column),
     /// It shows differences between variants and the unchanged simulator.
     Differences,
 }
@@ -45,6 +54,8 @@ enum Title {
 enum Head {
     /// Number of steps between two plans.
     Interval(usize),
+    /// A planner.
+    Planner(String),
     /// A metric, in a protocol if there are several.
     Metric { protocol: Option<String>, column: Column },
 }
@@ -96,8 +107,10 @@ fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTabl
         StudyKind::Replan => by_interval(results, style),
         StudyKind::Realism => by_protocol(results, style),
         StudyKind::Guards | StudyKind::Vocabulary => by_variant(results, style),
+        StudyKind::Planners => by_planner(results, style),
     };
-    if style.bold {
+    // Scores of planners are better for one planner than for another, not for one simulator.
+    if style.bold && results.study.kind != StudyKind::Planners {
         tables.iter_mut().for_each(mark_best);
     }
     tables
@@ -114,6 +127,8 @@ fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Colum
         StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
         StudyKind::Guards => MAIN_COLUMNS.to_vec(),
         StudyKind::Vocabulary => of(MOTION_METRICS),
+        StudyKind::Planners if member.planner.is_none() => of(FIXED_AV_METRICS),
+        StudyKind::Planners => of(PLANNER_METRICS),
     };
     Column::with(usual, style.also)
 }
@@ -141,6 +156,32 @@ fn by_interval<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
             .collect(),
     };
     columns(results.study.kind, member, style).into_iter().map(table).collect()
+}
+
+/// One table per metric: simulators by planner. Metrics without a value are left out, and so are fixed AVs, which
+/// no planner drives.
+fn by_planner<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
+    let planned: Vec<(&Member, &Summary)> =
+        members(results).filter(|(member, _)| member.planner.is_some()).collect();
+    let Some((member, first)) = planned.first() else { return Vec::new() };
+    let table = |column: Column| StudyTable {
+        title: Title::ByPlanner(column),
+        with_variants: false,
+        heads: planned.iter().map(|(member, _)| Head::Planner(member.label.clone())).collect(),
+        rows: first
+            .order()
+            .map(|(id, title, simulator)| StudyRow {
+                title,
+                standing: simulator.standing(),
+                variant: None,
+                cells: planned.iter().map(|(_, summary)| StudyCell::of(summary, id, column)).collect(),
+            })
+            .collect(),
+    };
+    let tables = columns(results.study.kind, member, style).into_iter().map(table);
+    tables
+        .filter(|table| table.rows.iter().flat_map(|row| &row.cells).any(|c| c.numbers().is_some()))
+        .collect()
 }
 
 /// One table: simulators by metrics of both protocols.

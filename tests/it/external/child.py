@@ -1,4 +1,4 @@
-"""A simulator for tests, of the standard library only: constant velocity, with one fault on request.
+"""A simulator or planner for tests, of the standard library only: constant velocity, with one fault on request.
 
 child.py [FAULT MESSAGE [COUNT [CONDITION]]]
 
@@ -67,14 +67,22 @@ def plan(texts, tensors, last):
     if t:
         for i in range(b * n):
             last[i] = states[(i * t + t - 1) * 5 : (i * t + t) * 5]
+    if "role" in texts:
+        # A planner: the AV, slot 0, over two seconds, at least over the steps until the next plan.
+        poses = max(steps, 20)
+        return {"trajectory": ["F64", [1, poses, 3], constant_velocity(last[:1], poses)]}
+    return {"states": ["F64", [b, n, steps, 3], constant_velocity(last, steps)]}
+
+
+def constant_velocity(states, steps):
     planned = []
-    for x, y, heading, vx, vy in last:
+    for x, y, heading, vx, vy in states:
         known = abs(vx) < 1e300 and abs(vy) < 1e300
         vx, vy = (vx, vy) if known else (0.0, 0.0)
         for k in range(steps):
             time_ahead = 0.1 * (k + 1)
             planned += [x + vx * time_ahead, y + vy * time_ahead, heading]
-    return {"states": ["F64", [b, n, steps, 3], planned]}
+    return planned
 
 
 def mistaken(kind, tensors):
@@ -118,6 +126,7 @@ def mistaken(kind, tensors):
 def fault(kind, answer, seq, texts, tensors):
     """Does something wrong in place of an answer. Returns whether the answer is still to be sent."""
     whole = document(texts, tensors)
+    name = "trajectory" if "trajectory" in tensors else "states"
     if kind.startswith("exit"):
         os._exit(int(kind[4:]))
     elif kind.startswith("mistake-"):
@@ -204,18 +213,23 @@ def fault(kind, answer, seq, texts, tensors):
     elif kind == "missing":
         send(document(texts, {}))
     elif kind == "shape":
-        dtype, shape, values = tensors["states"]
-        send(document(texts, {"states": [dtype, [len(values)], values]}))
+        dtype, shape, values = tensors[name]
+        send(document(texts, {name: [dtype, [len(values)], values]}))
     elif kind == "short":
-        dtype, shape, values = tensors["states"]
+        dtype, shape, values = tensors[name]
         n = shape[1] * shape[2] * shape[3]
-        send(document(texts, {"states": [dtype, [shape[0] - 1] + shape[1:], values[n:]]}))
+        send(document(texts, {name: [dtype, [shape[0] - 1] + shape[1:], values[n:]]}))
     elif kind == "dtype":
-        dtype, shape, values = tensors["states"]
-        send(document(texts, {"states": ["I32", shape, [0] * len(values)]}))
+        dtype, shape, values = tensors[name]
+        send(document(texts, {name: ["I32", shape, [0] * len(values)]}))
     elif kind in ("nan", "inf", "-inf", "1e9"):
-        dtype, shape, values = tensors["states"]
-        send(document(texts, {"states": [dtype, shape, [float(kind)] * len(values)]}))
+        dtype, shape, values = tensors[name]
+        send(document(texts, {name: [dtype, shape, [float(kind)] * len(values)]}))
+    elif kind == "one-pose":
+        send(document(texts, {name: ["F64", [1, 1, 3], tensors[name][2][:3]]}))
+    elif kind == "far":
+        dtype, shape, values = tensors[name]
+        send(document(texts, {name: [dtype, shape, [value + 40.0 for value in values]]}))
     elif kind == "errors":
         send(document({**texts, "errors": json.dumps({"0": "not this one"})}, tensors))
     elif kind == "errors-wrong":
@@ -276,28 +290,34 @@ def is_due(condition, seeds):
 def main():
     wrong, when, count, condition = (sys.argv[1:] + ["", "", "0", ""][len(sys.argv) - 1 :])[:4]
     answers = {"hello": "welcome", "begin": "begun", "plan": "planned", "end": "ended"}
-    counts, seeds, last = {}, (), []
+    counts, role, seeds_of, last_of = {}, "simulator", {}, {}
     while True:
         texts, tensors = read_frame()
         kind = texts["type"]
+        # A planner has many open episodes, a simulator one open batch.
+        key = tensors["episode"][1] if "episode" in tensors else ()
         if kind == "bye":
             if wrong == "ignore-bye":
                 time.sleep(600)
             return
         if kind == "begin":
-            seeds = tensors["seed"][1]
+            seeds_of[key] = tensors["seed"][1]
             b, n, t, _ = tensors["history"][0]
             history = tensors["history"][1]
-            last = [history[(i * t + t - 1) * 5 : (i * t + t) * 5] for i in range(b * n)]
-            counts["plan"] = 0
+            last_of[key] = [history[(i * t + t - 1) * 5 : (i * t + t) * 5] for i in range(b * n)]
+            counts["plan", key] = 0
         reply = {"type": answers[kind], "protocol": "1", "seq": texts["seq"]}
-        numbers = plan(texts, tensors, last) if kind == "plan" else {}
         if kind == "hello":
-            reply.update(name="child", version="1", batch="4")
-        number = counts.get(kind, 0)
-        counts[kind] = number + 1
+            role = texts["role"]
+            reply.update(name="child", version="1", batch="4", role=role)
+        if role == "planner":
+            texts["role"] = role
+        numbers = plan(texts, tensors, last_of[key]) if kind == "plan" else {}
+        count_of = (kind, key) if kind == "plan" else kind
+        number = counts.get(count_of, 0)
+        counts[count_of] = number + 1
         is_fault = wrong and kind == when and (count == "any" or number == int(count))
-        if is_fault and (not condition or is_due(condition, seeds)):
+        if is_fault and (not condition or is_due(condition, seeds_of.get(key, ()))):
             if not fault(wrong, kind, texts["seq"], reply, numbers):
                 continue
         send(document(reply, numbers))

@@ -122,7 +122,7 @@ fn a_fault_that_a_repetition_hides_is_counted_and_logged() {
     )
     .unwrap();
     let log = child.path("external-mine.log");
-    simulator.set_stderr(reactsim::external::StderrTarget::File(log.clone())).unwrap();
+    simulator.processes().set_stderr(reactsim::external::StderrTarget::File(log.clone())).unwrap();
     let external = evaluation::PlannedSimulator::external(simulator.clone(), None).unwrap();
     let plan = plan_of(vec![external], Protocol::Reactive);
     let (collector, stop) = (Collector::default(), AtomicBool::new(false));
@@ -130,7 +130,7 @@ fn a_fault_that_a_repetition_hides_is_counted_and_logged() {
     let outcome = evaluation::run(&plan, execution, None, plan.tally(), &collector, &stop).unwrap();
     let Outcome::Finished(summary) = outcome else { panic!("interrupted") };
     assert_eq!(summary.simulators["mine"].outcomes, [("planned-again".to_owned(), 4)].into());
-    assert_eq!(simulator.faults().map(|(n, _)| n), Some(1));
+    assert_eq!(simulator.processes().faults().map(|(n, _)| n), Some(1));
     let log = std::fs::read_to_string(log).unwrap();
     assert!(log.contains("CUDA error: out of memory"), "{log}");
     assert!(log.contains("reactsim: a batch of 4 failed: it ended with exit code 1"), "{log}");

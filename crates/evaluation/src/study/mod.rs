@@ -8,6 +8,7 @@ mod file;
 mod folder;
 mod guards;
 mod plan;
+mod planners;
 mod results;
 mod vocabulary;
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 pub use file::{STUDY, STUDY_TABLE, is_study, read_study};
 pub use folder::StudyFolder;
 pub use plan::StudyPlan;
+pub use planners::{Agreement, OrderChange, PlannerRanks, SimulatorRanks};
 pub use results::{Difference, StudyResults};
 pub use vocabulary::NamedVocabulary;
 
@@ -33,6 +35,8 @@ pub enum StudyKind {
     Guards,
     /// The log by the motion tokens of several vocabularies.
     Vocabulary,
+    /// Planners of the AV under several simulators.
+    Planners,
 }
 
 impl StudyKind {
@@ -43,6 +47,7 @@ impl StudyKind {
             Self::Realism => "realism",
             Self::Guards => "guards",
             Self::Vocabulary => "vocabulary",
+            Self::Planners => "planners",
         }
     }
 
@@ -83,6 +88,9 @@ pub struct Member {
     /// In those of kind `vocabulary` the name of the vocabulary; `log` for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
+    /// Planner of the AV, as in `--av planner:ID`; absent if the AV is fixed. In studies of kind `planners`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planner: Option<String>,
     /// Whether agents at t+1 observe the AV at t+1; in studies of kind `guards`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub av_lookahead: Option<bool>,
@@ -127,6 +135,8 @@ impl Study {
                 return Some(format!("it has two members `{folder}`"));
             }
             let missing = match self.kind {
+                // A member without a planner has fixed AVs.
+                StudyKind::Planners => None,
                 StudyKind::Replan => replan_steps.is_none().then_some("replan_steps"),
                 StudyKind::Realism => protocol.is_none().then_some("protocol"),
                 StudyKind::Guards | StudyKind::Vocabulary if variant.is_none() => Some("variant"),

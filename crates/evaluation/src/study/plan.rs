@@ -7,7 +7,8 @@ use reactsim_rollout::{Protocol, Replan, Settings};
 use super::guards::{self, Variant};
 use super::vocabulary::{self, NamedVocabulary};
 use super::{Member, Study, StudyKind};
-use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedSimulator, RunSettings};
+use crate::request::{are_deviated, with_driver};
+use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedAv, PlannedSimulator, RunSettings};
 
 /// The plans of all members of a study. They share the scenarios, so there is one plan, in which
 /// [`Self::select`] sets the settings and simulators of a member.
@@ -94,6 +95,40 @@ impl StudyPlan {
         let mut all = Self { study, settings, sets, selected: 0, plan };
         mem::swap(&mut all.plan.simulators, &mut all.sets[0]);
         Ok(all)
+    }
+
+    /// Plans the simulators of a plan with each of these planners driving the AV, and with the deviated AVs if the
+    /// scenarios have them: what simulators do there without need tells whether their agents freeze. Rollouts are
+    /// kept, since reasons of collisions are found in them. The drivers of the plan are those that the planners may
+    /// name.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] for a planner that is not given, or a simulator that cannot drive.
+    pub fn planners(mut plan: Plan, planners: &[PlannedAv]) -> Result<Self, EvaluationError> {
+        plan.keep_rollouts = true;
+        let mut members: Vec<(Member, RunSettings)> = Vec::new();
+        for planned in planners {
+            let av = AvChoice::Planned(planned.clone());
+            plan.drivers = with_driver(&av, plan.drivers)?;
+            let planner = planned.to_string();
+            let mut folder: String =
+                planner.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+            while members.iter().any(|(member, _)| member.folder == folder) {
+                folder.push('-');
+            }
+            let member =
+                Member { folder, label: planner.clone(), planner: Some(planner), ..Member::default() };
+            members.push((member, RunSettings { av, ..plan.settings.clone() }));
+        }
+        if plan.deviations.is_some() || are_deviated(&plan.sources) {
+            let member = Member {
+                folder: "deviated".to_owned(),
+                label: "deviated AVs, for over-reaction".to_owned(),
+                ..Member::default()
+            };
+            members.push((member, RunSettings { av: AvChoice::Deviated, ..plan.settings.clone() }));
+        }
+        Ok(Self::of_one_set(StudyKind::Planners, members, plan))
     }
 
     fn of_one_set(kind: StudyKind, members: Vec<(Member, RunSettings)>, plan: Plan) -> Self {

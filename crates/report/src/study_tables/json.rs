@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use reactsim_evaluation::{
-    Comparison, Estimate, Member, SimulatorSummary, StudyKind, StudyResults, realism::RealismSummary,
+    Comparison, Estimate, Member, PlannerRanks, SimulatorSummary, StudyKind, StudyResults,
+    realism::RealismSummary,
 };
 use serde::Serialize;
 
@@ -19,6 +20,9 @@ struct Numbers<'a> {
     /// Realism metrics of the Sim Agents challenge, by simulator.
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     realism: &'a [RealismSummary],
+    /// Order of the planners under each simulator.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    planners: Option<&'a PlannerRanks>,
 }
 
 #[derive(Serialize)]
@@ -80,7 +84,12 @@ pub fn write_json(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn W
             simulators: simulators.collect(),
         }
     });
-    let numbers = Numbers { study: kind, members: members.collect(), realism: &results.realism };
+    let numbers = Numbers {
+        study: kind,
+        members: members.collect(),
+        realism: &results.realism,
+        planners: results.planners.as_ref(),
+    };
     serde_json::to_writer_pretty(&mut *out, &numbers)?;
     out.write_all(b"\n")
 }

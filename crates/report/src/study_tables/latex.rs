@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::StudyResults;
 
+use super::planners::text_tables;
 use super::{Head, StudyCell, StudyTable, Title, members, tables};
 use crate::comparison::signed;
 use crate::latex::{begin_table, column_head, escape, mark, meanings, number};
@@ -30,9 +31,16 @@ pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn 
             Title::ByInterval(column) => {
                 writeln!(out, "  {} by steps (of 0.1\\,s) between two plans\\\\[2pt]", column_head(&column))?;
             }
+            Title::ByPlanner(column) => {
+                writeln!(out, "  {} by planner\\\\[2pt]", column_head(&column))?;
+            }
             Title::Differences => writeln!(out, "  Difference to the same simulator as it is\\\\[2pt]")?,
         }
         write_table(table, out)?;
+    }
+    for table in text_tables(results) {
+        writeln!(out, "\n  \\medskip\n  {}\\\\[2pt]", escape(table.title))?;
+        write_texts(&table.rows, out)?;
     }
     writeln!(out, "\\end{{table}}")
 }
@@ -60,9 +68,24 @@ fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "    \\bottomrule\n  \\end{{tabular}}")
 }
 
+/// Writes a table of texts, whose first row is its head.
+fn write_texts(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
+    let columns = rows.first().map_or(0, Vec::len);
+    writeln!(out, "  \\begin{{tabular}}{{l{}}}\n    \\toprule", "c".repeat(columns.saturating_sub(1)))?;
+    for (i, row) in rows.iter().enumerate() {
+        let cells: Vec<String> = row.iter().map(|text| escape(text)).collect();
+        writeln!(out, "    {} \\\\", cells.join(" & "))?;
+        if i == 0 {
+            writeln!(out, "    \\midrule")?;
+        }
+    }
+    writeln!(out, "    \\bottomrule\n  \\end{{tabular}}")
+}
+
 fn head(head: &Head) -> String {
     match head {
         Head::Interval(steps) => steps.to_string(),
+        Head::Planner(planner) => escape(planner),
         Head::Metric { protocol: Some(protocol), column } => {
             format!("{} ({})", column_head(column), escape(protocol))
         }

@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::{SimulatorSummary, StudyResults};
 
+use super::planners::{notes, text_tables};
 use super::{Head, StudyCell, StudyTable, Title, members, tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
@@ -46,9 +47,16 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
             Title::ByInterval(column) => {
                 writeln!(out, "{gap}{} by steps (of 0.1 s) between two plans:\n", column.head())?;
             }
+            Title::ByPlanner(column) => writeln!(out, "{gap}{} by planner:\n", column.head())?,
             Title::Differences => writeln!(out, "{gap}Difference to the same simulator as it is:\n")?,
         }
         write_table(table, out)?;
+    }
+    for table in text_tables(results) {
+        writeln!(out, "\n{}:\n", table.title)?;
+        // The last columns are numbers.
+        let texts = if table.rows[0].get(1).is_some_and(|head| head == "Method") { 2 } else { 1 };
+        write_aligned(out, &table.rows, texts)?;
     }
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;
@@ -59,6 +67,11 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
             "Differences are paired, scenario by scenario; bold where the interval, which need not be \
              symmetric, leaves 0 out."
         )?;
+    }
+    if let Some(found) = &results.planners {
+        for note in notes(found) {
+            writeln!(out, "{note}")?;
+        }
     }
     if !results.realism.is_empty() {
         writeln!(out)?;
@@ -81,6 +94,7 @@ fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
 fn head(head: &Head) -> String {
     match head {
         Head::Interval(steps) => steps.to_string(),
+        Head::Planner(planner) => planner.clone(),
         Head::Metric { protocol: Some(protocol), column } => {
             format!("{}: {}", capital(protocol), column.head())
         }

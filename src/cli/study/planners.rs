@@ -1,0 +1,105 @@
+//! `reactsim study planners`: planners of the AV under several simulators.
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+
+use super::{PlannedStudy, SharedArgs};
+use crate::evaluation::{AvChoice, AvDriver, Driver, PlanRequest, PlannedAv, Source, StudyPlan};
+use crate::external::RunOutline;
+use crate::planning::tracking::Controller;
+use crate::rollout::{Replan, Settings};
+
+const AFTER: &str = "\
+Every planner drives the AV of every scenario under every simulator and is judged by nuPlan's
+closed-loop metrics. The tables show the score of each planner, its rank under each simulator,
+Kendall's tau between simulators, and which collisions exist because agents ignored the AV or
+vanish because they froze. The log always takes part: agents are compared with their motion
+around it. Scenarios with deviated AVs also run with these, for over-reaction.
+
+Examples:
+  reactsim study planners --models log-replay,idm,ntp-guarded --out studies/planners
+  reactsim study planners logs/ --planners idm,pdm-closed,simulator:ntp-guarded --out studies/mine
+  reactsim study planners --planner mine='python mine.py' --out studies/mine";
+
+/// Simulators that are used if none are named.
+const SIMULATORS: [&str; 3] = ["log-replay", "idm", "ntp-guarded"];
+
+/// Arguments of `study planners`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct PlannersArgs {
+    /// Planners, separated by commas: pdm-closed, idm, simulator:ID; external ones (--planner) are added
+    #[arg(long, value_delimiter = ',', value_name = "IDS", default_value = "idm,pdm-closed")]
+    planners: Vec<String>,
+    /// Controller that follows the trajectories of planners
+    #[arg(long, value_enum, default_value = "lqr")]
+    tracker: Tracker,
+    /// Steps between two plans of a planner; simulators that drive the AV plan every 5 steps
+    #[arg(long, default_value = "1steps", value_name = "STEPS")]
+    plan_every: Replan,
+    /// Replan rate or interval of the simulators, such as 2hz or 5steps
+    #[arg(long, default_value = "2hz", value_name = "RATE")]
+    replan: Replan,
+    /// Rollouts per scenario and simulator
+    #[arg(long, default_value_t = 1, value_name = "R",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    rollouts: u32,
+    #[command(flatten)]
+    pub shared: SharedArgs,
+}
+
+/// Name of a controller.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Tracker {
+    // No doc comments here: clap would list them, and the guide explains both.
+    Lqr,
+    Perfect,
+}
+
+pub(super) fn plan(args: &PlannersArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
+    let subject = &args.shared.subject;
+    if subject.av.is_some() {
+        bail!("--av: the planners of this study drive the AV: name them with --planners");
+    }
+    let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
+    let default: Vec<String> = SIMULATORS.map(str::to_owned).to_vec();
+    let (simulators, outside) = subject.simulators_or(&default, None, &RunOutline::of(&settings))?;
+    let drivers: Vec<Driver> = outside.planners.iter().cloned().map(Driver::external).collect();
+    let mut planners: Vec<PlannedAv> = vec!["log".parse()?];
+    for id in &args.planners {
+        let planned: PlannedAv = id.parse()?;
+        if planned.driver == AvDriver::Log {
+            continue;
+        }
+        planners.push(with_settings(planned, args)?);
+    }
+    for driver in &drivers {
+        let planned: PlannedAv = driver.driver().to_string().parse()?;
+        if !planners.iter().any(|given| given.driver == planned.driver) {
+            planners.push(with_settings(planned, args)?);
+        }
+    }
+    if let Some((i, _)) = planners.iter().enumerate().find(|(i, p)| planners[..*i].contains(p)) {
+        bail!("--planners: `{}` is given twice", planners[i]);
+    }
+    let request = PlanRequest {
+        av: Some(AvChoice::Log),
+        drivers,
+        rollouts: args.rollouts,
+        ..subject.request(sources, simulators, settings, true)?
+    };
+    Ok((StudyPlan::planners(request.plan()?, &planners)?, outside))
+}
+
+/// Sets the tracker and the interval of a planner. Simulators have neither.
+fn with_settings(planned: PlannedAv, args: &PlannersArgs) -> anyhow::Result<PlannedAv> {
+    if matches!(planned.driver, AvDriver::Simulator(_)) {
+        return Ok(planned);
+    }
+    let controller = match args.tracker {
+        Tracker::Lqr => Controller::LqrBicycle,
+        Tracker::Perfect => Controller::PerfectTracking,
+    };
+    // Parsed again, for the check that the controller can follow the planner.
+    Ok(PlannedAv { controller, every: args.plan_every, ..planned }.to_string().parse()?)
+}
