@@ -8,7 +8,7 @@ use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
-    self, Outcome, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults, Summary,
+    self, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults, Summary,
 };
 use crate::report::{TableStyle, study_tables};
 
@@ -72,7 +72,7 @@ pub(super) fn finish_member(
     Ok(())
 }
 
-/// Computes the realism metrics of a study of realism, and writes and prints the table. `failed` is the
+/// Computes the realism metrics of a study of realism, or the ranks of a study of planners, and writes and prints the table. `failed` is the
 /// number of failures of all members.
 pub(super) fn finish(
     folder: &StudyFolder,
@@ -82,6 +82,9 @@ pub(super) fn finish(
 ) -> anyhow::Result<ExitStatus> {
     if kind == StudyKind::Realism && shared.keep_rollouts {
         score_realism(folder.path(), &shared.subject.log_sources()?)?;
+    }
+    if kind == StudyKind::Planners {
+        PlannerRanks::of_study(folder.path())?.write(folder.path())?;
     }
     let results = StudyResults::read(folder.path())?;
     let (mut text, style) = (Vec::new(), shared.table.style());

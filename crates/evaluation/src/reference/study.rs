@@ -6,7 +6,7 @@ use std::path::Path;
 use super::make::create_empty;
 use super::{MakeOptions, Reference, ReferenceError, make};
 use crate::folder::{cannot_read, replace};
-use crate::{Member, STUDY, Study, read_study};
+use crate::{Member, PLANNER_RANKS, PlannerRanks, STUDY, Study, read_study};
 
 /// The reference of a study, whose members are consistent with `study.json`.
 #[derive(Clone, Debug)]
@@ -30,7 +30,9 @@ impl StudyReference {
         let study = read_study(folder)?;
         for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
             let name = entry.map_err(cannot_read(folder))?.file_name().to_string_lossy().into_owned();
-            if name != STUDY && !study.members.iter().any(|m| m.folder == name) {
+            if ![STUDY, PLANNER_RANKS].contains(&name.as_str())
+                && !study.members.iter().any(|m| m.folder == name)
+            {
                 let reason = format!("{name} does not belong to the study: {STUDY} does not list it");
                 return Err(ReferenceError::Unfit { place, reason });
             }
@@ -74,6 +76,9 @@ fn settings(member: &Member, reference: &Reference) -> Vec<(&'static str, String
     if let Some(ahead) = member.av_lookahead {
         all.push(("av_lookahead", ahead.to_string(), run.av_lookahead.to_string()));
     }
+    if let Some(planner) = &member.planner {
+        all.push(("av", format!("planner:{planner}"), run.av.clone()));
+    }
     if !member.originals.is_empty() {
         let stated: Vec<&str> = member.originals.keys().map(String::as_str).collect();
         let mut ran: Vec<&str> = reference.provenance.simulators.iter().map(|s| s.id.as_str()).collect();
@@ -98,6 +103,9 @@ pub fn make_study(study: &Path, out: &Path, options: &MakeOptions) -> Result<Stu
             ..options.clone()
         };
         make(&study.join(&member.folder), &out.join(&member.folder), &own)?;
+    }
+    if let Some(ranks) = PlannerRanks::read(study)? {
+        ranks.write(out)?;
     }
     replace(&out.join(STUDY), |file| file.write_all(found.to_json().as_bytes()))?;
     StudyReference::open(out)

@@ -1,7 +1,7 @@
 //! Studies: several runs on the same scenarios that differ in one studied setting.
 //!
 //! A study is a folder with `study.json`, which lists its members, `study.md` with its table, and one
-//! ordinary run folder per member. [`StudyPlan`] defines the runs, [`StudyFolder`] stores them,
+//! ordinary run folder per member; studies of planners also have `planners.json`. [`StudyPlan`] defines the runs, [`StudyFolder`] stores them,
 //! [`StudyResults`] reads them.
 
 mod file;
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 pub use file::{STUDY, STUDY_TABLE, is_study, read_study};
 pub use folder::StudyFolder;
 pub use plan::StudyPlan;
-pub use planners::{Agreement, OrderChange, PlannerRanks, SimulatorRanks};
+pub use planners::{Agreement, OrderChange, PLANNER_RANKS, PlannerRanks, SimulatorRanks};
 pub use results::{Difference, StudyResults};
 pub use vocabulary::NamedVocabulary;
 

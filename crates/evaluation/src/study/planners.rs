@@ -3,14 +3,21 @@
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::Path;
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_rollout::{Purpose, stream};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use super::Member;
+use super::{Member, read_study};
+use crate::folder::{cannot_read, replace};
 use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, TAIL, below, quantile};
 use crate::{Entry, EvaluationError, FinishedRun, Tally};
+
+/// Name of the file with the ranks of the planners of a study.
+pub const PLANNER_RANKS: &str = "planners.json";
 
 /// Scores by which planners are ranked, in the order of preference.
 const SCORES: [&str; 2] = ["av-score", "av-score-partial"];
@@ -26,10 +33,11 @@ const UNMOVED: f64 = 0.5;
 const FROZEN: f64 = 5.0;
 
 /// Planners × simulators.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PlannerRanks {
     /// The score: `av-score`, or `av-score-partial` if more scenarios have this one in every run.
-    pub score: &'static str,
+    pub score: String,
     /// Number of scenarios that have the score for every planner and simulator. Only these are used.
     pub scenarios: usize,
     /// Planners, as in `--av planner:ID`.
@@ -43,7 +51,8 @@ pub struct PlannerRanks {
 }
 
 /// Planners under one simulator.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SimulatorRanks {
     /// Id of the simulator.
     pub id: String,
@@ -63,7 +72,8 @@ pub struct SimulatorRanks {
 }
 
 /// Agreement of two simulators about the order of planners.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Agreement {
     /// Id of a simulator.
     pub first: String,
@@ -78,7 +88,8 @@ pub struct Agreement {
 }
 
 /// Two planners whose difference depends on the simulator.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct OrderChange {
     /// The planners.
     pub planners: [String; 2],
@@ -102,12 +113,47 @@ struct Common<'a> {
 }
 
 impl PlannerRanks {
-    /// Ranks the planners of a study. `members` have the runs of the planners, and perhaps one with fixed AVs, which
-    /// has no planner.
+    /// Ranks the planners of a finished study of kind `planners`.
     ///
     /// # Errors
-    /// [`EvaluationError`] if events or rollouts cannot be read, or no scenario has a score in every run.
-    pub(super) fn of(members: &[(&Member, FinishedRun)], seed: u64) -> Result<Self, EvaluationError> {
+    /// [`EvaluationError`] if a run of the study cannot be read, or no scenario has a score in every run.
+    pub fn of_study(folder: &Path) -> Result<Self, EvaluationError> {
+        let study = read_study(folder)?;
+        let mut members: Vec<(&Member, FinishedRun)> = Vec::new();
+        for member in &study.members {
+            members.push((member, FinishedRun::open(&folder.join(&member.folder))?));
+        }
+        let seed = members.first().map_or(0, |(_, run)| run.summary().provenance.run.settings.seed);
+        Self::of(&members, seed)
+    }
+
+    /// Writes the ranks into the folder of a study.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be written.
+    pub fn write(&self, study: &Path) -> Result<(), EvaluationError> {
+        replace(&study.join(PLANNER_RANKS), |out| {
+            serde_json::to_writer_pretty(&mut *out, self)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    /// Reads the ranks in the folder of a study; `None` if there are none.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be read or is damaged.
+    pub fn read(study: &Path) -> Result<Option<Self>, EvaluationError> {
+        let path = study.join(PLANNER_RANKS);
+        let text = match fs::read_to_string(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            other => other.map_err(cannot_read(&path))?,
+        };
+        let ranks = serde_json::from_str(&text);
+        ranks.map(Some).map_err(|source| EvaluationError::Damaged { path, source })
+    }
+
+    /// Ranks the planners of these runs. One of them may have fixed AVs and no planner.
+    fn of(members: &[(&Member, FinishedRun)], seed: u64) -> Result<Self, EvaluationError> {
         let planned: Vec<(&str, &FinishedRun)> =
             members.iter().filter_map(|(m, run)| Some((m.planner.as_deref()?, run))).collect();
         let fixed = members.iter().find(|(member, _)| member.planner.is_none()).map(|(_, run)| run);
@@ -168,7 +214,7 @@ impl PlannerRanks {
         }
         let planners: Vec<String> = planned.iter().map(|(planner, _)| (*planner).to_owned()).collect();
         Ok(Self {
-            score: common.score,
+            score: common.score.to_owned(),
             scenarios: common.scenarios.len(),
             simulators,
             agreement: common.agreement(ids, &means, seed),

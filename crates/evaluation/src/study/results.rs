@@ -4,9 +4,9 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{Member, PlannerRanks, Study, StudyKind, read_study};
+use super::{PlannerRanks, Study, read_study};
 use crate::realism::RealismSummary;
-use crate::{Comparison, EvaluationError, FinishedRun, Summary, Tally, read_summary, read_tally};
+use crate::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
 
 /// The numbers of a study.
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ pub struct StudyResults {
     /// Realism metrics of the Sim Agents challenge in a study of kind `realism` whose rollouts were kept, by
     /// simulator; empty in other studies.
     pub realism: Vec<RealismSummary>,
-    /// Order of the planners in a study of kind `planners`; `None` in other studies.
+    /// Order of the planners in a study of kind `planners` ([`PlannerRanks::write`]); `None` in other studies.
     pub planners: Option<PlannerRanks>,
 }
 
@@ -59,15 +59,7 @@ impl StudyResults {
             }
             differences = compare(&study, &summaries, &tallies)?;
         }
-        let mut planners = None;
-        if study.kind == StudyKind::Planners {
-            let mut members: Vec<(&Member, FinishedRun)> = Vec::new();
-            for member in &study.members {
-                members.push((member, FinishedRun::open(&folder.join(&member.folder))?));
-            }
-            let seed = summaries.first().map_or(0, |summary| summary.provenance.run.settings.seed);
-            planners = Some(PlannerRanks::of(&members, seed)?);
-        }
+        let planners = PlannerRanks::read(folder)?;
         let realism = RealismSummary::read_all(folder)?;
         Ok(Self { study, summaries, differences, realism, planners })
     }
