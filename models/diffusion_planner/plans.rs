@@ -5,8 +5,8 @@ use reactsim_diffusion::standard_normal;
 use reactsim_dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion, motion_through};
 use reactsim_geometry::{Vec2, direction, heading_of, wrap};
 use reactsim_perception::SceneView;
-use reactsim_rollout::Stream;
-use reactsim_scene::{Agent, AgentState, DT, FUTURE, Frame, Scenario};
+use reactsim_rollout::{Observation, Stream};
+use reactsim_scene::{Agent, AgentState, DT, FUTURE, Frame};
 
 use super::inputs::{AxleFrame, PlannerScene, rear_axle};
 use super::policy::PlannerPolicy;
@@ -16,23 +16,21 @@ use super::units::Units;
 const HEADING_SPEED: f64 = 0.3;
 
 impl PlannerPolicy {
-    /// Samples plans of the AV from the current frame of a scenario on, one per stream: its states after 1 to 80 steps
-    /// of 0.1 s. `temperature` is the standard deviation of the initial noise (published: 0.5).
+    /// Samples plans of the AV from the present on, one per stream: its states after 1 to 80 steps of 0.1 s.
+    /// `temperature` is the standard deviation of the initial noise (published: 0.5). No plans if the AV is absent.
     pub fn plans(
         &self,
-        scenario: &Scenario,
+        seen: &Observation<'_>,
         temperature: f64,
         streams: &mut [Stream],
         device: &Device,
     ) -> Vec<Vec<AgentState>> {
-        let start = &scenario.start;
-        let lights: Vec<_> =
-            start.light_history.iter().map(|states| states.last().copied().flatten()).collect();
-        let now = start.history[0].len() - 1;
+        let (start, lights) = (seen.start(), seen.lights_now());
+        let Some(av_now) = seen.state(0) else { return Vec::new() };
         let view = SceneView {
             agents: &start.agents,
-            tracks: &start.history,
-            now,
+            tracks: seen.tracks(),
+            now: seen.frame(),
             av_next: None,
             lights: &lights,
             start: Some(start),
@@ -48,7 +46,7 @@ impl PlannerPolicy {
         let sampled = self.network.sample(&encoded, Tensor::cat(noise, 0) * temperature);
         let of_av = sampled.narrow(1, 0, 1).into_data().iter::<f32>().map(f64::from).collect::<Vec<_>>();
         let step = FUTURE / self.config.states;
-        let (av, now) = (&start.agents[0], start.now(0));
+        let (av, now) = (&start.agents[0], av_now);
         let axle = rear_axle(av, now.position(), now.heading);
         let units = Units::of(self.sight.relative, &scene.frame, axle, now.heading, view.velocity(0));
         let states = |plan: &[f64]| {
@@ -56,7 +54,7 @@ impl PlannerPolicy {
             let poses: Vec<[f64; 4]> =
                 numbers.map(|(pose, k)| units.read((k * step) as f64 * DT, *pose)).collect();
             let planned = av_states(&poses, step, av, now, &scene.frame);
-            driven(&start.history[0], av, planned)
+            driven(seen.track(0), av, planned)
         };
         of_av.chunks(4 * self.config.states).map(states).collect()
     }

@@ -43,7 +43,7 @@ pub(super) struct EvaluationArgs {
     set: Vec<String>,
     /// Driver of the AV: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>,
     /// retime:<factor>, shift:<m>, file:<path> or a planner, which is judged: planner:pdm-closed, planner:idm,
-    /// planner:log, planner:simulator:<id> or planner:external:<name>; with settings such as
+    /// planner:diffusion-planner, planner:log, planner:simulator:<id> or planner:external:<name>; with settings such as
     /// planner:idm,tracker=perfect,every=5 [default: deviated]
     #[arg(long, value_name = "POLICY")]
     pub(super) av: Option<AvChoice>,

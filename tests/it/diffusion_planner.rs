@@ -76,7 +76,9 @@ fn every_part_that_is_used_learns() {
 
 fn plans(scenario: &Scenario, temperature: f64, seeds: [u64; 2]) -> Vec<Vec<AgentState>> {
     let mut streams = seeds.map(Stream::seed_from_u64);
-    policy().plans(scenario, temperature, &mut streams, &device())
+    let start = &scenario.start;
+    let seen = Observation::new(start, &start.history, &start.light_history, None);
+    policy().plans(&seen, temperature, &mut streams, &device())
 }
 
 #[test]

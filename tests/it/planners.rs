@@ -103,7 +103,7 @@ fn wrong_planners_are_refused_with_the_mend() {
     };
     assert!(
         refused("planner:pdm", &[])
-            .contains("choose log, pdm-closed, idm, simulator:<id> or external:<name>")
+            .contains("choose log, pdm-closed, idm, diffusion-planner, simulator:<id>")
     );
     assert!(refused("planner:pdm-closed,tracker=perfect", &[]).contains("use tracker=lqr"));
     assert!(refused("planner:idm,every=81", &[]).contains("1 to 80 steps"));

@@ -2,7 +2,7 @@
 
 use burn::tensor::Device;
 use reactsim_diffusion_planner::PlannerPolicy;
-use reactsim_rollout::Stream;
+use reactsim_rollout::{Observation, Stream};
 use reactsim_scene::{AgentState, Scenario};
 
 use super::rules::LaneRoutes;
@@ -31,7 +31,9 @@ impl CandidateSource for PlannerSource {
     }
 
     fn propose(&self, scenario: &Scenario, streams: &mut [Stream]) -> Vec<Result<Proposal, NoProposal>> {
-        let plans = self.policy.plans(scenario, self.temperature, streams, &self.device);
+        let start = &scenario.start;
+        let seen = Observation::new(start, &start.history, &start.light_history, None);
+        let plans = self.policy.plans(&seen, self.temperature, streams, &self.device);
         let routes = if self.policy.sight.lanes { LaneRoutes::of(scenario) } else { None };
         let propose = |plan: Vec<AgentState>| {
             if !plan.iter().all(AgentState::is_finite) {

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use reactsim_baseline::weights::PLANNER as DIFFUSION_PLANNER;
 use reactsim_planning::av::PlannerChoice;
 use reactsim_planning::tracking::Controller;
 use reactsim_rollout::{ParseReplanError, ParseScriptError, Replan, Script};
@@ -16,7 +17,7 @@ pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity,
 pub(super) const PLANNER: &str = "planner:";
 
 /// The planners, for error texts.
-const PLANNERS: &str = "log, pdm-closed, idm, simulator:<id> or external:<name>";
+const PLANNERS: &str = "log, pdm-closed, idm, diffusion-planner, simulator:<id> or external:<name>";
 
 /// The AV policy in the reactive protocol.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +54,8 @@ pub enum AvDriver {
     Log,
     /// A planner that plans from what it observes.
     Planner(PlannerChoice),
+    /// The network that ships, along the lanes of the route.
+    DiffusionPlanner,
     /// A simulator, by its id: it plans for all agents, and the AV follows its part of the plan.
     Simulator(String),
     /// A program that speaks the protocol for planners, by its name.
@@ -66,7 +69,9 @@ impl AvDriver {
     fn default_interval(&self) -> Replan {
         match self {
             Self::Simulator(_) => Replan::default(),
-            Self::Log | Self::Planner(_) | Self::External(_) | Self::Own(_) => Replan::EVERY_STEP,
+            Self::Log | Self::Planner(_) | Self::DiffusionPlanner | Self::External(_) | Self::Own(_) => {
+                Replan::EVERY_STEP
+            }
         }
     }
 }
@@ -76,6 +81,7 @@ impl fmt::Display for AvDriver {
         match self {
             Self::Log => f.write_str("log"),
             Self::Planner(planner) => f.write_str(planner.id()),
+            Self::DiffusionPlanner => f.write_str(DIFFUSION_PLANNER),
             Self::Simulator(id) => write!(f, "simulator:{id}"),
             Self::External(name) => write!(f, "external:{name}"),
             Self::Own(name) => write!(f, "own:{name}"),
@@ -135,6 +141,7 @@ impl FromStr for PlannedAv {
         let (id, settings) = text.split_once(',').unwrap_or((text, ""));
         let driver = match (id, PlannerChoice::from_id(id), id.split_once(':')) {
             ("log", ..) => AvDriver::Log,
+            (DIFFUSION_PLANNER, ..) => AvDriver::DiffusionPlanner,
             (_, Some(planner), _) => AvDriver::Planner(planner),
             (_, _, Some(("simulator", id))) if !id.is_empty() => AvDriver::Simulator(id.to_owned()),
             (_, _, Some(("external", name))) if !name.is_empty() => AvDriver::External(name.to_owned()),
@@ -228,6 +235,7 @@ mod tests {
             "planner:pdm-closed",
             "planner:idm,tracker=perfect",
             "planner:idm,every=5",
+            "planner:diffusion-planner,every=5",
             "planner:simulator:idm@calm+qp",
             "planner:simulator:idm,every=1",
             "planner:external:mine,tracker=perfect,every=5",

@@ -1,21 +1,26 @@
 //! What drives the AV of a run, where it is more than a name: a simulator, a program, or a planner of the caller.
 
-use std::collections::BTreeMap;
+mod along_route;
+mod remote;
+
 use std::slice;
 use std::sync::Arc;
 
 use rand_chacha::rand_core::Rng;
-use reactsim_external::{self as external, ExternalPlanner, PlannerEpisode};
-use reactsim_nn::Backend;
-use reactsim_planning::Trajectory;
+use reactsim_baseline::weights::{PLANNER, shipped};
+use reactsim_external::{self as external, ExternalPlanner};
+use reactsim_models::diffusion_planner::PlannerPolicy;
+use reactsim_nn::{Backend, device};
 use reactsim_planning::av::{PlannerAv, PlannerAvError};
-use reactsim_planning::from_scene::planning_lanes;
-use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim_planning::planner::Planner;
 use reactsim_rollout::{Av, Controller, Purpose, SimulatedAv, Simulator, stream};
-use reactsim_scene::{FUTURE, Scenario};
+use reactsim_scene::Scenario;
+
+use along_route::{AlongRoute, Network, TEMPERATURE};
+use remote::RemotePlanner;
 
 use super::av::{AvChoice, AvDriver, PlannedAv};
-use super::provenance::{ExternalRecord, SimulatorRecord};
+use super::provenance::{ExternalRecord, SimulatorRecord, WeightsRecord};
 use super::{Adjustments, EvaluationError, PlannedSimulator};
 
 /// Creates a planner for one rollout.
@@ -36,31 +41,61 @@ pub struct Driver {
 #[derive(Clone)]
 enum DriverKind {
     Simulator(Arc<dyn Simulator>),
+    AlongRoute(Arc<Network>),
     External(ExternalPlanner),
     Own(NewPlanner),
 }
 
 impl Driver {
-    /// Creates the simulator that an AV policy names, if it names one.
+    /// Creates the simulator or the network that an AV policy names, if it names one.
     ///
     /// # Errors
-    /// [`EvaluationError`] if the simulator is unknown, has no weights, or observes the logged future.
+    /// [`EvaluationError`] if the simulator is unknown or observes the logged future, or there are no weights.
     pub fn of(av: &AvChoice) -> Result<Option<Self>, EvaluationError> {
-        let AvChoice::Planned(PlannedAv { driver: AvDriver::Simulator(id), .. }) = av else {
-            return Ok(None);
+        match av {
+            AvChoice::Planned(PlannedAv { driver: AvDriver::Simulator(id), .. }) => {
+                Self::simulator(id).map(Some)
+            }
+            AvChoice::Planned(PlannedAv { driver: AvDriver::DiffusionPlanner, .. }) => {
+                Self::diffusion_planner().map(Some)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Creates the driver from the weights of the diffusion planner that ship.
+    fn diffusion_planner() -> Result<Self, EvaluationError> {
+        let file = shipped(PLANNER)?.ok_or(EvaluationError::NoDriverWeights)?;
+        let device = device();
+        let policy = PlannerPolicy::read(&file.bytes, &device)?;
+        let network: Arc<Network> = Arc::new(move |seen, stream| {
+            policy.plans(seen, TEMPERATURE, slice::from_mut(stream), &device).pop()
+        });
+        let record = SimulatorRecord {
+            weights: Some(WeightsRecord::of(&file)),
+            ..SimulatorRecord::named(PLANNER, "Diffusion-Planner")
         };
+        Ok(Self {
+            driver: AvDriver::DiffusionPlanner,
+            record: Some(record),
+            backend: Some(Backend::default()),
+            kind: DriverKind::AlongRoute(network),
+        })
+    }
+
+    fn simulator(id: &str) -> Result<Self, EvaluationError> {
+        let ids = [id.to_owned()];
         // `all` and `default` are not names of one simulator.
-        let Ok([planned]) =
-            <[_; 1]>::try_from(PlannedSimulator::adjusted(slice::from_ref(id), &Adjustments::default())?)
+        let Ok([planned]) = <[_; 1]>::try_from(PlannedSimulator::adjusted(&ids, &Adjustments::default())?)
         else {
-            return Err(EvaluationError::SeveralDrivers { id: id.clone() });
+            return Err(EvaluationError::SeveralDrivers { id: id.to_owned() });
         };
         let (record, backend) = (SimulatorRecord::of(&planned), planned.backend);
         let Controller::Fair(simulator) = planned.controller else {
-            return Err(EvaluationError::OracleDriver { id: id.clone() });
+            return Err(EvaluationError::OracleDriver { id: id.to_owned() });
         };
         let kind = DriverKind::Simulator(Arc::from(simulator));
-        Ok(Some(Self { driver: AvDriver::Simulator(id.clone()), record: Some(record), backend, kind }))
+        Ok(Self { driver: AvDriver::Simulator(id.to_owned()), record: Some(record), backend, kind })
     }
 
     /// Creates the driver `external:NAME` from a running program.
@@ -68,12 +103,6 @@ impl Driver {
         let name = planner.name().to_owned();
         let stated = planner.description();
         let record = SimulatorRecord {
-            id: name.clone(),
-            title: name.clone(),
-            oracle: false,
-            card: String::new(),
-            parameters: BTreeMap::new(),
-            weights: None,
             external: Some(ExternalRecord {
                 command: planner.command().text().to_owned(),
                 protocol: external::PROTOCOL.to_owned(),
@@ -83,6 +112,7 @@ impl Driver {
                 batch: 1,
                 reveals_ids: false,
             }),
+            ..SimulatorRecord::named(&name, &name)
         };
         let kind = DriverKind::External(planner);
         Self { driver: AvDriver::External(name), record: Some(record), backend: None, kind }
@@ -104,14 +134,14 @@ impl Driver {
 
     /// Returns whether its plans come from outside of this program, so that their motion is checked.
     pub(super) fn is_foreign(&self) -> bool {
-        !matches!(self.kind, DriverKind::Simulator(_))
+        matches!(self.kind, DriverKind::External(_) | DriverKind::Own(_))
     }
 
     /// Returns the reason why its processes were given up, if they were.
     pub(super) fn given_up(&self) -> Option<String> {
         match &self.kind {
             DriverKind::External(planner) => planner.processes().given_up(),
-            DriverKind::Simulator(_) | DriverKind::Own(_) => None,
+            DriverKind::Simulator(_) | DriverKind::AlongRoute(_) | DriverKind::Own(_) => None,
         }
     }
 
@@ -130,6 +160,14 @@ impl Driver {
             DriverKind::Simulator(simulator) => {
                 Arc::new(SimulatedAv::new(scenario, Arc::clone(simulator), every, seed))
             }
+            DriverKind::AlongRoute(network) => {
+                let (network, id) = (Arc::clone(network), scenario.id.clone());
+                let new_planner = move |rollout: u32| -> Box<dyn Planner> {
+                    let stream = stream(seed, &id, rollout, Purpose::AvPlan);
+                    Box::new(AlongRoute { network: Arc::clone(&network), stream, path: None })
+                };
+                Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)
+            }
             DriverKind::External(planner) => {
                 let (planner, id, steps) = (planner.clone(), scenario.id.clone(), every.steps());
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
@@ -143,27 +181,5 @@ impl Driver {
                 Arc::new(PlannerAv::with_planner(scenario, move |_| new_planner(), controller, every)?)
             }
         })
-    }
-}
-
-/// The planner of one rollout, which plans in another process.
-struct RemotePlanner {
-    episode: PlannerEpisode,
-    /// Number of steps between two plans.
-    steps: usize,
-    /// Lanes of the route in the map of the scenario.
-    route: Option<Vec<usize>>,
-}
-
-impl Planner for RemotePlanner {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
-        let seen = input.seen.ok_or_else(|| PlannerError::Failed("it plans in rollouts only".to_owned()))?;
-        let route = self.route.get_or_insert_with(|| {
-            let lanes = planning_lanes(&seen.start().map);
-            input.route.lanes(input.map).into_iter().map(|lane| lanes[lane]).collect()
-        });
-        let steps = self.steps.min(FUTURE - seen.step());
-        let poses = self.episode.plan(&seen, steps, route).map_err(PlannerError::Failed)?;
-        Ok(Trajectory::through_centers(&poses, input.ego(), input.shape)?)
     }
 }

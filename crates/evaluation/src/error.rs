@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use reactsim_baseline::{BackendError, ModelError};
 use reactsim_formats::FormatError;
+use reactsim_models::diffusion_planner::PlannerPolicyError;
 
 use super::av::AV_CHOICES;
 use super::folder::{PROVENANCE, SUMMARY};
@@ -287,6 +288,12 @@ pub enum EvaluationError {
         /// Its name in the AV policy.
         name: String,
     },
+    /// The program has no weights of the diffusion planner.
+    #[error("no weights of `diffusion-planner` ship with this program: build it with the feature `weights`")]
+    NoDriverWeights,
+    /// The weights of the diffusion planner cannot be used.
+    #[error(transparent)]
+    DriverWeights(#[from] PlannerPolicyError),
     /// Several simulators cannot drive one AV.
     #[error("`{id}` names several simulators, and one drives the AV: choose one")]
     SeveralDrivers {

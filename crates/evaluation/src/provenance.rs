@@ -176,6 +176,19 @@ impl ExternalRecord {
 }
 
 impl SimulatorRecord {
+    /// Creates the record of a driver of the AV without a card.
+    pub(super) fn named(id: &str, title: &str) -> Self {
+        Self {
+            id: id.to_owned(),
+            title: title.to_owned(),
+            oracle: false,
+            card: String::new(),
+            parameters: BTreeMap::new(),
+            weights: None,
+            external: None,
+        }
+    }
+
     /// Creates the record of a simulator.
     pub(super) fn of(simulator: &PlannedSimulator) -> Self {
         Self {

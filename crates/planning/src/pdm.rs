@@ -153,6 +153,14 @@ impl Planner for PdmClosed {
     }
 }
 
+/// Returns the centre line along the route of ego, as [`PdmClosed`] finds it at its first plan.
+///
+/// # Errors
+/// [`PlannerError`] if no lane of the route is near ego, or the lanes have no length.
+pub fn centerline(input: &PlannerInput<'_>) -> Result<Path, PlannerError> {
+    Ok(RoutePlan::find(input)?.paths.swap_remove(0))
+}
+
 impl RoutePlan {
     /// Corrects the route and finds the centre line.
     fn find(input: &PlannerInput<'_>) -> Result<Self, PlannerError> {

@@ -82,11 +82,7 @@ impl Route {
 
     /// Returns the lanes of the roadblocks in driving order: indices into [`PlanningMap::lanes`].
     pub fn lanes(&self, map: &PlanningMap) -> Vec<usize> {
-        let lanes = |&block: &usize| {
-            let in_block = move |lane: &usize| map.lane(*lane).roadblock == block;
-            (0..map.lanes().len()).filter(in_block)
-        };
-        self.roadblocks.iter().flat_map(lanes).collect()
+        self.roadblocks.iter().flat_map(|&block| map.lanes_of_roadblock(block)).copied().collect()
     }
 }
 

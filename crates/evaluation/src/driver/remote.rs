@@ -1,0 +1,29 @@
+//! Planners that plan in another process.
+
+use reactsim_external::PlannerEpisode;
+use reactsim_planning::Trajectory;
+use reactsim_planning::from_scene::planning_lanes;
+use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim_scene::FUTURE;
+
+/// The planner of one rollout, which plans in another process.
+pub(super) struct RemotePlanner {
+    pub(super) episode: PlannerEpisode,
+    /// Number of steps between two plans.
+    pub(super) steps: usize,
+    /// Lanes of the route in the map of the scenario.
+    pub(super) route: Option<Vec<usize>>,
+}
+
+impl Planner for RemotePlanner {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+        let seen = input.seen.ok_or_else(|| PlannerError::Failed("it plans in rollouts only".to_owned()))?;
+        let route = self.route.get_or_insert_with(|| {
+            let lanes = planning_lanes(&seen.start().map);
+            input.route.lanes(input.map).into_iter().map(|lane| lanes[lane]).collect()
+        });
+        let steps = self.steps.min(FUTURE - seen.step());
+        let poses = self.episode.plan(&seen, steps, route).map_err(PlannerError::Failed)?;
+        Ok(Trajectory::through_centers(&poses, input.ego(), input.shape)?)
+    }
+}
