@@ -89,7 +89,9 @@ def training_set(source):
             if not scenario.present[0, frame : frame + HORIZON + 1].all():
                 continue
             path = track[frame:, :2][scenario.present[0, frame:]]
-            path = path[np.linalg.norm(np.diff(path, axis=0, prepend=path[:1] - 1.0), axis=1) > 0.01]
+            path = path[
+                np.linalg.norm(np.diff(path, axis=0, prepend=path[:1] - 1.0), axis=1) > 0.01
+            ]
             if len(path) < 2:
                 continue
             here = scenario.present[:, frame].copy()
@@ -160,7 +162,7 @@ class TorchPlanner(reactsim.Planner):
 
     @staticmethod
     def path(seen):
-        """Returns the centre lines of linked lanes of the route, from the lane nearest to the AV on."""
+        """Returns the centre lines of linked lanes of the route, from the one nearest to the AV."""
         lanes, route = seen.scene.lanes, set(seen.route)
         xy, heading = seen.av[:2], seen.av[2]
 

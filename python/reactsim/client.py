@@ -834,8 +834,8 @@ class PlannerObservation:
         self.steps = seen.steps
         """Number of steps until the next plan."""
         self.states: Array = seen.states[0]
-        """Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN velocity
-        where unknown."""
+        """Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
+        velocity where unknown."""
         self.valid: Array = seen.valid[0]
         """Whether each agent is present, bool [n, frame + 1]."""
         self.light_states: Array = seen.light_states
@@ -1006,9 +1006,7 @@ class _Drive:
         self.route = route
         self.memory = memory
 
-    def observe(
-        self, metadata: Mapping[str, str], tensors: Dict[str, Array]
-    ) -> PlannerObservation:
+    def observe(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> PlannerObservation:
         seen = self.batch.observe(metadata, tensors)
         return PlannerObservation(self.scene, self.route, self.memory, seen)
 
@@ -1264,8 +1262,9 @@ def serve(simulator: Any) -> None:
     """Answers `reactsim` over standard input and output until the program closes the connection.
 
     `simulator` is a `Simulator` or `Planner`, a class without arguments to make one, or any object
-    with the same methods (and, for planners, the attribute `role`). Prints of the simulator go to standard error. An exception in the simulator fails the
-    batch with the traceback, and the process goes on.
+    with the same methods (and, for planners, the attribute `role`). Prints of the simulator go to
+    standard error. An exception in the simulator fails the batch with the traceback, and the
+    process goes on.
     """
     if not hasattr(sys, _CLAIMED) and sys.stdin is not None and sys.stdin.isatty():
         text = "this program is a simulator or planner for reactsim; start it with: "

@@ -66,12 +66,16 @@ class Results:
         return str(self.table())
 
     def table(self, details: bool = False) -> Markdown:
-        """Returns the results as a Markdown table.
+        """Returns the results as a Markdown table, and that of the AV if a planner drives it.
 
         With `details` the tables per kind of deviation and the notes follow.
         """
         text = self._text("summary.md")
-        return Markdown(text if details else text.split("\n\n", 1)[0].rstrip() + "\n")
+        if details:
+            return Markdown(text)
+        blocks = text.split("\n\n")
+        has_av = len(blocks) > 2 and blocks[1].startswith("The AV,")
+        return Markdown("\n\n".join(blocks[: 3 if has_av else 1]).rstrip() + "\n")
 
     @cached_property
     def summary(self) -> dict[str, Any]:

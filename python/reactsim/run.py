@@ -99,17 +99,15 @@ def run(
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
     if (simulator is None) == (planner is None):
         raise ValueError(
-            "give a simulator or a planner; to use both, serve the planner as a program and give it "
-            "in `options`: --planner=NAME=COMMAND, and av='planner:external:NAME'"
+            "give a simulator or a planner; to use both, serve the planner as a program and give "
+            "it in `options`: --planner=NAME=COMMAND, and av='planner:external:NAME'"
         )
     if planner is not None and av is not None:
         raise ValueError("`planner` drives the AV: leave `av` out")
     served = simulator if planner is None else planner
     session = Session(served, batch=batch, on_end=_Counter() if progress else None)
     if session.role != ("simulator" if planner is None else "planner"):
-        raise ValueError(
-            f"{session.title} is a {session.role}; pass it as `{session.role}`"
-        )
+        raise ValueError(f"{session.title} is a {session.role}; pass it as `{session.role}`")
     program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
@@ -144,7 +142,11 @@ def run(
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         raise
-    error = f"\nfirst error of the {session.role}:\n{session.first_error}" if session.first_error else ""
+    error = (
+        f"\nfirst error of the {session.role}:\n{session.first_error}"
+        if session.first_error
+        else ""
+    )
     if temporary is not None:
         # The folder lives as long as the results.
         weakref.finalize(results or session, shutil.rmtree, temporary, ignore_errors=True)

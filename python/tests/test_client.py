@@ -102,6 +102,7 @@ def tamper(**changes: Any) -> Dict[str, Array]:
 def test_a_batch(mine: Mine, parent: Local) -> None:
     assert parent.hello() == {
         "type": "welcome",
+        "role": "simulator",
         "protocol": "1",
         "seq": "0",
         "name": "Mine",

@@ -122,4 +122,5 @@ def test_a_planner_drives_in_the_program() -> None:
     score: Array = np.array(rows["av-score"]["mean"])
     assert 0.0 <= score <= 1.0
     assert results.provenance["settings"]["av"] == "planner:external:Straight"
+    assert "| AV score" in results.table(), results.table()
     assert results.provenance["driver"]["external"]["version"] == "3"
