@@ -8,6 +8,7 @@ use reactsim::models::diffusion_planner::learn::{Planning, Recipe};
 use reactsim::models::diffusion_planner::network::PlannerConfig;
 use reactsim::models::diffusion_planner::{PlannerPolicy, PlannerSight};
 use reactsim::models::nn::device;
+use reactsim::rollout::Observation;
 use reactsim::scene::{AgentState, Scenario};
 use reactsim::training::{Output, Stream, Task, View};
 

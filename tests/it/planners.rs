@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use reactsim::Benchmark;
-use reactsim::evaluation::{AvChoice, Row, Value, read_rows, read_summary};
+use reactsim::evaluation::{AvChoice, FinishedRun, Row, Value, read_rows, read_summary};
 
 use crate::reference::said;
 use crate::small_scenarios;
@@ -60,6 +60,24 @@ fn a_planner_is_judged_next_to_the_agents() {
         assert!((score.unwrap() - expected).abs() < 1e-12, "{row:?}");
         // What the metrics had to substitute is counted.
         assert_eq!(row.outcomes["av route: neighbour-groups"], 1);
+    }
+    // Every value below 1, except for progress, has its events.
+    let run = FinishedRun::open(&one).unwrap();
+    for (place, entry) in &run.tally().entries {
+        for (simulator, id) in run.tally().simulators.iter().enumerate() {
+            let row = rows
+                .iter()
+                .find(|r| r.scenario == entry.scenario && r.simulator == *id && r.rollout == Some(0));
+            for part in PARTS.iter().filter(|part| !part.ends_with("progress")) {
+                let is_perfect = value(row.unwrap(), part) == Some(1.0);
+                assert_eq!(
+                    run.counted(*place, simulator, part) == 0,
+                    is_perfect,
+                    "{part} of {}",
+                    entry.scenario
+                );
+            }
+        }
     }
     let summary = read_summary(&one).unwrap();
     assert!(summary.simulators["idm"].metrics["av-score"].mean.is_some());

@@ -26,6 +26,13 @@ pub struct DrivingDirection {
     pub lowest_step: usize,
 }
 
+impl DrivingDirection {
+    /// Returns the first and the last sample of the horizon in which the smallest progress is reached.
+    pub fn lowest_horizon(&self) -> [usize; 2] {
+        [self.lowest_step.saturating_sub(HORIZON_SAMPLES), self.lowest_step]
+    }
+}
+
 /// Judges the driving direction. Reversing in the own lane is motion against the direction too.
 pub(super) fn driving_direction(context: &Context<'_>) -> DrivingDirection {
     if !context.has_lanes() {
