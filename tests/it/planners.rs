@@ -1,9 +1,12 @@
 //! Planners that drive the AV of a run, and the metrics that judge it.
 
+use std::fs;
 use std::path::Path;
 
 use reactsim::Benchmark;
-use reactsim::evaluation::{AvChoice, FinishedRun, Row, Value, read_rows, read_summary};
+use reactsim::evaluation::{
+    AvChoice, FinishedRun, PlannerRanks, Row, Value, read_provenance, read_rows, read_study, read_summary,
+};
 
 use crate::reference::said;
 use crate::small_scenarios;
@@ -127,4 +130,91 @@ fn wrong_planners_are_refused_with_the_mend() {
     assert!(refused("planner:idm,every=81", &[]).contains("1 to 80 steps"));
     let realism = refused("planner:idm", &["--protocol", "realism"]);
     assert!(realism.contains("--av"), "{realism}");
+}
+
+#[test]
+fn planners_are_studied_under_several_simulators() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, alone) = (home.path().join("study"), home.path().join("alone"));
+    let folder = out.to_str().unwrap();
+    let study = ["study", "planners", "--limit", "3", "--models", "log-replay,idm", "--planners", "idm"];
+    let (printed, _) = said(&[&study[..], &["--out", folder]].concat(), 0);
+    for part in ["AV score ↑ by planner:", "Rank of the planners", "Kendall's tau", "Agents ignored the AV"]
+    {
+        assert!(printed.contains(part), "{part}: {printed}");
+    }
+    // The shipped scenarios have deviated AVs, whose run tells whether agents freeze.
+    let members = read_study(&out).unwrap().members;
+    let names: Vec<&str> = members.iter().map(|member| member.folder.as_str()).collect();
+    assert_eq!(names, ["log", "idm", "deviated"]);
+    let run = ["run", "--limit", "3", "--models", "log-replay,idm", "--av", "planner:idm", "--out"];
+    said(&[&run[..], &[alone.to_str().unwrap()]].concat(), 0);
+    let of_member = read_rows(&out.join("idm")).unwrap();
+    assert_eq!(of_member, read_rows(&alone).unwrap(), "a member is a run");
+
+    let ranks = PlannerRanks::read(&out).unwrap().unwrap();
+    assert_eq!((ranks.score.as_str(), ranks.scenarios), ("av-score", 3));
+    assert_eq!(ranks.planners, ["log", "idm"]);
+    let summaries = ["log", "idm"].map(|member| read_summary(&out.join(member)).unwrap());
+    for simulator in &ranks.simulators {
+        for (score, summary) in simulator.scores.iter().zip(&summaries) {
+            let mean = summary.simulators[&simulator.id].metrics["av-score"].mean.unwrap();
+            assert!((score - mean).abs() < 1e-12, "{}", simulator.id);
+        }
+        let [a, b] = simulator.scores[..] else { panic!("{simulator:?}") };
+        let expected = if a == b {
+            [1.5, 1.5]
+        } else if a > b {
+            [1.0, 2.0]
+        } else {
+            [2.0, 1.0]
+        };
+        assert_eq!(simulator.ranks, expected);
+        assert!(simulator.ignored.is_some_and(|n| n <= simulator.at_fault), "{simulator:?}");
+    }
+    // Log replay never over-reacts, and ignores every AV.
+    let replay = &ranks.simulators[0];
+    assert_eq!((replay.frozen, replay.ignored), (None, Some(replay.at_fault)));
+    assert!(ranks.simulators[1].frozen.is_some());
+    let agreement = &ranks.agreement[0];
+    assert_eq!((ranks.agreement.len(), agreement.low), (1, None), "too few scenarios for an interval");
+    assert!(ranks.change.is_some());
+
+    let written = fs::read(out.join("planners.json")).unwrap();
+    let (_, messages) = said(&[&study[..], &["--out", folder, "--resume"]].concat(), 0);
+    assert!(messages.contains("2 of 3: idm: already finished"), "{messages}");
+    assert_eq!(fs::read(out.join("planners.json")).unwrap(), written);
+    let latex = said(&["report", folder, "--format", "latex"], 0).0;
+    assert!(latex.contains("Kendall's tau") && latex.contains("AV score"), "{latex}");
+
+    let refused = |more: &[&str]| said(&[&study[..6], more, &["--out", "never"]].concat(), 2).1;
+    assert!(refused(&["--av", "log"]).contains("name them with --planners"));
+    assert!(refused(&["--planners", "pdm-closed", "--tracker", "perfect"]).contains("use tracker=lqr"));
+    assert!(refused(&["--planners", "idm,idm"]).contains("`idm` is given twice"));
+    assert!(refused(&["--planners", "external:mine"]).contains("define it with --planner NAME=COMMAND"));
+    assert!(refused(&["--planners", "simulator:log-replay"]).contains("cannot drive the AV"));
+}
+
+#[test]
+fn a_simulator_and_the_network_drive_the_av() {
+    let home = tempfile::tempdir().unwrap();
+    for (av, driver) in
+        [("planner:simulator:idm", "idm"), ("planner:diffusion-planner,every=40", "diffusion-planner")]
+    {
+        let out = home.path().join(driver);
+        run(av, &out, &["--jobs", "2"]);
+        let again = home.path().join(format!("{driver}-again"));
+        run(av, &again, &["--jobs", "1", "--batch", "1"]);
+        let rows = read_rows(&out).unwrap();
+        assert_eq!(rows, read_rows(&again).unwrap(), "{av}: threads and batches change nothing");
+        let judged = rows.iter().filter(|row| row.rollout.is_some());
+        assert_eq!(
+            judged.filter(|row| value(row, "av-score").is_some_and(|score| score > 0.0)).count(),
+            4,
+            "{av}"
+        );
+        let provenance = read_provenance(&out).unwrap();
+        assert_eq!(provenance.settings.av, av);
+        assert_eq!(provenance.driver.unwrap().id, driver);
+    }
 }
