@@ -15,6 +15,7 @@ installed.
 
 from __future__ import annotations
 
+from .catalog import catalog, list_scenarios
 from .client import (
     DT,
     Kind,
@@ -36,25 +37,49 @@ from .client import (
     Simulator,
     serve,
 )
+from .command import command
+from .comparison import Comparison, Comparisons, MetricDifference, compare
+from .conversion import convert, export_av, export_wosac
+from .curation import Candidates, curate
+from .display import Gif, Html, Markdown, Svg, Text
+from .generation import Generated, GeneratedComparison, compare_generated, generate
+from .pages import Page, view
+from .pictures import animate, draw, inspect
 from .plot import plot_rollout, plot_scene
 from .program import ReactsimError, find_program
-from .results import Markdown, Results, Rollout
+from .publishing import Leaderboard, leaderboard, make_reference
+from .report import report
+from .results import Results, Rollout
 from .run import run
 from .scenarios import Scenario, scenarios
+from .scoring import score, score_document
+from .study import Study, study
+from .training import train, train_quick
+from .verification import Verification, verify
 from .wosac import WosacRollouts, WosacScores, wosac
 
 __all__ = [
     "DT",
+    "Candidates",
+    "Comparison",
+    "Comparisons",
+    "Generated",
+    "GeneratedComparison",
+    "Gif",
+    "Html",
     "Kind",
     "Lane",
+    "Leaderboard",
     "Light",
     "Lights",
     "Line",
     "LineType",
     "Lines",
     "Markdown",
+    "MetricDifference",
     "Neighbor",
     "Observation",
+    "Page",
     "Plan",
     "Planner",
     "PlannerObservation",
@@ -67,13 +92,40 @@ __all__ = [
     "Scene",
     "Scenes",
     "Simulator",
+    "Study",
+    "Svg",
+    "Text",
+    "Verification",
     "WosacRollouts",
     "WosacScores",
+    "animate",
+    "catalog",
+    "command",
+    "compare",
+    "compare_generated",
+    "convert",
+    "curate",
+    "draw",
+    "export_av",
+    "export_wosac",
     "find_program",
+    "generate",
+    "inspect",
+    "leaderboard",
+    "list_scenarios",
+    "make_reference",
     "plot_rollout",
     "plot_scene",
+    "report",
     "run",
     "scenarios",
+    "score",
+    "score_document",
     "serve",
+    "study",
+    "train",
+    "train_quick",
+    "verify",
+    "view",
     "wosac",
 ]

@@ -2,32 +2,47 @@
 
 from __future__ import annotations
 
+import collections
+import json
 import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
+import threading
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Union
+from typing import IO, Any, NamedTuple, Union, cast
 
 __all__ = [
     "CHECK",
+    "LAST_LINES",
+    "Output",
     "ReactsimError",
     "arguments",
     "call",
     "environment",
     "find_program",
+    "interrupt",
+    "invoke",
     "local_folder",
+    "pass_on",
+    "produce",
     "start",
+    "text_of",
 ]
 
 PathLike = Union[str, "os.PathLike[str]"]
 
 CHECK = "check that REACTSIM_BINARY, or `reactsim` in PATH, is the program of this package"
 """What to do if another program was found."""
+
+LAST_LINES = 30  # lines of standard error in a message
+INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to write what is finished
 
 
 class ReactsimError(RuntimeError):
@@ -75,11 +90,12 @@ def arguments(
 
     """
     given = [(name, value) for name, value in options if value is not None and value is not False]
-    texts = [name if value is True else f"{name}={_text(value)}" for name, value in given]
-    return [*texts, *further, *(["--", *map(_text, positionals)] if positionals else [])]
+    texts = [name if value is True else f"{name}={text_of(value)}" for name, value in given]
+    return [*texts, *further, *(["--", *map(text_of, positionals)] if positionals else [])]
 
 
-def _text(value: Any) -> str:
+def text_of(value: Any) -> str:
+    """Returns a value as the program reads it."""
     return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
 
 
@@ -118,17 +134,123 @@ def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
         raise ReactsimError(f"`{command[0]}` cannot be started ({error}); {CHECK}") from None
 
 
+class Output(NamedTuple):
+    """What a command of the program wrote."""
+
+    code: int
+    """Exit code."""
+    data: bytes
+    """Standard output."""
+    messages: list[str]
+    """Last lines of standard error."""
+
+    @property
+    def text(self) -> str:
+        """Standard output as text. Raises ReactsimError if there is none."""
+        if not self.data:
+            raise ReactsimError(f"the program ended without any result; {CHECK}")
+        return self.data.decode("utf-8")
+
+    @property
+    def document(self) -> Any:
+        """Standard output, parsed as JSON. Raises ReactsimError if it is something else."""
+        try:
+            return json.loads(self.text)
+        except ValueError as error:
+            raise ReactsimError(
+                f"the result of the program is no JSON ({error}); {CHECK}"
+            ) from None
+
+
+def invoke(
+    command: Sequence[str],
+    *,
+    codes: Sequence[int] = (0,),
+    show: bool = False,
+    folder: str | None = None,
+) -> Output:
+    """Runs a command of the program to its end. All functions of the package call it through this.
+
+    An interrupt is passed on to the program, which then writes what is finished.
+
+    Args:
+        command: Arguments of the program, such as `["compare", *arguments(options, runs)]`.
+        codes: Exit codes that are no failure.
+        show: Copy the messages of the program to standard error.
+        folder: Working folder of the program.
+
+    Raises:
+        ReactsimError: The program could not be started, or ended with another code; the message has
+            its last lines.
+
+    """
+    program = start(
+        [find_program(), *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=folder,
+        # An interrupt reaches only this process, which passes it on.
+        start_new_session=True,
+    )
+    last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
+    output, errors = (cast("IO[bytes]", stream) for stream in (program.stdout, program.stderr))
+    with output, errors:
+        messages = threading.Thread(target=pass_on, args=(errors, last, show), daemon=True)
+        messages.start()
+        try:
+            data = output.read()
+            code = program.wait()
+        except BaseException:
+            interrupt(program)
+            raise
+        finally:
+            if program.poll() is None:
+                program.kill()
+                program.wait()
+            messages.join()
+    if code not in codes:
+        text = "\n".join(last).strip() or CHECK
+        raise ReactsimError(f"`reactsim {shlex.join(command)}` ended with code {code}:\n{text}")
+    return Output(code, data, list(last))
+
+
 def call(command: Sequence[str], folder: str | None = None) -> str:
     """Runs a command of the program and returns its standard output.
 
-    Raises ReactsimError with the message of the program if it fails.
+    Raises ReactsimError with the last lines of the program if it fails.
     """
-    program = [find_program(), *command]
-    with start(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder) as process:
-        output, errors = process.communicate()
-    if process.returncode != 0:
-        text = errors.decode("utf-8", "replace").strip()
-        raise ReactsimError(
-            f"`reactsim {shlex.join(command)}` ended with code {process.returncode}:\n{text}"
-        )
-    return output.decode("utf-8")
+    return invoke(command, folder=folder).data.decode("utf-8")
+
+
+def produce(command: Sequence[str], out: PathLike, *, show: bool) -> Output:
+    """Runs a command that writes `out`.
+
+    Warns with the messages of the program if some scenarios failed (exit code 1).
+    """
+    output = invoke(command, codes=(0, 1), show=show)
+    if not os.path.exists(out):
+        raise ReactsimError(f"`reactsim {shlex.join(command)}` did not write {out}; {CHECK}")
+    if output.code == 1:
+        text = "\n".join(output.messages)
+        warnings.warn(f"`reactsim {command[0]}`: some scenarios failed:\n{text}", stacklevel=3)
+    return output
+
+
+def interrupt(program: subprocess.Popen[bytes]) -> None:
+    """Asks the program to write what is finished, and waits for it."""
+    try:
+        program.send_signal(signal.SIGINT)
+        if program.stdin is not None:
+            program.stdin.close()
+        program.wait(INTERRUPT_LIMIT)
+    except (OSError, ValueError, subprocess.TimeoutExpired, KeyboardInterrupt):
+        pass
+
+
+def pass_on(stream: IO[bytes], last: collections.deque[str], show: bool) -> None:
+    """Copies the messages of the program to standard error and keeps the last ones."""
+    for line in stream:
+        text = line.decode("utf-8", "replace").rstrip()
+        last.append(text)
+        if show:
+            print(text, file=sys.stderr, flush=True)

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
-import shlex
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .client import HISTORY, Array
-from .program import ReactsimError, arguments, call, local_folder
+from .display import Gif, Markdown, Svg
+from .options import PathLike, Run, Sources
+from .pictures import animate, draw
+from .program import local_folder
 
-__all__ = ["Markdown", "Results", "Rollout"]
+if TYPE_CHECKING:
+    from .comparison import Comparisons
+    from .wosac import WosacScores
 
-
-class Markdown(str):
-    """Markdown text that notebooks render."""
-
-    def _repr_markdown_(self) -> str:
-        return str(self)
+__all__ = ["Results", "Rollout", "frame_of"]
 
 
 class Rollout(NamedTuple):
@@ -53,7 +50,7 @@ class Results:
     dictionaries otherwise.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, folder: PathLike) -> None:
         self.folder = local_folder(folder)
         """The run folder."""
         if not (self.folder / "provenance.json").is_file():
@@ -101,7 +98,7 @@ class Results:
         Rows without a rollout have the metrics over all rollouts of a scenario. A metric is missing
         where nothing could be judged.
         """
-        return _frame([_flat_row(row) for row in self._lines("rows.jsonl")])
+        return frame_of([_flat_row(row) for row in self._lines("rows.jsonl")])
 
     @cached_property
     def events(self) -> Any:
@@ -109,13 +106,13 @@ class Results:
 
         Values at the event have the prefix `value_`.
         """
-        return _frame([_flat(line, {"values": "value_"}) for line in self._lines("events.jsonl")])
+        return frame_of([_flat(line, {"values": "value_"}) for line in self._lines("events.jsonl")])
 
     @cached_property
     def failures(self) -> Any:
         """Scenarios without a result, with the error."""
         columns = ["input", "record", "simulator", "file", "scenario", "error"]
-        return _frame(self._lines("failures.jsonl"), columns)
+        return frame_of(self._lines("failures.jsonl"), columns)
 
     def rollouts(
         self, *, simulator: str | None = None, scenario: str | None = None
@@ -139,16 +136,62 @@ class Results:
                         yield _rollout(row)
 
     def svg(
-        self, scenario: str, simulator: str, *, source: str | None = None, step: int = 40
-    ) -> str:
-        """Returns a picture of a kept rollout, made by the program."""
-        given = [
-            ("--id", scenario),
-            ("--rollout", self.folder),
-            ("--simulator", simulator),
-            ("--steps", step),
-        ]
-        return draw_svg(given, source)
+        self, scenario: str, simulator: str, *, source: PathLike | None = None, step: int = 40
+    ) -> Svg:
+        """Returns a picture of a kept rollout at a step, made by the program."""
+        return draw(source, id=scenario, rollout=self, simulator=simulator, steps=step)
+
+    def gif(
+        self,
+        scenario: str,
+        simulators: str | Sequence[str] = (),
+        *,
+        source: PathLike | None = None,
+        size: int | None = None,
+        every: int | None = None,
+        follow: bool = False,
+    ) -> Gif:
+        """Returns an animation of kept rollouts of a scenario, side by side, made by the program.
+
+        Args:
+            scenario: Id of the scenario.
+            simulators: Ids of the simulators; all of the run by default.
+            source: File or folder of the scenario; the shipped benchmark by default.
+            size: Side of a panel, pixels; 480 by default.
+            every: Show only every Nth step; 1, the default, is 10 frames per second.
+            follow: Keep the AV in the middle, which makes larger files.
+
+        """
+        return animate(
+            source,
+            id=scenario,
+            rollout=self,
+            simulators=simulators or self.simulators,
+            size=size,
+            every=every,
+            follow=follow,
+        )
+
+    def report(self, format: str = "markdown", **options: Any) -> str:
+        """Returns the tables of the run, or its page; the arguments are those of `report`."""
+        from .report import report
+
+        return report(self, format=format, **options)
+
+    def compare(self, other: Run, **options: Any) -> Comparisons:
+        """Compares the run with a second one; the arguments are those of `compare`."""
+        from .comparison import compare
+
+        return compare(self, other, **options)
+
+    def wosac(self, scenarios: Sources = None, **options: Any) -> WosacScores:
+        """Returns the realism metrics of the Sim Agents challenge for the kept rollouts.
+
+        The arguments are those of `reactsim.wosac.score_run`.
+        """
+        from .wosac import score_run
+
+        return score_run(self, scenarios, **options)
 
     def _text(self, name: str) -> str:
         path = self.folder / name
@@ -160,27 +203,6 @@ class Results:
         lines = self._text(name).split("\n")
         # A last line without a line end was truncated by an interruption.
         return [json.loads(line) for line in lines[:-1] if line]
-
-
-class Svg(str):
-    """A picture as SVG text that notebooks render."""
-
-    def _repr_svg_(self) -> str:
-        return str(self)
-
-
-def draw_svg(options: Sequence[tuple[str, Any]], source: str | None) -> Svg:
-    """Lets the program draw a picture; `options` are those of `reactsim inspect`."""
-    import tempfile
-
-    with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
-        path = Path(folder, "picture.svg")
-        positionals = [] if source is None else [source]
-        command = ["inspect", *arguments([*options, ("--svg", path)], positionals)]
-        call(command)
-        if not path.is_file():
-            raise ReactsimError(f"`reactsim {shlex.join(command)}` wrote no picture")
-        return Svg(path.read_text("utf-8"))
 
 
 def _rollout(row: dict[str, Any]) -> Rollout:
@@ -229,7 +251,7 @@ def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
     return _flat({**row, "metrics": metrics, "notes": notes}, prefixes)
 
 
-def _frame(lines: list[dict[str, Any]], columns: list[str] | None = None) -> Any:
+def frame_of(lines: list[dict[str, Any]], columns: list[str] | None = None) -> Any:
     """Returns a pandas data frame if pandas is installed, else the lines."""
     if importlib.util.find_spec("pandas") is None:
         return lines

@@ -5,7 +5,6 @@ from __future__ import annotations
 import collections
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -18,16 +17,24 @@ from pathlib import Path
 from typing import IO, Any, Union, cast
 
 from .client import ProtocolError, Session
-from .program import CHECK, ReactsimError, arguments, find_program, local_folder, start
+from .options import paths, reading, selection
+from .program import (
+    CHECK,
+    LAST_LINES,
+    ReactsimError,
+    arguments,
+    find_program,
+    interrupt,
+    invoke,
+    local_folder,
+    pass_on,
+    start,
+)
 from .results import Results
-from .scenarios import selection
 
 __all__ = ["run"]
 
 PathLike = Union[str, "os.PathLike[str]"]
-
-LAST_LINES = 30  # lines of standard error in a message
-INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to write what is finished
 
 
 def run(
@@ -48,6 +55,9 @@ def run(
     limit: int | None = None,
     ids: Sequence[str] = (),
     categories: Sequence[str] = (),
+    current_frame: int | None = None,
+    window_step: int | None = None,
+    all_agents: bool = False,
     batch: int | None = None,
     out: PathLike | None = None,
     resume: bool = False,
@@ -59,7 +69,8 @@ def run(
     """Runs a simulator or a planner, and baselines next to it, and returns the results.
 
     The program `reactsim` is started as a child process; it asks the simulator or planner, which
-    stays in this process, so breakpoints, prints and notebooks work.
+    stays in this process, so breakpoints, prints and notebooks work. Without a simulator and a
+    planner only the baselines run.
 
     Args:
         simulator: A `Simulator`, a class without arguments to make one, or any object with the same
@@ -76,12 +87,17 @@ def run(
         deviations: File of deviated AVs.
         protocol: "reactive", or "realism", in which the simulator also moves the AV.
         replan: Replan rate or interval, such as "2hz" or "5steps".
-        baselines: Ids of baselines to run next to the simulator, such as "idm".
+        baselines: Ids of baselines to run next to the simulator, or alone, such as "idm"; "default"
+            for those that run by default.
         rollouts: Rollouts per scenario and simulator.
         seed: Seed of all random choices.
         limit: Only the first `limit` scenarios of every file.
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
+        current_frame: Index of the current frame, from 0, for formats that leave it open.
+        window_step: Frames between scenarios of one recording of 20 s.
+        all_agents: Simulate all agents that are present at the current frame, of all kinds and any
+            number, as the Sim Agents challenge requires.
         batch: Number of episodes per batch; the simulator's `batch` by default.
         out: Run folder to write; a temporary folder by default, which lives as long as the results.
         resume: Continue the interrupted run in `out`.
@@ -97,27 +113,32 @@ def run(
     """
     if resume and out is None:
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
-    if (simulator is None) == (planner is None):
+    is_alone = simulator is None and planner is None
+    if (simulator is None) == (planner is None) and not (is_alone and baselines):
         raise ValueError(
-            "give a simulator or a planner; to use both, serve the planner as a program and give "
-            "it in `options`: --planner=NAME=COMMAND, and av='planner:external:NAME'"
+            "give a simulator or a planner, or only `baselines`; to use both, serve the planner as"
+            " a program and give it in `options`: --planner=NAME=COMMAND, and"
+            " av='planner:external:NAME'"
         )
     if planner is not None and av is not None:
         raise ValueError("`planner` drives the AV: leave `av` out")
     served = simulator if planner is None else planner
-    session = Session(served, batch=batch, on_end=_Counter() if progress else None)
-    if session.role != ("simulator" if planner is None else "planner"):
-        raise ValueError(f"{session.title} is a {session.role}; pass it as `{session.role}`")
+    session = None
+    title = ""
+    if served is not None:
+        session = Session(served, batch=batch, on_end=_Counter() if progress else None)
+        if session.role != ("simulator" if planner is None else "planner"):
+            raise ValueError(f"{session.title} is a {session.role}; pass it as `{session.role}`")
+        title = name or getattr(session.simulator, "name", "") or session.title
     program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
-    title = name or getattr(session.simulator, "name", "") or session.title
     models = baselines if isinstance(baselines, str) else ",".join(baselines)
     if planner is not None:
         av = f"planner:external:{title},tracker={tracker},every={plan_every}"
     given = [
         ("--models", models or None),
-        ("--external" if planner is None else "--planner", f"{title}=@stdio"),
+        ("--external" if planner is None else "--planner", f"{title}=@stdio" if title else None),
         ("--out", folder),
         ("--keep-rollouts", True),
         ("--protocol", protocol),
@@ -129,12 +150,16 @@ def run(
         ("--limit", limit),
         ("--jobs", jobs),
         *selection(ids, categories),
+        *reading(current_frame, window_step, all_agents),
         ("--resume", resume),
         ("--reveal-ids", reveal_ids),
     ]
-    command = [program, "run", *arguments(given, _paths(scenarios), options)]
+    command = ["run", *arguments(given, paths(scenarios), options)]
     try:
-        code, last = _carry_out(command, session, progress)
+        if session is None:
+            code, _, last = invoke(command, codes=range(256), show=progress)
+        else:
+            code, last = _carry_out([program, *command], session, progress)
         if code in (0, 1) and not (folder / "provenance.json").is_file():
             raise ReactsimError(f"`{program}` ended without any result; {CHECK}")
         results = Results(folder) if code in (0, 1) else None
@@ -142,14 +167,15 @@ def run(
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         raise
-    error = (
-        f"\nfirst error of the {session.role}:\n{session.first_error}"
-        if session.first_error
-        else ""
-    )
-    if temporary is not None:
+    error = ""
+    if session is not None and session.first_error:
+        error = f"\nfirst error of the {session.role}:\n{session.first_error}"
+    owner = results or session
+    if temporary is not None and owner is not None:
         # The folder lives as long as the results.
-        weakref.finalize(results or session, shutil.rmtree, temporary, ignore_errors=True)
+        weakref.finalize(owner, shutil.rmtree, temporary, ignore_errors=True)
+    elif temporary is not None:
+        shutil.rmtree(temporary, ignore_errors=True)
     if results is None:
         text = "\n".join(last)
         raise ReactsimError(f"`reactsim run` ended with code {code}:\n{text}{error}")
@@ -158,14 +184,6 @@ def run(
             f"{len(results.failures)} scenarios failed, see `failures`{error}", stacklevel=2
         )
     return results
-
-
-def _paths(scenarios: PathLike | Sequence[PathLike] | None) -> list[str]:
-    if scenarios is None:
-        return []
-    if isinstance(scenarios, (str, os.PathLike)):
-        return [os.fspath(scenarios)]
-    return [os.fspath(path) for path in scenarios]
 
 
 def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[int, list[str]]:
@@ -182,7 +200,7 @@ def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[in
         cast("IO[bytes]", stream) for stream in (program.stdout, program.stdin, program.stderr)
     )
     last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
-    messages = threading.Thread(target=_pass_on, args=(errors, last, progress), daemon=True)
+    messages = threading.Thread(target=pass_on, args=(errors, last, progress), daemon=True)
     messages.start()
     try:
         try:
@@ -197,7 +215,7 @@ def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[in
         messages.join(5.0)
         return code, list(last)
     except BaseException:
-        _interrupt(program)
+        interrupt(program)
         raise
     finally:
         _close(answers)
@@ -210,31 +228,11 @@ def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[in
         _close(requests)
 
 
-def _interrupt(program: subprocess.Popen[bytes]) -> None:
-    """Asks the program to write what is finished, and waits for it."""
-    try:
-        program.send_signal(signal.SIGINT)
-        if program.stdin is not None:
-            _close(program.stdin)
-        program.wait(INTERRUPT_LIMIT)
-    except (OSError, ValueError, subprocess.TimeoutExpired, KeyboardInterrupt):
-        pass
-
-
 def _close(stream: IO[bytes]) -> None:
     try:
         stream.close()
     except OSError:
         pass
-
-
-def _pass_on(stream: IO[bytes], last: collections.deque[str], show: bool) -> None:
-    """Copies the messages of the program to standard error and keeps the last ones."""
-    for line in stream:
-        text = line.decode("utf-8", "replace").rstrip()
-        last.append(text)
-        if show:
-            print(text, file=sys.stderr, flush=True)
 
 
 class _Counter:

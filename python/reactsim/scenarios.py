@@ -6,19 +6,19 @@ import os
 import shlex
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Union, cast
+from typing import IO, Any, cast
 
 import numpy as np
 
 from .client import Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
+from .display import Gif, Svg
+from .options import PathLike, paths, reading, selection
+from .pictures import animate, draw
 from .program import CHECK, ReactsimError, arguments, find_program, start
-from .results import Svg, draw_svg
 
 __all__ = ["Scenario", "scenarios"]
-
-PathLike = Union[str, "os.PathLike[str]"]
 
 STEPS = 80  # steps after the current frame
 
@@ -27,7 +27,11 @@ class Scenario(Scene):
     """A scenario with its logged future: agents, history, map, lights, and the deviated AV."""
 
     def __init__(
-        self, scenes: Scenes, tensors: dict[str, Array], source: str | None = None
+        self,
+        scenes: Scenes,
+        tensors: dict[str, Array],
+        source: str | None = None,
+        reading: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(scenes, 0)
         if scenes.scenario_ids is None or scenes.agent_ids is None or scenes.origins is None:
@@ -42,6 +46,7 @@ class Scenario(Scene):
         """World coordinates of the local origin, metres."""
         self.source = source
         """File or folder that was read; None for the shipped benchmark."""
+        self._reading = dict(reading or {})
         take = _Tensors(tensors)
         shape = scenes.kinds.shape
         n = self.n_agents
@@ -78,9 +83,57 @@ class Scenario(Scene):
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.valid, self.future_valid], axis=1)
 
-    def svg(self, *, radius: float | None = None) -> Svg:
-        """Returns a picture at the current frame, made by the program; `radius` in metres."""
-        return draw_svg([("--id", self.id), ("--radius", radius)], self.source)
+    def svg(
+        self,
+        *,
+        radius: float | None = None,
+        steps: int | Sequence[int] = (),
+        simulator: str | None = None,
+    ) -> Svg:
+        """Returns a picture, made by the program.
+
+        Args:
+            radius: Half of the side of the picture, metres; 60 by default.
+            steps: Steps to draw, 0 (current frame) to 80; 0 by default.
+            simulator: Simulator that moves the agents, such as "idm"; the program runs it against
+                the deviated AV in the file of the scenario.
+
+        """
+        return draw(
+            self.source,
+            id=self.id,
+            radius=radius,
+            steps=steps,
+            simulator=simulator,
+            **self._reading,
+        )
+
+    def gif(
+        self,
+        *,
+        simulators: str | Sequence[str] = (),
+        radius: float | None = None,
+        size: int | None = None,
+        every: int | None = None,
+        follow: bool = False,
+    ) -> Gif:
+        """Returns an animation of 8 s, made by the program; the arguments are those of `animate`.
+
+        A deviated AV is taken from the file of the scenario, not from a file of `deviations`.
+        """
+        return animate(
+            self.source,
+            id=self.id,
+            simulators=simulators,
+            radius=radius,
+            size=size,
+            every=every,
+            follow=follow,
+            **self._reading,
+        )
+
+    def _repr_svg_(self) -> str:
+        return str(self.svg())
 
 
 def scenarios(
@@ -91,6 +144,9 @@ def scenarios(
     ids: Sequence[str] = (),
     categories: Sequence[str] = (),
     future: bool = True,
+    current_frame: int | None = None,
+    window_step: int | None = None,
+    all_agents: bool = False,
 ) -> Iterator[Scenario]:
     """Iterates over scenarios, one in memory at a time.
 
@@ -102,34 +158,34 @@ def scenarios(
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
         future: Read the logged future and the deviated AV too.
+        current_frame: Index of the current frame, from 0, for formats that leave it open
+            (Argoverse 2, ScenarioNet, Waymo files of more than 91 frames).
+        window_step: Read several scenarios of each recording of Waymo files of 20 s: frame 10 and
+            every `window_step` frames after it is a current frame.
+        all_agents: Read all agents that are present at the current frame, of all kinds and any
+            number, instead of the AV and the 63 nearest vehicles, pedestrians and cyclists.
 
     Raises:
         ReactsimError: The program could not be started, or failed; the message is its own.
 
     """
-    path = None if source is None else os.fspath(source)
+    as_read = {
+        "current_frame": current_frame,
+        "window_step": window_step,
+        "all_agents": all_agents,
+    }
     given = [
         ("--deviations", deviations),
         ("--limit", limit),
         *selection(ids, categories),
+        *reading(current_frame, window_step, all_agents),
         ("--future", future),
     ]
-    sources = [] if path is None else [path]
-    command = [find_program(), "export", "scenes", *arguments(given, sources)]
-    return _read(command, path)
+    command = [find_program(), "export", "scenes", *arguments(given, paths(source))]
+    return _read(command, None if source is None else os.fspath(source), as_read)
 
 
-def selection(ids: Sequence[str], categories: Sequence[str]) -> list[tuple[str, str]]:
-    """Returns the options of the program that select scenarios."""
-    given = [("--id", one) for one in _all(ids)]
-    return given + [("--category", one) for one in _all(categories)]
-
-
-def _all(names: Sequence[str]) -> Sequence[str]:
-    return [names] if isinstance(names, str) else names
-
-
-def _read(command: list[str], path: str | None) -> Iterator[Scenario]:
+def _read(command: list[str], path: str | None, as_read: Mapping[str, Any]) -> Iterator[Scenario]:
     with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
         log = Path(folder, "stderr")
         with log.open("wb") as errors:
@@ -150,7 +206,7 @@ def _read(command: list[str], path: str | None) -> Iterator[Scenario]:
                 if frame[0]["type"] != "scene":
                     problem = f"unknown message `{frame[0]['type']}`"
                     break
-                yield Scenario(Scenes(*frame), frame[1], path)
+                yield Scenario(Scenes(*frame), frame[1], path, as_read)
         finally:
             stream.close()
             if not is_complete and program.poll() is None:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Union
+from typing import Any
 
 import numpy as np
 
-from .program import CHECK, ReactsimError, arguments, find_program, start
+from .options import Options, PathLike, Run, Sources, each, folders, joined, paths
+from .program import arguments, invoke
 
-__all__ = ["WosacRollouts", "WosacScores", "wosac"]
-
-PathLike = Union[str, "os.PathLike[str]"]
+__all__ = ["WosacRollouts", "WosacScores", "score_run", "wosac"]
 
 STEPS = 80
 KEYS = (0x12, 0x1A, 0x22, 0x2A)  # fields 2 to 5 of SimulatedTrajectory: x, y, z, heading
@@ -84,34 +81,71 @@ def wosac(
         ValueError: Arrays have other shapes than documented.
 
     """
-    paths = [scenarios] if isinstance(scenarios, (str, os.PathLike)) else list(scenarios)
-    each = [rollouts] if isinstance(rollouts, WosacRollouts) else rollouts
+    several = [rollouts] if isinstance(rollouts, WosacRollouts) else rollouts
     with tempfile.TemporaryDirectory(prefix="reactsim-") as home:
-        file, out = Path(home, "rollouts.binproto"), Path(home, "scores")
+        file = Path(home, "rollouts.binproto")
         with file.open("wb") as stream:
-            for one in each:
+            for one in several:
                 message = encode(one)
                 stream.write(bytes([FIELD_1]) + varint(len(message)))
                 stream.write(message)
+        given: Options = [("--partial", True), *each("--scenarios", paths(scenarios))]
+        return _score(file, given, configs, jobs)
+
+
+def score_run(
+    run: Run,
+    scenarios: Sources = None,
+    *,
+    simulator: str | None = None,
+    configs: Sequence[str] = ("2025",),
+    partial: bool = False,
+    jobs: int | None = None,
+) -> WosacScores:
+    """Computes the realism metrics of the kept rollouts of a run; `Results.wosac` calls it.
+
+    Args:
+        run: Run folder or `Results`, or a submission: an archive (.tar.gz), a folder or a
+            .binproto file. The metrics of the challenge are for 32 rollouts in the realism
+            protocol, with `all_agents`.
+        scenarios: Scenarios of the run; the shipped ones by default.
+        simulator: Simulator, if the run has several.
+        configs: Configurations: "2025", "2024", "2023", "2024_challenge_code".
+        partial: Accept another number of rollouts than 32, and runs without all scenarios.
+        jobs: Number of threads; one per core by default.
+
+    Raises:
+        ReactsimError: No scenario could be scored.
+
+    """
+    given: Options = [
+        ("--partial", partial),
+        *each("--scenarios", paths(scenarios)),
+        ("--simulator", simulator),
+    ]
+    return _score(folders(run)[0], given, configs, jobs)
+
+
+def _score(
+    rollouts: PathLike, given: Options, configs: Sequence[str], jobs: int | None
+) -> WosacScores:
+    """Lets the program score rollouts, and reads what it wrote."""
+    with tempfile.TemporaryDirectory(prefix="reactsim-") as home:
+        out = Path(home, "scores")
         given = [
-            *(("--wosac", True), ("--partial", True), ("--quiet", True)),
-            *(("--scenarios", path) for path in paths),
-            ("--wosac-config", ",".join(configs)),
+            *(("--wosac", True), ("--quiet", True)),
+            *given,
+            ("--wosac-config", joined(configs)),
             ("--out", out),
             ("--format", "json"),
             ("--jobs", jobs),
         ]
-        command = [find_program(), "score", *arguments(given, [file])]
-        with start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-            output, errors = process.communicate()
-        if process.returncode not in (0, 1) or not output:
-            text = errors.decode("utf-8", "replace").strip()
-            raise ReactsimError(text or f"`{command[0]}` ended without any result; {CHECK}")
-        scores = json.loads(output)
+        output = invoke(["score", *arguments(given, [rollouts])], codes=(0, 1))
+        scores = output.document
         lines = Path(out, "wosac.jsonl").read_text(encoding="utf-8").splitlines()
-    configs_of: Mapping[str, Any] = scores["configs"]
     means = {
-        name: {**config["metrics"], **config["buckets"]} for name, config in configs_of.items()
+        name: {**config["metrics"], **config["buckets"]}
+        for name, config in scores["configs"].items()
     }
     return WosacScores(means, [json.loads(line) for line in lines], scores["failures"])
 

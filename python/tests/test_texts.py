@@ -15,7 +15,9 @@ def test_readme_contains_the_example() -> None:
     assert f"```python\n{example}```\n" in (PACKAGE / "README.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("path", ["python/README.md", "docs/guides/external-simulators.md"])
+@pytest.mark.parametrize(
+    "path", ["python/README.md", "docs/guides/external-simulators.md", "docs/guides/python.md"]
+)
 def test_texts_name_what_exists(path: str) -> None:
     names = re.findall(r"\breactsim\.([A-Za-z_]\w*)\(", (ROOT / path).read_text("utf-8"))
     assert len(names) >= 2
@@ -27,3 +29,14 @@ def test_all_names_exist() -> None:
     assert len(set(reactsim.__all__)) == len(reactsim.__all__)
     for name in reactsim.__all__:
         assert hasattr(reactsim, name)
+
+
+def test_both_ways_to_install_have_the_same_requirements() -> None:
+    tomllib = pytest.importorskip("tomllib")
+    whole, alone, cargo = (
+        tomllib.loads((ROOT / path).read_text("utf-8"))
+        for path in ("pyproject.toml", "python/pyproject.toml", "Cargo.toml")
+    )
+    for key in ("name", "requires-python", "license", "dependencies", "optional-dependencies"):
+        assert whole["project"][key] == alone["project"][key], key
+    assert alone["project"]["version"] == cargo["workspace"]["package"]["version"]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import struct
+from pathlib import Path
+
 import numpy as np
 import pytest
 import reactsim
 from fakes import ROOT
-from reactsim.wosac import encode, varint
+from reactsim.wosac import encode, score_run, varint
 
 SHARED = ROOT.parent / "shared"
 
@@ -40,6 +43,71 @@ def test_messages_have_the_length_that_they_state() -> None:
 def test_other_arrays_are_refused(ids: list[float], shape: tuple[int, ...], fault: str) -> None:
     with pytest.raises(ValueError, match=fault):
         encode(reactsim.WosacRollouts("a", ids, np.zeros(shape)))
+
+
+def recording(path: Path) -> Path:
+    """Writes the recording of a shared scenario as a TFRecord."""
+    scenario = SHARED / "wosac_golden" / "ee519cf571686d19.scenario.binproto.zst"
+    if not scenario.is_file():
+        pytest.skip("the shared data are missing")
+    pyarrow = pytest.importorskip("pyarrow")
+    data = pyarrow.input_stream(scenario, compression="zstd").read()
+    length = struct.pack("<Q", len(data))
+    path.write_bytes(length + masked_crc32c(length) + data + masked_crc32c(data))
+    return path
+
+
+def masked_crc32c(data: bytes) -> bytes:
+    """Returns the checksum of TFRecords."""
+    table = []
+    for entry in range(256):
+        for _ in range(8):
+            entry = entry >> 1 ^ (0x82F63B78 if entry & 1 else 0)
+        table.append(entry)
+    checksum = 0xFFFFFFFF
+    for byte in data:
+        checksum = table[(checksum ^ byte) & 0xFF] ^ checksum >> 8
+    checksum ^= 0xFFFFFFFF
+    return struct.pack("<I", (checksum >> 15 | checksum << 17) + 0xA282EAD8 & 0xFFFFFFFF)
+
+
+@pytest.mark.program
+@pytest.mark.usefixtures("with_program")
+def test_runs_arrays_and_submissions_have_the_same_scores(tmp_path: Path) -> None:
+    scenario = recording(tmp_path / "scenario.tfrecord")
+    run = reactsim.run(
+        baselines=["constant-velocity"],
+        scenarios=scenario,
+        protocol="realism",
+        rollouts=32,
+        all_agents=True,
+        progress=False,
+    )
+    scores = run.wosac(scenario)
+    assert scores.failures == []
+    metrics = scores.means["2025"]
+    assert 0 < metrics["metametric"] < 1
+    assert len(scores.rows) == 1
+
+    metadata = tmp_path / "metadata.toml"
+    metadata.write_text(
+        'account_name = "a@example.org"\nunique_method_name = "a"\nnum_model_parameters = "1"\n'
+        "uses_lidar_data = false\nuses_camera_data = false\n"
+        "uses_public_model_pretraining = false\n"
+    )
+    archive = reactsim.export_wosac(
+        run, tmp_path / "a.tar.gz", scenarios=scenario, metadata=metadata
+    )
+    submission = score_run(archive, scenario)
+    assert submission.means["2025"]["metametric"] == pytest.approx(metrics["metametric"], abs=1e-3)
+
+    with pytest.raises(reactsim.ReactsimError, match="realism"):
+        reactsim.export_wosac(
+            reactsim.run(baselines=["stop"], scenarios=scenario, av="log", progress=False),
+            tmp_path / "b.tar.gz",
+            scenarios=scenario,
+            metadata=metadata,
+        )
 
 
 @pytest.mark.usefixtures("with_program")

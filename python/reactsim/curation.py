@@ -1,0 +1,180 @@
+"""Deviated AVs: trajectories of the AV that leave the log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .display import Markdown
+from .options import Options, PathLike, each, paths, reading
+from .pages import Page, open_page
+from .program import arguments, invoke, local_folder, produce
+
+__all__ = ["Candidates", "curate"]
+
+
+class Candidates:
+    """A file of candidates for deviated AVs, which `curate` writes.
+
+    `reactsim.run(..., deviations=candidates.path)` runs simulators against the chosen ones.
+    Notebooks show the statistics.
+    """
+
+    def __init__(self, path: PathLike) -> None:
+        self.path = local_folder(path)
+        """The file, Parquet."""
+        if not self.path.is_file():
+            raise FileNotFoundError(f"there is no file `{self.path}`")
+
+    def __repr__(self) -> str:
+        return f"Candidates({str(self.path)!r})"
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def _repr_markdown_(self) -> str:
+        return str(self.table())
+
+    def stats(self) -> dict[str, Any]:
+        """Returns the statistics: steps of the selection, categories, distances to the log."""
+        result: dict[str, Any] = self._stats([("--format", "json")]).document
+        return result
+
+    def table(self) -> Markdown:
+        """Returns the statistics as Markdown tables."""
+        return Markdown(self._stats([]).text)
+
+    def charts(self, folder: PathLike) -> list[Path]:
+        """Draws charts of the statistics into a folder; returns the SVG files."""
+        self._stats([("--svg", folder)])
+        return sorted(Path(folder).glob("*.svg"))
+
+    def review(
+        self,
+        *,
+        reviewer: str | None = None,
+        reviews: PathLike | Sequence[PathLike] = (),
+        port: int = 0,
+    ) -> Page:
+        """Opens a page on which the candidates are verified by hand, until it is closed.
+
+        Decisions are in the file FILE.reviews.jsonl next to the candidates.
+
+        Args:
+            reviewer: Your name, recorded with your decisions; the page asks by default.
+            reviews: Journals of other reviewers, to show next to your own decisions.
+            port: Port of the page, on this machine only; 0 for any free one.
+
+        """
+        given = [("--port", port), ("--reviewer", reviewer), *each("--reviews", reviews)]
+        return open_page(["curate", "review", *arguments(given, [self.path])])
+
+    def apply(
+        self,
+        out: PathLike,
+        *,
+        reviews: PathLike | Sequence[PathLike] = (),
+        majority: bool = False,
+        allow_rejected: bool = False,
+    ) -> Candidates:
+        """Applies the decisions of a review and writes a new file of candidates.
+
+        Args:
+            out: File to write, with all candidates.
+            reviews: Journals of other reviewers, in addition to FILE.reviews.jsonl.
+            majority: Apply what more than half of the reviewers of a scenario decided; by default
+                the latest decision.
+            allow_rejected: Also accept picked candidates that a filter rejected.
+
+        Raises:
+            ReactsimError: There are no decisions, or they are for other candidates.
+
+        """
+        given = [
+            *each("--reviews", reviews),
+            ("--majority", majority),
+            ("--allow-rejected", allow_rejected),
+            ("--out", out),
+        ]
+        produce(["curate", "apply", *arguments(given, [self.path])], out, show=False)
+        return Candidates(out)
+
+    def _stats(self, given: Options) -> Any:
+        return invoke(["curate", "stats", *arguments(given, [self.path])])
+
+
+def curate(
+    scenarios: PathLike | Sequence[PathLike],
+    out: PathLike,
+    *,
+    source: str = "rules",
+    temperature: float | None = None,
+    candidates: int | None = None,
+    seed: int = 0,
+    limit: int | None = None,
+    jobs: int | None = None,
+    scenes: bool = True,
+    min_vehicles: int | None = None,
+    radius: float | None = None,
+    max_ttc: float | None = None,
+    min_ade: float | None = None,
+    drivable_tolerance: float | None = None,
+    comfort: bool = False,
+    current_frame: int | None = None,
+    window_step: int | None = None,
+    all_agents: bool = False,
+    progress: bool = True,
+) -> Candidates:
+    """Creates trajectories of the AV that leave the log, and chooses at most one per scenario.
+
+    Candidates that are infeasible, do not pressure any agent or cannot be avoided are rejected.
+
+    Args:
+        scenarios: Files, folders or URLs of scenarios.
+        out: File to write (Parquet), with all candidates.
+        source: "rules"; "diffusion", samples of a network, or "diffusion:FILE" with other weights;
+            or "file:PATH" with trajectories of any planner (Parquet or JSON).
+        temperature: Standard deviation of the noise from which a network samples; 1.5 by default.
+        candidates: Largest number per scenario; 16 by default, or all of a file.
+        seed: Seed of all random choices.
+        limit: Only the first `limit` scenarios of every file.
+        jobs: Number of threads; one per core by default.
+        scenes: Store the scenes that the review page draws.
+        min_vehicles: Only scenarios with this many vehicles near the logged AV; 3 by default.
+        radius: Largest distance of a vehicle near the AV, metres; 40 by default.
+        max_ttc: Only scenarios in which one of these vehicles has a time to collision below this,
+            seconds; 5 by default.
+        min_ade: Smallest mean displacement from the log, metres; 2 by default.
+        drivable_tolerance: Largest distance of a corner outside the drivable area, metres; 0.3 by
+            default.
+        comfort: Also reject candidates that exceed nuPlan's comfort bounds.
+        current_frame: Index of the current frame, from 0, for formats that leave it open.
+        window_step: Frames between scenarios of one recording of 20 s.
+        all_agents: Simulate all agents that are present at the current frame, of all kinds.
+        progress: Show the messages of the program.
+
+    Raises:
+        ReactsimError: The scenarios cannot be read, or none could be curated. Scenarios that failed
+            only cause a warning.
+
+    """
+    given = [
+        ("--out", out),
+        ("--source", source),
+        ("--temperature", temperature),
+        ("--candidates", candidates),
+        ("--seed", seed),
+        ("--limit", limit),
+        ("--jobs", jobs),
+        ("--without-scenes", not scenes),
+        ("--min-vehicles", min_vehicles),
+        ("--radius", radius),
+        ("--max-ttc", max_ttc),
+        ("--min-ade", min_ade),
+        ("--drivable-tolerance", drivable_tolerance),
+        ("--comfort", comfort),
+        *reading(current_frame, window_step, all_agents),
+    ]
+    produce(["curate", *arguments(given, paths(scenarios))], out, show=progress)
+    return Candidates(out)

@@ -1,0 +1,93 @@
+"""Options that several commands of the program have."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, Union, cast
+
+from .program import text_of
+
+__all__ = [
+    "Options",
+    "PathLike",
+    "Run",
+    "Sources",
+    "each",
+    "folders",
+    "joined",
+    "paths",
+    "reading",
+    "selection",
+    "settings",
+]
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+Sources = Union[PathLike, Sequence[PathLike], None]
+"""A file, folder or URL of scenarios, or several; None for the shipped benchmark."""
+
+Options = list[tuple[str, Any]]
+"""Names and values, as `program.arguments` takes them."""
+
+
+class HasFolder(Protocol):
+    """Anything with a run folder, such as `Results`."""
+
+    @property
+    def folder(self) -> os.PathLike[str]:
+        """The run folder."""
+
+
+Run = Union[PathLike, HasFolder]
+"""A run folder: its path, or its `Results`."""
+
+
+def paths(sources: Sources) -> list[str]:
+    """Returns the paths of scenarios: none for the shipped benchmark."""
+    if sources is None:
+        return []
+    if isinstance(sources, (str, os.PathLike)):
+        return [os.fspath(sources)]
+    return [os.fspath(path) for path in sources]
+
+
+def folders(runs: Run | Sequence[Run]) -> list[str]:
+    """Returns the paths of run folders."""
+    several: Sequence[Any] = [runs] if _is_one(runs) else cast("Sequence[Any]", runs)
+    return [os.fspath(getattr(run, "folder", run)) for run in several]
+
+
+def _is_one(runs: Any) -> bool:
+    return isinstance(runs, (str, os.PathLike)) or hasattr(runs, "folder")
+
+
+def each(name: str, values: Any) -> Options:
+    """Returns an option for each value; a single text or path is one value."""
+    several = [values] if isinstance(values, (str, os.PathLike)) else values
+    return [(name, value) for value in several]
+
+
+def joined(values: str | Sequence[Any]) -> str | None:
+    """Returns values of an option that takes them separated by commas; None for no values."""
+    text = values if isinstance(values, str) else ",".join(map(str, values))
+    return text or None
+
+
+def settings(name: str, values: Mapping[str, Any]) -> Options:
+    """Returns an option NAME=KEY=VALUE for each key."""
+    return [(name, f"{key}={text_of(value)}") for key, value in values.items()]
+
+
+def selection(ids: Sequence[str], categories: Sequence[str]) -> Options:
+    """Returns the options that select scenarios."""
+    return [*each("--id", ids), *each("--category", categories)]
+
+
+def reading(current_frame: int | None, window_step: int | None, all_agents: bool) -> Options:
+    """Returns the options that determine how recordings become scenarios."""
+    return [
+        ("--current-frame", current_frame),
+        ("--window-step", window_step),
+        ("--all-agents", all_agents),
+    ]
