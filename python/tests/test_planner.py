@@ -43,7 +43,7 @@ class Program(Loopback):
         return self.ask("begin", {"moves_av": "1", "steps": "80"}, tensors)
 
     def drive(self, handle: int, agents: int, frame: int, new: int, steps: int) -> Message:
-        tensors = {
+        tensors: Dict[str, Array] = {
             "episode": np.array([handle], np.uint64),
             "active": np.ones(1, np.uint8),
             "states": np.full((1, agents, new, 5), float(handle)),

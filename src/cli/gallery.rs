@@ -1,13 +1,13 @@
 //! Runs to show and the location of their scenarios, shared by `report` and `view`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::find_inputs;
-use crate::evaluation::{EvaluationError, ScenarioFiles, Source, StudyResults, is_study};
+use crate::evaluation::{EvaluationError, ScenarioFiles, Source, StudyResults, is_study, read_provenance};
 use crate::report::page::{Gallery, Member};
 
 /// Opens the runs in these folders, members of studies included, with the scenarios at these paths.
-/// The shipped benchmark is always available.
+/// The shipped benchmark is always available, and so are inputs of the runs that are in the current folder.
 pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result<Gallery> {
     let mut scenario_files = ScenarioFiles::default();
     scenario_files.add(Source::shipped(usize::MAX));
@@ -15,6 +15,15 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result
         scenario_files.add_file(&input)?;
     }
     let (members, studies) = members(folders)?;
+    for member in &members {
+        for file in read_provenance(&member.folder)?.inputs {
+            // Runs name their inputs without a folder. The digest tells whether it is the same file.
+            let is_here = !scenario_files.has(&file) && Path::new(&file.name).is_file();
+            for input in if is_here { find_inputs(&[PathBuf::from(&file.name)])? } else { Vec::new() } {
+                scenario_files.add_file(&input)?;
+            }
+        }
+    }
     Ok(Gallery::open(members, studies, scenario_files)?)
 }
 

@@ -47,7 +47,7 @@ pub(super) struct ReportArgs {
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Scenarios of the runs, unless they ship with the program; may be repeated
+    /// Scenarios of the runs, unless they ship with the program or are in the current folder; may be repeated
     #[arg(long, value_name = "PATH", help_heading = PAGE)]
     scenarios: Vec<PathBuf>,
     /// Number of scenes, of the scenarios in which simulators differ most [default: 12]

@@ -14,7 +14,7 @@ pub(super) struct ViewArgs {
     /// Folders of runs or studies, written with --keep-rollouts
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Scenarios of the runs, unless they ship with the program; may be repeated
+    /// Scenarios of the runs, unless they ship with the program or are in the current folder; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
     /// Port of the page, on this machine only; 0 for any free one

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::chromium::{Browser, Served, chromium};
-use crate::program::reactsim;
+use crate::program::{program, reactsim};
+use crate::small_scenarios::{deviating, write};
 
 const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const MODELS: &str = "log-replay,constant-velocity,stop,idm";
@@ -540,14 +541,22 @@ fn studies_have_their_tables_and_figures() {
     let (realism, of_realism) =
         study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2", "--keep-rollouts"]);
     let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
+    let (vocabulary, of_vocabulary) = study("vocabulary", &[]);
+    let (planners, of_planners) = study("planners", &["--models", "log-replay,idm", "--planners", "idm"]);
     let path = at("page.html");
-    let folders = [text(&replan), text(&realism), text(&guards)];
+    let folders = [&replan, &realism, &guards, &vocabulary, &planners].map(|path| text(path));
     said(&[&["report"], &folders[..], &["--format", "html", "--out", text(&path)]].concat(), 0);
     let mut page = Browser::new(&chromium);
     open(&mut page, &format!("file://{}", path.display()));
 
     // Every number of a study stands in its section, none twice, none from elsewhere.
-    for (kind, numbers) in [("replan", &of_replan), ("realism", &of_realism), ("guards", &of_guards)] {
+    for (kind, numbers) in [
+        ("replan", &of_replan),
+        ("realism", &of_realism),
+        ("guards", &of_guards),
+        ("vocabulary", &of_vocabulary),
+        ("planners", &of_planners),
+    ] {
         let shown = page.evaluate(&format!(
             "[...document.querySelectorAll('[data-study=\"{kind}\"] td[data-mean]')].map(c => Number(c.dataset.mean))"
         ));
@@ -569,6 +578,10 @@ fn studies_have_their_tables_and_figures() {
         assert!(expected.len() >= 8, "{kind}: {numbers}");
         assert_eq!(shown, expected, "{kind}");
     }
+    // The case in which the difference of two planners changes most is a link to both, side by side.
+    let case = of_planners["planners"]["change"]["scenario"].as_str().unwrap();
+    page.evaluate("document.querySelector('[data-study=\"planners\"] p a').click()");
+    page.until(&format!("location.hash.includes({case:?}) && location.hash.includes('idm%40')"));
     // The figures: a line per simulator over the intervals, and realism against reaction.
     let points = page.evaluate(
         "[...document.querySelectorAll('[data-chart=\"replan-aav-collision\"] path[data-x]')].map(p => [Number(p.dataset.x), Number(p.dataset.y)])",
@@ -700,4 +713,25 @@ fn every_value_of_an_event_has_a_unit() {
     }
     assert!(seen.len() >= 8, "{seen:?}");
     assert!(seen.iter().all(|name| known.contains(&name.as_str())), "{seen:?}");
+}
+
+#[test]
+fn inputs_in_the_current_folder_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = tempfile::tempdir().unwrap();
+    let scenarios = folder.path().join("mine.parquet");
+    write(&scenarios, [deviating(0, true), deviating(1, true)]);
+    let run = folder.path().join("run");
+    said(&["run", text(&scenarios), "--models", "stop", "--keep-rollouts", "--out", text(&run)], 0);
+    let messages = |place: &Path| {
+        let report = ["report", text(&run), "--format", "html", "--out", "page.html"];
+        let output = program().args(report).current_dir(place).output().unwrap();
+        assert!(output.status.success());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(!messages(folder.path()).contains("are missing"));
+    assert!(messages(other.path()).contains("the scenarios of mine.parquet are missing"));
+    // A file of the same name with other content is not the input.
+    write(&other.path().join("mine.parquet"), [deviating(2, true)]);
+    assert!(messages(other.path()).contains("the scenarios of mine.parquet are missing"));
 }

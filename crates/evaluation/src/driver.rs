@@ -42,7 +42,7 @@ pub struct Driver {
 enum DriverKind {
     Simulator(Arc<dyn Simulator>),
     AlongRoute(Arc<Network>),
-    External(ExternalPlanner),
+    External(Box<ExternalPlanner>),
     Own(NewPlanner),
 }
 
@@ -114,7 +114,7 @@ impl Driver {
             }),
             ..SimulatorRecord::named(&name, &name)
         };
-        let kind = DriverKind::External(planner);
+        let kind = DriverKind::External(Box::new(planner));
         Self { driver: AvDriver::External(name), record: Some(record), backend: None, kind }
     }
 
@@ -169,7 +169,7 @@ impl Driver {
                 Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)
             }
             DriverKind::External(planner) => {
-                let (planner, id, steps) = (planner.clone(), scenario.id.clone(), every.steps());
+                let (planner, id, steps) = (planner.as_ref().clone(), scenario.id.clone(), every.steps());
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
                     let seed = stream(seed, &id, rollout, Purpose::AvBegin).next_u64();
                     Box::new(RemotePlanner { episode: planner.begin(seed), steps, route: None })

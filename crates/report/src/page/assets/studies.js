@@ -1,6 +1,6 @@
-// Studies: replan interval, protocols, ablations.
+// Studies: replan interval, protocols, ablations, motion tokens, planners.
 
-import { data, metric } from "./data.js";
+import { data, metric, runs } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, half, interval, number, titled } from "./format.js";
 
@@ -8,6 +8,8 @@ const ABOUT = {
   replan: ["Effect of the replan interval", "Columns: replan interval."],
   realism: ["Realism and reactive protocols", "In the realism protocol the simulator also moves the AV, and is compared with the log."],
   guards: ["Ablation", "The same simulators with parts removed or added, and with the AV's next step visible or not."],
+  vocabulary: ["Motion tokens", "The log, and its replay by the tokens of several vocabularies."],
+  planners: ["Planners", "Columns: planner of the AV. Rows: simulator of the other agents."],
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
@@ -66,9 +68,45 @@ function guards({ members }) {
   ];
 }
 
+const plain = (names, rows) => wide(head(...names), el("tbody", {}, ...rows.map(([first, ...rest]) =>
+  el("tr", {}, el("th", { scope: "row" }, first), ...rest.map((text) => el("td", { class: "number" }, text ?? "–"))))));
+
+/** A link to a scenario with the same simulator around two planners, side by side. */
+function compared({ planners, scenario }, simulator, members) {
+  const side = (planner) => {
+    const { folder } = members.find((member) => member.planner === planner);
+    const run = runs.find(({ name }) => name === folder || name.endsWith(`/${folder}`));
+    return run ? `${simulator}@${run.name}` : "";
+  };
+  const [left, right] = planners.map(side);
+  return el("a", { href: `#${new URLSearchParams({ scenario, left, right })}` }, `${planners.join(" and ")} among ${simulator}`);
+}
+
+/** Scores by planner, ranks, agreement of simulators, and reasons of collisions. */
+function planners({ members, planners: found }) {
+  const planned = members.filter((member) => member.planner);
+  const title = (id) => find(planned[0], id)?.title ?? id;
+  const fixed = members.filter((member) => !member.planner);
+  const scores = [planned, fixed].flatMap((some) => (some.length ? replan({ members: some }) : []));
+  if (!found) return scores;
+  const two = (v) => v?.toFixed(2);
+  const change = found.change;
+  return [
+    ...scores,
+    el("h4", {}, "Rank by the score, 1 is best"),
+    plain(["Method", ...found.planners], found.simulators.map((s) => [title(s.id), ...s.ranks.map(String)])),
+    el("h4", {}, "Kendall's tau of the order of planners between two simulators"),
+    plain(["Method", "and", "Tau", "95 % interval"], found.agreement.map((a) => [title(a.first), title(a.second), two(a.tau), a.low === null ? null : `${two(a.low)} to ${two(a.high)}`])),
+    el("h4", {}, "Collisions that the AV causes, over all planners but the log"),
+    plain(["Method", "At fault", "Agents ignored the AV", "None, as agents were frozen"], found.simulators.map((s) => [title(s.id), s.at_fault, s.ignored, s.frozen])),
+    change ? el("p", {}, `The difference of ${change.planners.join(" and ")} depends most on the simulator: ${change.differences.map((d, i) => `${d.toFixed(3)} among ${title(change.simulators[i])}`).join(", ")}. It changes most in scenario ${change.scenario}: `,
+      compared(change, change.simulators[0], planned), ", ", compared(change, change.simulators[1], planned), ".") : null,
+  ].filter((part) => part !== null);
+}
+
 /** Shows the tables of all studies. */
 export function studies() {
-  const draw = { replan, realism, guards };
+  const draw = { replan, realism, guards, vocabulary: guards, planners };
   $("studies").hidden = $("nav-studies").hidden = !data.studies.length;
   $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
     const [title, about] = ABOUT[numbers.study];
