@@ -327,6 +327,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
         sources: vec![Source { file, open, count: None }],
         simulators: PlannedSimulator::by_ids(&["log-replay".to_owned(), "idm".to_owned()])?,
         deviations: None,
+        drivers: Vec::new(),
         settings: RunSettings {
             rollout: Settings::default(),
             av: AV.parse::<AvChoice>()?,

@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr)]
 
 use reactsim::Benchmark;
+use reactsim::geometry::{direction, left};
 use reactsim::planning::Trajectory;
 use reactsim::planning::planner::{Planner, PlannerError, PlannerInput};
 use reactsim::scene::DT;
@@ -21,11 +22,11 @@ struct Careful {
 impl Planner for Careful {
     fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
         let (ego, center) = (input.ego(), input.ego().center(input.shape));
-        let (sin, cos) = ego.heading.sin_cos();
+        let forward = direction(ego.heading);
         let range = input.shape.length + self.headway * ego.speed();
         let is_ahead = input.objects().iter().any(|object| {
-            let (dx, dy) = (object.center.x - center.x, object.center.y - center.y);
-            let (ahead, aside) = (dx * cos + dy * sin, dy * cos - dx * sin);
+            let to_object = object.center - center;
+            let (ahead, aside) = (to_object.dot(&forward), to_object.dot(&left(forward)));
             (0.0..range).contains(&ahead) && aside.abs() < input.shape.width
         });
         let deceleration = if is_ahead { 4.0 } else { 0.0 };
@@ -33,7 +34,8 @@ impl Planner for Careful {
         let mut pose = || {
             speed = (speed - deceleration * DT).max(0.0);
             s += speed * DT;
-            [center.x + s * cos, center.y + s * sin, ego.heading]
+            let next = center + forward * s;
+            [next.x, next.y, ego.heading]
         };
         let poses: Vec<[f64; 3]> = (0..40).map(|_| pose()).collect();
         Ok(Trajectory::through_centers(&poses, ego, input.shape)?)

@@ -148,14 +148,14 @@ fn tables(args: &TablesArgs) -> anyhow::Result<ExitStatus> {
 /// Source of the tables of a document.
 enum Tables {
     Run(Box<Reference>),
-    Study(StudyResults),
+    Study(Box<StudyResults>),
 }
 
 impl Tables {
     fn open(folder: &Path) -> anyhow::Result<Self> {
         if is_study(folder) {
             StudyReference::open(folder)?;
-            return Ok(Self::Study(StudyResults::read(folder)?));
+            return Ok(Self::Study(Box::new(StudyResults::read(folder)?)));
         }
         Ok(Self::Run(Box::new(Reference::open(folder)?)))
     }
