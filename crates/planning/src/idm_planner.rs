@@ -134,7 +134,7 @@ impl RoutePlan {
             speed: object.speed(),
         });
         let red = input.red_connectors().filter(|lane| self.on_route.contains(lane)).map(|lane| Obstacle {
-            shape: Shape::Outline(input.map.lane_area(lane).outline()),
+            shape: Shape::Outline(input.map.lane_area(lane).outline().to_vec()),
             heading: 0.0,
             speed: 0.0,
         });

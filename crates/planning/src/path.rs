@@ -6,7 +6,9 @@ use reactsim_geometry::{
     Bounds, OrientedBox, Polyline, Projection, Vec2, direction, heading_of, point_segment, wrap,
 };
 
-use crate::shapes::{Shape, box_ring_distance, edges, ring_covers, segment_box, segments};
+use crate::shapes::{
+    CHUNK, Shape, box_touches_ring, chunk_bounds, edges, is_segment_near_box, ring_covers, segments,
+};
 use crate::trajectory::Pose;
 
 /// Largest distance between states of a baseline, metres: longer segments are divided. The states of
@@ -14,8 +16,6 @@ use crate::trajectory::Pose;
 const STATE_SPACING: f64 = 1.0;
 /// Least arc length, metres, at which a path has a pose (tuplan_garage b51d5d0, `PDMPath.interpolate`).
 const FIRST_PROGRESS: f64 = 1e-5;
-/// Number of segments of a path or a corridor per bounding box.
-const CHUNK: usize = 12;
 
 /// Returns the states of a baseline: its points and, on longer segments, a point every metre. The heading
 /// of a state is that of the segment after it; the last state has the heading of the last segment.
@@ -166,15 +166,6 @@ fn unwrap_headings(states: &mut [Pose]) {
     }
 }
 
-/// Returns the bounds of each [`CHUNK`] segments between points, inflated by `margin` metres.
-fn chunk_bounds(points: &[Vec2], margin: f64) -> Vec<Bounds> {
-    let bounds = |first: usize| {
-        let last = (first + CHUNK + 1).min(points.len());
-        Bounds::of(points[first..last].iter().copied()).inflated(margin)
-    };
-    (0..points.len().max(2) - 1).step_by(CHUNK).map(bounds).collect()
-}
-
 /// Returns the squared distance from a point to bounds, m²; 0 inside.
 fn distance2_to_bounds(bounds: &Bounds, p: Vec2) -> f64 {
     let beyond = |min: f64, max: f64, at: f64| (min - at).max(at - max).max(0.0);
@@ -243,7 +234,7 @@ impl Corridor {
         let (near, far) = (reach + other.half_length.min(other.half_width), reach + radius);
         let touches = |a: Vec2, b: Vec2| {
             let distance2 = point_segment(other.center, a, b).0;
-            distance2 <= near * near || (distance2 <= far * far && segment_box(a, b, other) <= reach * reach)
+            distance2 <= near * near || (distance2 <= far * far && is_segment_near_box(a, b, other, reach))
         };
         self.any_segment_near(&Bounds::around(other.center, radius), touches)
             || self.ends.iter().any(|end| end.separation(other) <= 0.0)
@@ -255,7 +246,7 @@ impl Corridor {
             || self.any_segment_near(&Bounds::of(ring.iter().copied()), |a, b| {
                 edges(ring).any(|edge| segments((a, b), edge) <= reach2)
             })
-            || self.ends.iter().any(|end| box_ring_distance(end, ring) <= 0.0)
+            || self.ends.iter().any(|end| box_touches_ring(end, ring))
     }
 
     /// Returns whether `test` holds for a segment of a chunk that `bounds` intersect.

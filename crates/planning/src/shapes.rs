@@ -1,6 +1,11 @@
 //! Distances between segments, boxes and outlines. Touching counts as contact.
 
-use reactsim_geometry::{OrientedBox, Vec2, point_in_ring, point_segment};
+use reactsim_geometry::{Bounds, OrientedBox, Vec2, point_in_ring, point_segment};
+
+/// Number of segments of a line per bounding box.
+pub(crate) const CHUNK: usize = 12;
+/// Margin in metres of tests that skip what is too far away: more than rounding errors of coordinates.
+pub(crate) const SKIP_MARGIN: f64 = 1e-6;
 
 /// Ground that an object covers.
 #[derive(Clone, Debug)]
@@ -22,7 +27,17 @@ impl Shape {
 
 /// Returns the edges of a ring, open or closed.
 pub(crate) fn edges(ring: &[Vec2]) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
-    ring.iter().copied().zip(ring.iter().copied().cycle().skip(1))
+    let closing = ring.last().copied().zip(ring.first().copied());
+    ring.windows(2).map(|pair| (pair[0], pair[1])).chain(closing)
+}
+
+/// Returns the bounds of each [`CHUNK`] segments between points, inflated by `margin` metres.
+pub(crate) fn chunk_bounds(points: &[Vec2], margin: f64) -> Vec<Bounds> {
+    let bounds = |first: usize| {
+        let last = (first + CHUNK + 1).min(points.len());
+        Bounds::of(points[first..last].iter().copied()).inflated(margin)
+    };
+    (0..points.len().max(2) - 1).step_by(CHUNK).map(bounds).collect()
 }
 
 /// Returns whether a closed ring contains `p`; its boundary is inside.
@@ -47,6 +62,19 @@ pub(crate) fn segment_box(a: Vec2, b: Vec2, other: &OrientedBox) -> f64 {
     corners.fold(point_box(a, other).min(point_box(b, other)), f64::min)
 }
 
+/// Returns whether a segment is within `reach` metres of a closed box.
+pub(crate) fn is_segment_near_box(a: Vec2, b: Vec2, other: &OrientedBox, reach: f64) -> bool {
+    // Most segments that are too far away are on the far side of one edge of the box.
+    let (p, q) = (other.to_local(a), other.to_local(b));
+    let is_beyond = |from: f64, to: f64, half: f64| {
+        let bound = half + reach + SKIP_MARGIN;
+        from.min(to) > bound || from.max(to) < -bound
+    };
+    !is_beyond(p.x, q.x, other.half_length)
+        && !is_beyond(p.y, q.y, other.half_width)
+        && segment_box(a, b, other) <= reach * reach
+}
+
 /// Returns the squared distance between two segments, m².
 pub(crate) fn segments((a, b): (Vec2, Vec2), (c, d): (Vec2, Vec2)) -> f64 {
     let side = |from: Vec2, to: Vec2, p: Vec2| (to - from).perp(&(p - from));
@@ -64,8 +92,18 @@ pub(crate) fn box_ring_distance(other: &OrientedBox, ring: &[Vec2]) -> f64 {
     if ring_covers(ring, other.center) {
         return 0.0;
     }
-    let nearest = edges(ring).map(|(a, b)| segment_box(a, b, other)).fold(f64::INFINITY, f64::min);
-    nearest.sqrt()
+    // The box is at most as far from the edge nearest to its centre as its centre is. Edges that are farther
+    // from the centre by more than the radius are farther from the box.
+    let to_center = |(a, b): (Vec2, Vec2)| point_segment(other.center, a, b).0;
+    let least = edges(ring).map(to_center).fold(f64::INFINITY, f64::min).sqrt();
+    let reach = least + other.radius() + SKIP_MARGIN;
+    let near = edges(ring).filter(|&edge| to_center(edge) <= reach * reach);
+    near.map(|(a, b)| segment_box(a, b, other)).fold(f64::INFINITY, f64::min).sqrt()
+}
+
+/// Returns whether a box touches or overlaps the ground inside a ring.
+pub(crate) fn box_touches_ring(other: &OrientedBox, ring: &[Vec2]) -> bool {
+    ring_covers(ring, other.center) || edges(ring).any(|(a, b)| segment_box(a, b, other) <= 0.0)
 }
 
 /// Returns whether a closed ring contains a whole box.
@@ -124,6 +162,35 @@ mod tests {
         assert_eq!(box_ring_distance(&OrientedBox::new(v(2.0, 2.0), 0.0, 1.0, 1.0), &square()), 0.0);
         assert!((segments((v(0.0, 0.0), v(1.0, 0.0)), (v(3.0, -1.0), v(3.0, 1.0))) - 4.0).abs() < 1e-12);
         assert_eq!(segments((v(0.0, 0.0), v(4.0, 0.0)), (v(3.0, -1.0), v(3.0, 1.0))), 0.0);
+    }
+
+    /// Boxes around a ring of many edges, inside and outside.
+    fn boxes() -> impl Iterator<Item = OrientedBox> {
+        (0..400).map(|i| {
+            let i = f64::from(i);
+            let at = v(9.0 * (1.3 * i).sin(), 9.0 * (0.7 * i).cos());
+            OrientedBox::new(at, 0.4 * i, 1.0 + (2.1 * i).sin().abs() * 4.0, 0.5 + (0.9 * i).cos().abs())
+        })
+    }
+
+    fn star() -> Vec<Vec2> {
+        let corner = |i: usize| reactsim_geometry::direction(i as f64 * 0.1) * (5.0 + 2.0 * (i % 2) as f64);
+        (0..63).map(corner).collect()
+    }
+
+    #[test]
+    fn skipped_edges_do_not_change_distances() {
+        let ring = star();
+        for other in boxes() {
+            let all = edges(&ring).map(|(a, b)| segment_box(a, b, &other)).fold(f64::INFINITY, f64::min);
+            let expected = if ring_covers(&ring, other.center) { 0.0 } else { all.sqrt() };
+            assert_eq!(box_ring_distance(&other, &ring), expected);
+            assert_eq!(box_touches_ring(&other, &ring), expected <= 0.0);
+            for ((a, b), reach) in edges(&ring).zip([0.0, 0.3, 1.0, 2.0].into_iter().cycle()) {
+                let is_near = segment_box(a, b, &other) <= reach * reach;
+                assert_eq!(is_segment_near_box(a, b, &other, reach), is_near);
+            }
+        }
     }
 
     #[test]

@@ -4,6 +4,8 @@ use reactsim_geometry::{
     Bounds, Polygon, PolygonIndex, Polyline, Vec2, left, math, point_segment, ring_distance,
 };
 
+use crate::shapes::{CHUNK, SKIP_MARGIN, chunk_bounds};
+
 /// Minimum number of points of the outer ring of a polygon.
 const MIN_RING_POINTS: usize = 3;
 
@@ -17,7 +19,7 @@ pub struct Area {
 #[derive(Clone, Debug)]
 enum Shape {
     Polygon { polygon: Polygon, index: PolygonIndex },
-    Corridor { line: Polyline, half_width: f64 },
+    Corridor { line: Polyline, half_width: f64, sides: Vec<Vec2>, chunks: Vec<Bounds> },
 }
 
 /// Reason why an area has no extent.
@@ -68,7 +70,10 @@ impl Area {
             return Err(AreaError::Width(half_width));
         }
         let bounds = Bounds::of(line.points().iter().copied()).inflated(half_width);
-        Ok(Self { bounds, shape: Shape::Corridor { line, half_width } })
+        let chunks = chunk_bounds(line.points(), half_width + SKIP_MARGIN);
+        let (right, left) = (line.aside(-half_width), line.aside(half_width));
+        let sides = right.points().iter().chain(left.points().iter().rev()).copied().collect();
+        Ok(Self { bounds, shape: Shape::Corridor { line, half_width, sides, chunks } })
     }
 
     /// Returns whether this is a corridor around a centre line.
@@ -86,7 +91,7 @@ impl Area {
         self.bounds.contains(p)
             && match &self.shape {
                 Shape::Polygon { index, .. } => index.contains(p),
-                Shape::Corridor { line, half_width } => in_corridor(line, *half_width, p),
+                Shape::Corridor { line, half_width, chunks, .. } => in_corridor(line, chunks, *half_width, p),
             }
     }
 
@@ -100,32 +105,33 @@ impl Area {
                 let holes = polygon.holes.iter().map(|hole| ring_distance(p, hole));
                 holes.fold(ring_distance(p, &polygon.exterior), f64::min)
             }
-            Shape::Corridor { line, half_width } => corridor_distance(line, *half_width, p),
+            Shape::Corridor { line, half_width, .. } => corridor_distance(line, *half_width, p),
         }
     }
 
     /// Returns the outer ring: that of the polygon, or the two sides of the corridor, counter-clockwise,
     /// with its points on the normals of the centre line.
-    pub fn outline(&self) -> Vec<Vec2> {
+    pub fn outline(&self) -> &[Vec2] {
         match &self.shape {
-            Shape::Polygon { polygon, .. } => polygon.exterior.clone(),
-            Shape::Corridor { line, half_width } => {
-                let (right, left) = (line.aside(-half_width), line.aside(*half_width));
-                right.points().iter().chain(left.points().iter().rev()).copied().collect()
-            }
+            Shape::Polygon { polygon, .. } => &polygon.exterior,
+            Shape::Corridor { sides, .. } => sides,
         }
     }
 }
 
 /// Returns whether `p` is closer to the line than the half-width and not beyond its flat ends.
-fn in_corridor(line: &Polyline, half_width: f64, p: Vec2) -> bool {
+///
+/// `chunks` are the bounds of the ground within the half-width of each [`CHUNK`] segments.
+fn in_corridor(line: &Polyline, chunks: &[Bounds], half_width: f64, p: Vec2) -> bool {
     let last = line.segments() - 1;
-    (0..=last).any(|i| {
+    let is_inside = |i: usize| {
         let (a, b) = line.segment(i);
         let (d2, t) = point_segment(p, a, b);
         let beyond = (t <= 0.0 && i == 0) || (t >= 1.0 && i == last);
         d2 < half_width * half_width && !beyond
-    })
+    };
+    let near = chunks.iter().enumerate().filter(|(_, chunk)| chunk.contains(p));
+    near.map(|(i, _)| i * CHUNK..((i + 1) * CHUNK).min(last + 1)).any(|mut segments| segments.any(is_inside))
 }
 
 /// Returns the distance to the union of the rectangles around the segments and the discs around the joins.
@@ -174,6 +180,19 @@ mod tests {
         assert_eq!(corridor.distance(v(-3.0, 6.0)), 5.0);
         assert!((corridor.distance(v(13.0, -4.0)) - 3.0).abs() < 1e-12);
         assert_eq!(corridor.outline().len(), 6);
+    }
+
+    #[test]
+    fn corridors_of_many_segments_contain_what_is_near_any_segment() {
+        let points: Vec<Vec2> = (0..40).map(f64::from).map(|x| v(x, 3.0 * (0.4 * x).sin())).collect();
+        let line = Polyline::new(&points).unwrap();
+        let corridor = Area::corridor(line.clone(), 1.5).unwrap();
+        for i in 0..2000 {
+            let p = v(f64::from(i % 50) - 4.7, f64::from(i / 50) * 0.3 - 6.0);
+            let nearest = line.project(p);
+            let beyond = nearest.s == 0.0 || nearest.s == line.length();
+            assert_eq!(corridor.contains(p), nearest.distance < 1.5 && !beyond, "{p:?}");
+        }
     }
 
     #[test]

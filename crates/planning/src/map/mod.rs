@@ -181,7 +181,7 @@ impl PlanningMap {
     pub(crate) fn nearest_lane(&self, lanes: &[usize], footprint: &OrientedBox) -> Option<usize> {
         let inside = lanes.iter().copied().find(|&lane| self.lane_contains(lane, footprint.center));
         inside.or_else(|| {
-            let distance = |lane: usize| box_ring_distance(footprint, &self.lane_area(lane).outline());
+            let distance = |lane: usize| box_ring_distance(footprint, self.lane_area(lane).outline());
             let distances = lanes.iter().map(|&lane| (distance(lane), lane));
             distances.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, lane)| lane)
         })

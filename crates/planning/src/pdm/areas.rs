@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use reactsim_geometry::{Bounds, OrientedBox, Vec2};
 
 use crate::PlanningMap;
-use crate::shapes::box_ring_distance;
+use crate::shapes::box_touches_ring;
 
 /// Half of the side in metres of the square around the centre of ego in which the map is used
 /// (tuplan_garage b51d5d0, `map_radius`).
@@ -62,20 +62,18 @@ impl<'a> DrivableLanes<'a> {
     /// Returns what is under the boxes of a drive.
     pub(super) fn under(&self, footprints: &[OrientedBox]) -> Vec<GroundFlags> {
         // Successive boxes are mostly in the same lane of the route, and then no other lane matters.
-        let mut last = None;
+        let mut last: Option<&DrivableLane> = None;
         let mut flags = Vec::with_capacity(footprints.len());
         for footprint in footprints {
-            let kept = last.filter(|lane| self.is_within(footprint, lane));
-            last = kept.or_else(|| self.lane_of_route(footprint));
-            flags.push(if last.is_some() { GroundFlags::IN_LANE_OF_ROUTE } else { self.scan(footprint) });
+            if last.is_some_and(|lane| self.is_within(footprint, lane)) {
+                flags.push(GroundFlags::IN_LANE_OF_ROUTE);
+            } else {
+                let (here, lane) = self.scan(footprint);
+                flags.push(here);
+                last = lane;
+            }
         }
         flags
-    }
-
-    /// Returns a lane of the route that contains all corners and the centre of a box.
-    fn lane_of_route(&self, footprint: &OrientedBox) -> Option<DrivableLane> {
-        let mut on_route = self.lanes.iter().filter(|lane| lane.is_on_route);
-        on_route.find(|lane| self.is_within(footprint, lane)).copied()
     }
 
     /// Returns whether a lane contains all corners and the centre of a box.
@@ -84,25 +82,30 @@ impl<'a> DrivableLanes<'a> {
         area.contains(footprint.center) && footprint.corners().into_iter().all(|corner| area.contains(corner))
     }
 
-    /// Returns what is under a box, by all lanes.
-    fn scan(&self, footprint: &OrientedBox) -> GroundFlags {
+    /// Returns what is under a box, by all lanes, and a lane of the route that contains all corners and the
+    /// centre.
+    fn scan(&self, footprint: &OrientedBox) -> (GroundFlags, Option<&DrivableLane>) {
         let corners = footprint.corners();
         let bounds = Bounds::of(corners);
         let (mut touched, mut covered) = (0, 0);
-        let (mut holds_all, mut is_on_route) = (false, false);
+        let (mut holds_all, mut is_on_route, mut lane_of_route) = (false, false, None);
         for lane in self.lanes.iter().filter(|lane| lane.bounds.intersects(&bounds)) {
             let area = self.map.lane_area(lane.lane);
             let inside = (0..4).filter(|&i| area.contains(corners[i])).fold(0, |bits, i| bits | 1 << i);
             touched += u32::from(inside != 0);
             covered |= inside;
             holds_all |= inside == ALL_CORNERS;
-            is_on_route |= lane.is_on_route && area.contains(footprint.center);
+            if lane.is_on_route && area.contains(footprint.center) {
+                is_on_route = true;
+                lane_of_route = lane_of_route.or((inside == ALL_CORNERS).then_some(lane));
+            }
         }
-        GroundFlags {
+        let flags = GroundFlags {
             in_multiple_lanes: touched > 1 && !holds_all,
             is_off_road: covered != ALL_CORNERS,
             is_off_route: !is_on_route,
-        }
+        };
+        (flags, lane_of_route)
     }
 }
 
@@ -118,7 +121,7 @@ pub(super) fn roadblocks_near(map: &PlanningMap, center: Vec2, radius: f64) -> V
     candidates.sort_by_key(|&roadblock| (is_connector_block(map, roadblock), roadblock));
     candidates.dedup();
     candidates.retain(|&roadblock| {
-        roadblock_outlines(map, roadblock).iter().any(|ring| box_ring_distance(&square, ring) <= 0.0)
+        roadblock_outlines(map, roadblock).iter().any(|ring| box_touches_ring(&square, ring))
     });
     candidates
 }
@@ -129,7 +132,7 @@ pub(super) fn is_connector_block(map: &PlanningMap, roadblock: usize) -> bool {
 }
 
 /// Returns the outlines whose union is a roadblock.
-pub(super) fn roadblock_outlines(map: &PlanningMap, roadblock: usize) -> Vec<Vec<Vec2>> {
+pub(super) fn roadblock_outlines(map: &PlanningMap, roadblock: usize) -> Vec<&[Vec2]> {
     match &map.roadblocks()[roadblock].area {
         Some(area) => vec![area.outline()],
         None => map.lanes_of_roadblock(roadblock).iter().map(|&lane| map.lane_area(lane).outline()).collect(),

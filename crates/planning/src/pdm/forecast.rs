@@ -4,11 +4,11 @@
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
 
-use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
+use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction, heading_of, wrap};
 
 use crate::path::{Corridor, Path};
 use crate::planner::PlannerInput;
-use crate::shapes::{Shape, box_ring_distance, ring_centroid, ring_covers_box};
+use crate::shapes::{SKIP_MARGIN, Shape, box_ring_distance, ring_centroid, ring_covers_box};
 use crate::trajectory::STEP;
 use crate::{ObjectId, ObjectKind, TrackedObject};
 
@@ -51,7 +51,7 @@ pub(super) struct Obstacle {
     pub(super) shape: Shape,
     /// Centroid at present, metres.
     pub(super) centroid: Vec2,
-    /// Radius of the circumscribed circle of a box, metres; infinite for red connectors.
+    /// Radius of the smallest circle around the centroid that contains the ground, metres.
     pub(super) radius: f64,
     /// Velocity of the forecast, m/s.
     pub(super) drift: Vec2,
@@ -79,11 +79,12 @@ impl Obstacle {
     }
 
     fn of_red_connector(outline: Vec<Vec2>) -> Self {
+        let centroid = ring_centroid(&outline);
         Self {
             kind: ObstacleKind::RedConnector,
-            centroid: ring_centroid(&outline),
+            centroid,
+            radius: outline.iter().map(|p| (p - centroid).norm()).fold(0.0, f64::max),
             shape: Shape::Outline(outline),
-            radius: f64::INFINITY,
             drift: Vec2::zeros(),
             heading: 0.0,
             speed: 0.0,
@@ -106,18 +107,23 @@ impl Obstacle {
         self.centroid + self.displacement(step)
     }
 
+    /// Returns the bounds of the obstacle, which is a box, from one step of the forecast to another.
+    pub(super) fn swept(&self, first: usize, last: usize) -> Bounds {
+        let ends = [first, last].map(|step| self.centroid_at(step));
+        Bounds::of(ends).inflated(self.radius + SKIP_MARGIN)
+    }
+
     /// Returns the distance in metres to a box at a step of the forecast, 0 if they touch or overlap;
     /// `None` if it is not below `bound`.
     pub(super) fn distance_below(&self, step: usize, other: &OrientedBox, bound: f64) -> Option<f64> {
+        let centroid = self.centroid_at(step);
+        // The sum of the half sides exceeds the radius by more than rounding errors.
+        let reach = self.radius + other.half_length + other.half_width;
+        if (centroid - other.center).norm() - reach >= bound {
+            return None;
+        }
         let distance = match &self.shape {
-            Shape::Box(own) => {
-                let own = OrientedBox { center: self.centroid_at(step), ..*own };
-                let reach = self.radius + other.half_length + other.half_width;
-                if (own.center - other.center).norm() - reach >= bound {
-                    return None;
-                }
-                own.signed_distance(other).max(0.0)
-            }
+            Shape::Box(own) => OrientedBox { center: centroid, ..*own }.signed_distance(other).max(0.0),
             Shape::Outline(ring) => box_ring_distance(other, ring),
         };
         (distance < bound).then_some(distance)
@@ -161,7 +167,7 @@ impl Forecast {
             .map(|object| (ObstacleId::Object(object.id.clone()), Obstacle::of_object(object)))
             .collect();
         for lane in input.red_connectors().filter(|lane| on_route.contains(lane)) {
-            let outline = input.map.lane_area(lane).outline();
+            let outline = input.map.lane_area(lane).outline().to_vec();
             obstacles.push((ObstacleId::RedConnector(lane), Obstacle::of_red_connector(outline)));
         }
         let ego = input.ego().footprint(input.shape);

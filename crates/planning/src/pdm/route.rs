@@ -151,7 +151,9 @@ pub(crate) fn without_gaps(map: &PlanningMap, route: &[usize]) -> Vec<usize> {
 fn loop_begin(map: &PlanningMap, route: &[usize]) -> usize {
     let mut earlier: Vec<Vec<Polygon>> = Vec::new();
     for (i, &block) in route.iter().enumerate().filter(|&(_, &block)| is_connector_block(map, block)) {
-        let ground = union(&roadblock_outlines(map, block), &[]);
+        let outlines: Vec<Vec<Vec2>> =
+            roadblock_outlines(map, block).into_iter().map(<[Vec2]>::to_vec).collect();
+        let ground = union(&outlines, &[]);
         if earlier.iter().any(|other| overlap(other, &ground) > LOOP_OVERLAP) {
             return i;
         }

@@ -1,5 +1,7 @@
 //! Scores of simulated proposals (tuplan_garage b51d5d0, `PDMScorer`).
 
+use std::ops::Range;
+
 use reactsim_geometry::{Bounds, OrientedBox, Vec2};
 
 use super::areas::{DrivableLanes, GroundFlags};
@@ -28,6 +30,10 @@ const TTC_SPEED: f64 = 5e-3;
 /// Steps ahead at which ego is projected for the time to collision: 0, 0.3, 0.6 and 0.9 s (tuplan_garage
 /// b51d5d0).
 const TTC_STEPS: [usize; 4] = [0, 3, 6, 9];
+/// The last of [`TTC_STEPS`].
+const LAST_TTC_STEP: usize = TTC_STEPS[TTC_STEPS.len() - 1];
+/// Number of steps of a drive per bounding box.
+const CHUNK: usize = 6;
 /// Distance off the route, metres, that scores 1 below it (tuplan_garage b51d5d0).
 const DIRECTION_COMPLIANCE: f64 = 2.0;
 /// Distance off the route, metres, that scores 0.5 below it and 0 otherwise (tuplan_garage b51d5d0).
@@ -78,6 +84,16 @@ struct Drive<'a> {
     ground: Vec<GroundFlags>,
     /// Radius of the circumscribed circle of the boxes, metres.
     radius: f64,
+    /// Bounds of the boxes and their projections of each [`CHUNK`] steps.
+    chunks: Vec<Bounds>,
+}
+
+/// An obstacle that a drive or its projections may meet.
+#[derive(Debug)]
+struct NearObstacle<'a> {
+    obstacle: &'a Obstacle,
+    /// The steps at which they may.
+    steps: Range<usize>,
 }
 
 impl Scorer<'_> {
@@ -103,30 +119,42 @@ impl Scorer<'_> {
     fn drive<'a>(&self, states: &'a [EgoState]) -> Drive<'a> {
         let footprints: Vec<OrientedBox> = states.iter().map(|state| state.footprint(self.shape)).collect();
         let ground = self.lanes.under(&footprints);
-        Drive { states, radius: footprints[0].radius(), footprints, ground }
+        let radius = footprints[0].radius();
+        let furthest = STEP * LAST_TTC_STEP as f64;
+        let reached = |(state, footprint): (&EgoState, &OrientedBox)| {
+            [footprint.center, moved(footprint, state.speed() * furthest).center]
+        };
+        let bounds = |(states, footprints): (&[EgoState], &[OrientedBox])| {
+            Bounds::of(states.iter().zip(footprints).flat_map(reached)).inflated(radius)
+        };
+        let chunks = states.chunks(CHUNK).zip(footprints.chunks(CHUNK)).map(bounds).collect();
+        Drive { states, radius, footprints, ground, chunks }
     }
 
     /// Returns the obstacles that a drive and its projections may meet; red connectors are not judged.
-    fn obstacles_near(&self, drive: &Drive<'_>) -> Vec<&Obstacle> {
-        let last = drive.states.len() - 1 + TTC_STEPS[TTC_STEPS.len() - 1];
-        let fastest = drive.states.iter().map(EgoState::speed).fold(0.0, f64::max);
-        let margin = drive.radius + fastest * STEP * TTC_STEPS[TTC_STEPS.len() - 1] as f64;
-        let reach = Bounds::of(drive.footprints.iter().map(|footprint| footprint.center)).inflated(margin);
-        let is_near = |obstacle: &&Obstacle| {
-            let Some(other) = obstacle.box_at(0) else { return false };
-            let swept = Bounds::of([other.center, obstacle.centroid_at(last)]).inflated(obstacle.radius);
-            !obstacle.ignored && obstacle.kind != ObstacleKind::RedConnector && swept.intersects(&reach)
+    fn obstacles_near<'a>(&'a self, drive: &Drive<'_>) -> Vec<NearObstacle<'a>> {
+        let near = |obstacle: &'a Obstacle| {
+            let is_near = |chunk: &usize| {
+                let first = chunk * CHUNK;
+                obstacle.swept(first, first + CHUNK - 1 + LAST_TTC_STEP).intersects(&drive.chunks[*chunk])
+            };
+            let first = (0..drive.chunks.len()).find(is_near)?;
+            let last = (first..drive.chunks.len()).rfind(is_near)?;
+            let steps = first * CHUNK..((last + 1) * CHUNK).min(drive.states.len());
+            Some(NearObstacle { obstacle, steps })
         };
-        self.forecast.obstacles.iter().filter(is_near).collect()
+        let is_judged =
+            |obstacle: &&Obstacle| !obstacle.ignored && obstacle.kind != ObstacleKind::RedConnector;
+        self.forecast.obstacles.iter().filter(is_judged).filter_map(near).collect()
     }
 
     /// Judges the first contact with each obstacle. Later contacts do not change the result: obstacles
     /// are ignored after a contact that is not at fault, and of contacts at fault the first one counts.
-    fn collisions(&self, drive: &Drive<'_>, obstacles: &[&Obstacle]) -> Collisions {
+    fn collisions(&self, drive: &Drive<'_>, obstacles: &[NearObstacle<'_>]) -> Collisions {
         let mut collisions = Collisions { score: 1.0, first: None };
-        for obstacle in obstacles {
+        for NearObstacle { obstacle, steps } in obstacles {
             let reach = drive.radius + obstacle.radius;
-            let contact = (0..drive.states.len()).find_map(|step| {
+            let contact = steps.clone().find_map(|step| {
                 let other = obstacle.box_at(step)?;
                 in_contact(&drive.footprints[step], &other, reach).then_some((step, other))
             });
@@ -142,11 +170,13 @@ impl Scorer<'_> {
 
     /// Returns whether ego, projected at constant speed, meets an obstacle within 0.9 s that it has to
     /// observe. An obstacle that it meets first without having to observe it is ignored afterwards.
-    fn has_short_ttc(&self, drive: &Drive<'_>, obstacles: &[&Obstacle]) -> bool {
-        obstacles.iter().any(|obstacle| {
-            let first = (0..drive.states.len())
-                .find_map(|step| projected_contact(drive, step, obstacle).map(|center| (step, center)));
-            first.is_some_and(|(step, center)| self.has_to_observe(drive, step, center))
+    fn has_short_ttc(&self, drive: &Drive<'_>, obstacles: &[NearObstacle<'_>]) -> bool {
+        obstacles.iter().any(|NearObstacle { obstacle, steps }| {
+            let contact = |step| projected_contact(drive, step, obstacle).map(|center| (step, center));
+            steps
+                .clone()
+                .find_map(contact)
+                .is_some_and(|(step, center)| self.has_to_observe(drive, step, center))
         })
     }
 
@@ -239,7 +269,7 @@ fn projected_contact(drive: &Drive<'_>, step: usize, obstacle: &Obstacle) -> Opt
         return None;
     }
     // The forecast may be up to one step behind at both ends.
-    let horizon = STEP * (TTC_STEPS[TTC_STEPS.len() - 1] + 2) as f64;
+    let horizon = STEP * (LAST_TTC_STEP + 2) as f64;
     let other = obstacle.box_at(step)?;
     let reach = drive.radius + obstacle.radius;
     let far = reach + (speed + obstacle.speed) * horizon;
