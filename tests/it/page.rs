@@ -580,8 +580,12 @@ fn studies_have_their_tables_and_figures() {
     }
     // The case in which the difference of two planners changes most is a link to both, side by side.
     let case = of_planners["planners"]["change"]["scenario"].as_str().unwrap();
-    page.evaluate("document.querySelector('[data-study=\"planners\"] p a').click()");
-    page.until(&format!("location.hash.includes({case:?}) && location.hash.includes('idm%40')"));
+    let links = page.evaluate(
+        "[...document.querySelectorAll('[data-study=\"planners\"] p a')].map(a => a.getAttribute('href')).join(' ')",
+    );
+    for part in [format!("scenario={case}&"), "left=idm%40".to_owned(), "right=log-replay%40".to_owned()] {
+        assert!(links.as_str().unwrap().contains(&part), "{part}: {links}");
+    }
     // The figures: a line per simulator over the intervals, and realism against reaction.
     let points = page.evaluate(
         "[...document.querySelectorAll('[data-chart=\"replan-aav-collision\"] path[data-x]')].map(p => [Number(p.dataset.x), Number(p.dataset.y)])",
