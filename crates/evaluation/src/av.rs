@@ -256,9 +256,8 @@ mod tests {
         assert!(text("shift:inf").contains("from -5 to 5 m"));
         insta::assert_snapshot!(text("file:"), @"`file:` names no file: write `file:<path>`");
         assert!(text("swerve").contains("choose deviated, log"));
-        assert!(
-            text("planner:pdm").contains("choose log, pdm-closed, idm, simulator:<id> or external:<name>")
-        );
+        let planners = "choose log, pdm-closed, idm, diffusion-planner, simulator:<id> or external:<name>";
+        assert!(text("planner:pdm").contains(planners));
         assert!(text("planner:external:").contains("is not a planner"));
         assert!(text("planner:simulator:idm,tracker=lqr").contains("leave it out"));
         assert!(text("planner:idm,speed=3").contains("tracker=perfect"));
