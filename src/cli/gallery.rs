@@ -1,6 +1,7 @@
 //! Runs to show and the location of their scenarios, shared by `report` and `view`.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use super::find_inputs;
 use crate::evaluation::{EvaluationError, ScenarioFiles, Source, StudyResults, is_study, read_provenance};
@@ -15,13 +16,16 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result
         scenario_files.add_file(&input)?;
     }
     let (members, studies) = members(folders)?;
+    // Runs name their inputs without a folder; digests tell whether a file of this name is the same.
+    let mut inputs = BTreeSet::new();
     for member in &members {
-        for file in read_provenance(&member.folder)?.inputs {
-            // Runs name their inputs without a folder. The digest tells whether it is the same file.
-            let is_here = !scenario_files.has(&file) && Path::new(&file.name).is_file();
-            for input in if is_here { find_inputs(&[PathBuf::from(&file.name)])? } else { Vec::new() } {
-                scenario_files.add_file(&input)?;
-            }
+        let files = read_provenance(&member.folder)?.inputs.into_iter();
+        inputs.extend(files.filter(|file| !scenario_files.has(file)).map(|file| PathBuf::from(file.name)));
+    }
+    for path in inputs.into_iter().filter(|path| path.is_file()) {
+        for input in find_inputs(&[path]).unwrap_or_default() {
+            // A file of the same name may be anything; then the scenarios are missing, which the page says.
+            scenario_files.add_file(&input).ok();
         }
     }
     Ok(Gallery::open(members, studies, scenario_files)?)

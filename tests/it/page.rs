@@ -738,4 +738,6 @@ fn inputs_in_the_current_folder_are_found() {
     // A file of the same name with other content is not the input.
     write(&other.path().join("mine.parquet"), [deviating(2, true)]);
     assert!(messages(other.path()).contains("the scenarios of mine.parquet are missing"));
+    fs::write(other.path().join("mine.parquet"), "no scenarios").unwrap();
+    assert!(messages(other.path()).contains("the scenarios of mine.parquet are missing"));
 }
