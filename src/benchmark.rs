@@ -251,9 +251,9 @@ impl Benchmark {
         self
     }
 
-    /// Lets a planner of your own drive the AV, at every step, along the route of the log: the AV is then judged by
-    /// nuPlan's closed-loop metrics, next to the agents. `new_planner` is called once per rollout. The last call of
-    /// [`Self::av`], `planner` and [`Self::planner_with`] counts.
+    /// Lets a planner of your own drive the AV, at every step, along the route of the log: the AV is then
+    /// judged by nuPlan's closed-loop metrics, next to the agents. `new_planner` is called once per rollout.
+    /// The last call of [`Self::av`], `planner` and [`Self::planner_with`] counts.
     pub fn planner(
         self,
         name: impl Into<String>,

@@ -17,7 +17,8 @@ const HEADING_SPEED: f64 = 0.3;
 
 impl PlannerPolicy {
     /// Samples plans of the AV from the present on, one per stream: its states after 1 to 80 steps of 0.1 s.
-    /// `temperature` is the standard deviation of the initial noise (published: 0.5). No plans if the AV is absent.
+    /// `temperature` is the standard deviation of the initial noise (published: 0.5). No plans if the AV is
+    /// absent.
     pub fn plans(
         &self,
         seen: &Observation<'_>,

@@ -41,10 +41,10 @@ pub(super) struct EvaluationArgs {
     /// `reactsim list parameters idm` shows parameters and ranges
     #[arg(long, value_name = "ID.KEY=VALUE")]
     set: Vec<String>,
-    /// Driver of the AV: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>,
-    /// retime:<factor>, shift:<m>, file:<path> or a planner, which is judged: planner:pdm-closed, planner:idm,
-    /// planner:diffusion-planner, planner:log, planner:simulator:<id> or planner:external:<name>; with settings such as
-    /// planner:idm,tracker=perfect,every=5 [default: deviated]
+    /// Driver of the AV: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, retime:<factor>,
+    /// shift:<m>, file:<path> or a planner, which is judged: planner:pdm-closed, planner:idm,
+    /// planner:diffusion-planner, planner:log, planner:simulator:<id> or planner:external:<name>; with
+    /// settings such as planner:idm,tracker=perfect,every=5 [default: deviated]
     #[arg(long, value_name = "POLICY")]
     pub(super) av: Option<AvChoice>,
     /// Tensor backend of the networks; `reactsim list backends` shows which this program has

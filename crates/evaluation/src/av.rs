@@ -41,9 +41,11 @@ pub enum AvChoice {
 pub struct PlannedAv {
     /// The planner.
     pub driver: AvDriver,
-    /// The controller that follows its trajectories. Simulators have none: the AV takes the states that they plan.
+    /// The controller that follows its trajectories. Simulators have none: the AV takes the states that they
+    /// plan.
     pub controller: Controller,
-    /// Number of steps between two plans. By default one, as in nuPlan; for simulators five, as in the benchmark.
+    /// Number of steps between two plans. By default one, as in nuPlan; for simulators five, as in the
+    /// benchmark.
     pub every: Replan,
 }
 

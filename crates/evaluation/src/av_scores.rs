@@ -52,9 +52,10 @@ pub(super) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedA
     Ok(JudgedAv { scores: AvScores { values, events }, outcomes })
 }
 
-/// Returns the occurrences behind the metrics, each with its steps: the first contact with each object, and stretches off
-/// the drivable area, against the driving direction, with a short time to collision, above the speed limit, and beyond a
-/// bound of comfort. The two metrics of progress are of the whole rollout and have none.
+/// Returns the occurrences behind the metrics, each with its steps: the first contact with each object, and
+/// stretches off the drivable area, against the driving direction, with a short time to collision, above the
+/// speed limit, and beyond a bound of comfort. The two metrics of progress are of the whole rollout and have
+/// none.
 fn events(scenario: &Scenario, judged: &PlannerScores) -> Vec<Event> {
     let agent = &scenario.start.agents[0].id;
     let stretch = |metric: PlannerMetric, [first, last]: [usize; 2], value: (&'static str, f64)| Event {

@@ -1,4 +1,4 @@
-//! What drives the AV of a run, where it is more than a name: a simulator, a program, or a planner of the caller.
+//! Drivers of the AV that an AV policy only names: simulators, networks, programs and planners of the caller.
 
 mod along_route;
 mod remote;
@@ -26,12 +26,12 @@ use super::{Adjustments, EvaluationError, PlannedSimulator};
 /// Creates a planner for one rollout.
 type NewPlanner = Arc<dyn Fn() -> Box<dyn Planner> + Send + Sync>;
 
-/// What drives the AV of a run.
+/// A driver of the AV.
 #[derive(Clone)]
 pub struct Driver {
     /// Its name in the AV policy.
     pub(super) driver: AvDriver,
-    /// What determines its plans, for the provenance; `None` for planners of the calling program.
+    /// Its record in the provenance; `None` for planners of the calling program.
     pub(super) record: Option<SimulatorRecord>,
     /// Backend of its network, if it has one.
     pub(super) backend: Option<Backend>,
@@ -50,7 +50,8 @@ impl Driver {
     /// Creates the simulator or the network that an AV policy names, if it names one.
     ///
     /// # Errors
-    /// [`EvaluationError`] if the simulator is unknown or observes the logged future, or there are no weights.
+    /// [`EvaluationError`] if the simulator is unknown or observes the logged future, or there are no
+    /// weights.
     pub fn of(av: &AvChoice) -> Result<Option<Self>, EvaluationError> {
         match av {
             AvChoice::Planned(PlannedAv { driver: AvDriver::Simulator(id), .. }) => {

@@ -171,7 +171,7 @@ impl Plan {
         }
     }
 
-    /// Returns what drives the AV, if it is more than a name.
+    /// Returns the driver that the AV policy names, if it names one.
     pub(super) fn driver(&self) -> Option<&Driver> {
         match &self.settings.av {
             AvChoice::Planned(planned) => self.drivers.iter().find(|d| d.driver == planned.driver),

@@ -35,7 +35,7 @@ pub struct Provenance {
     pub metric_options: BTreeMap<String, String>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<SimulatorRecord>,
-    /// What drives the AV, if it is a simulator or an external planner.
+    /// The driver of the AV, if it is a simulator, a network or an external program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub driver: Option<SimulatorRecord>,
     /// Scenario files in the order of reading.

@@ -69,9 +69,9 @@ impl PlanRequest {
     /// Plans the run. Every error of its inputs is reported here, before the first scenario.
     ///
     /// # Errors
-    /// [`EvaluationError`] if a simulator is repeated, there are no rollouts, the AV and the deviations do not
-    /// fit together or to the protocol, the AV policy names a planner that is not given, the file of deviations cannot be read, or no AV is chosen and the
-    /// scenarios have no deviated one.
+    /// [`EvaluationError`] if a simulator is repeated, there are no rollouts, the AV and the deviations do
+    /// not fit together or to the protocol, the AV policy names a planner that is not given, the file of
+    /// deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(self) -> Result<Plan, EvaluationError> {
         for (i, simulator) in self.simulators.iter().enumerate() {
             if self.simulators[..i].iter().any(|earlier| earlier.id == simulator.id) {

@@ -1,11 +1,10 @@
 //! Simulators and planners that are programs of their own: a process protocol over standard input and output.
 //!
 //! The protocol is described in `docs/external-protocol.md`. Start with [`ExternalSimulator`]: a
-//! [`Simulator`](reactsim_rollout::Simulator) whose plans come from child processes; an [`ExternalPlanner`] plans
-//! trajectories of the AV. A `document` is the
-//! content of a frame; `scenes` and `realised` write what a child receives, `replies` checks what it answers.
-//! A `connection` carries frames and limits their time, a `process` is a child with its standard error, and
-//! `workers` hands out connections to threads.
+//! [`Simulator`](reactsim_rollout::Simulator) whose plans come from child processes; an [`ExternalPlanner`]
+//! plans trajectories of the AV. A `document` is the content of a frame; `scenes` and `realised` write what a
+//! child receives, `replies` checks what it answers. A `connection` carries frames and limits their time, a
+//! `process` is a child with its standard error, and `workers` hands out connections to threads.
 //!
 //! This module starts processes and reads clocks; models may do neither.
 

@@ -37,9 +37,9 @@ struct Slot {
 
 /// An episode of an [`ExternalPlanner`]: one AV in one rollout. It ends when it is dropped.
 ///
-/// If the process ends, the episode is begun in another one, which plans again what was planned so far, so that
-/// a planner whose plans depend on its input and seed continues as if nothing had happened. An episode whose own
-/// request ends the process is repeated once.
+/// If the process ends, the episode is begun in another one, which plans again what was planned so far, so
+/// that a planner whose plans depend on its input and seed continues as if nothing had happened. An episode
+/// whose own request ends the process is repeated once.
 pub struct PlannerEpisode {
     planner: ExternalPlanner,
     slot: usize,
@@ -109,9 +109,10 @@ impl Drop for ExternalPlanner {
 }
 
 impl PlannerEpisode {
-    /// Returns the trajectory from the present on: x and y (m, frame of the scenario) of the centre of the AV, and
-    /// heading (rad), after 1, 2, … steps. There are at least `steps`, the number until the next plan, and at most
-    /// 80. `route`: indices into the lanes of the map, in driving order; it is sent once.
+    /// Returns the trajectory from the present on: x and y (m, frame of the scenario) of the centre of the
+    /// AV, and heading (rad), after 1, 2, … steps. There are at least `steps`, the number until the next
+    /// plan, and no more than 80. `route`: indices into the lanes of the map, in driving order; it is sent
+    /// once.
     ///
     /// # Errors
     /// The reason, if the planner fails or answers something else.

@@ -9,7 +9,8 @@ use super::settings::{ExternalSettings, RunOutline};
 use super::stderr::StderrTarget;
 use super::workers::Workers;
 
-/// The processes of an external simulator or planner. Clones share them; they end when the last one is dropped.
+/// The processes of an external simulator or planner. Clones share them; they end when the last one is
+/// dropped.
 #[derive(Clone)]
 pub struct Processes {
     name: String,

@@ -7,9 +7,9 @@ use reactsim_rollout::Observation;
 use super::document::{FrameWriter, Values};
 use super::scenes::{frame_numbers, light_code, state_numbers};
 
-/// Writes the request of a plan of `steps` steps. `episodes` are the handles of the batch, `n` its largest number
-/// of agents; `seen` has the observation of each episode, `None` for padding. `lights` are the numbers of lights
-/// of the episodes. The frames `new` are sent, the last of which is the present one.
+/// Writes the request of a plan of `steps` steps. `episodes` are the handles of the batch, `n` its largest
+/// number of agents; `seen` has the observation of each episode, `None` for padding. `lights` are the numbers
+/// of lights of the episodes. The frames `new` are sent, the last of which is the present one.
 pub(super) fn request(
     episodes: &[u64],
     n: usize,

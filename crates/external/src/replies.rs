@@ -15,7 +15,7 @@ const FARTHEST: f64 = 1e5;
 /// Largest length of texts that a simulator states about itself, bytes.
 const LONGEST_TEXT: usize = 200;
 
-/// What an external program does in a run.
+/// Role of an external program in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// It moves the agents.
@@ -37,7 +37,7 @@ impl Role {
 /// The statement of a simulator or planner about itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Description {
-    /// What it is.
+    /// Its role.
     pub role: Role,
     /// Name.
     pub name: String,
@@ -115,8 +115,8 @@ fn errors(frame: &Frame, b: usize) -> Result<BTreeMap<usize, String>, DocumentEr
     }
 }
 
-/// Returns the trajectory of `planned`: poses of the centre of the AV after 1, 2, … steps, at least `steps` of
-/// them. `Err` inside if the planner reports a failure.
+/// Returns the trajectory of `planned`: poses of the centre of the AV after 1, 2, … steps, at least `steps`
+/// of them. `Err` inside if the planner reports a failure.
 ///
 /// # Errors
 /// If the answer has not the shape that was asked for, or numbers that are no poses in metres and radians.

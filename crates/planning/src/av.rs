@@ -97,8 +97,8 @@ impl PlannerAv {
         Self::with_planner(scenario, move |_| planner.new_planner(), controller, plan_every)
     }
 
-    /// Creates the AV of a scenario with any planner. `new_planner` is called once per rollout, with the index of
-    /// the rollout among those of the scenario.
+    /// Creates the AV of a scenario with any planner. `new_planner` is called once per rollout, with the
+    /// index of the rollout among those of the scenario.
     ///
     /// # Errors
     /// As [`Self::new`].

@@ -141,9 +141,9 @@ impl Trajectory {
         Ok(Self { states })
     }
 
-    /// Creates a trajectory from poses of the centre of the box at intervals of [`STEP`] after the present, such
-    /// as networks plan: x and y (m, frame of the map) and heading (rad). It begins with the present state of
-    /// ego. Velocities of the rear axle are differences over the interval before, and accelerations
+    /// Creates a trajectory from poses of the centre of the box at intervals of [`STEP`] after the present,
+    /// such as networks plan: x and y (m, frame of the map) and heading (rad). It begins with the present
+    /// state of ego. Velocities of the rear axle are differences over the interval before, and accelerations
     /// differences of these velocities; the first are in relation to `ego`.
     ///
     /// # Errors

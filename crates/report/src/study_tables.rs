@@ -7,7 +7,9 @@ mod planners;
 
 use super::TableStyle;
 use super::table::{Column, MAIN_COLUMNS, best_number};
-use reactsim_evaluation::{Difference, Estimate, Member, Standing, StudyKind, StudyResults, Summary};
+use reactsim_evaluation::{
+    Difference, Estimate, Member, SimulatorSummary, Standing, StudyKind, StudyResults, Summary,
+};
 
 pub use json::write_json;
 pub use latex::write_latex;
@@ -140,48 +142,47 @@ fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> 
 
 /// One table per metric: simulators by replan interval.
 fn by_interval<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
-    let Some((member, first)) = members(results).next() else { return Vec::new() };
-    let table = |column: Column| StudyTable {
-        title: Title::ByInterval(column),
-        with_variants: false,
-        heads: members(results).map(|(m, _)| Head::Interval(m.replan_steps.unwrap_or_default())).collect(),
-        rows: first
-            .order()
-            .map(|(id, title, simulator)| StudyRow {
-                title,
-                standing: simulator.standing(),
-                variant: None,
-                cells: results.summaries.iter().map(|s| StudyCell::of(s, id, column)).collect(),
-            })
-            .collect(),
-    };
-    columns(results.study.kind, member, style).into_iter().map(table).collect()
+    let all: Vec<(&Member, &Summary)> = members(results).collect();
+    let Some((member, _)) = all.first() else { return Vec::new() };
+    let columns = columns(results.study.kind, member, style).into_iter();
+    let head = |member: &Member| Head::Interval(member.replan_steps.unwrap_or_default());
+    columns.map(|column| by_member(&all, column, Title::ByInterval(column), head)).collect()
 }
 
-/// One table per metric: simulators by planner. Metrics without a value are left out, and so are fixed AVs, which
-/// no planner drives.
+/// One table per metric: simulators by planner. Metrics without a value are left out, and so are fixed AVs,
+/// which no planner drives.
 fn by_planner<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
     let planned: Vec<(&Member, &Summary)> =
         members(results).filter(|(member, _)| member.planner.is_some()).collect();
-    let Some((member, first)) = planned.first() else { return Vec::new() };
-    let table = |column: Column| StudyTable {
-        title: Title::ByPlanner(column),
-        with_variants: false,
-        heads: planned.iter().map(|(member, _)| Head::Planner(member.label.clone())).collect(),
-        rows: first
-            .order()
-            .map(|(id, title, simulator)| StudyRow {
-                title,
-                standing: simulator.standing(),
-                variant: None,
-                cells: planned.iter().map(|(_, summary)| StudyCell::of(summary, id, column)).collect(),
-            })
-            .collect(),
+    let Some((member, _)) = planned.first() else { return Vec::new() };
+    let columns = columns(results.study.kind, member, style).into_iter();
+    let head = |member: &Member| Head::Planner(member.label.clone());
+    let tables = columns.map(|column| by_member(&planned, column, Title::ByPlanner(column), head));
+    let has_numbers = |table: &StudyTable<'_>| {
+        table.rows.iter().flat_map(|row| &row.cells).any(|cell| cell.numbers().is_some())
     };
-    let tables = columns(results.study.kind, member, style).into_iter().map(table);
-    tables
-        .filter(|table| table.rows.iter().flat_map(|row| &row.cells).any(|c| c.numbers().is_some()))
-        .collect()
+    tables.filter(has_numbers).collect()
+}
+
+/// Returns the table of one metric: a row per simulator, a column per member.
+fn by_member<'a>(
+    members: &[(&Member, &'a Summary)],
+    column: Column,
+    title: Title,
+    head: impl Fn(&Member) -> Head,
+) -> StudyTable<'a> {
+    let row = |(id, title, simulator): (&str, &'a str, &SimulatorSummary)| StudyRow {
+        title,
+        standing: simulator.standing(),
+        variant: None,
+        cells: members.iter().map(|(_, summary)| StudyCell::of(summary, id, column)).collect(),
+    };
+    StudyTable {
+        title,
+        with_variants: false,
+        heads: members.iter().map(|(member, _)| head(member)).collect(),
+        rows: members.first().into_iter().flat_map(|(_, first)| first.order()).map(row).collect(),
+    }
 }
 
 /// One table: simulators by metrics of both protocols.
@@ -193,7 +194,7 @@ fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
             .into_iter()
             .map(|column| Head::Metric { protocol: member.protocol.clone(), column })
     });
-    let row = |(id, title, simulator): (&str, &'a str, &reactsim_evaluation::SimulatorSummary)| {
+    let row = |(id, title, simulator): (&str, &'a str, &SimulatorSummary)| {
         let cells = members(results).flat_map(|(member, summary)| {
             columns_of(member).into_iter().map(move |column| StudyCell::of(summary, id, column))
         });

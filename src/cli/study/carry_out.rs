@@ -72,8 +72,8 @@ pub(super) fn finish_member(
     Ok(())
 }
 
-/// Computes the realism metrics of a study of realism, or the ranks of a study of planners, and writes and prints the table. `failed` is the
-/// number of failures of all members.
+/// Computes the realism metrics of a study of realism, or the ranks of a study of planners, and writes and
+/// prints the table. `failed` is the number of failures of all members.
 pub(super) fn finish(
     folder: &StudyFolder,
     shared: &SharedArgs,

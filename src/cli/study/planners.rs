@@ -28,7 +28,8 @@ const SIMULATORS: [&str; 3] = ["log-replay", "idm", "ntp-guarded"];
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct PlannersArgs {
-    /// Planners, separated by commas: pdm-closed, idm, diffusion-planner, simulator:ID; external ones (--planner) are added
+    /// Planners, separated by commas: pdm-closed, idm, diffusion-planner, simulator:ID; external ones
+    /// (--planner) are added
     #[arg(long, value_delimiter = ',', value_name = "IDS", default_value = "idm,pdm-closed")]
     planners: Vec<String>,
     /// Controller that follows the trajectories of planners

@@ -14,8 +14,8 @@ pub(super) const TEMPERATURE: f64 = 0.5;
 /// Samples a plan of the AV: its states after 1 to 80 steps; `None` if the AV is absent.
 pub(super) type Network = dyn Fn(&Observation<'_>, &mut Stream) -> Option<Vec<AgentState>> + Send + Sync;
 
-/// The planner of one rollout. Plans of a small network stray from their lanes, so that only their speed is used: the
-/// AV drives along the centre line of its route as far as the sampled plan does.
+/// The planner of one rollout. Plans of a small network stray from their lanes, so that only their speed is
+/// used: the AV drives along the centre line of its route as far as the sampled plan does.
 pub(super) struct AlongRoute {
     pub(super) network: Arc<Network>,
     pub(super) stream: Stream,

@@ -1,8 +1,8 @@
 //! Studies: several runs on the same scenarios that differ in one studied setting.
 //!
 //! A study is a folder with `study.json`, which lists its members, `study.md` with its table, and one
-//! ordinary run folder per member; studies of planners also have `planners.json`. [`StudyPlan`] defines the runs, [`StudyFolder`] stores them,
-//! [`StudyResults`] reads them.
+//! ordinary run folder per member; studies of planners also have `planners.json`. [`StudyPlan`] defines the
+//! runs, [`StudyFolder`] stores them, [`StudyResults`] reads them.
 
 mod file;
 mod folder;

@@ -97,10 +97,10 @@ impl StudyPlan {
         Ok(all)
     }
 
-    /// Plans the simulators of a plan with each of these planners driving the AV, and with the deviated AVs if the
-    /// scenarios have them: what simulators do there without need tells whether their agents freeze. Rollouts are
-    /// kept, since reasons of collisions are found in them. The drivers of the plan are those that the planners may
-    /// name.
+    /// Plans the simulators of a plan with each of these planners driving the AV, and with the deviated AVs
+    /// if the scenarios have them: what simulators do there without need tells whether their agents freeze.
+    /// Rollouts are kept, since reasons of collisions are found in them. The drivers of the plan are those
+    /// that the planners may name.
     ///
     /// # Errors
     /// [`EvaluationError`] for a planner that is not given, or a simulator that cannot drive.

@@ -1,5 +1,5 @@
-//! What traffic does to the verdict on planners: their order under each simulator, and collisions that depend on
-//! whether agents react.
+//! How the evaluation of planners depends on the simulator of the traffic: the order of planners, and
+//! collisions that depend on whether agents react.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -62,12 +62,12 @@ pub struct SimulatorRanks {
     pub ranks: Vec<f64>,
     /// Number of scenarios, over all planners but the log, in which the AV causes a collision.
     pub at_fault: usize,
-    /// Those of them in which no hit agent reacted: with the logged AV it was at the same place, within 0.5 m, up
-    /// to the contact. `None` if rollouts were not kept.
+    /// Those of them in which no hit agent reacted: with the logged AV it was at the same place, within 0.5
+    /// m, up to the contact. `None` if rollouts were not kept.
     pub ignored: Option<usize>,
     /// Number of scenarios, over all planners but the log, in which the AV causes a collision under another
-    /// simulator and none under this one, and agents of this one are frozen: their over-reaction to the fixed AV is
-    /// at least 5 m. `None` if the scenarios have no certified AVs.
+    /// simulator and none under this one, and agents of this one are frozen: their over-reaction to the fixed
+    /// AV is at least 5 m. `None` if the scenarios have no certified AVs.
     pub frozen: Option<usize>,
 }
 
@@ -245,7 +245,7 @@ impl<'a> Common<'a> {
         self.values.iter().map(|planners| planners.iter().map(mean).collect()).collect()
     }
 
-    /// Returns the agreement of each two simulators, whose `means` are those of all scenarios.
+    /// Returns the agreement of each pair of simulators. `means`: mean scores over all scenarios.
     fn agreement(&self, ids: &[String], means: &[Vec<f64>], seed: u64) -> Vec<Agreement> {
         let pairs: Vec<(usize, usize)> =
             (0..ids.len()).flat_map(|i| (i + 1..ids.len()).map(move |j| (i, j))).collect();
@@ -357,8 +357,8 @@ fn ranks(scores: &[f64]) -> Vec<f64> {
     scores.iter().map(rank).collect()
 }
 
-/// Returns Kendall's tau-b of two lists of scores; `None` if all scores of one of them are equal (Kendall, "The
-/// treatment of ties in ranking problems", Biometrika 33, 1945).
+/// Returns Kendall's tau-b of two lists of scores; `None` if all scores of one of them are equal (Kendall,
+/// "The treatment of ties in ranking problems", Biometrika 33, 1945).
 fn kendall(a: &[f64], b: &[f64]) -> Option<f64> {
     let (mut order, mut in_a, mut in_b) = (0.0, 0_u32, 0_u32);
     for i in 0..a.len() {
@@ -400,8 +400,8 @@ mod tests {
 
     #[test]
     fn the_change_of_order_has_its_scenario() {
-        // Under the first simulator the first planner is better, under the second the other one; scenario b is the
-        // reason.
+        // Under the first simulator the first planner is better, under the second the other one; scenario b
+        // is the reason.
         let values = vec![vec![vec![1.0, 1.0], vec![0.8, 0.6]], vec![vec![1.0, 0.0], vec![0.8, 0.6]]];
         let common = Common { score: "av-score", scenarios: vec!["a", "b"], values };
         let means = common.means(&[0, 1]);

@@ -20,7 +20,8 @@ pub struct StudyResults {
     /// Realism metrics of the Sim Agents challenge in a study of kind `realism` whose rollouts were kept, by
     /// simulator; empty in other studies.
     pub realism: Vec<RealismSummary>,
-    /// Order of the planners in a study of kind `planners` ([`PlannerRanks::write`]); `None` in other studies.
+    /// Order of the planners in a study of kind `planners` ([`PlannerRanks::write`]); `None` in other
+    /// studies.
     pub planners: Option<PlannerRanks>,
 }
 
