@@ -38,7 +38,7 @@ pub(super) struct PlannersArgs {
     /// Steps between two plans of a planner; simulators that drive the AV plan every 5 steps
     #[arg(long, default_value = "1steps", value_name = "STEPS")]
     plan_every: Replan,
-    /// Replan rate or interval of the simulators, such as 2hz or 5steps
+    /// Replan rate or interval, such as 2hz or 5steps
     #[arg(long, default_value = "2hz", value_name = "RATE")]
     replan: Replan,
     /// Rollouts per scenario and simulator
