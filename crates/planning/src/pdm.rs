@@ -18,6 +18,7 @@ mod simulation;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use comfort::is_comfortable;
 pub use proposals::{Leader, Proposal};
 pub(crate) use route::without_gaps;
 pub use scoring::Scores;
@@ -84,7 +85,12 @@ impl Default for PdmClosed {
 impl PdmClosed {
     /// Creates a planner for one scenario.
     pub fn new() -> Self {
-        Self { comfort: Comfort::new(), plan: None, ignored: BTreeSet::new(), cycle: None }
+        Self {
+            comfort: Comfort::new(proposals::STEPS + 1),
+            plan: None,
+            ignored: BTreeSet::new(),
+            cycle: None,
+        }
     }
 
     /// Returns the intermediate results of the last plan.

@@ -2,9 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::{EgoState, STEP};
+use crate::{EgoShape, EgoState, STEP};
 
-use super::history::History;
 use super::{MetricValue, SavitzkyGolay};
 
 /// Smoothing of accelerations (devkit 1.2.2).
@@ -78,9 +77,9 @@ impl Comfort {
 }
 
 /// Judges the comfort of ego.
-pub(super) fn comfort(history: &History<'_>) -> Comfort {
-    let of = |quantity: &dyn Fn(&EgoState) -> f64| history.ego.iter().map(quantity).collect::<Vec<_>>();
-    let center = |state: &EgoState| state.center_acceleration_nuplan(&history.shape);
+pub(super) fn comfort(ego: &[EgoState], shape: &EgoShape) -> Comfort {
+    let of = |quantity: &dyn Fn(&EgoState) -> f64| ego.iter().map(quantity).collect::<Vec<_>>();
+    let center = |state: &EgoState| state.center_acceleration_nuplan(shape);
     let longitudinal = filtered(ACCELERATION_FILTER, &of(&|state| center(state).x));
     let lateral = filtered(ACCELERATION_FILTER, &of(&|state| center(state).y));
     let magnitude = filtered(ACCELERATION_FILTER, &of(&EgoState::acceleration));

@@ -44,20 +44,12 @@ pub enum ClosedLoopScore {
 impl ClosedLoopScore {
     /// Combines the values of the metrics: the product of the multipliers times the weighted mean.
     pub fn of(values: &[(PlannerMetric, MetricValue)]) -> Self {
-        let (mut product, mut sum, mut weights) = (1.0, 0.0, 0.0);
-        let mut undefined = Vec::new();
-        for &(metric, value) in values {
-            match (value, metric.role()) {
-                (MetricValue::Undefined(reason), _) => undefined.push((metric, reason)),
-                (MetricValue::Defined(value), MetricRole::Multiplier) => product *= value,
-                (MetricValue::Defined(value), MetricRole::Weighted(weight)) => {
-                    sum += weight * value;
-                    weights += weight;
-                }
-            }
-        }
-        let mean = if weights > 0.0 { sum / weights } else { f64::from(undefined.len() < values.len()) };
-        let score = product * mean;
+        let score = combined(values.iter().map(|(metric, value)| (*value, metric.role())));
+        let reason = |&(metric, value): &(PlannerMetric, MetricValue)| match value {
+            MetricValue::Undefined(reason) => Some((metric, reason)),
+            MetricValue::Defined(_) => None,
+        };
+        let undefined: Vec<_> = values.iter().filter_map(reason).collect();
         if undefined.is_empty() { Self::Complete(score) } else { Self::Partial { score, undefined } }
     }
 
@@ -83,6 +75,24 @@ impl ClosedLoopScore {
             Self::Complete(score) | Self::Partial { score, .. } => *score,
         }
     }
+}
+
+/// Returns the product of the multipliers times the weighted mean of the defined values; 0 if none is defined.
+pub(super) fn combined(values: impl IntoIterator<Item = (MetricValue, MetricRole)>) -> f64 {
+    let (mut product, mut sum, mut weights) = (None, 0.0, 0.0);
+    for (value, role) in values {
+        match (value, role) {
+            (MetricValue::Undefined(_), _) => {}
+            (MetricValue::Defined(value), MetricRole::Multiplier) => {
+                product = Some(product.unwrap_or(1.0) * value);
+            }
+            (MetricValue::Defined(value), MetricRole::Weighted(weight)) => {
+                sum += weight * value;
+                weights += weight;
+            }
+        }
+    }
+    if weights > 0.0 { product.unwrap_or(1.0) * (sum / weights) } else { product.unwrap_or(0.0) }
 }
 
 #[cfg(test)]

@@ -88,7 +88,7 @@ pub fn judge(history: &History<'_>) -> Result<PlannerScores, HistoryError> {
         making_progress: making_progress(progress.value),
         time_to_collision: time_to_collision(&context, &collisions),
         speed_limit: speed_limit(&context),
-        comfort: comfort(history),
+        comfort: comfort(history.ego, &history.shape),
         mean_speed: mean_speed(history.ego),
         score: ClosedLoopScore::Complete(0.0),
         labels: BTreeSet::new(),

@@ -3,7 +3,6 @@
 //! The bounds are those of nuPlan, but accelerations are smoothed by one quadratic over the whole
 //! proposal, so that much more is comfortable.
 
-use super::proposals::STEPS;
 use crate::EgoState;
 use crate::metrics::comfort::{
     ACCELERATION_FILTER, JERK_BOUNDS, LATERAL_ACCELERATION_BOUNDS, LONGITUDINAL_ACCELERATION_BOUNDS,
@@ -13,12 +12,15 @@ use crate::metrics::comfort::{
 use crate::metrics::{PreparedFilter, SavitzkyGolay};
 use crate::trajectory::STEP;
 
-/// Number of states of a simulated proposal.
-const STATES: usize = STEPS + 1;
 /// Smoothing of accelerations over the whole proposal (tuplan_garage b51d5d0, `window_length`).
-const WHOLE_FILTER: SavitzkyGolay = SavitzkyGolay { window: STATES, degree: 2, derivative: 0 };
+const WHOLE_FILTER: SavitzkyGolay = SavitzkyGolay { window: usize::MAX, degree: 2, derivative: 0 };
 /// Derivative of smoothed accelerations over the whole proposal (tuplan_garage b51d5d0, `window_length`).
 const WHOLE_JERK_FILTER: SavitzkyGolay = SavitzkyGolay { derivative: 1, ..WHOLE_FILTER };
+
+/// Returns whether states at intervals of [`STEP`] are within all bounds, smoothed over all of them.
+pub(crate) fn is_comfortable(states: &[EgoState]) -> bool {
+    Comfort::new(states.len()).is_comfortable(states)
+}
 
 /// The filters of the comfort bounds.
 #[derive(Clone, Debug)]
@@ -31,9 +33,9 @@ pub(super) struct Comfort {
 }
 
 impl Comfort {
-    /// Prepares the filters.
-    pub(super) fn new() -> Self {
-        let prepared = |filter: SavitzkyGolay| filter.prepare(STATES, STEP);
+    /// Prepares the filters for sequences of `count` states.
+    pub(super) fn new(count: usize) -> Self {
+        let prepared = |filter: SavitzkyGolay| filter.prepare(count, STEP);
         Self {
             acceleration: prepared(WHOLE_FILTER),
             smoothed: prepared(ACCELERATION_FILTER),
@@ -71,6 +73,9 @@ mod tests {
 
     use super::*;
 
+    /// Number of states of a simulated proposal.
+    const STATES: usize = 41;
+
     fn states(of: impl Fn(usize) -> EgoState) -> Vec<EgoState> {
         (0..STATES).map(of).collect()
     }
@@ -78,7 +83,7 @@ mod tests {
     #[test]
     fn bounds_are_strict() {
         let still = EgoState::standing(Vec2::zeros(), 0.0);
-        let comfort = Comfort::new();
+        let comfort = Comfort::new(STATES);
         let accelerating = |ax: f64| comfort.is_comfortable(&states(|_| EgoState { ax, ..still }));
         assert!(accelerating(2.39) && !accelerating(2.41) && accelerating(-4.04) && !accelerating(-4.06));
         let turning = |rate: f64| {

@@ -114,16 +114,20 @@ impl Drive {
     }
 
     pub(crate) fn judge(self) -> PlannerScores {
+        self.with_history(|history| judge(history).unwrap())
+    }
+
+    /// Calls `use_history` with the history.
+    pub(crate) fn with_history<T>(self, use_history: impl FnOnce(&History<'_>) -> T) -> T {
         let map = PlanningMap::new(self.map).unwrap();
-        let history = History {
+        use_history(&History {
             map: &map,
             shape: EgoShape::PACIFICA,
             ego: &self.ego,
             expert: self.expert.as_deref(),
             objects: &self.objects,
             missing: self.missing,
-        };
-        judge(&history).unwrap()
+        })
     }
 }
 
