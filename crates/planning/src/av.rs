@@ -4,7 +4,6 @@
 //! does: with the log as traffic, both give the same states of ego.
 
 mod choice;
-mod lights;
 
 use std::error::Error;
 use std::fmt;
@@ -15,8 +14,8 @@ use reactsim_scene::{AgentState, CURRENT, FUTURE, Scenario, Start};
 
 use crate::closed_loop::{ClosedLoopError, Episode, Now};
 use crate::from_scene::{
-    Differences, ObjectFrame, ObjectIds, SceneHistoryError, ego_shape, ego_states_until_now, logged_route,
-    planning_map,
+    Differences, LightLanes, ObjectFrame, ObjectIds, SceneHistoryError, ego_shape, ego_states_until_now,
+    logged_route, planning_map,
 };
 use crate::planner::{History, Light, Planner, Route, Sample};
 use crate::tracking::Controller;
@@ -24,7 +23,6 @@ use crate::trajectory::Trajectory;
 use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
 
 pub use choice::PlannerChoice;
-use lights::LightLanes;
 
 /// Slot of the AV among the agents of a scenario.
 const AV: usize = 0;

@@ -8,7 +8,6 @@
 mod areas;
 mod brake;
 mod centerline;
-mod comfort;
 mod forecast;
 mod proposals;
 mod route;
@@ -18,7 +17,6 @@ mod simulation;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use comfort::is_comfortable;
 pub use proposals::{Leader, Proposal};
 pub(crate) use route::without_gaps;
 pub use scoring::Scores;
@@ -26,12 +24,12 @@ pub use scoring::Scores;
 use std::collections::BTreeSet;
 
 use areas::DrivableLanes;
-use comfort::Comfort;
 use forecast::{Forecast, ObstacleId};
 use proposals::Proposals;
 use scoring::Scorer;
 
 use crate::EgoState;
+use crate::metrics::SmoothedComfort;
 use crate::path::Path;
 use crate::planner::{Planner, PlannerError, PlannerInput};
 use crate::trajectory::{Pose, STEP, Trajectory};
@@ -43,7 +41,7 @@ const LATERAL_OFFSETS: [f64; 2] = [-1.0, 1.0];
 /// The planner.
 #[derive(Debug)]
 pub struct PdmClosed {
-    comfort: Comfort,
+    comfort: SmoothedComfort,
     plan: Option<RoutePlan>,
     ignored: BTreeSet<ObstacleId>,
     cycle: Option<Cycle>,
@@ -86,7 +84,7 @@ impl PdmClosed {
     /// Creates a planner for one scenario.
     pub fn new() -> Self {
         Self {
-            comfort: Comfort::new(proposals::STEPS + 1),
+            comfort: SmoothedComfort::new(proposals::STEPS + 1),
             plan: None,
             ignored: BTreeSet::new(),
             cycle: None,

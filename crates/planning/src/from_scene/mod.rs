@@ -4,7 +4,9 @@
 //! and each replacement has a [`Label`].
 
 mod ego;
+mod lights;
 mod map;
+mod navsim;
 mod objects;
 mod roadblocks;
 mod route;
@@ -18,6 +20,7 @@ use crate::metrics::{History, HistoryError, Label, MissingInputs, PlannerScores,
 use crate::{EgoShape, EgoState, TrackedObject};
 
 pub use ego::{ego_states, ego_states_until_now};
+pub(crate) use lights::LightLanes;
 pub use map::{planning_lanes, planning_map};
 pub use objects::rollout_objects;
 pub(crate) use objects::{Differences, ObjectFrame, ObjectIds};
@@ -160,17 +163,20 @@ impl SceneHistory {
     /// # Errors
     /// [`HistoryError`] if the states of ego are too few, not as many as the samples, or not finite.
     pub fn judge(&self) -> Result<PlannerScores, HistoryError> {
-        let history = History {
+        let mut scores = judge(&self.history())?;
+        scores.labels.extend(&self.labels);
+        Ok(scores)
+    }
+
+    fn history(&self) -> History<'_> {
+        History {
             map: &self.map,
             shape: self.shape,
             ego: &self.ego,
             expert: self.expert.as_deref(),
             objects: &self.objects,
             missing: MissingInputs::Undefined,
-        };
-        let mut scores = judge(&history)?;
-        scores.labels.extend(&self.labels);
-        Ok(scores)
+        }
     }
 }
 

@@ -20,7 +20,6 @@ use reactsim_geometry::OrientedBox;
 
 use crate::contact::{Side, in_contact, moved, side_of};
 use crate::path::Path;
-use crate::pdm::is_comfortable;
 use crate::planner::{Light, LightState, Route};
 use crate::shapes::box_touches_ring;
 use crate::{EgoState, ObjectGroup, ObjectId, STEP};
@@ -28,7 +27,8 @@ use crate::{EgoState, ObjectGroup, ObjectId, STEP};
 use super::comfort::comfort;
 use super::score::combined;
 use super::{
-    ContactClass, Corner, History, HistoryError, MetricRole, MetricValue, PlannerScores, UndefinedReason,
+    ContactClass, Corner, History, HistoryError, MetricRole, MetricValue, PlannerScores, SmoothedComfort,
+    UndefinedReason,
 };
 
 /// Value of collisions with static objects that are the fault of ego, however many there are (navsim 0a380a9).
@@ -299,7 +299,10 @@ pub fn judge_navsim(input: &NavsimInput<'_>) -> Result<NavsimScores, HistoryErro
         (NavsimMetric::TrafficLights, drive.traffic_lights()),
         (NavsimMetric::TimeToCollision, MetricValue::pass(!drive.has_short_ttc())),
         (NavsimMetric::LaneKeeping, drive.lane_keeping()),
-        (NavsimMetric::Comfort, MetricValue::pass(is_comfortable(input.history.ego))),
+        (
+            NavsimMetric::Comfort,
+            MetricValue::pass(SmoothedComfort::new(samples).is_comfortable(input.history.ego)),
+        ),
         (NavsimMetric::HistoryComfort, history_comfort(input)),
         (NavsimMetric::ExtendedComfort, MetricValue::Undefined(UndefinedReason::SuccessivePlans)),
     ];

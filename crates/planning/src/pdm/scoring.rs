@@ -5,10 +5,9 @@ use std::ops::Range;
 use reactsim_geometry::{Bounds, OrientedBox, Vec2};
 
 use super::areas::{DrivableLanes, GroundFlags};
-use super::comfort::Comfort;
 use super::forecast::{Forecast, Obstacle, ObstacleKind};
 use crate::contact::{STOPPED_SPEED, Side, classify, moved, side_of};
-use crate::metrics::ContactClass;
+use crate::metrics::{ContactClass, SmoothedComfort};
 use crate::path::Path;
 use crate::trajectory::STEP;
 use crate::{EgoShape, EgoState, PlanningMap};
@@ -73,7 +72,7 @@ pub(super) struct Scorer<'a> {
     pub(super) lanes: &'a DrivableLanes<'a>,
     pub(super) forecast: &'a Forecast,
     pub(super) centerline: &'a Path,
-    pub(super) comfort: &'a Comfort,
+    pub(super) comfort: &'a SmoothedComfort,
 }
 
 /// A simulated proposal with its boxes and the ground under them.

@@ -1,24 +1,38 @@
 //! The traffic lights of a scenario as planners observe them.
 
-use reactsim_rollout::Observation;
-use reactsim_scene::{LightState as SceneLight, Start};
+use std::ops::Range;
 
-use crate::from_scene::planning_lanes;
+use reactsim_rollout::Observation;
+use reactsim_scene::{LightState as SceneLight, Scenario, Start};
+
 use crate::planner::{Light, LightState};
+
+use super::planning_lanes;
 
 /// The lane of the planning map that each light of a scenario controls; `None` if the map leaves it out.
 #[derive(Clone, Debug)]
-pub(super) struct LightLanes(Vec<Option<usize>>);
+pub(crate) struct LightLanes(Vec<Option<usize>>);
 
 impl LightLanes {
-    pub(super) fn new(start: &Start) -> Self {
+    pub(crate) fn new(start: &Start) -> Self {
         let lanes = planning_lanes(&start.map);
         Self(start.lights.iter().map(|light| lanes.binary_search(&light.lane).ok()).collect())
     }
 
     /// Returns the present states, in the order of the scenario.
-    pub(super) fn now(&self, seen: &Observation<'_>) -> Vec<Light> {
-        let states = self.0.iter().zip(seen.lights_now());
+    pub(crate) fn now(&self, seen: &Observation<'_>) -> Vec<Light> {
+        self.lights(seen.lights_now())
+    }
+
+    /// Returns the recorded states at each of the successive `frames`, in the order of the scenario.
+    pub(super) fn recorded(&self, scenario: &Scenario, frames: Range<usize>) -> Vec<Vec<Light>> {
+        let states: Vec<_> = (0..self.0.len()).map(|light| scenario.light_states(light)).collect();
+        let at = |frame: usize| states.iter().map(move |states| states.get(frame).copied().flatten());
+        frames.map(|frame| self.lights(at(frame))).collect()
+    }
+
+    fn lights(&self, states: impl IntoIterator<Item = Option<SceneLight>>) -> Vec<Light> {
+        let states = self.0.iter().zip(states);
         states.filter_map(|(&lane, state)| Some(Light { lane: lane?, state: planner_light(state) })).collect()
     }
 }

@@ -1,30 +1,27 @@
-//! Comfort of simulated proposals (tuplan_garage b51d5d0, `pdm_comfort_metrics`).
+//! Comfort of PDM-Closed's proposals and of NAVSIM v1 (tuplan_garage b51d5d0 and navsim 0811876,
+//! `pdm_comfort_metrics`).
 //!
-//! The bounds are those of nuPlan, but accelerations are smoothed by one quadratic over the whole
-//! proposal, so that much more is comfortable.
+//! The bounds are those of nuPlan, but accelerations are smoothed by one quadratic over the whole drive, so
+//! that much more is comfortable.
 
 use crate::EgoState;
-use crate::metrics::comfort::{
+use crate::trajectory::STEP;
+
+use super::comfort::{
     ACCELERATION_FILTER, JERK_BOUNDS, LATERAL_ACCELERATION_BOUNDS, LONGITUDINAL_ACCELERATION_BOUNDS,
     LONGITUDINAL_JERK_BOUNDS, YAW_ACCELERATION_BOUNDS, YAW_ACCELERATION_FILTER, YAW_RATE_BOUNDS,
     YAW_RATE_FILTER, are_within, rounded, unwrapped,
 };
-use crate::metrics::{PreparedFilter, SavitzkyGolay};
-use crate::trajectory::STEP;
+use super::{PreparedFilter, SavitzkyGolay};
 
-/// Smoothing of accelerations over the whole proposal (tuplan_garage b51d5d0, `window_length`).
+/// Smoothing of accelerations over the whole drive (tuplan_garage b51d5d0, `window_length`).
 const WHOLE_FILTER: SavitzkyGolay = SavitzkyGolay { window: usize::MAX, degree: 2, derivative: 0 };
-/// Derivative of smoothed accelerations over the whole proposal (tuplan_garage b51d5d0, `window_length`).
+/// Derivative of smoothed accelerations over the whole drive (tuplan_garage b51d5d0, `window_length`).
 const WHOLE_JERK_FILTER: SavitzkyGolay = SavitzkyGolay { derivative: 1, ..WHOLE_FILTER };
-
-/// Returns whether states at intervals of [`STEP`] are within all bounds, smoothed over all of them.
-pub(crate) fn is_comfortable(states: &[EgoState]) -> bool {
-    Comfort::new(states.len()).is_comfortable(states)
-}
 
 /// The filters of the comfort bounds.
 #[derive(Clone, Debug)]
-pub(super) struct Comfort {
+pub(crate) struct SmoothedComfort {
     acceleration: PreparedFilter,
     smoothed: PreparedFilter,
     jerk: PreparedFilter,
@@ -32,9 +29,9 @@ pub(super) struct Comfort {
     yaw_acceleration: PreparedFilter,
 }
 
-impl Comfort {
+impl SmoothedComfort {
     /// Prepares the filters for sequences of `count` states.
-    pub(super) fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         let prepared = |filter: SavitzkyGolay| filter.prepare(count, STEP);
         Self {
             acceleration: prepared(WHOLE_FILTER),
@@ -45,9 +42,9 @@ impl Comfort {
         }
     }
 
-    /// Returns whether the states of a simulated proposal are within all bounds, by the accelerations of
+    /// Returns whether the states of a drive are within all bounds, by the accelerations of
     /// the rear axle.
-    pub(super) fn is_comfortable(&self, states: &[EgoState]) -> bool {
+    pub(crate) fn is_comfortable(&self, states: &[EgoState]) -> bool {
         let series = |of: fn(&EgoState) -> f64| -> Vec<f64> { states.iter().map(of).collect() };
         let (ahead, aside, magnitude) =
             (series(|state| state.ax), series(|state| state.ay), series(EgoState::acceleration));
@@ -83,7 +80,7 @@ mod tests {
     #[test]
     fn bounds_are_strict() {
         let still = EgoState::standing(Vec2::zeros(), 0.0);
-        let comfort = Comfort::new(STATES);
+        let comfort = SmoothedComfort::new(STATES);
         let accelerating = |ax: f64| comfort.is_comfortable(&states(|_| EgoState { ax, ..still }));
         assert!(accelerating(2.39) && !accelerating(2.41) && accelerating(-4.04) && !accelerating(-4.06));
         let turning = |rate: f64| {
