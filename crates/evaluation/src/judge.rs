@@ -7,7 +7,7 @@ use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{Certificate, Scenario};
 
-use super::av_scores::{JudgedAv, judge_av};
+use super::av_scores::{AvJudge, JudgedAv};
 use super::row::{Row, Value};
 
 /// The scores of the rollouts of one scenario and one simulator.
@@ -55,27 +55,27 @@ impl PairScores {
 }
 
 /// Scores the rollouts of one scenario and one simulator. `certificate`: responses that avoid the AV of the
-/// rollouts, if known. `judges_av`: whether the AV is judged, too.
+/// rollouts, if known. `av`: judge of the AV, if it is judged, too.
 pub(super) fn judge(
     scenario: &Scenario,
     certificate: Option<&Certificate>,
     rollouts: &[Rollout],
     options: Options,
-    judges_av: bool,
+    av: Option<&AvJudge>,
 ) -> PairScores {
     let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
     let all = metrics::score_rollouts(scenario, &tracks, options);
     let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
     let results = rollouts.iter().map(|rollout| {
-        let av = judges_av.then(|| judge_av(scenario, rollout));
-        let (av, said) = match av {
+        let judged = av.map(|judge| judge.judge(scenario, rollout));
+        let (av_scores, said) = match judged {
             Some(Ok(JudgedAv { scores, outcomes })) => (Some(scores), outcomes),
             Some(Err(error)) => (None, [(format!("av not judged: {error}"), 1)].into()),
             None => (None, BTreeMap::new()),
         };
         let case = Case::of_rollout(scenario, &rollout.tracks, options).with_certificate(certificate);
-        let scores = metrics::score_case(&case.with_av_scores(av.as_ref()));
-        let is_own = |scope| scope == Scope::Rollout || judges_av && scope == Scope::Av;
+        let scores = metrics::score_case(&case.with_av_scores(av_scores.as_ref()));
+        let is_own = |scope| scope == Scope::Rollout || av.is_some() && scope == Scope::Av;
         let own = scores.values.iter().filter(|(spec, _)| is_own(spec.scope));
         RolloutResult {
             metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),

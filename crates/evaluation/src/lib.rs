@@ -40,6 +40,7 @@ mod known_deviation;
 mod left_out;
 mod long_tables;
 mod motion;
+mod navsim;
 mod plan;
 mod pose;
 mod provenance;

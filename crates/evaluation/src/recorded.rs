@@ -7,6 +7,7 @@ use reactsim_metrics::{Event, Options};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{HISTORY, Scenario};
 
+use super::av_scores::AvJudge;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::pose::Pose;
@@ -156,5 +157,6 @@ pub(super) fn score_rollouts(
 ) -> (Vec<Row>, Vec<Vec<Event>>) {
     let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
     let template = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
-    judge(scenario, deviation.certificate.as_ref(), rollouts, options, judges_av).rows(template, rollouts)
+    let av = judges_av.then(|| AvJudge::new(&options));
+    judge(scenario, deviation.certificate.as_ref(), rollouts, options, av.as_ref()).rows(template, rollouts)
 }

@@ -12,6 +12,7 @@ use reactsim_scene::{HISTORY, Scenario};
 use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
 
+use super::av_scores::AvJudge;
 use super::driver::Driver;
 use super::finish::finish;
 use super::folder::RunFolder;
@@ -245,6 +246,8 @@ struct PreparedScenario {
     deviation: KnownDeviation,
     /// Checks that the given trajectory of the AV fails, all of them allowed.
     allowed: Vec<RolloutCheck>,
+    /// Judge of the AV; `None` if only agents are judged.
+    av_judge: Option<AvJudge>,
 }
 
 /// Reason why a record is not run.
@@ -348,8 +351,11 @@ impl Runner<'_> {
         match self.plan.av(&scenario) {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
-                let digest = scenario.digest();
-                Ok(Some(PreparedScenario { place: item.place, digest, av, deviation, allowed, scenario }))
+                let settings = &self.plan.settings;
+                let judges_av = settings.rollout.protocol == Protocol::Reactive && settings.av.is_judged();
+                let av_judge = judges_av.then(|| AvJudge::new(&settings.options));
+                let (place, digest) = (item.place, scenario.digest());
+                Ok(Some(PreparedScenario { place, digest, av, deviation, allowed, av_judge, scenario }))
             }
             Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
@@ -532,8 +538,7 @@ impl Runner<'_> {
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
         let settings = &self.plan.settings;
-        let judges_av = settings.rollout.protocol == Protocol::Reactive && settings.av.is_judged();
-        let scores = judge(&ready.scenario, certificate, rollouts, settings.options, judges_av);
+        let scores = judge(&ready.scenario, certificate, rollouts, settings.options, ready.av_judge.as_ref());
         scores.rows(template, rollouts)
     }
 

@@ -49,6 +49,8 @@ pub const METRICS: &[&dyn Metric] = &[
     &OfAv(7),
     &OfAv(8),
     &OfAv(9),
+    &OfAv(10),
+    &OfAv(11),
 ];
 
 /// Returns the metric with this id.
