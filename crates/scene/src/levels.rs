@@ -175,35 +175,49 @@ pub(super) fn count(map: &RoadMap, agents: &[(Vec2, f64)]) -> usize {
     }
     let lanes = map.lanes.iter().map(|l| l.baseline.points()).zip(&heights.lanes);
     let edges = map.road_edges.iter().map(|e| e.points.as_slice()).zip(&heights.road_edges);
-    let lines: Vec<(&[Vec2], &Vec<f64>)> = lanes.chain(edges).collect();
-    [0.0, 0.5 * PLACE_SIZE].into_iter().map(|shift| count_shifted(&lines, agents, shift)).max().unwrap_or(1)
+    let mut samples = Vec::new();
+    lanes.chain(edges).for_each(|(points, heights)| sample(points, heights, &mut samples));
+    samples.extend(agents.iter().filter(|a| a.1.is_finite()));
+    [0.0, 0.5 * PLACE_SIZE].into_iter().map(|shift| count_shifted(&samples, shift)).max().unwrap_or(1)
 }
 
-/// Counts levels over places that are shifted by some metres, so that things close to one another share one.
-fn count_shifted(lines: &[(&[Vec2], &Vec<f64>)], agents: &[(Vec2, f64)], shift: f64) -> usize {
-    let mut places: BTreeMap<(i64, i64), Vec<f64>> = BTreeMap::new();
-    let place =
-        |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
-    for (points, heights) in lines {
-        for (i, ends) in points.windows(2).enumerate() {
-            let samples = ((ends[1] - ends[0]).norm() / SAMPLE_DISTANCE).ceil().clamp(1.0, MAX_SAMPLES);
-            for k in 0..=samples as usize {
-                let t = k as f64 / samples;
-                let z = between(heights, i, t);
-                if z.is_finite() {
-                    places.entry(place(ends[0] + (ends[1] - ends[0]) * t)).or_default().push(z);
-                }
+/// Adds points of a line with their heights.
+fn sample(points: &[Vec2], heights: &[f64], samples: &mut Vec<(Vec2, f64)>) {
+    for (i, ends) in points.windows(2).enumerate() {
+        let parts = ((ends[1] - ends[0]).norm() / SAMPLE_DISTANCE).ceil().clamp(1.0, MAX_SAMPLES);
+        for k in 0..=parts as usize {
+            let t = k as f64 / parts;
+            let z = between(heights, i, t);
+            if z.is_finite() {
+                samples.push((ends[0] + (ends[1] - ends[0]) * t, z));
             }
         }
     }
-    for &(p, z) in agents.iter().filter(|a| a.1.is_finite()) {
-        places.entry(place(p)).or_default().push(z);
+}
+
+/// Counts levels over places that are shifted by some metres, so that things close to one another share one.
+fn count_shifted(samples: &[(Vec2, f64)], shift: f64) -> usize {
+    let place =
+        |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
+    // Most maps are flat, so that the range of heights at each place decides. Successive points mostly share a
+    // place.
+    let mut ranges: BTreeMap<(i64, i64), (f64, f64)> = BTreeMap::new();
+    for same in samples.chunk_by(|a, b| place(a.0) == place(b.0)) {
+        let range = ranges.entry(place(same[0].0)).or_insert((f64::INFINITY, f64::NEG_INFINITY));
+        *range = same.iter().fold(*range, |(low, high), (_, z)| (low.min(*z), high.max(*z)));
+    }
+    let mut heights: BTreeMap<(i64, i64), Vec<f64>> = BTreeMap::new();
+    ranges.retain(|_, (low, high)| *high - *low > LEVEL_GAP);
+    for &(p, z) in samples.iter().filter(|_| !ranges.is_empty()) {
+        if ranges.contains_key(&place(p)) {
+            heights.entry(place(p)).or_default().push(z);
+        }
     }
     let levels = |mut at: Vec<f64>| {
         at.sort_by(f64::total_cmp);
         1 + at.windows(2).filter(|w| w[1] - w[0] > LEVEL_GAP).count()
     };
-    places.into_values().map(levels).max().unwrap_or(1)
+    heights.into_values().map(levels).max().unwrap_or(1)
 }
 
 /// Heights of moving agents: each has its recorded height at the current frame, and then that of the road
