@@ -33,7 +33,7 @@ pub struct TokenReplayParameters {
 
 pub(super) fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    let vocabulary = Vocabulary::read_any(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;
+    let vocabulary = Vocabulary::read(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;
     Ok(Controller::Oracle(Box::new(TokenReplay::new(vocabulary, parameters))))
 }
 

@@ -451,7 +451,9 @@ fn the_published_network_is_trained_and_drives() {
     let given = format!("smart={weights}");
     let table = done(&["run", text(&driven), "--models", "smart", "--model-weights", &given]);
     assert!(String::from_utf8_lossy(&table.stdout).contains("| SMART "));
-    train(&at("further"), "2", &["--from", &weights, "--set", "learning.epochs=1"]);
+    let own = [format!("vocabulary={weights}"), format!("map-vocabulary={weights}")];
+    let inputs = ["--input", &own[0], "--input", &own[1]];
+    train(&at("further"), "2", &[&["--from", &weights, "--set", "learning.epochs=1"], &inputs[..]].concat());
 
     // Fine-tuning in closed loop, from these weights.
     let tune = |out: &str, jobs: &str| {

@@ -36,7 +36,7 @@ pub const TASK: TrainingTask = TrainingTask {
     }],
     inputs: &[TaskInput {
         name: VOCABULARY,
-        about: "motion tokens, from `train vocabulary` [default: the kinematic ones]",
+        about: "motion tokens, from `train vocabulary` or weights [default: the kinematic ones]",
         required: false,
     }],
     needs_weights: false,

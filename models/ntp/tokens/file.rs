@@ -5,10 +5,7 @@ use std::collections::HashMap;
 use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, heading_of};
 use reactsim_learning::Provenance;
-use reactsim_nn::{
-    Tensors,
-    weights::{CONFIG, Tables},
-};
+use reactsim_nn::{Tensors, weights::Tables};
 use reactsim_perception::Class;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
@@ -28,7 +25,8 @@ const POSE_TENSORS: [&str; 3] = ["veh.poses", "ped.poses", "cyc.poses"];
 const CONTOUR_TENSORS: [&str; 3] = ["agent_token_all_veh", "agent_token_all_ped", "agent_token_all_cyc"];
 
 impl Vocabulary {
-    /// Reads a vocabulary: native files, and the foreign layouts of poses and contours.
+    /// Reads a vocabulary: native files, weights of networks that contain one, and the foreign layouts of
+    /// poses and contours.
     ///
     /// # Errors
     /// [`VocabularyError`] naming tensor and value if the bytes are cut short, tensors are missing or
@@ -47,8 +45,9 @@ impl Vocabulary {
             return Self::new(each(&file, &CONTOUR_TENSORS, contours)?, foreign);
         }
         // Files with another number of classes are rejected.
+        let classes = names.iter().filter(|name| name.starts_with(PREFIX)).count();
         let made = header.metadata().as_ref().and_then(|m| m.get(PROVENANCE_KEY));
-        let Some(made) = made.filter(|_| names.len() == NATIVE_TENSORS.len() && has(&NATIVE_TENSORS)) else {
+        let Some(made) = made.filter(|_| classes == NATIVE_TENSORS.len() && has(&NATIVE_TENSORS)) else {
             return Err(VocabularyError::Layout { expected: listed(&NATIVE_TENSORS), found: listed(&names) });
         };
         let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
@@ -82,20 +81,6 @@ impl Vocabulary {
             [table(NATIVE_TENSORS[0])?, table(NATIVE_TENSORS[1])?, table(NATIVE_TENSORS[2])?],
             provenance,
         )
-    }
-
-    /// Reads a vocabulary from a file of a vocabulary, or from the weights of a network that was trained with
-    /// it.
-    ///
-    /// # Errors
-    /// [`VocabularyError`], as [`Self::read`].
-    pub fn read_any(bytes: &[u8]) -> Result<Self, VocabularyError> {
-        match Tensors::read(bytes) {
-            Ok(mut tensors) if tensors.metadata().contains_key(CONFIG) => {
-                Self::from_tables(&tensors.split_off(PREFIX))
-            }
-            _ => Self::read(bytes),
-        }
     }
 
     /// Returns the tokens as tensors `[tokens, 6, 3]` by name, and the metadata entry with their

@@ -42,10 +42,14 @@ pub const TASK: TrainingTask = TrainingTask {
         },
     ],
     inputs: &[
-        TaskInput { name: VOCABULARY, about: "motion tokens, from `train vocabulary`", required: true },
+        TaskInput {
+            name: VOCABULARY,
+            about: "motion tokens, from `train vocabulary`, `models/ntp/export.py` or weights",
+            required: true,
+        },
         TaskInput {
             name: MAP_VOCABULARY,
-            about: "curves of the map, from `train vocabulary --map-out`",
+            about: "curves of the map, from `train vocabulary --map-out`, `models/ntp/export.py` or weights",
             required: true,
         },
     ],
