@@ -36,6 +36,14 @@ def program() -> str:
     return os.path.abspath(found)
 
 
+@pytest.fixture(scope="session")
+def checkout() -> Path:
+    """Folder of a checkout of github.com/NVlabs/catk; tests are skipped without it."""
+    if "SMART_CHECKOUT" not in os.environ:
+        pytest.skip("SMART_CHECKOUT is not set: a folder of github.com/NVlabs/catk")
+    return Path(os.environ["SMART_CHECKOUT"]).resolve()
+
+
 @pytest.fixture
 def with_program(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Makes the package use the program of the tests."""

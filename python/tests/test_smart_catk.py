@@ -6,10 +6,8 @@ github.com/NVlabs/catk in the environment variable `SMART_CHECKOUT`.
 
 from __future__ import annotations
 
-import os
-import types
 from pathlib import Path
-from typing import Any, Dict, Tuple
+from typing import Any, Dict, List
 
 import numpy as np
 import pytest
@@ -24,8 +22,6 @@ from safetensors.torch import load_file, save_file
 
 GOLDEN = ROOT.parent / "shared" / "data" / "smart_golden" / "A_nano"
 SCENES = ["1f27be97d892e8ac", "776b950752587100", "7a17b9e1b2ba281e"]
-STEPS = ("valid_mask", "gt_idx", "gt_pos", "gt_heading")  # inputs with a column for each step
-GREEDY = types.SimpleNamespace(criterium="topk_prob", num_k=1, temp=1.0)
 
 
 def test_neighbours() -> None:
@@ -51,14 +47,6 @@ def test_neighbours() -> None:
 
 
 @pytest.fixture(scope="module")
-def checkout() -> Path:
-    """Folder of the checkout; tests are skipped without it."""
-    if "SMART_CHECKOUT" not in os.environ:
-        pytest.skip("SMART_CHECKOUT is not set: a folder of github.com/NVlabs/catk")
-    return Path(os.environ["SMART_CHECKOUT"]).resolve()
-
-
-@pytest.fixture(scope="module")
 def network(checkout: Path) -> Any:
     """The network with the golden weights."""
     if not GOLDEN.is_dir():
@@ -66,44 +54,30 @@ def network(checkout: Path) -> Any:
     return smart_catk.Network(checkout, GOLDEN / "weights.safetensors", GOLDEN / "config.json")
 
 
-def golden_input(network: Any, golden: Dict[str, Any]) -> Tuple[Dict[str, Any], Dict[str, Any]]:
-    """Returns the tokenized map and agents of a golden file."""
-    tokenizer = network.tokenizer
-    tokenized_map = {
+def golden_map(network: Any, golden: Dict[str, Any]) -> Dict[str, Any]:
+    """Returns the tokenized map of a golden file."""
+    return {
         "position": golden["in.map.position"],
         "orientation": golden["in.map.orientation"],
         "token_idx": golden["in.map.token_idx"].long(),
-        "token_traj_src": tokenizer.map_token_traj_src,
+        "token_traj_src": network.tokenizer.map_token_traj_src,
         "type": golden["in.map.type"].long(),
         "pl_type": golden["in.map.polygon_type"].long(),
         "light_type": golden["in.map.light_type"].long(),
         "batch": torch.zeros(len(golden["in.map.type"]), dtype=torch.long),
     }
-    kinds = golden["in.agent.type"]
-    boxes, contours, ends = tokenizer._get_agent_shape_and_token_traj(kinds)
-    agents = {
-        "num_graphs": 1,
-        "batch": torch.zeros(len(kinds), dtype=torch.long),
-        "type": kinds,
-        "shape": golden["in.agent.shape_lwh"],
-        "token_agent_shape": boxes,
-        "token_traj_all": contours,
-        "token_traj": ends,
-        "valid_mask": golden["in.agent.valid"].bool(),
-        "gt_idx": golden["in.agent.token_idx"].long(),
-        "gt_pos": golden["in.agent.position"],
-        "gt_heading": golden["in.agent.heading"],
-    }
-    for kind in smart_catk.CLASSES:
-        tokens = getattr(tokenizer, f"agent_token_all_{kind}")
-        agents[f"trajectory_token_{kind}"] = tokens[:, -1].flatten(1, 2)
-    return tokenized_map, agents
+
+
+def steps_of(valid: Any, token: Any, position: Any, heading: Any) -> List[Any]:
+    """Returns steps from tensors with a column per step."""
+    columns = (valid.bool(), token.long(), position, heading)
+    return [smart_catk.Step(*(c[:, t] for c in columns)) for t in range(heading.shape[1])]
 
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_golden_scene(network: Any, scene: str) -> None:
     golden = load_file(GOLDEN / f"scene_{scene}.safetensors")
-    tokenized_map, agents = golden_input(network, golden)
+    tokenized_map = golden_map(network, golden)
     position = tokenized_map["position"]
     edges = smart_catk.radius_graph(position, 10.0, max_num_neighbors=100)
     assert torch.equal(edges, golden["edges.pl2pl"].long())
@@ -112,11 +86,20 @@ def test_golden_scene(network: Any, scene: str) -> None:
         last = max(name for name in golden if name.startswith("out.map.layer"))
         torch.testing.assert_close(features["pt_token"], golden[last], atol=1e-4, rtol=0.0)
 
-        known = {f"sampled_{k}": agents[f"gt_{k}"] for k in ("idx", "pos", "heading")}
-        unused = {f"gt_{k}_raw": agents["gt_heading"] for k in ("pos", "head", "valid")}
-        recorded = network.decoder.agent_encoder({**agents, **known, **unused}, features)
-        valid = agents["valid_mask"][:, 1:-1]
-        logits = recorded["next_token_logits"]
+        kinds, shapes = golden["in.agent.type"].long(), golden["in.agent.shape_lwh"]
+        # Two scenes of a batch do not see each other.
+        agents = smart_catk.Agents(network, [features] * 2, [kinds] * 2, [shapes] * 2)
+
+        def twice(step: Any) -> Any:
+            return smart_catk.Step(*(torch.cat([values, values]) for values in step))
+
+        inputs = [golden[f"in.agent.{n}"] for n in ("valid", "token_idx", "position", "heading")]
+        past: List[Any] = []
+        for step in steps_of(*inputs):
+            past.append(agents.encode(past, twice(step)))
+        logits = torch.stack([agents.scores(step) for step in past], dim=1)[:, 1:-1]
+        torch.testing.assert_close(*logits.chunk(2), atol=1e-4, rtol=0.0)
+        logits, valid = logits[: len(kinds)], inputs[0].bool()[:, 1:-1]
         argmax = golden["out.logits_argmax"][:, 1:-1].long()
         assert torch.equal(logits.argmax(dim=-1)[valid], argmax[valid])
         expected = golden.get("out.logits_every8")
@@ -125,22 +108,16 @@ def test_golden_scene(network: Any, scene: str) -> None:
             logits[..., ::8][valid], expected[:, 1:-1][valid], atol=1e-3, rtol=0.0
         )
 
-        # The loop in one piece, and split after every token.
-        past = dict(agents, **{name: agents[name][:, :2] for name in STEPS})
-        tokens = golden["roll.token_idx"].long()
-        assert torch.equal(network.next_tokens(past, features, 16, GREEDY), tokens)
-        for step in range(16):
-            assert torch.equal(
-                network.next_tokens(past, features, 1, GREEDY)[:, 0], tokens[:, step]
-            )
-            newest = {
-                "valid_mask": golden["roll.valid"][:, step + 2].bool(),
-                "gt_idx": tokens[:, step],
-                "gt_pos": golden["roll.pos_2hz"][:, step + 2],
-                "gt_heading": golden["roll.head_2hz"][:, step + 2],
-            }
-            for name, column in newest.items():
-                past[name] = torch.cat([past[name], column[:, None]], dim=1)
+        # The greedy rollout.
+        tokens = golden["roll.token_idx"]
+        reached = torch.cat([inputs[1][:, :2], tokens], dim=1)
+        rolled = [golden[f"roll.{name}"] for name in ("valid", "pos_2hz", "head_2hz")]
+        steps = [twice(step) for step in steps_of(rolled[0], reached, *rolled[1:])]
+        past = [agents.encode([], steps[0])]
+        for step, token in zip(steps[1:-1], tokens.T):
+            past.append(agents.encode(past, step))
+            chosen = agents.scores(past[-1]).argmax(dim=-1)
+            assert torch.equal(chosen, torch.cat([token, token]).long())
 
 
 def parked_scenes() -> Dict[str, Any]:
@@ -169,8 +146,11 @@ def test_rollout(network: Any, checkout: Path, tmp_path: Path) -> None:
     tensors = parked_scenes()
     plans = roll_out(Loopback(simulator), tensors, steps=10)
     assert [plan.shape for plan in plans] == [(3, 5, 10, 3)] * 8
+    maps = list(simulator.maps)
+    assert len(maps) == 3
     again = roll_out(Loopback(simulator), tensors, steps=10)
     assert all(np.array_equal(a, b) for a, b in zip(plans, again))
+    assert list(simulator.maps) == maps  # maps are encoded once per scenario
 
 
 def test_unusable_files(checkout: Path, tmp_path: Path) -> None:

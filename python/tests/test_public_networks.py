@@ -1,0 +1,299 @@
+"""Networks and vocabularies of the public CATK code in this program, and the reverse.
+
+Needs torch; most tests also need the packages of `smart_catk.py` and the folder of a checkout of
+github.com/NVlabs/catk in the environment variable `SMART_CHECKOUT`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Dict, Tuple
+
+import numpy as np
+import pytest
+import reactsim
+from fakes import EXAMPLES, ROOT
+
+torch = pytest.importorskip("torch")
+
+SCRIPT = ROOT / "models" / "ntp" / "export.py"
+SHIPPED = ROOT / "weights" / "smart" / "smart-small.safetensors"
+BENCH = ROOT / "scenarios" / "bench.parquet"
+
+# The public sizes: the largest, and what differs from it.
+LARGEST: Dict[str, Any] = {
+    "hidden_dim": 128,
+    "num_freq_bands": 64,
+    "num_heads": 8,
+    "head_dim": 16,
+    "dropout": 0.1,
+    "hist_drop_prob": 0.1,
+    "num_map_layers": 3,
+    "num_agent_layers": 6,
+    "pl2pl_radius": 10,
+    "pl2a_radius": 30,
+    "a2a_radius": 60,
+    "time_span": 30,
+    "num_historical_steps": 11,
+    "num_future_steps": 80,
+}
+SMALL = {"num_heads": 4, "head_dim": 8, "num_map_layers": 2, "num_agent_layers": 4}
+SIZES: Dict[str, Dict[str, Any]] = {
+    "1M": {**SMALL, "hidden_dim": 64, "pl2a_radius": 20, "a2a_radius": 20, "time_span": 20},
+    "3M": SMALL,
+    "7M": {},
+}
+# A network whose settings are all unlike the public ones, with few tokens.
+CUSTOM = {
+    **LARGEST,
+    "hidden_dim": 32,
+    "num_freq_bands": 8,
+    "num_heads": 2,
+    "head_dim": 16,
+    "dropout": 0.2,
+    "hist_drop_prob": 0.05,
+    "num_map_layers": 1,
+    "num_agent_layers": 2,
+    "pl2pl_radius": 9.0,
+    "pl2a_radius": 25.0,
+    "a2a_radius": 45.0,
+    "time_span": 15,
+}
+TOKENS = 50
+
+
+@pytest.fixture(scope="module")
+def export() -> Any:
+    """The script as a module."""
+    spec = importlib.util.spec_from_file_location("export", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run(*arguments: Any) -> Tuple[int, str, str]:
+    """Runs the script; returns its exit code, standard output and standard error."""
+    command = [sys.executable, str(SCRIPT), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+def converted(*arguments: Any) -> str:
+    """Runs the script, which must succeed; returns its standard output."""
+    code, out, errors = run(*arguments)
+    assert (code, errors) == (0, "")
+    return out
+
+
+def refused(*arguments: Any) -> str:
+    """Runs the script, which must stop; returns its message."""
+    code, out, errors = run(*arguments)
+    assert (code, out) == (1, "")
+    return errors
+
+
+@pytest.fixture(scope="module")
+def vocabularies(export: Any, tmp_path_factory: pytest.TempPathFactory) -> Tuple[Path, Path]:
+    """Small vocabularies as pickles."""
+    folder = tmp_path_factory.mktemp("vocabularies")
+    time = np.linspace(0.0, 0.5, 6)
+    speed, turn = np.linspace(0.0, 20.0, TOKENS), np.tile([-0.5, 0.0, 0.4, 0.9, -0.1], TOKENS // 5)
+    poses = np.stack([np.outer(speed, time), np.outer(turn, time), np.outer(turn, time)], axis=-1)
+    corners = {
+        key: export.contours(poses * [1.0, 0.5, 1.0], *box).astype(np.float32)
+        for key, (_, *box) in export.BOXES.items()
+    }
+    curves = np.zeros((20, 11, 2), np.float32)
+    curves[..., 0] = np.linspace(0.0, 5.0, 11)
+    curves[..., 1] = np.outer(np.linspace(-1.0, 1.0, 20), np.linspace(0.0, 1.0, 11) ** 2)
+    files = (folder / "agents.pkl", folder / "map.pkl")
+    for path, content in zip(files, ({"token_all": corners}, {"traj_src": curves})):
+        path.write_bytes(pickle.dumps(content))
+    return files
+
+
+def make_network(checkout: Path, settings: Dict[str, Any], tokens: int) -> Any:
+    """Returns a network of the checkout with random weights."""
+    smart_catk = pytest.importorskip("smart_catk")
+    smart_catk.use_checkout(checkout)
+    from src.smart.modules.smart_decoder import SMARTDecoder
+
+    torch.manual_seed(0)
+    return SMARTDecoder(**settings, n_token_agent=tokens)
+
+
+def write_checkpoint(path: Path, network: Any, settings: Dict[str, Any]) -> Path:
+    """Writes a checkpoint as a training of the checkout does."""
+    import omegaconf
+
+    names = {"agent_token_file": "agents.pkl", "map_token_file": "map.pkl"}
+    config = omegaconf.OmegaConf.create({"decoder": settings, "token_processor": names})
+    state = {f"encoder.{name}": tensor for name, tensor in network.state_dict().items()}
+    torch.save({"state_dict": state, "hyper_parameters": {"model_config": config}}, path)
+    return path
+
+
+def test_vocabularies(export: Any, vocabularies: Tuple[Path, Path], tmp_path: Path) -> None:
+    both, folder = tmp_path / "both.safetensors", tmp_path / "catk"
+    converted("--vocabularies", *vocabularies, both)
+    converted("--to-catk", both, folder)
+    assert sorted(path.name for path in folder.iterdir()) == ["agent_tokens.pkl", "map_tokens.pkl"]
+    # Plain pickles, without this script.
+    names = ("agent_tokens.pkl", "map_tokens.pkl")
+    agents, curves = (pickle.loads((folder / name).read_bytes()) for name in names)
+    before = [pickle.loads(path.read_bytes()) for path in vocabularies]
+    assert set(agents["token_all"]) == {"veh", "ped", "cyc"}
+    for key, corners in agents["token_all"].items():
+        np.testing.assert_allclose(corners, before[0]["token_all"][key], atol=1e-5)
+    assert np.array_equal(curves["traj_src"], before[1]["traj_src"])
+    again = tmp_path / "again.safetensors"
+    converted("--vocabularies", *(folder / name for name in names), again)
+    first, second = (export.read_safetensors(path) for path in (both, again))
+    assert first[0] == second[0]
+    for name, tensor in first[1].items():
+        np.testing.assert_allclose(second[1][name], tensor, atol=1e-6)
+
+
+def test_refusals(vocabularies: Tuple[Path, Path], tmp_path: Path) -> None:
+    message = refused("--to-catk", SHIPPED, tmp_path / "out")
+    assert "the classes have 768, 326 and 67 tokens" in message
+    assert "`reactsim train vocabulary --fill`" in message
+    assert "neither a network nor" in refused(
+        "--to-catk", ROOT / "weights" / "mtr.safetensors", tmp_path / "out"
+    ) or "the network is" in refused(
+        "--to-catk", ROOT / "weights" / "mtr.safetensors", tmp_path / "out"
+    )
+    assert "cannot be read as a safetensors file" in refused("--to-catk", SCRIPT, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    message = refused("--vocabularies", vocabularies[1], vocabularies[0], tmp_path / "out")
+    assert "has no entry `token_all`" in message
+    code, _, errors = run("--to-catk", SHIPPED, tmp_path / "out", "--heads", 4)
+    assert code == 2
+    assert "--heads belongs to the conversion of a checkpoint" in errors
+
+
+def test_network_that_only_this_program_has(
+    export: Any, vocabularies: Tuple[Path, Path], tmp_path: Path
+) -> None:
+    both = tmp_path / "both.safetensors"
+    converted("--vocabularies", *vocabularies, both)
+    metadata, tensors = export.read_safetensors(both)
+    network = json.loads(export.read_safetensors(SHIPPED)[0]["config"])["network"]
+    metadata["config"] = json.dumps({"kind": "smart", "network": network})
+    export.write(both, tensors, metadata)
+    message = refused("--to-catk", both, tmp_path / "out")
+    assert "`nearest_pl2a` is 32, in CATK 0" in message
+    assert "every class has its own token head" in message
+    assert "--recipe 7m" in message
+
+
+def test_settings(checkout: Path, vocabularies: Tuple[Path, Path], tmp_path: Path) -> None:
+    network = make_network(checkout, CUSTOM, TOKENS)
+    checkpoint = write_checkpoint(tmp_path / "last.ckpt", network, CUSTOM)
+    files = (checkpoint, *vocabularies, tmp_path / "smart.safetensors")
+    config = json.loads(converted(*files).splitlines()[0])
+    horizon = ("num_historical_steps", "num_future_steps")
+    expected = {name: value for name, value in CUSTOM.items() if name not in horizon}
+    assert {name: config[name] for name in expected} == expected
+    assert config["n_token_agent"] == TOKENS
+    converted(*files, "--a2a", 45)  # the same value
+    assert "--a2a is 60, but `a2a_radius` of the checkpoint's settings is 45" in refused(
+        *files, "--a2a", 60
+    )
+
+    write_checkpoint(checkpoint, network, {**CUSTOM, "hidden_dim": 64})
+    assert "`hidden_dim` of the checkpoint's settings is 64, but its tensors have 32" in refused(
+        *files
+    )
+    write_checkpoint(checkpoint, network, {**CUSTOM, "time_span": None, "k_ego_gmm": 16})
+    code, out, errors = run(*files)
+    assert code == 0
+    assert json.loads(out.splitlines()[0])["time_span"] == 11
+    assert "no settings k_ego_gmm" in errors
+    renamed = tmp_path / "other.pkl"
+    renamed.write_bytes(vocabularies[0].read_bytes())
+    write_checkpoint(checkpoint, network, CUSTOM)
+    assert (
+        "`agent_token_file` of the checkpoint's settings is agents.pkl, you give other.pkl"
+        in (run(checkpoint, renamed, *files[2:])[2])
+    )
+
+    # Without settings.
+    torch.save(network.state_dict(), checkpoint)
+    assert "give --pl2pl: no published network" in refused(*files, "--heads", 2)
+    reach = ("--pl2pl", 9, "--pl2a", 25, "--a2a", 45, "--time-span", 15)
+    code, _, errors = run(*files, *reach)
+    assert code == 0
+    assert "the checkpoint does not state num_heads 4: assumed" in errors
+
+
+def test_network_to_catk(checkout: Path, vocabularies: Tuple[Path, Path], tmp_path: Path) -> None:
+    network = make_network(checkout, CUSTOM, TOKENS)
+    checkpoint = write_checkpoint(tmp_path / "last.ckpt", network, CUSTOM)
+    weights, folder = tmp_path / "smart.safetensors", tmp_path / "catk"
+    converted(checkpoint, *vocabularies, weights)
+    converted("--to-catk", weights, folder)
+    stored = torch.load(folder / "network.ckpt", weights_only=True)
+    settings = stored["hyper_parameters"]["model_config"]["decoder"]
+    assert settings == CUSTOM
+    state = {name[len("encoder.") :]: own for name, own in stored["state_dict"].items()}
+    loaded = make_network(checkout, settings, TOKENS)
+    loaded.load_state_dict(state, strict=True)
+    for name, tensor in network.state_dict().items():
+        assert torch.equal(loaded.state_dict()[name], tensor), name
+
+    # The example finds the token files next to the checkpoint.
+    import smart_catk
+
+    own = smart_catk.Network(checkout, folder / "network.ckpt")
+    assert own.tokenizer.n_token_agent == TOKENS
+
+
+def roll_out_both(
+    program: str, checkout: Path, checkpoint: Path, weights: Path, out: Path
+) -> Tuple[Any, Any]:
+    """Rolls out a network in the program and in the checkout, with the most likely tokens.
+
+    Returns the distances between both, in metres, of all agents except the AV after the first token
+    and after 80 steps.
+    """
+    external = f"{sys.executable} {EXAMPLES / 'smart_catk.py'} {checkout} {checkpoint} --top-k 1"
+    command = [program, "run", str(BENCH), "--limit", "4", "--models", "smart", "--quiet"]
+    command += ["--model-weights", f"smart={weights}", "--set", "smart.sampling.top_k=1"]
+    command += ["--external", f"catk={external}", "--keep-rollouts", "--out", str(out)]
+    command += ["--allow", "teleports", "--allow", "headings", "--allow", "freeze"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    results = reactsim.Results(out)
+    positions = {
+        simulator: [own.states[1:, :, :2] for own in results.rollouts(simulator=simulator)]
+        for simulator in ("smart", "catk")
+    }
+    apart = [np.linalg.norm(a - b, axis=-1) for a, b in zip(*positions.values())]
+    first, last = (np.concatenate([own[:, step] for own in apart]) for step in (4, 79))
+    return first, last
+
+
+@pytest.mark.program
+@pytest.mark.parametrize("size", list(SIZES))
+def test_public_sizes(program: str, checkout: Path, size: str, tmp_path: Path) -> None:
+    tokens = checkout / "src" / "smart" / "tokens"
+    vocabularies = (tokens / "agent_vocab_555_s2.pkl", tokens / "map_traj_token5.pkl")
+    settings = {**LARGEST, **SIZES[size]}
+    network = make_network(checkout, settings, 2048)
+    checkpoint, weights = tmp_path / "last.ckpt", tmp_path / "smart.safetensors"
+    hyper = {"model_config": {"decoder": settings}}
+    torch.save({"state_dict": network.state_dict(), "hyper_parameters": hyper}, checkpoint)
+    converted(checkpoint, *vocabularies, weights)
+    first, last = roll_out_both(program, checkout, checkpoint, weights, tmp_path / "run")
+    print((first < 1e-3).mean(), (last < 1e-3).mean(), len(first))
+    # One different token, where rounding decides between two, changes the scene for all agents.
+    assert (first < 1e-3).mean() >= 0.98
+    assert (last < 1e-3).mean() >= 0.5
