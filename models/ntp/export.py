@@ -539,8 +539,8 @@ def to_catk(files, folder):
         if len(set(counts)) > 1:
             stop(
                 f"the classes have {counts[0]}, {counts[1]} and {counts[2]} tokens; CATK's code "
-                "needs the same number for all: `reactsim train vocabulary --fill` makes such a "
-                "vocabulary"
+                "needs the same number for all: `reactsim train vocabulary --method k-disks "
+                f"--tokens {min(counts)}` without --fill makes such a vocabulary"
             )
         corners = {key: contours(own, *BOXES[key][1:]) for key, own in poses.items()}
         written["agent_tokens.pkl"] = {"token_all": corners}
