@@ -618,7 +618,7 @@ class SmartCatk(reactsim.Simulator):
     """Moves agents by tokens that the network of a checkout predicts."""
 
     name = "smart-catk"
-    version = "1"
+    version = "2"
     intervals = tuple(range(TOKEN_FRAMES, 81, TOKEN_FRAMES))
     batch = 8
 
@@ -675,7 +675,7 @@ class SmartCatk(reactsim.Simulator):
         }
 
         def draw(scores: torch.Tensor) -> torch.Tensor:
-            best, token = scores.topk(self.top_k, dim=-1)
+            best, token = scores.topk(min(self.top_k, scores.shape[1]), dim=-1)
             shares = (best.cpu() / self.temperature).softmax(dim=-1)
             drawn = torch.zeros((len(of), 1), dtype=torch.long)  # remains 0 in failed episodes
             for i, generator in generators.items():

@@ -453,7 +453,8 @@ fn the_published_network_is_trained_and_drives() {
     assert!(String::from_utf8_lossy(&table.stdout).contains("| SMART "));
     let own = [format!("vocabulary={weights}"), format!("map-vocabulary={weights}")];
     let inputs = ["--input", &own[0], "--input", &own[1]];
-    train(&at("further"), "2", &[&["--from", &weights, "--set", "learning.epochs=1"], &inputs[..]].concat());
+    let again = [&inputs[..], &["--from", &weights, "--set", "learning.epochs=1"]].concat();
+    train(&at("further"), "2", &again);
 
     // Fine-tuning in closed loop, from these weights.
     let tune = |out: &str, jobs: &str| {
