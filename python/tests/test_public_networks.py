@@ -309,10 +309,9 @@ def test_public_sizes(program: str, run: Run, checkout: Path, size: str, tmp_pat
     torch.save({"state_dict": network.state_dict(), "hyper_parameters": hyper}, checkpoint)
     converted(run, checkpoint, *vocabularies, weights)
     first, last = roll_out_both(program, checkout, checkpoint, weights, tmp_path / "run")
-    print((first < 1e-3).mean(), (last < 1e-3).mean(), len(first))
     # One different token, where rounding decides between two, changes the scene for all agents.
     assert (first < 1e-3).mean() >= 0.98
-    assert (last < 1e-3).mean() >= 0.5
+    assert (last < 1e-3).mean() >= 0.7
 
 
 SMALL_RECIPE = """
@@ -356,6 +355,5 @@ def test_network_trained_by_the_program(
     first, last = roll_out_both(
         program, checkout, folder / "network.ckpt", weights, tmp_path / "run"
     )
-    print((first < 1e-3).mean(), (last < 1e-3).mean(), len(first))
     assert (first < 1e-3).mean() >= 0.98
-    assert (last < 1e-3).mean() >= 0.5
+    assert (last < 1e-3).mean() >= 0.7
