@@ -529,12 +529,20 @@ def to_catk(files, folder):
         metadata |= stated
         tensors |= own
         origin |= dict.fromkeys(own, path)
+    sources = ", ".join(files)
+    config = None
+    if "config" in metadata:
+        stored = json.loads(metadata["config"])
+        if stored.get("kind") != "smart":
+            stop(f"{sources}: the network is `{stored.get('kind')}`, expected `smart`")
+        config = stored["network"]
+        check_network(sources, config)
     written = {}
     poses = {key: tensors.pop(f"vocabulary.{name}", None) for key, (name, _, _) in BOXES.items()}
     if any(own is not None for own in poses.values()):
         missing = [f"vocabulary.{BOXES[key][0]}" for key, own in poses.items() if own is None]
         if missing:
-            stop(f"{', '.join(files)}: no tensor `{missing[0]}`")
+            stop(f"{sources}: no tensor `{missing[0]}`")
         counts = [len(own) for own in poses.values()]
         if len(set(counts)) > 1:
             stop(
@@ -546,19 +554,11 @@ def to_catk(files, folder):
         written["agent_tokens.pkl"] = {"token_all": corners}
     if (curves := tensors.pop(CURVES, None)) is not None:
         written["map_tokens.pkl"] = {"traj_src": curves}
-    checkpoint = None
-    if "config" in metadata:
-        path = files[0] if len(files) == 1 else ", ".join(files)
-        stored = json.loads(metadata["config"])
-        if stored.get("kind") != "smart":
-            stop(f"{path}: the network is `{stored.get('kind')}`, expected `smart`")
-        if len(written) < 2:
-            stop(f"{path}: the network comes without its vocabularies")
-        config = stored["network"]
-        check_network(path, config)
-        checkpoint = lightning_checkpoint(config, tensors)
-    elif not written:
-        stop(f"{', '.join(files)}: neither a network nor a vocabulary of reactsim")
+    if config is not None and len(written) < 2:
+        stop(f"{sources}: the network comes without its vocabularies")
+    if not written:
+        stop(f"{sources}: neither a network nor a vocabulary of reactsim")
+    checkpoint = None if config is None else lightning_checkpoint(config, tensors)
     Path(folder).mkdir(parents=True, exist_ok=True)
     for name, content in written.items():
         write_pickle(Path(folder) / name, content)
@@ -566,9 +566,8 @@ def to_catk(files, folder):
     if checkpoint is not None:
         torch.save(checkpoint, Path(folder) / "network.ckpt")
         print(Path(folder) / "network.ckpt")
-        decoder = checkpoint["hyper_parameters"]["model_config"]["decoder"]
         print("settings for the public code, under model.model_config.decoder:")
-        print(json.dumps(decoder))
+        print(json.dumps(checkpoint["hyper_parameters"]["model_config"]["decoder"]))
 
 
 def lightning_checkpoint(config, tensors):

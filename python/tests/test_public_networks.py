@@ -181,8 +181,15 @@ def test_vocabularies(export: Any, run: Run, vocabularies: Any, tmp_path: Path) 
         np.testing.assert_allclose(second[1][name], tensor, atol=1e-6)
 
 
-def test_refusals(run: Run, vocabularies: Tuple[Path, Path], tmp_path: Path) -> None:
+def test_refusals(export: Any, run: Run, vocabularies: Tuple[Path, Path], tmp_path: Path) -> None:
     message = refused(run, "--to-catk", SHIPPED, tmp_path / "out")
+    assert "`nearest_pl2a` is 32, in CATK 0" in message
+    assert "every class has its own token head" in message
+    assert "--recipe 7m" in message
+    _, tensors = export.read_safetensors(SHIPPED)
+    own = {name: tensor for name, tensor in tensors.items() if name.startswith("vocabulary.")}
+    export.write(tmp_path / "tokens", own, {})
+    message = refused(run, "--to-catk", tmp_path / "tokens", tmp_path / "out")
     assert "the classes have 768, 326 and 67 tokens" in message
     assert "--tokens 67" in message
     assert "the network is" in refused(run, "--to-catk", MTR, tmp_path / "out")
@@ -195,21 +202,6 @@ def test_refusals(run: Run, vocabularies: Tuple[Path, Path], tmp_path: Path) -> 
     code, _, errors = run("--to-catk", SHIPPED, tmp_path / "out", "--heads", 4)
     assert code == 2
     assert "--heads belongs to the conversion of a checkpoint" in errors
-
-
-def test_network_that_only_this_program_has(
-    export: Any, run: Run, vocabularies: Tuple[Path, Path], tmp_path: Path
-) -> None:
-    both = tmp_path / "both.safetensors"
-    converted(run, "--vocabularies", *vocabularies, both)
-    metadata, tensors = export.read_safetensors(both)
-    network = json.loads(export.read_safetensors(SHIPPED)[0]["config"])["network"]
-    metadata["config"] = json.dumps({"kind": "smart", "network": network})
-    export.write(both, tensors, metadata)
-    message = refused(run, "--to-catk", both, tmp_path / "out")
-    assert "`nearest_pl2a` is 32, in CATK 0" in message
-    assert "every class has its own token head" in message
-    assert "--recipe 7m" in message
 
 
 def test_settings(run: Run, checkout: Path, vocabularies: Any, tmp_path: Path) -> None:
