@@ -1,6 +1,7 @@
 //! Algorithms 1 and 2: the loop that computes the realised states.
 
 use std::collections::BTreeMap;
+use std::ops::Deref;
 use std::sync::Arc;
 
 use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
@@ -76,8 +77,10 @@ pub enum RolloutError {
 }
 
 /// State of one scenario of a batch during the rollout.
-struct ScenarioRollout<'a> {
-    scenario: &'a Scenario,
+struct ScenarioRollout<'a, S> {
+    scenario: S,
+    /// Index among the rollouts of the scenario.
+    rollout: u32,
     /// Policy of the AV; `None` if the simulator moves it.
     av: Option<Box<dyn AvPolicy + 'a>>,
     /// Whether planned states come from a recording.
@@ -89,6 +92,8 @@ struct ScenarioRollout<'a> {
     outcomes: BTreeMap<&'static str, u64>,
     av_next: Option<AgentState>,
     plan: JointPlan,
+    /// Number of steps of the plan that are realised.
+    plan_step: usize,
     failed: Option<RolloutError>,
 }
 
@@ -138,56 +143,140 @@ fn attempt(
     controller: &Controller,
     settings: &Settings,
 ) -> Vec<Result<Rollout, RolloutError>> {
-    let mut running = begin(batch, controller, settings);
-    let mut step = 0;
-    while step < FUTURE && running.iter().any(|r| r.failed.is_none()) {
-        let steps = settings.replan.steps().min(FUTURE - step);
-        plan_all(&mut running, controller, settings, steps);
-        for k in 0..steps {
-            for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
-                scenario.failed = scenario.advance(k).err();
-            }
+    let beginning = batch.iter().map(|request| RolloutBeginning {
+        scenario: request.scenario,
+        av: request.av.as_ref().map(|av| av.begin(request.rollout)),
+        rollout: request.rollout,
+    });
+    let mut lockstep = Lockstep::begin(beginning, controller, settings);
+    while !lockstep.is_over() {
+        lockstep.step(controller, settings);
+    }
+    lockstep.finish(controller)
+}
+
+/// The beginning of one rollout of a [`Lockstep`].
+pub struct RolloutBeginning<'a, S> {
+    /// Scenario to roll out: a reference or an `Arc`.
+    pub scenario: S,
+    /// Policy of the AV; `None` if the simulator moves it, as in the realism protocol, which uses no other
+    /// AV.
+    pub av: Option<Box<dyn AvPolicy + 'a>>,
+    /// Index among the rollouts of this scenario: part of the names of its random streams.
+    pub rollout: u32,
+}
+
+/// Rollouts that are computed step by step, with one plan for all whose plans end at the same time.
+///
+/// [`roll_out`] runs it to its end. The controller and the settings must be the same at every call.
+pub struct Lockstep<'a, S> {
+    running: Vec<ScenarioRollout<'a, S>>,
+}
+
+impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
+    /// Begins rollouts.
+    pub fn begin(
+        batch: impl IntoIterator<Item = RolloutBeginning<'a, S>>,
+        controller: &Controller,
+        settings: &Settings,
+    ) -> Self {
+        let new = |beginning| ScenarioRollout::new(beginning, controller, settings);
+        let mut running: Vec<_> = batch.into_iter().map(new).collect();
+        begin_episodes(&mut running, controller, settings);
+        Self { running }
+    }
+
+    /// Begins another rollout in place of the one at `index`, which may have ended or not.
+    pub fn restart(
+        &mut self,
+        index: usize,
+        beginning: RolloutBeginning<'a, S>,
+        controller: &Controller,
+        settings: &Settings,
+    ) {
+        let new = ScenarioRollout::new(beginning, controller, settings);
+        let mut ended = std::mem::replace(&mut self.running[index], new);
+        end_episodes(std::slice::from_mut(&mut ended), controller);
+        begin_episodes(std::slice::from_mut(&mut self.running[index]), controller, settings);
+    }
+
+    /// Returns whether every rollout has all its steps or has failed.
+    pub fn is_over(&self) -> bool {
+        self.running.iter().all(|rollout| !rollout.is_active())
+    }
+
+    /// Realises the next step of all rollouts that are not over. Plans that have ended are made anew before.
+    pub fn step(&mut self, controller: &Controller, settings: &Settings) {
+        // Rollouts that began together plan together; restarted ones may have fewer steps left.
+        let mut lengths: Vec<usize> =
+            self.running.iter().filter_map(|rollout| rollout.due_plan(settings)).collect();
+        lengths.sort_unstable();
+        lengths.dedup();
+        for steps in lengths {
+            plan_all(&mut self.running, controller, settings, steps);
         }
-        step += steps;
+        for rollout in self.running.iter_mut().filter(|rollout| rollout.is_active()) {
+            rollout.failed = rollout.advance().err();
+        }
     }
-    if let Controller::Fair(simulator) = controller {
-        let memories = running.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect();
-        simulator.end_batch(memories);
+
+    /// Returns the realised frames of each agent of a rollout so far, in the order of its scenario.
+    pub fn tracks(&self, index: usize) -> &[Vec<Frame>] {
+        &self.running[index].tracks
     }
-    running
-        .into_iter()
-        .map(|r| match r.failed {
-            Some(error) => Err(error),
-            None => Ok(Rollout { tracks: r.tracks, outcomes: r.outcomes }),
-        })
-        .collect()
+
+    /// Returns the observation of a rollout at present, without the state of the AV one step ahead.
+    pub fn seen(&self, index: usize) -> Observation<'_> {
+        self.running[index].seen()
+    }
+
+    /// Returns the counts of how parts of the plans of a rollout ended so far, by outcome.
+    pub fn outcomes(&self, index: usize) -> &BTreeMap<&'static str, u64> {
+        &self.running[index].outcomes
+    }
+
+    /// Returns the reason why a rollout failed, if it did.
+    pub fn failure(&self, index: usize) -> Option<&RolloutError> {
+        self.running[index].failed.as_ref()
+    }
+
+    /// Ends all rollouts and returns their realised states.
+    pub fn finish(mut self, controller: &Controller) -> Vec<Result<Rollout, RolloutError>> {
+        end_episodes(&mut self.running, controller);
+        self.running
+            .into_iter()
+            .map(|r| match r.failed {
+                Some(error) => Err(error),
+                None => Ok(Rollout { tracks: r.tracks, outcomes: r.outcomes }),
+            })
+            .collect()
+    }
 }
 
 /// Begins the episodes of a batch.
-fn begin<'a>(
-    batch: &'a [Request<'_>],
+fn begin_episodes<S: Deref<Target = Scenario>>(
+    running: &mut [ScenarioRollout<'_, S>],
     controller: &Controller,
     settings: &Settings,
-) -> Vec<ScenarioRollout<'a>> {
-    let mut running: Vec<_> = batch.iter().map(|r| ScenarioRollout::new(r, controller, settings)).collect();
+) {
     let simulator = match controller {
         Controller::Fair(simulator) => simulator,
         Controller::Oracle(oracle) => {
-            running.iter_mut().for_each(|r| r.memory = oracle.begin(r.scenario));
-            return running;
+            running.iter_mut().for_each(|r| r.memory = oracle.begin(&r.scenario));
+            return;
         }
     };
-    let mut episodes: Vec<Beginning<'_>> = batch
+    let mut episodes: Vec<Beginning<'_>> = running
         .iter()
-        .map(|&Request { scenario, rollout, .. }| Beginning {
-            start: &scenario.start,
-            stream: stream(settings.seed, &scenario.id, rollout, Purpose::Begin),
+        .map(|r| Beginning {
+            start: &r.scenario.start,
+            stream: stream(settings.seed, &r.scenario.id, r.rollout, Purpose::Begin),
             moves_av: settings.protocol == Protocol::Realism,
             steps: settings.replan.steps(),
             identity: simulator.wants_identity().then_some(Identity {
-                scenario: &scenario.id,
-                origin: scenario.origin,
-                rollout,
+                scenario: &r.scenario.id,
+                origin: r.scenario.origin,
+                rollout: r.rollout,
             }),
             memory: Memory::NONE,
         })
@@ -200,16 +289,28 @@ fn begin<'a>(
             scenario.failed = Some(scenario.plan_error(error.for_each_episode()));
         }
     }
-    running
 }
 
-/// Calls the controller once for the plans of all scenarios that have not failed.
-fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settings: &Settings, steps: usize) {
-    for scenario in running.iter_mut().filter(|r| r.failed.is_none()) {
+/// Ends the episodes of a batch.
+fn end_episodes<S>(running: &mut [ScenarioRollout<'_, S>], controller: &Controller) {
+    if let Controller::Fair(simulator) = controller {
+        simulator
+            .end_batch(running.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect());
+    }
+}
+
+/// Calls the controller once for the plans of `steps` steps of all scenarios that need one now.
+fn plan_all<S: Deref<Target = Scenario>>(
+    running: &mut [ScenarioRollout<'_, S>],
+    controller: &Controller,
+    settings: &Settings,
+    steps: usize,
+) {
+    let is_due = |r: &&mut ScenarioRollout<'_, S>| r.due_plan(settings) == Some(steps);
+    for scenario in running.iter_mut().filter(is_due) {
         scenario.failed = scenario.look_ahead().err();
     }
-    let mut active: Vec<&mut ScenarioRollout<'_>> =
-        running.iter_mut().filter(|r| r.failed.is_none()).collect();
+    let mut active: Vec<&mut ScenarioRollout<'_, S>> = running.iter_mut().filter(is_due).collect();
     let mut episodes: Vec<Episode<'_>> = Vec::with_capacity(active.len());
     for scenario in &mut active {
         let agents = scenario.tracks.len();
@@ -234,7 +335,7 @@ fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settin
     };
     let done: Vec<_> = episodes.into_iter().map(|e| (e.plan, e.outcomes, e.error)).collect();
     for (scenario, (plan, outcomes, error)) in active.into_iter().zip(done) {
-        scenario.plan = plan;
+        (scenario.plan, scenario.plan_step) = (plan, 0);
         scenario.outcomes = outcomes;
         let of_batch = batch_error.as_ref().err().map(PlanError::for_each_episode);
         // The failure of the batch decides whether it is repeated.
@@ -242,16 +343,16 @@ fn plan_all(running: &mut [ScenarioRollout<'_>], controller: &Controller, settin
     }
 }
 
-impl<'a> ScenarioRollout<'a> {
-    fn new(request: &'a Request<'_>, controller: &Controller, settings: &Settings) -> Self {
-        let scenario = request.scenario;
+impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
+    fn new(beginning: RolloutBeginning<'a, S>, controller: &Controller, settings: &Settings) -> Self {
+        let RolloutBeginning { scenario, av, rollout } = beginning;
         let with_room = |history: &Vec<Frame>| {
             let mut track = Vec::with_capacity(FRAMES);
             track.extend_from_slice(history);
             track
         };
         let av = match settings.protocol {
-            Protocol::Reactive => request.av.as_ref().map(|av| av.begin(request.rollout)),
+            Protocol::Reactive => av,
             Protocol::Realism => None,
         };
         let lacks_av = settings.protocol == Protocol::Reactive && av.is_none();
@@ -259,20 +360,42 @@ impl<'a> ScenarioRollout<'a> {
             tracks: scenario.start.history.iter().map(with_room).collect(),
             lights: scenario.start.light_history.clone(),
             memory: Memory::NONE,
-            stream: stream(settings.seed, &scenario.id, request.rollout, Purpose::Plan),
+            stream: stream(settings.seed, &scenario.id, rollout, Purpose::Plan),
             outcomes: BTreeMap::new(),
             av_next: None,
             plan: JointPlan::new(0, 0),
+            plan_step: 0,
             failed: lacks_av.then(|| RolloutError::NoAv { scenario: scenario.id.clone() }),
             replayed: controller.is_oracle(),
+            rollout,
             av,
             scenario,
         }
     }
 
+    /// Returns the number of realised steps.
+    fn steps(&self) -> usize {
+        self.tracks[0].len() - 1 - CURRENT
+    }
+
+    /// Returns whether the rollout has steps left and has not failed.
+    fn is_active(&self) -> bool {
+        self.failed.is_none() && self.steps() < FUTURE
+    }
+
+    /// Returns the number of steps of the plan that is needed now, if one is.
+    fn due_plan(&self, settings: &Settings) -> Option<usize> {
+        let is_due = self.is_active() && self.plan_step == self.plan.steps();
+        is_due.then(|| settings.replan.steps().min(FUTURE - self.steps()))
+    }
+
     fn plan_error(&self, source: PlanError) -> RolloutError {
-        let step = self.tracks[0].len() - 1 - CURRENT;
-        RolloutError::Plan { scenario: self.scenario.id.clone(), step, source }
+        RolloutError::Plan { scenario: self.scenario.id.clone(), step: self.steps(), source }
+    }
+
+    /// Returns the observation of the AV policy: states up to the current time.
+    fn seen(&self) -> Observation<'_> {
+        Observation::new(&self.scenario.start, &self.tracks, &self.lights, None)
     }
 
     /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
@@ -286,9 +409,12 @@ impl<'a> ScenarioRollout<'a> {
         Ok(())
     }
 
-    /// Realises one step: the AV by its policy (or by the plan), the agents by step `k` of the plan.
-    fn advance(&mut self, k: usize) -> Result<(), RolloutError> {
+    /// Realises one step: the AV by its policy (or by the plan), the agents by the next step of the
+    /// plan.
+    fn advance(&mut self) -> Result<(), RolloutError> {
         self.look_ahead()?;
+        let k = self.plan_step;
+        self.plan_step += 1;
         let step = self.tracks[0].len() - CURRENT;
         let external = self.av_next.take();
         let replays_recording = self.av.as_ref().is_some_and(|av| av.replays_recording());

@@ -14,7 +14,7 @@ pub use av::{
     Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, MAX_STEP_DISPLACEMENT, ParseScriptError, Script,
     ScriptedAv, SimulatedAv,
 };
-pub use engine::{PLANNED_ALONE, Request, Rollout, RolloutError, roll_out};
+pub use engine::{Lockstep, PLANNED_ALONE, Request, Rollout, RolloutBeginning, RolloutError, roll_out};
 pub use episode::{
     Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,
     Simulator, SingleEpisode,
