@@ -13,6 +13,9 @@
 pub use reactsim_curation as curation;
 #[doc(inline)]
 pub use reactsim_dynamics as dynamics;
+#[cfg(feature = "environment")]
+#[doc(inline)]
+pub use reactsim_environment as environment;
 #[cfg(feature = "evaluation")]
 #[doc(inline)]
 pub use reactsim_evaluation as evaluation;

@@ -52,7 +52,14 @@ from .report import report
 from .results import Results, Rollout
 from .run import run
 from .scenarios import Scenario, scenarios
-from .scoring import score, score_document
+from .scoring import (
+    Event,
+    RolloutScores,
+    StatesScores,
+    score,
+    score_document,
+    score_states,
+)
 from .study import Study, study
 from .training import train, train_quick
 from .verification import Verification, verify
@@ -63,6 +70,7 @@ __all__ = [
     "Candidates",
     "Comparison",
     "Comparisons",
+    "Event",
     "Generated",
     "GeneratedComparison",
     "Gif",
@@ -88,10 +96,12 @@ __all__ = [
     "Relation",
     "Results",
     "Rollout",
+    "RolloutScores",
     "Scenario",
     "Scene",
     "Scenes",
     "Simulator",
+    "StatesScores",
     "Study",
     "Svg",
     "Text",
@@ -121,6 +131,7 @@ __all__ = [
     "scenarios",
     "score",
     "score_document",
+    "score_states",
     "serve",
     "study",
     "train",

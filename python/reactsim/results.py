@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .comparison import Comparisons
     from .wosac import WosacScores
 
-__all__ = ["Results", "Rollout", "frame_of"]
+__all__ = ["Results", "Rollout", "frame_of", "value_of"]
 
 
 class Rollout(NamedTuple):
@@ -226,7 +226,7 @@ def _rollout(row: dict[str, Any]) -> Rollout:
     )
 
 
-def _value(metric: dict[str, Any] | None) -> float | None:
+def value_of(metric: dict[str, Any] | None) -> float | None:
     """Returns the number of a metric, which is stored with its components."""
     if metric is None:
         return None
@@ -245,7 +245,7 @@ def _flat(line: dict[str, Any], prefixes: dict[str, str]) -> dict[str, Any]:
 
 
 def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
-    metrics = {name: _value(value) for name, value in row["metrics"].items()}
+    metrics = {name: value_of(value) for name, value in row["metrics"].items()}
     notes = {name: note["count"] for name, note in row.get("notes", {}).items()}
     prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_", "notes": "note_"}
     return _flat({**row, "metrics": metrics, "notes": notes}, prefixes)

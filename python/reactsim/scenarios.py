@@ -14,11 +14,11 @@ import numpy as np
 
 from .client import Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
 from .display import Gif, Svg
-from .options import PathLike, paths, reading, selection
+from .options import PathLike, Sources, paths, reading, selection
 from .pictures import animate, draw
 from .program import CHECK, ReactsimError, arguments, find_program, start
 
-__all__ = ["Scenario", "scenarios"]
+__all__ = ["STEPS", "Scenario", "reading_of", "scenarios"]
 
 STEPS = 80  # steps after the current frame
 
@@ -68,6 +68,10 @@ class Scenario(Scene):
 
     def __repr__(self) -> str:
         return f"Scenario({self.id!r}, {self.n_agents} agents)"
+
+    def reading(self) -> dict[str, Any]:
+        """Returns the files of the scenario and how they are read, as the program takes them."""
+        return reading_of(self.source, **self._reading)
 
     @property
     def states(self) -> Array:
@@ -134,6 +138,14 @@ class Scenario(Scene):
 
     def _repr_svg_(self) -> str:
         return str(self.svg())
+
+
+def reading_of(source: Sources, **as_read: Any) -> dict[str, Any]:
+    """Returns files of scenarios and how they are read, as arguments of a request."""
+    return {
+        "paths": [path if "://" in path else os.path.abspath(path) for path in paths(source)],
+        **as_read,
+    }
 
 
 def scenarios(

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import tempfile
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from .client import Array
 from .options import PathLike, each, paths, settings
-from .program import arguments, invoke, produce
-from .results import Results
+from .process import ProgramProcess
+from .program import arguments, invoke, produce, text_of
+from .results import Results, value_of
+from .scenarios import STEPS, Scenario
 
-__all__ = ["score", "score_document"]
+__all__ = ["Event", "RolloutScores", "StatesScores", "score", "score_document", "score_states"]
 
 
 def score(
@@ -84,3 +91,179 @@ def score_document(
         output = invoke(["score", *arguments(given, [path])])
         result: dict[str, Any] = output.document
         return result
+
+
+class Event(NamedTuple):
+    """An occurrence that a metric counted."""
+
+    metric: str
+    """Id of the metric."""
+    step: int
+    """First step, 1 to 80."""
+    last_step: int
+    """Last step."""
+    agent: str
+    """Id of the agent."""
+    partner: str | None
+    """Id of the other agent, if there is one."""
+    reason: str | None
+    """Reason why the event counts or not."""
+    counted: bool
+    """Whether the event counts in the value of the metric."""
+    values: dict[str, float]
+    """Named values at the event."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RolloutScores:
+    """Scores of one rollout."""
+
+    metrics: dict[str, float | None]
+    """Value by id of the metric, such as "aav-collision"; None where nothing could be judged."""
+    deviation: dict[str, float]
+    """Deviation of the AV from the log, by name."""
+    outcomes: dict[str, int]
+    """Checks of the motion that the rollout failed and that were allowed, such as
+    "allowed-teleports"."""
+    events: list[Event]
+    """Occurrences that the metrics counted."""
+
+
+@dataclasses.dataclass(frozen=True)
+class StatesScores:
+    """Scores of the rollouts of a scenario."""
+
+    scenario: str
+    """Id of the scenario."""
+    rollouts: list[RolloutScores]
+    """Scores of each rollout."""
+    metrics: dict[str, float | None]
+    """Value by id of the metric: the mean over the rollouts where it is defined, and the value over
+    all rollouts for the metrics that compare them with the log, such as "min-ade"."""
+
+
+_shared: list[ProgramProcess] = []
+_shared_lock = threading.Lock()
+
+
+def score_states(
+    scenario: Scenario,
+    states: Any,
+    *,
+    agents: Sequence[str] | None = None,
+    simulator: str = "states",
+    allow: str | Sequence[str] = (),
+    pose: str | None = None,
+    metric_options: Mapping[str, Any] | None = None,
+) -> StatesScores:
+    """Scores rollouts in memory. The numbers are those of `score` for the same rollouts in a file.
+
+    The first call starts a process of the program, which all calls use. It keeps the scenarios that
+    were scored last, so that many calls for a scenario read it once.
+
+    Args:
+        scenario: The scenario, from `reactsim.scenarios`. Its deviated AV is that of its file.
+        states: States at steps 1 to 80, [rollouts, agents, 80, 3 or 5]: x, y, heading, and vx and
+            vy, which may be left out; NaN where an agent is absent. Metres, radians and m/s; box
+            centres in the local frame of the scenario. Without the first dimension it is one
+            rollout. Or a mapping from ids of agents to arrays without the dimension of agents.
+            Agents of the scenario that are left out of the mapping are absent.
+        agents: Ids of the agents of an array; `scenario.agents` by default.
+        simulator: Name of the simulator in messages.
+        allow: Checks that the motion may fail, such as "teleports".
+        pose: Point of vehicles whose poses the states have: "centre", "rear-axle",
+            "rear-axle=1.2" (metres) or "rear-axle=25%" (of the length).
+        metric_options: Variants of the metrics, such as `{"fault_order": "nuplan"}`.
+
+    Raises:
+        ValueError: The array has another shape or type, or infinite numbers.
+        ReactsimError: The program refuses the rollouts, or a check failed.
+
+    """
+    if isinstance(states, Mapping):
+        if agents is not None:
+            raise ValueError("`agents` is given next to a mapping, whose keys are the ids: leave it out")
+        agents = list(states)
+        states = _stacked(states)
+    array = _checked(states, len(scenario.agents) if agents is None else len(agents))
+    given = {
+        "reading": scenario.reading(),
+        "scenario": scenario.id,
+        "simulator": simulator,
+        "agents": None if agents is None else list(agents),
+        "allow": [allow] if isinstance(allow, str) else list(allow),
+        "pose": pose,
+        "metric_options": {key: text_of(value) for key, value in (metric_options or {}).items()},
+    }
+    with _shared_lock:
+        if not _shared or not _shared[0].is_open:
+            _shared[:] = [ProgramProcess()]
+        answer, _ = _shared[0].request("score", given, {"states": array})
+    *rows, last = json.loads(answer["rows"])
+    results = [
+        RolloutScores(
+            _values(row), row["deviation"], row["outcomes"], [_event(line) for line in lines]
+        )
+        for row, lines in zip(rows, json.loads(answer["events"]))
+    ]
+    return StatesScores(scenario.id, results, {**_means(results), **_values(last)})
+
+
+def _stacked(states: Mapping[str, Any]) -> Array:
+    """Returns the arrays of agents as one array."""
+    arrays = [np.asarray(array) for array in states.values()]
+    if not arrays:
+        raise ValueError("`states` is an empty mapping, expected an array per agent")
+    shapes = {array.shape for array in arrays}
+    if len(shapes) > 1:
+        raise ValueError(f"`states` has arrays of the shapes {sorted(shapes)}, expected one shape")
+    if arrays[0].ndim not in (2, 3):
+        raise ValueError(
+            f"`states` has arrays of the shape {arrays[0].shape}, expected [rollouts, {STEPS}, 3 or"
+            f" 5] or [{STEPS}, 3 or 5]"
+        )
+    return np.stack(arrays, axis=-3)
+
+
+def _checked(states: Any, agents: int) -> Array:
+    """Returns states as f64 [rollouts, agents, 80, 3 or 5]."""
+    array = np.asarray(states)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"`states` has the type {array.dtype}, expected numbers")
+    if array.ndim == 3:
+        array = array[None]
+    is_fit = array.ndim == 4 and array.shape[1:3] == (agents, STEPS) and array.shape[3] in (3, 5)
+    if not is_fit or len(array) == 0:
+        raise ValueError(
+            f"`states` has the shape {np.shape(states)}, expected [rollouts, {agents}, {STEPS}, 3 or"
+            f" 5] for {agents} agents"
+        )
+    array = np.ascontiguousarray(array, np.float64)
+    poses = np.isnan(array[..., :3])
+    if (poses.any(-1) != poses.all(-1)).any() or np.isinf(array).any():
+        rollout, agent, step = np.argwhere(
+            (poses.any(-1) != poses.all(-1)) | np.isinf(array).any(-1)
+        )[0]
+        found = array[rollout, agent, step].tolist()
+        raise ValueError(
+            f"`states[{rollout}, {agent}, {step}]` is {found}, expected finite x, y and heading, or"
+            " NaN in all three for an absent agent"
+        )
+    return array
+
+
+def _values(row: Mapping[str, Any]) -> dict[str, float | None]:
+    return {metric: value_of(value) for metric, value in row["metrics"].items()}
+
+
+def _event(line: Mapping[str, Any]) -> Event:
+    return Event(**{name: line[name] for name in Event._fields})
+
+
+def _means(rollouts: Sequence[RolloutScores]) -> dict[str, float | None]:
+    means: dict[str, float | None] = {}
+    for metric in rollouts[0].metrics:
+        values = [rollout.metrics[metric] for rollout in rollouts]
+        defined = [value for value in values if value is not None]
+        means[metric] = sum(defined) / len(defined) if defined else None
+    return means

@@ -3,7 +3,7 @@
 /// Tasks with their commands, in the order of the help.
 pub(super) const TASKS: &[(&str, &[&str])] = &[
     ("Look", &["list", "inspect", "view", "report", "compare"]),
-    ("Run", &["run", "study", "score"]),
+    ("Run", &["run", "study", "score", "session"]),
     ("Data", &["curate", "generate", "convert", "export"]),
     ("Train", &["train"]),
     ("Publish", &["verify", "reference", "leaderboard"]),

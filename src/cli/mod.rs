@@ -25,6 +25,7 @@ mod report;
 mod run;
 mod scenario_args;
 mod score;
+mod session;
 mod shard;
 mod sharded;
 mod shell;
@@ -120,6 +121,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
+    /// Answer requests of the Python package over standard input and output
+    Session,
     /// Create AV trajectories that leave the log (deviated AVs), review and analyse them
     Curate(curate::CurateArgs),
     /// Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
@@ -195,6 +198,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Study(args) => study::study(&args),
         Command::Score(args) => score::score(&args),
+        Command::Session => session::session(),
         Command::Curate(args) => curate::curate(&args),
         Command::Generate(args) => generate::generate(&args),
         Command::Convert(args) => convert::convert(&args),

@@ -51,6 +51,14 @@ pub enum EvaluationError {
         /// Id of the simulator.
         simulator: String,
     },
+    /// Rollouts in memory do not match their scenario.
+    #[error("scenario `{scenario}`: {error}")]
+    UnfitRollouts {
+        /// Id of the scenario.
+        scenario: String,
+        /// The reason.
+        error: String,
+    },
     /// Recorded rollouts fail checks.
     #[error("the rollouts do not show what the scenarios ask for:{findings}")]
     RolloutsRefused {

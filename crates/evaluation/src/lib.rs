@@ -35,6 +35,7 @@ mod file_record;
 mod finish;
 mod folder;
 mod foreign_rollout;
+mod in_memory;
 mod judge;
 mod known_deviation;
 mod left_out;
@@ -82,6 +83,7 @@ pub use folder::{
     TABLE, VALUES_TABLE, read_provenance, read_rows, read_summary, read_tally,
 };
 pub use foreign_rollout::ForeignRollout;
+pub use in_memory::score_in_memory;
 pub use known_deviation::KnownDeviation;
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use pose::{AxleDistance, ParsePoseError, Pose};

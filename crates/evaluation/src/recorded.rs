@@ -56,11 +56,12 @@ impl Recorded {
     }
 
     /// Scores all rollouts of a scenario. Returns the scores per simulator, and the failures with the name of
-    /// the simulator. A scenario without rollouts is skipped.
+    /// the simulator. A scenario without rollouts is skipped. `digest` returns the digest of the scenario.
     pub(super) fn score(
         &mut self,
         place: RecordPosition,
         scenario: &Scenario,
+        digest: impl Fn() -> String,
     ) -> Vec<Result<ScoredPair, (String, String)>> {
         let mut groups: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
         for record in self.records.remove(&scenario.id).unwrap_or_default() {
@@ -89,7 +90,8 @@ impl Recorded {
                     let failed = rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
                     rollout.outcomes.extend(failed.into_iter().map(|check| (check.outcome(), 1)));
                 }
-                let (rows, events) = score_rollouts(place, scenario, name, &rollouts, self.options, false);
+                let (rows, events) =
+                    score_rollouts(place, scenario, digest(), name, &rollouts, self.options, false);
                 Ok(ScoredPair { simulator, rollouts, rows, events })
             });
             scored.push(pair.map_err(|error| (name.clone(), error)));
@@ -146,17 +148,18 @@ pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
 }
 
 /// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
-/// and the events of each. `judges_av`: whether the AV is judged, too.
+/// and the events of each. `digest`: that of the scenario. `judges_av`: whether the AV is judged, too.
 pub(super) fn score_rollouts(
     place: RecordPosition,
     scenario: &Scenario,
+    digest: String,
     simulator: &str,
     rollouts: &[Rollout],
     options: Options,
     judges_av: bool,
 ) -> (Vec<Row>, Vec<Vec<Event>>) {
     let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
-    let template = Row::about(place, scenario, scenario.digest(), simulator).with_deviation(&deviation);
+    let template = Row::about(place, scenario, digest, simulator).with_deviation(&deviation);
     let av = judges_av.then(|| AvJudge::new(&options));
     judge(scenario, deviation.certificate.as_ref(), rollouts, options, av.as_ref()).rows(template, rollouts)
 }

@@ -118,7 +118,7 @@ impl Scoring {
                         continue;
                     }
                 };
-                for pair in self.recorded.score(place, &scenario) {
+                for pair in self.recorded.score(place, &scenario, || scenario.digest()) {
                     match pair {
                         Ok(pair) => {
                             keep(&pair, place, &scenario, folder)?;

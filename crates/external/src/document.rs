@@ -38,6 +38,11 @@ impl Values {
         Self::of(Dtype::F64, shape, numbers.into_iter().map(f64::to_le_bytes))
     }
 
+    /// Creates a tensor of `f32`.
+    pub fn f32(shape: &[usize], numbers: impl IntoIterator<Item = f32>) -> Self {
+        Self::of(Dtype::F32, shape, numbers.into_iter().map(f32::to_le_bytes))
+    }
+
     /// Creates a tensor of `i32`.
     pub fn i32(shape: &[usize], numbers: impl IntoIterator<Item = i32>) -> Self {
         Self::of(Dtype::I32, shape, numbers.into_iter().map(i32::to_le_bytes))

@@ -59,7 +59,9 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                 let recorded = rollouts_of(&scenario, &records);
                 let recorded =
                     recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
-                let (again, _) = score_rollouts(place, &scenario, &simulator, &recorded, options, judges_av);
+                let digest = scenario.digest();
+                let (again, _) =
+                    score_rollouts(place, &scenario, digest, &simulator, &recorded, options, judges_av);
                 let comparable = |row: &Row| {
                     let mut row = row.clone();
                     row.restrict_to(&metrics);

@@ -1,0 +1,15 @@
+//! The program as a process that answers requests of the Python package: scores of rollouts in memory, and
+//! environments for reinforcement learning whose traffic is simulated as in runs.
+//!
+//! Start with [`serve`], which answers requests over two streams until the first one ends, and with
+//! `Environment`, which steps rollouts whose AV, or whose agents, a program moves. Requests and answers are
+//! frames of the protocol for external simulators ([`reactsim_external::Frame`]) with arguments in JSON. They
+//! are an interface between this program and its Python package of the same version.
+// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
+mod scenarios;
+mod scores;
+mod session;
+
+pub use session::serve;

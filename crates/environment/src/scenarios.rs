@@ -1,0 +1,153 @@
+//! The scenarios that requests name.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use reactsim_evaluation::Source;
+use reactsim_formats::{self as formats, CurrentFrames, PendingScenarios};
+use reactsim_scene::Scenario;
+use serde::Deserialize;
+
+use super::session::RequestError;
+
+/// Number of scenarios that are kept in memory.
+const MOST_SCENARIOS: usize = 256;
+
+/// Files of scenarios and how they are read.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Reading {
+    /// Files, folders or URLs; none for the shipped benchmark.
+    paths: Vec<PathBuf>,
+    /// Index of the current frame, for formats that leave it open.
+    current_frame: Option<usize>,
+    /// Frames between the scenarios of one recording.
+    window_step: Option<NonZeroUsize>,
+    /// Whether all agents are read.
+    #[serde(default)]
+    all_agents: bool,
+}
+
+impl Reading {
+    /// Opens the files.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or both kinds of current frames are given.
+    pub(super) fn sources(&self) -> Result<Vec<Source>, RequestError> {
+        if self.paths.is_empty() {
+            return Ok(vec![Source::shipped(usize::MAX)]);
+        }
+        let frames = match (self.current_frame, self.window_step) {
+            (Some(_), Some(_)) => {
+                return Err(RequestError::new("`current_frame` and `window_step` exclude each other"));
+            }
+            (Some(frame), None) => CurrentFrames::At(frame),
+            (None, Some(step)) => CurrentFrames::Every(step),
+            (None, None) => CurrentFrames::Stated,
+        };
+        let mut inputs = Vec::new();
+        for path in &self.paths {
+            inputs.extend(formats::survey(path)?.inputs);
+        }
+        for input in &mut inputs {
+            (input.frames, input.all_agents) = (frames, self.all_agents);
+        }
+        Ok(Source::of_inputs(inputs, usize::MAX)?)
+    }
+}
+
+/// A scenario with its digest.
+pub(super) struct KnownScenario {
+    pub(super) scenario: Scenario,
+    pub(super) digest: String,
+}
+
+/// Scenarios by id, read when they are first named.
+#[derive(Default)]
+pub(super) struct ScenarioCache {
+    files: BTreeMap<Reading, Files>,
+    kept: VecDeque<(Reading, Arc<KnownScenario>)>,
+}
+
+impl ScenarioCache {
+    /// Returns the scenario with this id.
+    ///
+    /// # Errors
+    /// If a file cannot be opened, or no scenario has the id.
+    pub(super) fn find(&mut self, reading: &Reading, id: &str) -> Result<Arc<KnownScenario>, RequestError> {
+        let is_wanted =
+            |(of, known): &&(Reading, Arc<KnownScenario>)| known.scenario.id == id && of == reading;
+        if let Some((_, known)) = self.kept.iter().find(is_wanted) {
+            return Ok(Arc::clone(known));
+        }
+        if !self.files.contains_key(reading) {
+            self.files.insert(reading.clone(), Files::new(reading.sources()?));
+        }
+        let found = match self.files.get_mut(reading) {
+            Some(files) => files.find(id)?,
+            None => None,
+        };
+        let scenario = found.ok_or_else(|| {
+            RequestError::new(format_args!("no scenario `{id}` in {}", describe(&reading.paths)))
+        })?;
+        let known = Arc::new(KnownScenario { digest: scenario.digest(), scenario });
+        self.kept.push_back((reading.clone(), Arc::clone(&known)));
+        if self.kept.len() > MOST_SCENARIOS {
+            self.kept.pop_front();
+        }
+        Ok(known)
+    }
+}
+
+/// Returns the names of files for messages.
+pub(super) fn describe(paths: &[PathBuf]) -> String {
+    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    if names.is_empty() { "the shipped benchmark".to_owned() } else { names.join(", ") }
+}
+
+/// Files that are read in a circle: scenarios that are named in their order are found without reading any of
+/// them twice.
+struct Files {
+    sources: Vec<Source>,
+    /// Index of the source that is being read.
+    index: usize,
+    open: Option<PendingScenarios>,
+}
+
+impl Files {
+    fn new(sources: Vec<Source>) -> Self {
+        Self { sources, index: 0, open: None }
+    }
+
+    fn find(&mut self, id: &str) -> Result<Option<Scenario>, RequestError> {
+        // The rest of the files, then all of them.
+        for _ in 0..2 {
+            while let Some(scenario) = self.next()? {
+                if scenario.id == id {
+                    return Ok(Some(scenario));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Returns the next scenario that can be read; `None` at the end, after which the first one follows.
+    fn next(&mut self) -> Result<Option<Scenario>, RequestError> {
+        while let Some(source) = self.sources.get(self.index) {
+            let open = match &mut self.open {
+                Some(open) => open,
+                None => self.open.insert((source.open)(0)?),
+            };
+            for record in open {
+                if let Ok(scenario) = record.and_then(|decode| decode()) {
+                    return Ok(Some(scenario));
+                }
+            }
+            (self.index, self.open) = (self.index + 1, None);
+        }
+        self.index = 0;
+        Ok(None)
+    }
+}

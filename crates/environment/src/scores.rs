@@ -1,0 +1,103 @@
+//! Scores of rollouts in memory.
+
+use std::collections::BTreeMap;
+
+use reactsim_evaluation::{EventLine, Pose, RolloutCheck, score_in_memory};
+use reactsim_external::{Frame, FrameWriter};
+use reactsim_formats::rollouts::RolloutRecord;
+use reactsim_metrics::Options;
+use reactsim_scene::{AgentState, FUTURE, Frame as StateFrame};
+use serde::Deserialize;
+
+use super::scenarios::{Reading, ScenarioCache};
+use super::session::{Answer, RequestError, arguments};
+
+/// Values of a state: x, y, heading, and the velocities, which may be left out.
+const VALUES: [usize; 2] = [3, 5];
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScoreArguments {
+    /// Files of the scenario.
+    reading: Reading,
+    /// Id of the scenario.
+    scenario: String,
+    /// Name of the simulator.
+    simulator: String,
+    /// Ids of the agents of the states; those of the scenario by default.
+    agents: Option<Vec<String>>,
+    /// Names of checks that need not be met.
+    allow: Vec<String>,
+    /// The point of vehicles whose poses are given.
+    pose: Option<String>,
+    /// Variants of the metrics.
+    metric_options: BTreeMap<String, String>,
+}
+
+/// Scores the rollouts of a request: the tensor `states`, [rollouts, agents, 80, 3 or 5], NaN where an agent
+/// is absent.
+pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
+    let given: ScoreArguments = arguments(request)?;
+    let mut options = Options::default();
+    for (name, value) in &given.metric_options {
+        options.set(name, value).map_err(RequestError::new)?;
+    }
+    let pose: Pose = given.pose.as_deref().map_or(Ok(Pose::Centre), str::parse).map_err(RequestError::new)?;
+    let allowed = given.allow.iter().map(|name| allowance(name)).collect::<Result<Vec<_>, _>>()?;
+    let known = scenarios.find(&given.reading, &given.scenario)?;
+    let scenario = &known.scenario;
+    let of_scenario = || scenario.start.agents.iter().map(|agent| agent.id.clone()).collect();
+    let agents: Vec<String> = given.agents.unwrap_or_else(of_scenario);
+    let (count, tracks) = read_states(request, agents.len())?;
+    let record = |(rollout, tracks): (u32, &[Vec<StateFrame>])| RolloutRecord {
+        scenario_id: scenario.id.clone(),
+        simulator: given.simulator.clone(),
+        rollout,
+        origin: None,
+        agent_ids: agents.clone(),
+        tracks: tracks.to_vec(),
+    };
+    let records: Vec<RolloutRecord> =
+        (0..).zip(tracks.chunks(agents.len().max(1))).take(count).map(record).collect();
+    let (rows, events) = score_in_memory(scenario, &known.digest, records, options, pose, &allowed)?;
+    let lines: Vec<Vec<EventLine<'_>>> = (0..)
+        .zip(rows.iter().zip(&events))
+        .map(|(rollout, (row, events))| {
+            events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
+        })
+        .collect();
+    let mut answer = FrameWriter::new("scores");
+    answer.text("rows", serde_json::to_string(&rows).map_err(RequestError::new)?);
+    answer.text("events", serde_json::to_string(&lines).map_err(RequestError::new)?);
+    Ok(answer)
+}
+
+fn allowance(name: &str) -> Result<RolloutCheck, RequestError> {
+    let known = || RolloutCheck::ALL.map(RolloutCheck::allowance).join(", ");
+    RolloutCheck::from_allowance(name)
+        .ok_or_else(|| RequestError::new(format_args!("unknown check `{name}`: expected one of {}", known())))
+}
+
+/// Returns the number of rollouts, and the tracks of their agents one after the other.
+fn read_states(request: &Frame, agents: usize) -> Result<(usize, Vec<Vec<StateFrame>>), RequestError> {
+    let shape = request.shape("states")?;
+    let (rollouts, values) = match shape {
+        &[rollouts, n, FUTURE, values] if n == agents && VALUES.contains(&values) => (rollouts, values),
+        found => {
+            return Err(RequestError::new(format_args!(
+                "`states` has the shape {found:?}, expected [rollouts, {agents}, {FUTURE}, 3 or 5] for the \
+                 {agents} agents"
+            )));
+        }
+    };
+    let shape = shape.to_vec();
+    let numbers = request.floats("states", &shape)?;
+    let state = |values: &[f64]| {
+        let [x, y, heading] = [values[0], values[1], values[2]];
+        let (vx, vy) =
+            (values.get(3).copied().unwrap_or(f64::NAN), values.get(4).copied().unwrap_or(f64::NAN));
+        (!x.is_nan()).then_some(AgentState { x, y, heading, vx, vy })
+    };
+    let track = |numbers: &[f64]| numbers.chunks(values).map(state).collect();
+    Ok((rollouts, numbers.chunks(FUTURE * values).map(track).collect()))
+}

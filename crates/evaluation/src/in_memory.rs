@@ -1,0 +1,36 @@
+//! Scores of rollouts in memory, as [`Scoring`](super::Scoring) computes them for files.
+
+use reactsim_formats::rollouts::RolloutRecord;
+use reactsim_metrics::{Event, Options};
+use reactsim_scene::Scenario;
+
+use super::recorded::{Recorded, ScoredPair};
+use super::{EvaluationError, Pose, RecordPosition, RolloutCheck, Row};
+
+/// Scores rollouts of one scenario and one simulator. Returns one row per rollout and a last one over all
+/// rollouts, and the events of each rollout. `digest`: that of the scenario; `pose`: the point of vehicles
+/// whose poses the rollouts have. Checks that need not be met are `allowed`; rows of rollouts that fail them
+/// are marked.
+///
+/// # Errors
+/// [`EvaluationError`] if there are no rollouts, they do not match the scenario, or one fails a check that is
+/// not allowed.
+pub fn score_in_memory(
+    scenario: &Scenario,
+    digest: &str,
+    rollouts: Vec<RolloutRecord>,
+    options: Options,
+    pose: Pose,
+    allowed: &[RolloutCheck],
+) -> Result<(Vec<Row>, Vec<Vec<Event>>), EvaluationError> {
+    let mut recorded = Recorded::new(rollouts, options, pose);
+    let place = RecordPosition { input: 0, record: 0 };
+    let scored = recorded.score(place, scenario, || digest.to_owned()).pop();
+    let unfit = |error| EvaluationError::UnfitRollouts { scenario: scenario.id.clone(), error };
+    let scored = scored.ok_or_else(|| unfit("no rollout is given".to_owned()))?;
+    let ScoredPair { rows, events, .. } = scored.map_err(|(_, error)| unfit(error))?;
+    match recorded.findings().refused(allowed) {
+        Some(findings) => Err(EvaluationError::RolloutsRefused { findings }),
+        None => Ok((rows, events)),
+    }
+}
