@@ -10,10 +10,14 @@
     results.table()
 
 `import reactsim` needs only numpy. pandas, pyarrow and matplotlib are used where they are
-installed.
+installed. The environments for reinforcement learning, `Env`, `VectorEnv` and `ParallelEnv`, need
+gymnasium and pettingzoo.
 """
 
 from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from .catalog import catalog, list_scenarios
 from .client import (
@@ -140,3 +144,21 @@ __all__ = [
     "view",
     "wosac",
 ]
+
+# They need packages that may be missing, so that they are imported when they are first used.
+if TYPE_CHECKING:
+    from .environment import Env as Env
+    from .environment import VectorEnv as VectorEnv
+    from .parallel import ParallelEnv as ParallelEnv
+
+_LAZY = {"Env": ".environment", "ParallelEnv": ".parallel", "VectorEnv": ".environment"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return getattr(importlib.import_module(_LAZY[name], __name__), name)
+    raise AttributeError(f"module `reactsim` has no attribute `{name}`")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_LAZY])

@@ -100,7 +100,7 @@ class ProgramProcess:
         except ProtocolError as error:
             raise self._broken(str(error)) from None
         except BaseException:
-            # The answer would be taken for that of the next request.
+            # The next request would receive the answer of this one.
             self.close()
             raise
         if answer is None:
@@ -122,7 +122,9 @@ class ProgramProcess:
             if -code in {int(known) for known in signal.Signals}:
                 ending += f" ({signal.Signals(-code).name})"
         text = "".join(f"\n{line}" for line in self._last)
-        return ReactsimError(f"`reactsim session` {ending} ({problem}): create the object again{text}")
+        return ReactsimError(
+            f"`reactsim session` {ending} ({problem}): create the object again{text}"
+        )
 
     def close(self) -> None:
         """Ends the process. Further calls do nothing."""

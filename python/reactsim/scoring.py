@@ -156,13 +156,13 @@ def score_states(
     pose: str | None = None,
     metric_options: Mapping[str, Any] | None = None,
 ) -> StatesScores:
-    """Scores rollouts in memory. The numbers are those of `score` for the same rollouts in a file.
+    """Scores rollouts in memory. The numbers are equal to `score` for the same rollouts in a file.
 
     The first call starts a process of the program, which all calls use. It keeps the scenarios that
     were scored last, so that many calls for a scenario read it once.
 
     Args:
-        scenario: The scenario, from `reactsim.scenarios`. Its deviated AV is that of its file.
+        scenario: The scenario, from `reactsim.scenarios`. The deviated AV of its file applies.
         states: States at steps 1 to 80, [rollouts, agents, 80, 3 or 5]: x, y, heading, and vx and
             vy, which may be left out; NaN where an agent is absent. Metres, radians and m/s; box
             centres in the local frame of the scenario. Without the first dimension it is one
@@ -182,7 +182,9 @@ def score_states(
     """
     if isinstance(states, Mapping):
         if agents is not None:
-            raise ValueError("`agents` is given next to a mapping, whose keys are the ids: leave it out")
+            raise ValueError(
+                "`agents` is given next to a mapping, whose keys are the ids: leave it out"
+            )
         agents = list(states)
         states = _stacked(states)
     array = _checked(states, len(scenario.agents) if agents is None else len(agents))
@@ -199,14 +201,22 @@ def score_states(
         if not _shared or not _shared[0].is_open:
             _shared[:] = [ProgramProcess()]
         answer, _ = _shared[0].request("score", given, {"states": array})
-    *rows, last = json.loads(answer["rows"])
+    return read_scores(json.loads(answer["rows"]), json.loads(answer["events"]))
+
+
+def read_scores(lines: Sequence[Mapping[str, Any]], events: Sequence[Any]) -> StatesScores:
+    """Returns scores from the rows of rollouts, of which the last one is over all, and events."""
+    *rows, last = lines
     results = [
         RolloutScores(
-            _values(row), row["deviation"], row["outcomes"], [_event(line) for line in lines]
+            _values(row),
+            row.get("deviation", {}),
+            row.get("outcomes", {}),
+            [_event(event) for event in found],
         )
-        for row, lines in zip(rows, json.loads(answer["events"]))
+        for row, found in zip(rows, events)
     ]
-    return StatesScores(scenario.id, results, {**_means(results), **_values(last)})
+    return StatesScores(last["scenario"], results, {**_means(results), **_values(last)})
 
 
 def _stacked(states: Mapping[str, Any]) -> Array:
@@ -235,8 +245,8 @@ def _checked(states: Any, agents: int) -> Array:
     is_fit = array.ndim == 4 and array.shape[1:3] == (agents, STEPS) and array.shape[3] in (3, 5)
     if not is_fit or len(array) == 0:
         raise ValueError(
-            f"`states` has the shape {np.shape(states)}, expected [rollouts, {agents}, {STEPS}, 3 or"
-            f" 5] for {agents} agents"
+            f"`states` has the shape {np.shape(states)}, expected [rollouts, {agents}, {STEPS}, 3"
+            f" or 5] for {agents} agents"
         )
     array = np.ascontiguousarray(array, np.float64)
     poses = np.isnan(array[..., :3])

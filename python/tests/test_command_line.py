@@ -30,6 +30,7 @@ LEFT_OUT_COMMANDS = {
     "completions": "is for shells",
     "man": "is for shells",
     "reference tables": "edits the documents of the repository of the program",
+    "session": "is what `reactsim.Env` and `reactsim.score_states` start",
     "shard merge": "is `reactsim.ray.merge_units`",
     "shard run": "is `reactsim.ray.run_units`",
     "shard status": "is printed by `python -m reactsim.ray`",

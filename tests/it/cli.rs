@@ -126,6 +126,7 @@ fn help_fits_a_terminal() {
       run          Run simulators on scenarios and print the table of their metrics
       study        Run studies: replan interval, reactive against realism protocol, ablations
       score        Score rollouts that any program produced
+      session      Answer requests of the Python package over standard input and output
 
     Data:
       curate       Create AV trajectories that leave the log (deviated AVs), review and analyse them

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_evaluation::{EventLine, Pose, RolloutCheck, score_in_memory};
+use reactsim_evaluation::{EventLine, Pose, RolloutCheck, Row, score_in_memory};
 use reactsim_external::{Frame, FrameWriter};
 use reactsim_formats::rollouts::RolloutRecord;
-use reactsim_metrics::Options;
+use reactsim_metrics::{Event, Options};
 use reactsim_scene::{AgentState, FUTURE, Frame as StateFrame};
 use serde::Deserialize;
 
@@ -24,7 +24,7 @@ struct ScoreArguments {
     scenario: String,
     /// Name of the simulator.
     simulator: String,
-    /// Ids of the agents of the states; those of the scenario by default.
+    /// Ids of the agents of the states; by default the agents of the scenario.
     agents: Option<Vec<String>>,
     /// Names of checks that need not be met.
     allow: Vec<String>,
@@ -38,10 +38,7 @@ struct ScoreArguments {
 /// is absent.
 pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
     let given: ScoreArguments = arguments(request)?;
-    let mut options = Options::default();
-    for (name, value) in &given.metric_options {
-        options.set(name, value).map_err(RequestError::new)?;
-    }
+    let options = metric_options(&given.metric_options)?;
     let pose: Pose = given.pose.as_deref().map_or(Ok(Pose::Centre), str::parse).map_err(RequestError::new)?;
     let allowed = given.allow.iter().map(|name| allowance(name)).collect::<Result<Vec<_>, _>>()?;
     let known = scenarios.find(&given.reading, &given.scenario)?;
@@ -60,16 +57,28 @@ pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
     let records: Vec<RolloutRecord> =
         (0..).zip(tracks.chunks(agents.len().max(1))).take(count).map(record).collect();
     let (rows, events) = score_in_memory(scenario, &known.digest, records, options, pose, &allowed)?;
-    let lines: Vec<Vec<EventLine<'_>>> = (0..)
-        .zip(rows.iter().zip(&events))
-        .map(|(rollout, (row, events))| {
-            events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
-        })
-        .collect();
+    let lines = event_lines(&rows, &events);
     let mut answer = FrameWriter::new("scores");
     answer.text("rows", serde_json::to_string(&rows).map_err(RequestError::new)?);
     answer.text("events", serde_json::to_string(&lines).map_err(RequestError::new)?);
     Ok(answer)
+}
+
+/// Returns the variants of the metrics with these names and values.
+pub(super) fn metric_options(named: &BTreeMap<String, String>) -> Result<Options, RequestError> {
+    let mut options = Options::default();
+    for (name, value) in named {
+        options.set(name, value).map_err(RequestError::new)?;
+    }
+    Ok(options)
+}
+
+/// Returns the events of each rollout as lines of `events.jsonl`.
+pub(super) fn event_lines<'a>(rows: &'a [Row], events: &'a [Vec<Event>]) -> Vec<Vec<EventLine<'a>>> {
+    let of_rollout = |(rollout, (row, events)): (u32, (&'a Row, &'a Vec<Event>))| {
+        events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
+    };
+    (0..).zip(rows.iter().zip(events)).map(of_rollout).collect()
 }
 
 fn allowance(name: &str) -> Result<RolloutCheck, RequestError> {

@@ -8,18 +8,21 @@ use reactsim_external::{DocumentError, Frame, FrameWriter, read_frame};
 use reactsim_formats::FormatError;
 use serde::de::DeserializeOwned;
 
+use super::environment::Environment;
 use super::scenarios::ScenarioCache;
-use super::scores;
+use super::world::World;
+use super::{requests, scores, world_requests};
 
 /// Largest request, bytes.
 const MOST_BYTES: u64 = 4 << 30;
 
-/// The reason why a request has no result.
-#[derive(Debug)]
-pub(super) struct RequestError(String);
+/// The reason why a request has no result; the text names what is expected and what was found.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct RequestError(String);
 
 impl RequestError {
-    /// Creates an error with a text that names what is expected and what was found.
+    /// Creates an error with a text.
     pub(super) fn new(text: impl fmt::Display) -> Self {
         Self(text.to_string())
     }
@@ -58,6 +61,8 @@ pub fn serve(input: &mut dyn Read, output: &mut dyn Write) -> io::Result<()> {
 #[derive(Default)]
 struct Session {
     scenarios: ScenarioCache,
+    environment: Option<Environment>,
+    world: Option<World>,
 }
 
 impl Session {
@@ -76,7 +81,18 @@ impl Session {
     fn result(&mut self, request: &Frame) -> Answer {
         match request.text("type")? {
             "score" => scores::score(request, &mut self.scenarios),
-            other => Err(RequestError::new(format_args!("unknown request `{other}`: expected `score`"))),
+            "environment" => requests::create(request, &mut self.environment),
+            "reset" => requests::reset(request, &mut self.environment),
+            "step" => requests::step(request, &mut self.environment),
+            "tracks" => requests::tracks(request, &mut self.environment),
+            "world" => world_requests::create(request, &mut self.world),
+            "world-reset" => world_requests::reset(request, &mut self.world),
+            "world-step" => world_requests::step(request, &mut self.world),
+            "world-tracks" => world_requests::tracks(&mut self.world),
+            other => Err(RequestError::new(format_args!(
+                "unknown request `{other}`: expected score, environment, reset, step, tracks, world, \
+                 world-reset, world-step or world-tracks"
+            ))),
         }
     }
 }
@@ -93,4 +109,120 @@ pub(super) fn arguments<T: DeserializeOwned>(request: &Frame) -> Result<T, Reque
     let text = request.text("arguments")?;
     serde_json::from_str(text)
         .map_err(|error| RequestError::new(format_args!("the arguments of the request: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_external::Values;
+    use reactsim_scene::FUTURE;
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// A request: its type, its arguments and a tensor.
+    type Sent<'a> = (&'a str, Value, Option<(&'static str, Values)>);
+
+    /// Sends requests; returns the answers.
+    fn answers(requests: &[Sent<'_>]) -> Vec<Frame> {
+        let mut input = Vec::new();
+        for (seq, (kind, arguments, tensor)) in requests.iter().enumerate() {
+            let mut frame = FrameWriter::new(kind);
+            frame.text("seq", seq.to_string()).text("arguments", arguments.to_string());
+            if let Some((name, values)) = tensor {
+                frame.tensor(name, values.clone());
+            }
+            input.extend(frame.to_frame());
+        }
+        let mut output = Vec::new();
+        serve(&mut input.as_slice(), &mut output).unwrap();
+        let mut rest = output.as_slice();
+        let mut found = Vec::new();
+        while let Some(bytes) = read_frame(&mut rest, || MOST_BYTES).unwrap() {
+            found.push(Frame::read(bytes).unwrap());
+        }
+        let numbers: Vec<&str> = found.iter().map(|answer| answer.text("seq").unwrap()).collect();
+        assert_eq!(numbers, (0..requests.len()).map(|seq| seq.to_string()).collect::<Vec<_>>());
+        found
+    }
+
+    fn error(answer: &Frame) -> &str {
+        assert_eq!(answer.text("type").unwrap(), "error");
+        answer.text("error").unwrap()
+    }
+
+    /// Arguments of an environment with small arrays.
+    fn environment(action: &Value) -> Value {
+        json!({
+            "reading": { "paths": [] }, "ids": [], "limit": 2, "simulator": "idm", "weights": {},
+            "parameters": {}, "replan": "2hz", "av_lookahead": true, "seed": 0, "action": action, "every": 1,
+            "sizes": { "agents": 3, "history": 2, "lanes": 4, "points": 3, "lights": 1, "route": 2 },
+            "end_at": [], "scores": true, "metric_options": {},
+        })
+    }
+
+    fn begin(slot: usize, scenario: usize) -> Value {
+        json!({ "slot": slot, "scenario": scenario, "rollout": 0 })
+    }
+
+    #[test]
+    fn wrong_requests_are_answered_with_their_fault() {
+        let none = json!({ "episodes": [] });
+        let unknown = json!({ "reading": { "paths": [] }, "scenario": "x", "simulator": "s", "agents": ["a"],
+            "allow": [], "pose": null, "metric_options": {} });
+        let found = answers(&[
+            ("draw", json!({}), None),
+            ("step", none, None),
+            ("score", json!({}), None),
+            ("score", unknown, None),
+        ]);
+        assert_eq!(
+            error(&found[0]),
+            "unknown request `draw`: expected score, environment, reset, step, tracks, world, world-reset, \
+             world-step or world-tracks"
+        );
+        assert_eq!(error(&found[1]), "there is no environment: create one first");
+        assert!(error(&found[2]).starts_with("the arguments of the request: missing field `reading`"));
+        assert_eq!(error(&found[3]), "no scenario `x` in the shipped benchmark");
+    }
+
+    #[test]
+    fn episodes_are_stepped_restarted_and_scored() {
+        let both = json!({ "episodes": [begin(0, 0), begin(1, 1)] });
+        let actions = || Some(("actions", Values::f64(&[2, 2], [0.5, 0.0, -1.0, 0.01])));
+        let mut requests = vec![("environment", environment(&json!("bicycle")), None), ("reset", both, None)];
+        let none = json!({ "episodes": [] });
+        requests.extend((0..FUTURE).map(|_| ("step", none.clone(), actions())));
+        requests.push(("step", none.clone(), actions()));
+        requests.push(("step", json!({ "episodes": [begin(0, 1), begin(1, 1)] }), actions()));
+        requests.push(("tracks", json!({ "slot": 1 }), None));
+        let found = answers(&requests);
+        let description: Value = serde_json::from_str(found[0].text("description").unwrap()).unwrap();
+        assert_eq!(description["scenarios"].as_array().unwrap().len(), 2);
+        assert_eq!(found[1].shape("agents").unwrap(), [2, 3, 2, 7]);
+        let last = &found[1 + FUTURE];
+        let ends: Value = serde_json::from_str(last.text("ends").unwrap()).unwrap();
+        assert!(ends["1"]["rows"][0]["metrics"]["aav-collision"]["count"].is_u64());
+        assert!(found[FUTURE].optional_text("ends").is_none());
+        assert_eq!(error(&found[2 + FUTURE]), "the episode in slot 0 is over: reset it");
+        assert_eq!(found[3 + FUTURE].text("type").unwrap(), "stepped");
+        assert_eq!(found[4 + FUTURE].shape("states").unwrap()[1..], [11, 5]);
+    }
+
+    #[test]
+    fn impossible_settings_and_actions_are_refused() {
+        let one = || json!({ "episodes": [begin(0, 0)] });
+        let far = Some(("actions", Values::f64(&[1, 5], [900.0, 0.0, 0.0, 0.0, 0.0])));
+        let found = answers(&[
+            ("environment", environment(&json!({ "plan": { "poses": 0 } })), None),
+            ("environment", environment(&json!("state")), None),
+            ("reset", json!({ "episodes": [begin(0, 7)] }), None),
+            ("reset", one(), None),
+            ("step", json!({ "episodes": [] }), far),
+            ("tracks", json!({ "slot": 0 }), None),
+        ]);
+        assert_eq!(error(&found[0]), "a plan has 0 poses, expected 1 to 80: at least `every`");
+        assert_eq!(error(&found[2]), "there is no scenario 7, expected 0 to 1");
+        assert!(error(&found[4]).contains("expected at most 8.0 m"), "{}", error(&found[4]));
+        assert_eq!(found[5].shape("states").unwrap()[1..], [11, 5]);
+    }
 }

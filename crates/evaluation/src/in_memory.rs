@@ -2,13 +2,16 @@
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Options};
+use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
+use super::av_scores::AvJudge;
+use super::judge::judge;
 use super::recorded::{Recorded, ScoredPair};
-use super::{EvaluationError, Pose, RecordPosition, RolloutCheck, Row};
+use super::{EvaluationError, KnownDeviation, Pose, RecordPosition, RolloutCheck, Row};
 
 /// Scores rollouts of one scenario and one simulator. Returns one row per rollout and a last one over all
-/// rollouts, and the events of each rollout. `digest`: that of the scenario; `pose`: the point of vehicles
+/// rollouts, and the events of each rollout. `digest`: digest of the scenario; `pose`: the point of vehicles
 /// whose poses the rollouts have. Checks that need not be met are `allowed`; rows of rollouts that fail them
 /// are marked.
 ///
@@ -33,4 +36,22 @@ pub fn score_in_memory(
         Some(findings) => Err(EvaluationError::RolloutsRefused { findings }),
         None => Ok((rows, events)),
     }
+}
+
+/// Judges one rollout of the reactive protocol. Returns the row of the rollout and the row over all rollouts,
+/// without the digest of the scenario, and the events. `deviation`: how the AV deviates from the log, if
+/// known; `judges_av`: whether the AV is judged, too, as in a run in which a planner drives it.
+pub fn judge_in_memory(
+    scenario: &Scenario,
+    simulator: &str,
+    rollout: Rollout,
+    deviation: &KnownDeviation,
+    options: Options,
+    judges_av: bool,
+) -> (Vec<Row>, Vec<Vec<Event>>) {
+    let place = RecordPosition { input: 0, record: 0 };
+    let template = Row::about(place, scenario, String::new(), simulator).with_deviation(deviation);
+    let (rollouts, av) = ([rollout], judges_av.then(|| AvJudge::new(&options)));
+    let certificate = deviation.certificate.as_ref();
+    judge(scenario, certificate, &rollouts, options, av.as_ref()).rows(template, &rollouts)
 }

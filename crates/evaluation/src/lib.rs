@@ -83,7 +83,7 @@ pub use folder::{
     TABLE, VALUES_TABLE, read_provenance, read_rows, read_summary, read_tally,
 };
 pub use foreign_rollout::ForeignRollout;
-pub use in_memory::score_in_memory;
+pub use in_memory::{judge_in_memory, score_in_memory};
 pub use known_deviation::KnownDeviation;
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use pose::{AxleDistance, ParsePoseError, Pose};

@@ -148,7 +148,7 @@ pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
 }
 
 /// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
-/// and the events of each. `digest`: that of the scenario. `judges_av`: whether the AV is judged, too.
+/// and the events of each. `digest`: digest of the scenario. `judges_av`: whether the AV is judged, too.
 pub(super) fn score_rollouts(
     place: RecordPosition,
     scenario: &Scenario,

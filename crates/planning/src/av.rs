@@ -253,7 +253,7 @@ impl PlannerAv {
 
 /// Returns the state with which an episode begins: nuPlan sets steering angle, yaw rate and yaw acceleration
 /// to 0, even in a bend (devkit 1.2.2).
-fn at_start(ego: EgoState) -> EgoState {
+pub fn at_start(ego: EgoState) -> EgoState {
     EgoState { steering: 0.0, yaw_rate: 0.0, yaw_acceleration: 0.0, ..ego }
 }
 
@@ -264,7 +264,7 @@ fn recorded_heights(start: &Start, frame: usize) -> Vec<f64> {
 }
 
 /// Returns the state of the box of ego: its centre, and the velocity of its centre.
-fn state_of_box(ego: &EgoState, shape: &EgoShape) -> AgentState {
+pub fn state_of_box(ego: &EgoState, shape: &EgoShape) -> AgentState {
     let (center, ahead) = (ego.center(shape), direction(ego.heading));
     let sideways = ego.vy + ego.yaw_rate * shape.rear_axle_to_center;
     let velocity = ahead * ego.vx + left(ahead) * sideways;

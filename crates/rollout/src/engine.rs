@@ -94,6 +94,8 @@ struct ScenarioRollout<'a, S> {
     plan: JointPlan,
     /// Number of steps of the plan that are realised.
     plan_step: usize,
+    /// Whether the rollout ended before its last step.
+    is_stopped: bool,
     failed: Option<RolloutError>,
 }
 
@@ -200,7 +202,12 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
         begin_episodes(std::slice::from_mut(&mut self.running[index]), controller, settings);
     }
 
-    /// Returns whether every rollout has all its steps or has failed.
+    /// Ends a rollout early: it takes no further steps.
+    pub fn stop(&mut self, index: usize) {
+        self.running[index].is_stopped = true;
+    }
+
+    /// Returns whether every rollout has all its steps, is stopped or has failed.
     pub fn is_over(&self) -> bool {
         self.running.iter().all(|rollout| !rollout.is_active())
     }
@@ -365,6 +372,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             av_next: None,
             plan: JointPlan::new(0, 0),
             plan_step: 0,
+            is_stopped: false,
             failed: lacks_av.then(|| RolloutError::NoAv { scenario: scenario.id.clone() }),
             replayed: controller.is_oracle(),
             rollout,
@@ -380,7 +388,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
 
     /// Returns whether the rollout has steps left and has not failed.
     fn is_active(&self) -> bool {
-        self.failed.is_none() && self.steps() < FUTURE
+        self.failed.is_none() && !self.is_stopped && self.steps() < FUTURE
     }
 
     /// Returns the number of steps of the plan that is needed now, if one is.

@@ -32,6 +32,15 @@ pub fn ego_states_until_now(track: &[Frame], shape: &EgoShape) -> Vec<EgoState> 
     states_by_differences(&states, HISTORY - states.len(), shape)
 }
 
+/// Returns the state of a vehicle at the last frame of `track`, by one-sided differences over the two frames
+/// before; `None` if it is absent or not finite.
+pub fn ego_state_now(track: &[Frame], shape: &EgoShape) -> Option<EgoState> {
+    let present = track.iter().rev().map_while(|frame| frame.filter(AgentState::is_finite));
+    let mut states: Vec<AgentState> = present.take(3).collect();
+    states.reverse();
+    states_by_differences(&states, track.len() - states.len(), shape).pop()
+}
+
 /// Returns the states of ego at successive frames, the first of which is the frame `first`.
 fn states_by_differences(states: &[AgentState], first: usize, shape: &EgoShape) -> Vec<EgoState> {
     let yaw_rate =

@@ -19,11 +19,11 @@ use crate::map::{AreaError, PlanningMap, PlanningMapError};
 use crate::metrics::{History, HistoryError, Label, MissingInputs, PlannerScores, judge};
 use crate::{EgoShape, EgoState, TrackedObject};
 
-pub use ego::{ego_states, ego_states_until_now};
+pub use ego::{ego_state_now, ego_states, ego_states_until_now};
 pub(crate) use lights::LightLanes;
 pub use map::{planning_lanes, planning_map};
-pub use objects::rollout_objects;
-pub(crate) use objects::{Differences, ObjectFrame, ObjectIds};
+pub(crate) use objects::{Differences, ObjectFrame};
+pub use objects::{ObjectIds, rollout_objects};
 pub use route::logged_route;
 
 /// Number of samples: the current frame and the frames after it.

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use reactsim_geometry::Vec2;
+use reactsim_rollout::Observation;
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, Scenario, Start, levels};
 
 use crate::metrics::Label;
@@ -43,18 +44,28 @@ pub fn rollout_objects(
 
 /// Ids of the objects of a scenario. No agent has the id of an obstacle.
 #[derive(Clone, Debug)]
-pub(crate) struct ObjectIds {
+pub struct ObjectIds {
     agents: Vec<ObjectId>,
     obstacles: Vec<ObjectId>,
 }
 
 impl ObjectIds {
-    pub(crate) fn new(start: &Start) -> Self {
+    /// Creates the ids of the agents and obstacles of a scenario.
+    pub fn new(start: &Start) -> Self {
         let obstacle = |i: usize| ObjectId::from(format!("obstacle:{i}"));
         Self {
             agents: start.agents.iter().map(|agent| ObjectId::from(agent.id.as_str())).collect(),
             obstacles: (0..start.obstacles.len()).map(obstacle).collect(),
         }
+    }
+
+    /// Returns the objects at present, by the rules of [`rollout_objects`]. An unknown velocity
+    /// is the displacement since the frame before.
+    pub fn objects_now(&self, seen: &Observation<'_>) -> Vec<TrackedObject> {
+        let (start, tracks, frame) = (seen.start(), seen.tracks(), seen.frame());
+        ObjectFrame { start, ids: self, tracks, frame, heights: &seen.heights() }
+            .objects(Differences::Backward)
+            .0
     }
 }
 

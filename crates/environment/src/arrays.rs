@@ -1,0 +1,291 @@
+//! Observations as arrays of fixed shape.
+//!
+//! Everything is in the frame of the observing agent: origin at its box centre, x axis along its heading.
+//! Metres and m/s. Rows that do not exist are 0, and their flag `valid` is 0.
+
+use reactsim_geometry::{Polyline, Vec2, direction, left};
+use reactsim_rollout::Observation;
+use reactsim_scene::{AgentKind, AgentState, FUTURE, HISTORY, LaneKind, LightState, Scenario};
+use serde::{Deserialize, Serialize};
+
+/// Distance between points of lanes, metres.
+const LANE_SPACING: f64 = 2.0;
+/// Distance between points of the route, metres.
+const ROUTE_SPACING: f64 = 2.0;
+/// Smallest distance between recorded points of a route, metres: closer ones have a noisy direction.
+const MIN_POINT_SPACING: f64 = 0.5;
+
+/// Sizes of the arrays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sizes {
+    /// Number of the nearest other agents.
+    pub agents: usize,
+    /// Number of frames up to now, 1 to 11.
+    pub history: usize,
+    /// Number of the nearest pieces of lanes.
+    pub lanes: usize,
+    /// Number of points of a piece of a lane, at least 2.
+    pub points: usize,
+    /// Number of the nearest traffic lights.
+    pub lights: usize,
+    /// Number of points of the route ahead.
+    pub route: usize,
+}
+
+/// Values of a state: x, y, cosine and sine of the heading, vx, vy, valid.
+const STATE: usize = 7;
+/// Values of an agent: length, width, and whether it is a vehicle, pedestrian, cyclist or anything else.
+const AGENT: usize = 6;
+/// Values of a point of a lane: x, y, cosine and sine of its direction.
+const POINT: usize = 4;
+/// Values of a piece of a lane: valid, connector, speed limit (0 if unknown), red, yellow, green.
+const LANE: usize = 6;
+/// Values of a light: x and y of its stop point, red, yellow, green, valid.
+const LIGHT: usize = 6;
+/// Values of a point of the route: x, y, cosine and sine of its direction, valid.
+const ROUTE: usize = 5;
+
+/// Number of arrays.
+const ARRAYS: usize = 8;
+
+impl Sizes {
+    /// Returns the reason why sizes are refused, if they are.
+    pub(super) fn fault(&self) -> Option<String> {
+        let limits = [
+            ("agents", self.agents, 0, 1024),
+            ("history", self.history, 1, HISTORY),
+            ("lanes", self.lanes, 0, 4096),
+            ("points", self.points, 2, 1024),
+            ("lights", self.lights, 0, 1024),
+            ("route", self.route, 0, 1024),
+        ];
+        let beyond = limits.into_iter().find(|(_, n, least, most)| !(least..=most).contains(&n));
+        beyond.map(|(name, n, least, most)| format!("`{name}` is {n}, expected {least} to {most}"))
+    }
+
+    /// Returns the arrays with their shapes, in the order in which they are written.
+    pub fn shapes(&self) -> [(&'static str, Vec<usize>); ARRAYS] {
+        [
+            ("av", vec![self.history, STATE]),
+            ("av_size", vec![2]),
+            ("agents", vec![self.agents, self.history, STATE]),
+            ("agent_features", vec![self.agents, AGENT]),
+            ("lanes", vec![self.lanes, self.points, POINT]),
+            ("lane_features", vec![self.lanes, LANE]),
+            ("lights", vec![self.lights, LIGHT]),
+            ("route", vec![self.route, ROUTE]),
+        ]
+    }
+}
+
+/// Arrays of a batch of observations, each with all its rows one after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Arrays(pub [Vec<f32>; ARRAYS]);
+
+/// A piece of a lane.
+#[derive(Clone, Debug)]
+struct Piece {
+    lane: usize,
+    /// Middle, metres.
+    middle: Vec2,
+    /// Points with the direction there.
+    points: Vec<(Vec2, Vec2)>,
+    is_connector: bool,
+    speed_limit: f64,
+}
+
+/// The parts of a scenario that observations need and that do not change.
+#[derive(Clone, Debug)]
+pub(super) struct SceneArrays {
+    pieces: Vec<Piece>,
+    /// Lights per lane that has some.
+    lights_of_lane: Vec<Vec<usize>>,
+    route: Option<Polyline>,
+}
+
+impl SceneArrays {
+    /// Divides the lanes into pieces of `points` points. The route is the path of the logged AV, without its
+    /// times.
+    pub(super) fn new(scenario: &Scenario, points: usize) -> Self {
+        let map = &scenario.start.map;
+        let mut pieces = Vec::new();
+        for (lane, recorded) in map.lanes.iter().enumerate() {
+            let (line, length) = (&recorded.baseline, LANE_SPACING * (points - 1) as f64);
+            let count = (line.length() / length).ceil().max(1.0);
+            // Pieces of a lane have the same length.
+            let spacing = line.length() / count / (points - 1) as f64;
+            for piece in 0..count as usize {
+                let first = piece * (points - 1);
+                let at = |i: usize| {
+                    let s = (first + i) as f64 * spacing;
+                    (line.at(s), direction(line.heading_at(s)))
+                };
+                let points: Vec<_> = (0..points).map(at).collect();
+                pieces.push(Piece {
+                    lane,
+                    middle: line.at((first as f64 + 0.5 * (points.len() - 1) as f64) * spacing),
+                    points,
+                    is_connector: recorded.kind == LaneKind::Connector,
+                    speed_limit: recorded.speed_limit.unwrap_or(0.0),
+                });
+            }
+        }
+        let mut lights_of_lane = vec![Vec::new(); map.lanes.len()];
+        for (i, light) in scenario.start.lights.iter().enumerate() {
+            if let Some(lights) = lights_of_lane.get_mut(light.lane) {
+                lights.push(i);
+            }
+        }
+        Self { pieces, lights_of_lane, route: logged_path(scenario) }
+    }
+
+    /// Returns the length of the route up to the point nearest to `p`, metres; 0 without a route. Points
+    /// beyond an end count with their distance along it.
+    pub(super) fn progress(&self, p: Vec2) -> f64 {
+        self.route.as_ref().map_or(0.0, |route| {
+            let found = route.project(p);
+            let last = route.at(route.length());
+            let beyond = (p - last).dot(&direction(route.heading_at(route.length())));
+            if found.s >= route.length() { route.length() + beyond.max(0.0) } else { found.s }
+        })
+    }
+
+    /// Appends the observation of agent `own` to the arrays; zeros if it is absent.
+    pub(super) fn write(&self, seen: &Observation<'_>, own: usize, sizes: &Sizes, arrays: &mut Arrays) {
+        let lengths = sizes.shapes().map(|(_, shape)| shape.iter().product::<usize>());
+        let first: [usize; ARRAYS] = std::array::from_fn(|i| arrays.0[i].len());
+        for (array, length) in arrays.0.iter_mut().zip(lengths) {
+            array.resize(array.len() + length, 0.0);
+        }
+        let Some(now) = seen.state(own) else { return };
+        let frame = LocalFrame { origin: now.position(), ahead: direction(now.heading) };
+        let [av, av_size, agents, features, lanes, lane_features, lights, route] = &mut arrays.0;
+        let agent = &seen.start().agents[own];
+        write_track(&mut av[first[0]..], seen, own, sizes.history, &frame);
+        av_size[first[1]..].copy_from_slice(&[agent.length as f32, agent.width as f32]);
+        let others = nearest(sizes.agents, seen.tracks().len(), |i| {
+            let state = seen.state(i).filter(|_| i != own)?;
+            Some((state.position() - frame.origin).norm_squared())
+        });
+        for (row, &i) in others.iter().enumerate() {
+            let at = first[2] + row * sizes.history * STATE;
+            write_track(&mut agents[at..], seen, i, sizes.history, &frame);
+            write_agent(&mut features[first[3] + row * AGENT..], seen, i);
+        }
+        let near = nearest(sizes.lanes, self.pieces.len(), |i| {
+            Some((self.pieces[i].middle - frame.origin).norm_squared())
+        });
+        for (row, &i) in near.iter().enumerate() {
+            let piece = &self.pieces[i];
+            let at = first[4] + row * sizes.points * POINT;
+            for (values, &(p, ahead)) in lanes[at..].chunks_mut(POINT).zip(&piece.points) {
+                let ([x, y], [cos, sin]) = (frame.point(p), frame.vector(ahead));
+                values.copy_from_slice(&[x, y, cos, sin]);
+            }
+            let mut of_lane = [0.0_f32; 3];
+            for &light in &self.lights_of_lane[piece.lane] {
+                of_lane.iter_mut().zip(colors(seen, light)).for_each(|(all, one)| *all = all.max(one));
+            }
+            let [red, yellow, green] = of_lane;
+            let values =
+                [1.0, f32::from(u8::from(piece.is_connector)), piece.speed_limit as f32, red, yellow, green];
+            lane_features[first[5] + row * LANE..][..LANE].copy_from_slice(&values);
+        }
+        let all = &seen.start().lights;
+        let near =
+            nearest(sizes.lights, all.len(), |i| Some((all[i].stop_point - frame.origin).norm_squared()));
+        for (row, &i) in near.iter().enumerate() {
+            let ([x, y], [red, yellow, green]) = (frame.point(all[i].stop_point), colors(seen, i));
+            lights[first[6] + row * LIGHT..][..LIGHT].copy_from_slice(&[x, y, red, yellow, green, 1.0]);
+        }
+        if let Some(path) = &self.route {
+            let s = path.project(frame.origin).s;
+            for (k, values) in route[first[7]..].chunks_mut(ROUTE).enumerate() {
+                let s = s + ROUTE_SPACING * (k + 1) as f64;
+                if s > path.length() {
+                    break;
+                }
+                let ([x, y], [cos, sin]) =
+                    (frame.point(path.at(s)), frame.vector(direction(path.heading_at(s))));
+                values.copy_from_slice(&[x, y, cos, sin, 1.0]);
+            }
+        }
+    }
+}
+
+/// Returns the path of the logged AV from its first recorded position on; `None` if it does not move.
+fn logged_path(scenario: &Scenario) -> Option<Polyline> {
+    let mut points: Vec<Vec2> = Vec::new();
+    for frame in 0..HISTORY + FUTURE {
+        let Some(p) = scenario.logged_at(0, frame).map(|state| state.position()) else { continue };
+        if points.last().is_none_or(|last| (p - last).norm() >= MIN_POINT_SPACING) {
+            points.push(p);
+        }
+    }
+    Polyline::new(&points).ok()
+}
+
+/// The frame of an agent.
+struct LocalFrame {
+    origin: Vec2,
+    ahead: Vec2,
+}
+
+impl LocalFrame {
+    fn point(&self, p: Vec2) -> [f32; 2] {
+        self.vector(p - self.origin)
+    }
+
+    fn vector(&self, v: Vec2) -> [f32; 2] {
+        [v.dot(&self.ahead) as f32, v.dot(&left(self.ahead)) as f32]
+    }
+}
+
+/// Returns up to `most` of `count` indices with a distance, nearest first.
+fn nearest(most: usize, count: usize, distance: impl Fn(usize) -> Option<f64>) -> Vec<usize> {
+    let mut found: Vec<(f64, usize)> = (0..count).filter_map(|i| Some((distance(i)?, i))).collect();
+    if most == 0 {
+        return Vec::new();
+    }
+    let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if found.len() > most {
+        found.select_nth_unstable_by(most - 1, order);
+        found.truncate(most);
+    }
+    found.sort_unstable_by(order);
+    found.into_iter().map(|(_, i)| i).collect()
+}
+
+/// Writes the last `frames` frames of an agent, oldest first.
+fn write_track(values: &mut [f32], seen: &Observation<'_>, agent: usize, frames: usize, frame: &LocalFrame) {
+    let track = seen.track(agent);
+    for (state, values) in track[track.len() - frames..].iter().zip(values.chunks_mut(STATE)) {
+        let Some(state) = state else { continue };
+        let ([x, y], [cos, sin]) = (frame.point(state.position()), frame.vector(direction(state.heading)));
+        let [vx, vy] = frame.vector(AgentState::velocity(state).unwrap_or_default());
+        values.copy_from_slice(&[x, y, cos, sin, vx, vy, 1.0]);
+    }
+}
+
+fn write_agent(values: &mut [f32], seen: &Observation<'_>, agent: usize) {
+    let agent = &seen.start().agents[agent];
+    values[..2].copy_from_slice(&[agent.length as f32, agent.width as f32]);
+    let kind = match agent.kind {
+        AgentKind::Vehicle => 0,
+        AgentKind::Pedestrian => 1,
+        AgentKind::Cyclist => 2,
+        AgentKind::Other => 3,
+    };
+    values[2 + kind] = 1.0;
+}
+
+/// Returns whether a light is red, yellow or green now.
+fn colors(seen: &Observation<'_>, light: usize) -> [f32; 3] {
+    match seen.light(light).last().copied().flatten() {
+        Some(LightState::Stop | LightState::ArrowStop | LightState::FlashingStop) => [1.0, 0.0, 0.0],
+        Some(LightState::Caution | LightState::ArrowCaution | LightState::FlashingCaution) => [0.0, 1.0, 0.0],
+        Some(LightState::Go | LightState::ArrowGo) => [0.0, 0.0, 1.0],
+        Some(LightState::Unknown) | None => [0.0; 3],
+    }
+}

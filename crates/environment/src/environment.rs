@@ -1,0 +1,410 @@
+//! Rollouts whose AV a program moves, one action at a time.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use reactsim_evaluation::{KnownDeviation, Row, judge_in_memory};
+use reactsim_metrics::{Event, Options};
+use reactsim_planning::from_scene::{
+    ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map,
+};
+use reactsim_planning::metrics::SampleJudge;
+use reactsim_planning::{EgoShape, PlanningMap};
+use reactsim_rollout::{
+    AvError, AvPolicy, Controller, Lockstep, Observation, Rollout, RolloutBeginning, Settings,
+};
+use reactsim_scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
+
+use super::action::{ActionKind, Mover};
+use super::arrays::{Arrays, SceneArrays, Sizes};
+use super::session::RequestError;
+
+/// Slot of the AV among the agents.
+const AV: usize = 0;
+
+/// Names of the measures of a step.
+pub const MEASURES: [&str; 7] =
+    ["progress", "contact", "at_fault_contact", "ttc", "off_road", "uncomfortable", "speed"];
+
+/// A condition that ends an episode before its last step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EndCondition {
+    /// The AV touches an object for the first time.
+    Contact,
+    /// The same, if it is the fault of the AV.
+    AtFaultContact,
+    /// A corner of the AV is off the road.
+    OffRoad,
+}
+
+/// Settings of an environment.
+pub struct EnvironmentSettings {
+    /// The simulator that moves the agents.
+    pub controller: Controller,
+    /// Id of the simulator, for the rows of finished episodes.
+    pub simulator: String,
+    /// Protocol (reactive), replan interval, lookahead and seed.
+    pub rollout: Settings,
+    /// Kind of the actions.
+    pub action: ActionKind,
+    /// Number of steps of 0.1 s per action.
+    pub every: usize,
+    /// Sizes of the observations.
+    pub sizes: Sizes,
+    /// Conditions that end an episode before its last step.
+    pub end_at: Vec<EndCondition>,
+    /// Variants of the metrics with which finished episodes are scored; `None` if they are not.
+    pub scores: Option<Options>,
+}
+
+/// An episode to begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EpisodeBeginning {
+    /// The slot, which may have an episode that has not ended.
+    pub slot: usize,
+    /// Index of the scenario.
+    pub scenario: usize,
+    /// Index among the rollouts of the scenario: part of the names of random streams.
+    pub rollout: u32,
+}
+
+/// Scenarios with the parts of each that episodes share.
+pub struct Environment {
+    settings: EnvironmentSettings,
+    scenarios: Vec<Arc<Scenario>>,
+    prepared: Vec<Option<Rc<Prepared>>>,
+    lockstep: Lockstep<'static, Arc<Scenario>>,
+    slots: Vec<Slot>,
+}
+
+/// The parts of a scenario that episodes share.
+struct Prepared {
+    shape: EgoShape,
+    map: PlanningMap,
+    objects: ObjectIds,
+    arrays: SceneArrays,
+}
+
+/// An episode.
+struct Slot {
+    scenario: Arc<Scenario>,
+    prepared: Rc<Prepared>,
+    /// The next state of the AV, taken by its policy.
+    next: Rc<Cell<Option<AgentState>>>,
+    mover: Mover,
+    judge: SampleJudge,
+    /// Length of the route up to the AV, metres.
+    progress: f64,
+    end: Option<End>,
+}
+
+/// The end of an episode.
+#[derive(Clone, Debug, PartialEq)]
+pub enum End {
+    /// A condition of the environment is met.
+    Condition,
+    /// All 80 steps are over.
+    LastStep,
+    /// The rollout failed, with the reason.
+    Failed(String),
+}
+
+/// The result of one action for one slot.
+#[derive(Clone, Debug)]
+pub struct Stepped {
+    /// Values of [`MEASURES`] over the steps of the action: the sums of progress, flags that are 1 if they
+    /// are at any step, the smallest time to collision, and the last speed. NaN where unknown.
+    pub measures: [f64; MEASURES.len()],
+    /// The end of the episode, if it ended with this action.
+    pub end: Option<End>,
+}
+
+/// Policy whose next state the environment sets.
+struct SlotPolicy(Rc<Cell<Option<AgentState>>>);
+
+impl AvPolicy for SlotPolicy {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        let missing =
+            || AvError::Planner { step: seen.step() + 1, reason: "there is no action for it".to_owned() };
+        self.0.take().ok_or_else(missing)
+    }
+}
+
+impl Environment {
+    /// Creates an environment without episodes.
+    ///
+    /// # Errors
+    /// If a setting is out of range, or there are no scenarios.
+    pub fn new(scenarios: Vec<Arc<Scenario>>, settings: EnvironmentSettings) -> Result<Self, RequestError> {
+        if scenarios.is_empty() {
+            return Err(RequestError::new(
+                "no scenario is selected: give files, ids or a limit that select some",
+            ));
+        }
+        if let Some(fault) = settings.sizes.fault() {
+            return Err(RequestError::new(fault));
+        }
+        match (settings.action, settings.every) {
+            (_, every) if !(1..=FUTURE).contains(&every) => {
+                return Err(RequestError::new(format_args!("`every` is {every}, expected 1 to 80 steps")));
+            }
+            (ActionKind::State, 2..) => {
+                return Err(RequestError::new(format_args!(
+                    "`every` is {}, expected 1: an action of the kind `state` is one step",
+                    settings.every
+                )));
+            }
+            (ActionKind::Plan { poses }, every) if !(every..=FUTURE).contains(&poses) => {
+                return Err(RequestError::new(format_args!(
+                    "a plan has {poses} poses, expected {every} to {FUTURE}: at least `every`"
+                )));
+            }
+            _ => {}
+        }
+        let lockstep = Lockstep::begin([], &settings.controller, &settings.rollout);
+        let prepared = scenarios.iter().map(|_| None).collect();
+        Ok(Self { settings, scenarios, prepared, lockstep, slots: Vec::new() })
+    }
+
+    /// Returns the scenarios.
+    pub fn scenarios(&self) -> &[Arc<Scenario>] {
+        &self.scenarios
+    }
+
+    /// Returns the number of slots.
+    pub fn slots(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Returns the settings.
+    pub fn settings(&self) -> &EnvironmentSettings {
+        &self.settings
+    }
+
+    /// Begins episodes in place of all that there are, one per slot, in their order.
+    ///
+    /// # Errors
+    /// If a scenario cannot be used.
+    pub fn reset(&mut self, episodes: &[EpisodeBeginning]) -> Result<(), RequestError> {
+        let mut slots = Vec::with_capacity(episodes.len());
+        for episode in episodes {
+            slots.push(self.slot(episode)?);
+        }
+        let beginnings = slots.iter().zip(episodes).map(|(slot, episode)| slot.beginning(episode.rollout));
+        let (controller, rollout) = (&self.settings.controller, &self.settings.rollout);
+        let begun = Lockstep::begin(beginnings, controller, rollout);
+        std::mem::replace(&mut self.lockstep, begun).finish(controller);
+        self.slots = slots;
+        self.fail_begun(0..self.slots.len())
+    }
+
+    /// Moves the AVs of the episodes by their actions, `values` numbers per slot, and then begins the
+    /// `restarted` episodes, whose actions are ignored.
+    ///
+    /// # Errors
+    /// If an action cannot be executed, an episode is over, or a scenario cannot be used. If the first step
+    /// of an action is impossible, no episode has changed.
+    pub fn step(
+        &mut self,
+        actions: &[f64],
+        restarted: &[EpisodeBeginning],
+    ) -> Result<Vec<Stepped>, RequestError> {
+        let values = self.settings.action.values();
+        if actions.len() != values * self.slots.len() {
+            return Err(RequestError::new(format_args!(
+                "the actions have {} numbers, expected {} slots × {values}",
+                actions.len(),
+                self.slots.len()
+            )));
+        }
+        if let Some(episode) = restarted.iter().find(|episode| episode.slot >= self.slots.len()) {
+            let (slot, slots) = (episode.slot, self.slots.len());
+            return Err(RequestError::new(format_args!(
+                "there is no slot {slot}, expected 0 to {}",
+                slots - 1
+            )));
+        }
+        let is_restarted = |slot: usize| restarted.iter().any(|episode| episode.slot == slot);
+        if let Some(slot) = (0..self.slots.len()).find(|&i| self.slots[i].end.is_some() && !is_restarted(i)) {
+            return Err(RequestError::new(format_args!("the episode in slot {slot} is over: reset it")));
+        }
+        let mut stepped: Vec<Stepped> = self.slots.iter().map(|_| Stepped::new()).collect();
+        for k in 0..self.settings.every {
+            let mut moved = Vec::with_capacity(self.slots.len());
+            for (i, slot) in self.slots.iter().enumerate() {
+                let Some(now) = self.lockstep.tracks(i)[AV].last().copied().flatten() else { continue };
+                if slot.end.is_some() || is_restarted(i) {
+                    continue;
+                }
+                let mut mover = slot.mover.clone();
+                let next = mover.advance(&now, &actions[i * values..(i + 1) * values], k == 0);
+                moved.push((i, mover, next?));
+            }
+            for (i, mover, next) in &moved {
+                self.slots[*i].mover = mover.clone();
+                self.slots[*i].next.set(Some(*next));
+            }
+            self.lockstep.step(&self.settings.controller, &self.settings.rollout);
+            for (i, ..) in moved {
+                let end = self.slots[i].measure(&self.lockstep, i, &self.settings.end_at, &mut stepped[i]);
+                if end == Some(End::Condition) {
+                    self.lockstep.stop(i);
+                }
+                self.slots[i].end.clone_from(&end);
+                stepped[i].end = end;
+            }
+        }
+        for episode in restarted {
+            let slot = self.slot(episode)?;
+            let beginning = slot.beginning(episode.rollout);
+            let (controller, rollout) = (&self.settings.controller, &self.settings.rollout);
+            self.lockstep.restart(episode.slot, beginning, controller, rollout);
+            self.slots[episode.slot] = slot;
+            self.fail_begun(episode.slot..episode.slot + 1)?;
+        }
+        Ok(stepped)
+    }
+
+    /// Returns the observation of each slot.
+    pub fn observe(&self) -> Arrays {
+        let mut arrays = Arrays::default();
+        for (i, slot) in self.slots.iter().enumerate() {
+            slot.prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
+        }
+        arrays
+    }
+
+    /// Returns the frames of each agent of a slot so far.
+    ///
+    /// # Errors
+    /// If there is no such slot.
+    pub fn tracks(&self, slot: usize) -> Result<(&Scenario, &[Vec<Frame>]), RequestError> {
+        let missing = || {
+            RequestError::new(format_args!("there is no slot {slot}, expected less than {}", self.slots()))
+        };
+        let of = self.slots.get(slot).ok_or_else(missing)?;
+        Ok((&of.scenario, self.lockstep.tracks(slot)))
+    }
+
+    /// Scores an episode that had all its steps, as a run with a judged AV does. `None` if episodes are not
+    /// scored.
+    pub fn scores(&self, slot: usize) -> Option<(Vec<Row>, Vec<Vec<Event>>)> {
+        let options = self.settings.scores?;
+        let tracks = self.lockstep.tracks(slot).to_vec();
+        let rollout = Rollout { tracks, outcomes: self.lockstep.outcomes(slot).clone() };
+        let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.simulator);
+        Some(judge_in_memory(scenario, simulator, rollout, &KnownDeviation::default(), options, true))
+    }
+
+    /// Creates an episode at its start.
+    fn slot(&mut self, episode: &EpisodeBeginning) -> Result<Slot, RequestError> {
+        let count = self.scenarios.len();
+        let Some(scenario) = self.scenarios.get(episode.scenario) else {
+            let index = episode.scenario;
+            return Err(RequestError::new(format_args!(
+                "there is no scenario {index}, expected 0 to {}",
+                count - 1
+            )));
+        };
+        let scenario = Arc::clone(scenario);
+        let prepared = match &self.prepared[episode.scenario] {
+            Some(prepared) => Rc::clone(prepared),
+            None => {
+                let points = self.settings.sizes.points;
+                let prepared = Rc::new(Prepared::new(&scenario, points)?);
+                self.prepared[episode.scenario] = Some(Rc::clone(&prepared));
+                prepared
+            }
+        };
+        let track = &scenario.start.history[AV];
+        let mover = Mover::new(self.settings.action, track, &prepared.shape);
+        let absent =
+            || RequestError::new(format_args!("scenario `{}`: the AV has no finite state", scenario.id));
+        let judge = SampleJudge::new(ego_states_until_now(track, &prepared.shape));
+        let progress = prepared.arrays.progress(scenario.start.now(AV).position());
+        let (mover, next) = (mover.ok_or_else(absent)?, Rc::new(Cell::new(None)));
+        Ok(Slot { scenario, prepared, next, mover, judge, progress, end: None })
+    }
+
+    /// Reports episodes that the simulator could not begin.
+    fn fail_begun(&self, slots: std::ops::Range<usize>) -> Result<(), RequestError> {
+        let failure = slots.into_iter().find_map(|i| self.lockstep.failure(i));
+        failure.map_or(Ok(()), |error| Err(RequestError::new(error)))
+    }
+}
+
+impl Prepared {
+    fn new(scenario: &Scenario, points: usize) -> Result<Self, RequestError> {
+        Ok(Self {
+            shape: ego_shape(scenario).map_err(RequestError::new)?,
+            map: planning_map(scenario).map_err(RequestError::new)?,
+            objects: ObjectIds::new(&scenario.start),
+            arrays: SceneArrays::new(scenario, points),
+        })
+    }
+}
+
+impl Stepped {
+    fn new() -> Self {
+        Self { measures: [0.0, 0.0, 0.0, f64::INFINITY, 0.0, 0.0, f64::NAN], end: None }
+    }
+}
+
+impl Slot {
+    fn beginning(&self, rollout: u32) -> RolloutBeginning<'static, Arc<Scenario>> {
+        let av: Box<dyn AvPolicy> = Box::new(SlotPolicy(Rc::clone(&self.next)));
+        RolloutBeginning { scenario: Arc::clone(&self.scenario), av: Some(av), rollout }
+    }
+
+    /// Adds the measures of the step that was just realised. Returns the end of the episode, if it is over.
+    fn measure(
+        &mut self,
+        lockstep: &Lockstep<'static, Arc<Scenario>>,
+        index: usize,
+        end_at: &[EndCondition],
+        stepped: &mut Stepped,
+    ) -> Option<End> {
+        if let Some(error) = lockstep.failure(index) {
+            return Some(End::Failed(error.to_string()));
+        }
+        let (seen, prepared) = (lockstep.seen(index), &self.prepared);
+        let no_state = || End::Failed(format!("scenario `{}`: the AV has no finite state", self.scenario.id));
+        let Some(ego) = ego_state_now(seen.track(AV), &prepared.shape) else { return Some(no_state()) };
+        let objects = prepared.objects.objects_now(&seen);
+        let scores = self.judge.judge(&prepared.map, prepared.shape, ego, objects);
+        let progress = prepared.arrays.progress(ego.center(&prepared.shape));
+        let is_contact = !scores.contacts.is_empty();
+        let is_at_fault = scores.contacts.iter().any(|contact| contact.at_fault == Some(true));
+        let is_off_road = scores.is_off_road == Some(true);
+        let [sum, contact, at_fault, ttc, off_road, uncomfortable, speed] = &mut stepped.measures;
+        *sum += progress - self.progress;
+        self.progress = progress;
+        raise(contact, Some(is_contact));
+        raise(at_fault, Some(is_at_fault));
+        *ttc = ttc.min(scores.ttc);
+        raise(off_road, scores.is_off_road);
+        raise(uncomfortable, scores.is_comfortable.map(|is_comfortable| !is_comfortable));
+        *speed = ego.speed();
+        let is_met = |condition: &EndCondition| match condition {
+            EndCondition::Contact => is_contact,
+            EndCondition::AtFaultContact => is_at_fault,
+            EndCondition::OffRoad => is_off_road,
+        };
+        if end_at.iter().any(is_met) {
+            return Some(End::Condition);
+        }
+        (seen.frame() - CURRENT == FUTURE).then_some(End::LastStep)
+    }
+}
+
+/// Sets a flag that is 1 if it is at any step; unknown flags are NaN.
+fn raise(flag: &mut f64, value: Option<bool>) {
+    match value {
+        Some(true) => *flag = 1.0,
+        Some(false) => {}
+        None => *flag = f64::NAN,
+    }
+}

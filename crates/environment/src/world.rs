@@ -1,0 +1,329 @@
+//! Rollouts whose agents a program moves, while the AV follows a trajectory.
+
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+use reactsim_evaluation::{Plan, Row, judge_in_memory};
+use reactsim_metrics::{Event, Options};
+use reactsim_planning::EgoShape;
+use reactsim_rollout::{
+    Av, AvError, AvPolicy, Controller, Episode, Lockstep, Memory, Observation, PlanError, Protocol, Replan,
+    Rollout, RolloutBeginning, Settings, Simulator, Stream,
+};
+use reactsim_scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario, Start, levels};
+
+use super::action::{ActionKind, Mover};
+use super::arrays::{Arrays, SceneArrays, Sizes};
+use super::session::RequestError;
+
+/// Slot of the AV among the agents.
+const AV: usize = 0;
+
+/// Names of the measures of a step of an agent.
+pub const AGENT_MEASURES: [&str; 4] = ["contact_av", "contact_agents", "off_road", "speed"];
+
+/// An environment in which actions move every agent but the AV.
+pub struct World {
+    /// The policy of the AV.
+    plan: Plan,
+    scenarios: Vec<Arc<Scenario>>,
+    action: ActionKind,
+    sizes: Sizes,
+    options: Option<Options>,
+    settings: Settings,
+    controller: Controller,
+    /// The next states, which the simulator returns.
+    next: Arc<Mutex<Vec<Frame>>>,
+    episode: Option<WorldEpisode>,
+}
+
+struct WorldEpisode {
+    scenario: Arc<Scenario>,
+    arrays: SceneArrays,
+    lockstep: Lockstep<'static, Arc<Scenario>>,
+    /// Motion of each agent after the AV.
+    movers: Vec<Mover>,
+}
+
+/// The result of a step.
+#[derive(Clone, Debug)]
+pub struct WorldStepped {
+    /// Values of [`AGENT_MEASURES`] per agent after the AV, NaN where unknown.
+    pub measures: Vec<[f64; AGENT_MEASURES.len()]>,
+    /// Whether all 80 steps are over.
+    pub is_over: bool,
+}
+
+/// Simulator that returns states that others have set, one step at a time.
+struct Puppets(Arc<Mutex<Vec<Frame>>>);
+
+impl Simulator for Puppets {
+    fn begin(&self, _: &Start, _: &mut Stream) -> Memory {
+        Memory::NONE
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        let next = self.0.lock();
+        for episode in batch {
+            for (agent, state) in next.iter().enumerate() {
+                episode.plan.set(agent + 1, 0, *state);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Policy of an AV whose next state depends on the observation only: trajectories and scripts.
+struct StatelessPolicy {
+    av: Arc<dyn Av>,
+    rollout: u32,
+}
+
+impl AvPolicy for StatelessPolicy {
+    fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
+        self.av.begin(self.rollout).next(seen)
+    }
+
+    fn replays_recording(&self) -> bool {
+        self.av.begin(self.rollout).replays_recording()
+    }
+}
+
+impl World {
+    /// Creates an environment without an episode. `plan` has the policy of the AV, which may not be a
+    /// planner.
+    ///
+    /// # Errors
+    /// If the AV is driven by a planner, a setting is out of range, or there are no scenarios.
+    pub fn new(
+        scenarios: Vec<Arc<Scenario>>,
+        plan: Plan,
+        action: ActionKind,
+        sizes: Sizes,
+        options: Option<Options>,
+    ) -> Result<Self, RequestError> {
+        if scenarios.is_empty() {
+            return Err(RequestError::new(
+                "no scenario is selected: give files, ids or a limit that select some",
+            ));
+        }
+        if plan.settings.av.is_judged() {
+            return Err(RequestError::new(format_args!(
+                "the AV is driven by `{}`, expected a trajectory or a script, such as deviated or log",
+                plan.settings.av
+            )));
+        }
+        if let Some(fault) = sizes.fault() {
+            return Err(RequestError::new(fault));
+        }
+        if matches!(action, ActionKind::Plan { .. }) {
+            return Err(RequestError::new("agents have no tracker: expected bicycle or state"));
+        }
+        let next = Arc::<Mutex<Vec<Frame>>>::default();
+        Ok(Self {
+            plan,
+            scenarios,
+            action,
+            sizes,
+            options,
+            settings: Settings {
+                protocol: Protocol::Reactive,
+                replan: Replan::EVERY_STEP,
+                ..Settings::default()
+            },
+            controller: Controller::Fair(Box::new(Puppets(Arc::clone(&next)))),
+            next,
+            episode: None,
+        })
+    }
+
+    /// Returns the scenarios.
+    pub fn scenarios(&self) -> &[Arc<Scenario>] {
+        &self.scenarios
+    }
+
+    /// Returns the sizes of the observations.
+    pub fn sizes(&self) -> &Sizes {
+        &self.sizes
+    }
+
+    /// Returns the number of agents after the AV, and the number of values of an action.
+    pub fn actions(&self) -> [usize; 2] {
+        [self.episode.as_ref().map_or(0, |episode| episode.movers.len()), self.action.values()]
+    }
+
+    /// Begins an episode. Returns the scenario.
+    ///
+    /// # Errors
+    /// If there is no such scenario, or it has no AV of the chosen kind.
+    pub fn reset(&mut self, scenario: usize, rollout: u32) -> Result<&Scenario, RequestError> {
+        let count = self.scenarios.len();
+        let missing = || {
+            RequestError::new(format_args!("there is no scenario {scenario}, expected 0 to {}", count - 1))
+        };
+        let scenario = Arc::clone(self.scenarios.get(scenario).ok_or_else(missing)?);
+        let (av, _) = self
+            .plan
+            .av(&scenario)
+            .map_err(|error| RequestError::new(format_args!("scenario `{}`: {error}", scenario.id)))?;
+        let av: Option<Box<dyn AvPolicy>> =
+            av.map(|av| -> Box<dyn AvPolicy> { Box::new(StatelessPolicy { av, rollout }) });
+        let mover = |track: &Vec<Frame>| Mover::new(self.action, track, &EgoShape::PACIFICA);
+        let movers: Option<Vec<Mover>> = scenario.start.history[AV + 1..].iter().map(mover).collect();
+        let absent = || RequestError::new(format_args!("scenario `{}`: an agent is absent now", scenario.id));
+        let movers = movers.ok_or_else(absent)?;
+        let beginning = RolloutBeginning { scenario: Arc::clone(&scenario), av, rollout };
+        let lockstep = Lockstep::begin([beginning], &self.controller, &self.settings);
+        let arrays = SceneArrays::new(&scenario, self.sizes.points);
+        let episode = self.episode.insert(WorldEpisode { scenario, arrays, lockstep, movers });
+        match episode.lockstep.failure(0) {
+            Some(error) => Err(RequestError::new(error)),
+            None => Ok(&episode.scenario),
+        }
+    }
+
+    /// Moves the agents by their actions, `values` numbers per agent.
+    ///
+    /// # Errors
+    /// If an action cannot be executed, no episode has begun, or it is over; nothing has changed then. Or if
+    /// the AV cannot be moved.
+    pub fn step(&mut self, actions: &[f64]) -> Result<WorldStepped, RequestError> {
+        let none = || RequestError::new("no episode has begun: reset first");
+        let episode = self.episode.as_mut().ok_or_else(none)?;
+        if episode.lockstep.is_over() {
+            return Err(RequestError::new("the episode is over: reset it"));
+        }
+        let mut movers = episode.movers.clone();
+        let mut next = Vec::with_capacity(movers.len());
+        let tracks = &episode.lockstep.tracks(0)[AV + 1..];
+        for ((mover, track), action) in
+            movers.iter_mut().zip(tracks).zip(actions.chunks(self.action.values()))
+        {
+            let now = track.last().copied().flatten();
+            next.push(now.map(|now| mover.advance(&now, action, true)).transpose()?);
+        }
+        episode.movers = movers;
+        *self.next.lock() = next;
+        episode.lockstep.step(&self.controller, &self.settings);
+        if let Some(error) = episode.lockstep.failure(0) {
+            return Err(RequestError::new(error));
+        }
+        let seen = episode.lockstep.seen(0);
+        Ok(WorldStepped { measures: measures(&seen), is_over: seen.frame() - CURRENT == FUTURE })
+    }
+
+    /// Returns the observation of each agent after the AV.
+    pub fn observe(&self) -> Arrays {
+        let mut arrays = Arrays::default();
+        if let Some(episode) = &self.episode {
+            let seen = episode.lockstep.seen(0);
+            for agent in AV + 1..seen.tracks().len() {
+                episode.arrays.write(&seen, agent, &self.sizes, &mut arrays);
+            }
+        }
+        arrays
+    }
+
+    /// Returns the frames of each agent so far, and the scenario.
+    ///
+    /// # Errors
+    /// If no episode has begun.
+    pub fn tracks(&self) -> Result<(&Scenario, &[Vec<Frame>]), RequestError> {
+        let none = || RequestError::new("no episode has begun: reset first");
+        let episode = self.episode.as_ref().ok_or_else(none)?;
+        Ok((&episode.scenario, episode.lockstep.tracks(0)))
+    }
+
+    /// Scores an episode that is over, as a run does. `None` if episodes are not scored.
+    pub fn scores(&self) -> Option<(Vec<Row>, Vec<Vec<Event>>)> {
+        let (options, episode) = (self.options?, self.episode.as_ref()?);
+        let (_, deviation) = self.plan.av(&episode.scenario).ok()?;
+        let tracks = episode.lockstep.tracks(0).to_vec();
+        let rollout = Rollout { tracks, outcomes: episode.lockstep.outcomes(0).clone() };
+        Some(judge_in_memory(&episode.scenario, "agents", rollout, &deviation, options, false))
+    }
+}
+
+/// Returns the measures of each agent after the AV.
+fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
+    let agents = &seen.start().agents;
+    let boxes: Vec<_> = agents
+        .iter()
+        .enumerate()
+        .map(|(i, agent)| Some(seen.state(i).filter(|_| agent.has_extent())?.footprint(agent)))
+        .collect();
+    let (road, heights) = (seen.start().road(), seen.heights());
+    // NaN, as in scenarios of one level, separates nothing.
+    let height = |i: usize| heights.get(i).copied().unwrap_or(f64::NAN);
+    let touches = |a: usize, b: usize| match (&boxes[a], &boxes[b]) {
+        (Some(one), Some(other)) => {
+            let distance = (one.center - other.center).norm();
+            distance < one.radius() + other.radius()
+                && one.separation(other) < 0.0
+                && !levels::apart(height(a), height(b), distance)
+        }
+        _ => false,
+    };
+    let flag = |is_so: bool| f64::from(u8::from(is_so));
+    let of = |i: usize| {
+        let Some(state) = seen.state(i) else { return [f64::NAN; AGENT_MEASURES.len()] };
+        let hits_agent = (AV + 1..agents.len()).any(|other| other != i && touches(i, other));
+        let drivable = match agents[i].kind {
+            AgentKind::Vehicle => road.on_level(height(i)).drivable(state.position(), &mut None),
+            _ => None,
+        };
+        let off_road = drivable.map_or(f64::NAN, |is_drivable| flag(!is_drivable));
+        [flag(touches(i, AV)), flag(hits_agent), off_road, state.speed()]
+    };
+    (AV + 1..agents.len()).map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_evaluation::{AvChoice, PlanRequest, Source};
+
+    use super::*;
+
+    fn world(av: AvChoice) -> Result<World, RequestError> {
+        let scenarios: Vec<_> =
+            Source::shipped(1).scenarios().unwrap().map(|scenario| Arc::new(scenario.unwrap())).collect();
+        let plan = PlanRequest { av: Some(av), ..PlanRequest::new(Vec::new(), Vec::new()) }.plan().unwrap();
+        let sizes = Sizes { agents: 2, history: 1, lanes: 2, points: 2, lights: 1, route: 0 };
+        World::new(scenarios, plan, ActionKind::State, sizes, Some(Options::default()))
+    }
+
+    #[test]
+    fn logged_agents_have_the_metrics_of_the_log() {
+        let mut world = world(AvChoice::Log).unwrap();
+        let logged = Arc::clone(&world.scenarios()[0]);
+        world.reset(0, 0).unwrap();
+        let [agents, values] = world.actions();
+        assert_eq!((agents, values), (logged.start.agents.len() - 1, 5));
+        let mut last = None;
+        for step in 0..FUTURE {
+            let state = |agent: usize| {
+                // Agents that leave the log stay where they are.
+                let now = world.tracks().unwrap().1[agent].last().copied().flatten();
+                let next = logged.log_future.tracks[agent][step].or(now).unwrap();
+                [next.x, next.y, next.heading, next.vx, next.vy]
+            };
+            let actions: Vec<f64> = (1..=agents).flat_map(state).collect();
+            last = Some(world.step(&actions).unwrap());
+        }
+        assert!(last.unwrap().is_over);
+        let (rows, _) = world.scores().unwrap();
+        assert!(rows[0].metrics.contains_key("aav-collision") && !rows[0].metrics.contains_key("av-score"));
+        let tracks = world.tracks().unwrap().1;
+        assert_eq!(tracks[0][90].map(|state| state.x), logged.log_future.tracks[0][79].map(|state| state.x));
+        assert!(world.step(&vec![0.0; agents * values]).is_err());
+    }
+
+    #[test]
+    fn planners_are_refused() {
+        let error = world("planner:idm".parse().unwrap()).err().unwrap();
+        assert_eq!(
+            error.to_string(),
+            "the AV is driven by `planner:idm`, expected a trajectory or a script, such as deviated or log"
+        );
+    }
+}

@@ -1,0 +1,481 @@
+"""Environments for reinforcement learning, in which the benchmark's simulators move the traffic.
+
+`Env` has the interface of gymnasium, and `VectorEnv` the interface of its vectorised environments.
+Both need gymnasium: `pip install 'reactsim[env]'`. Their traffic is the same as in `reactsim.run`,
+bit for bit, for the same states of the AV. The log after the current frame is hidden; only the path
+of the logged AV, without times, is observed as its route.
+
+Observations are dictionaries of float32 arrays in the frame of the AV: the origin is its box centre
+and the x axis points along its heading. Units are metres, m/s and radians. Rows that do not exist
+are 0, and so is their flag `valid`. H, A, L, P, K and R are the arguments `history`, `agents`,
+`lanes`, `points`, `lights` and `route`.
+
+- `av` [H, 7]: the AV at the last H frames, oldest first: x, y, cosine and sine of the heading, vx,
+  vy, valid
+- `av_size` [2]: length and width of the AV
+- `agents` [A, H, 7]: the A nearest other agents, nearest first, with the values of `av`
+- `agent_features` [A, 6]: length, width, and flags of the kind: vehicle, pedestrian, cyclist, other
+- `lanes` [L, P, 4]: the L nearest pieces of lanes, about 2 m between points: x, y, cosine and sine
+  of the direction
+- `lane_features` [L, 6]: valid, connector, speed limit (0 if unknown), and flags of the light of
+  the lane: red, yellow, green
+- `lights` [K, 6]: the K nearest traffic lights: x and y of the stop point, red, yellow, green,
+  valid
+- `route` [R, 5]: points of the route ahead every 2 m: x, y, cosine and sine of the direction, valid
+
+Measures of each step are in `info`. They follow the rules of the metrics of planners, from what is
+known at the step: `progress` (metres along the route), `contact` (1 at the first contact with an
+object), `at_fault_contact` (the same, if it is the fault of the AV), `ttc` (time to collision in
+seconds, infinite if there is none), `off_road`, `uncomfortable` (accelerations, jerks and yaw rates
+out of their bounds) and `speed` (m/s). NaN is unknown.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Callable, Union
+
+import numpy as np
+
+from .client import Array
+from .options import Sources
+from .process import ProgramProcess
+from .program import ReactsimError, text_of
+from .scenarios import Scenario, reading_of
+from .scoring import RolloutScores, read_scores
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode
+    from gymnasium.vector.utils import batch_space
+except ImportError as error:
+    raise ImportError(
+        f"environments need gymnasium ({error}): pip install 'reactsim[env]'"
+    ) from None
+
+__all__ = ["REWARD", "Env", "Reward", "VectorEnv"]
+
+Reward = Union[Mapping[str, float], Callable[[Mapping[str, float]], float]]
+"""Weights of measures, whose weighted sum is the reward, or a function of the measures."""
+
+REWARD: Mapping[str, float] = {
+    "progress": 0.1,
+    "at_fault_contact": -10.0,
+    "off_road": -1.0,
+    "uncomfortable": -0.1,
+}
+"""Default weights of the reward."""
+
+MAX_ACCELERATION = 6.0  # m/s², the limit of the benchmark
+MAX_CURVATURE = 0.3  # 1/m, the limit of the benchmark
+MAX_PLANNED = 400.0  # metres; no AV drives farther in 8 s
+ROLLOUTS = 1 << 31  # number of rollouts of a scenario with random streams of their own
+
+
+class _Core:
+    """The process of an environment and the meaning of its arrays."""
+
+    def __init__(
+        self,
+        scenarios: Sources | Scenario = None,
+        simulator: str = "idm",
+        *,
+        ids: Sequence[str] = (),
+        limit: int | None = None,
+        action: str = "bicycle",
+        poses: int = 10,
+        every: int = 1,
+        agents: int = 32,
+        history: int = 11,
+        lanes: int = 64,
+        points: int = 10,
+        lights: int = 8,
+        route: int = 20,
+        reward: Reward | None = None,
+        end_at: str | Sequence[str] = (),
+        scores: bool = True,
+        replan: str = "2hz",
+        av_lookahead: bool = True,
+        seed: int = 0,
+        weights: Mapping[str, Any] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        metric_options: Mapping[str, Any] | None = None,
+        current_frame: int | None = None,
+        window_step: int | None = None,
+        all_agents: bool = False,
+    ) -> None:
+        kinds = ("bicycle", "plan", "state")
+        if action not in kinds:
+            raise ValueError(f"`action` is {action!r}, expected one of {', '.join(kinds)}")
+        if isinstance(scenarios, Scenario):
+            reading, ids = scenarios.reading(), [scenarios.id]
+        else:
+            as_read = {"current_frame": current_frame, "window_step": window_step}
+            reading = reading_of(scenarios, **as_read, all_agents=all_agents)
+        self.reward: Reward = REWARD if reward is None else reward
+        self.action_space = action_space(action, poses)
+        self.process = ProgramProcess()
+        arguments = {
+            "reading": reading,
+            "ids": list(ids),
+            "limit": limit,
+            "simulator": simulator,
+            "weights": {key: text_of(value) for key, value in (weights or {}).items()},
+            "parameters": {key: text_of(value) for key, value in (parameters or {}).items()},
+            "replan": replan,
+            "av_lookahead": av_lookahead,
+            "seed": seed,
+            "action": {"plan": {"poses": poses}} if action == "plan" else action,
+            "every": every,
+            "sizes": {
+                "agents": agents,
+                "history": history,
+                "lanes": lanes,
+                "points": points,
+                "lights": lights,
+                "route": route,
+            },
+            "end_at": [end_at] if isinstance(end_at, str) else list(end_at),
+            "scores": scores,
+            "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
+        }
+        try:
+            answer, _ = self.process.request("environment", arguments)
+        except BaseException:
+            self.process.close()
+            raise
+        description = json.loads(answer["description"])
+        self.scenarios: list[str] = description["scenarios"]
+        self.measures: list[str] = description["measures"]
+        self.arrays: list[str] = [name for name, _ in description["arrays"]]
+        self.observation_space = observation_space(description["arrays"])
+        if not callable(self.reward):
+            unknown = set(self.reward) - set(self.measures)
+            if unknown:
+                self.process.close()
+                raise ValueError(
+                    f"`reward` has weights of {sorted(unknown)}, expected some of {self.measures}"
+                )
+
+    def index(self, scenario: Any) -> int:
+        """Returns the index of a scenario that is given by its id or its index."""
+        if isinstance(scenario, str):
+            if scenario not in self.scenarios:
+                raise ValueError(f"no scenario `{scenario}` in this environment")
+            return self.scenarios.index(scenario)
+        index = int(scenario)
+        if not 0 <= index < len(self.scenarios):
+            raise ValueError(f"no scenario {index}, expected 0 to {len(self.scenarios) - 1}")
+        return index
+
+    def episode(self, slot: int, generator: np.random.Generator, **chosen: Any) -> dict[str, int]:
+        """Returns the next episode of a slot; what is not chosen is random."""
+        scenario, rollout = chosen.get("scenario"), chosen.get("rollout")
+        drawn = int(generator.integers(len(self.scenarios))), int(generator.integers(ROLLOUTS))
+        return {
+            "slot": slot,
+            "scenario": drawn[0] if scenario is None else self.index(scenario),
+            "rollout": drawn[1] if rollout is None else int(rollout),
+        }
+
+    def reset(self, episodes: list[dict[str, int]]) -> dict[str, Array]:
+        """Begins episodes in all slots; returns the observations."""
+        _, arrays = self.process.request("reset", {"episodes": episodes})
+        return {name: arrays[name] for name in self.arrays}
+
+    def states(self, slot: int) -> Array:
+        """Returns the realised states of a slot so far."""
+        _, arrays = self.process.request("tracks", {"slot": slot})
+        return arrays["states"]
+
+
+def observation_space(shapes: Sequence[tuple[str, Sequence[int]]]) -> spaces.Dict:
+    """Returns the space of arrays with these names and shapes."""
+    box = functools.partial(spaces.Box, -np.inf, np.inf, dtype=np.float32)
+    return spaces.Dict({name: box(shape=tuple(shape)) for name, shape in shapes})
+
+
+def checked(actions: Any, shape: tuple[int, ...], single: tuple[int, ...]) -> Array:
+    """Returns actions as f64 [actions, values]; `single` is the shape of one action."""
+    array = np.asarray(actions)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"the action has the type {array.dtype}, expected numbers")
+    if array.shape != shape:
+        raise ValueError(f"the action has the shape {array.shape}, expected {shape}")
+    return array.astype(np.float64).reshape(-1, int(np.prod(single)))
+
+
+def weighted(reward: Reward, names: Sequence[str], measures: Array) -> Array:
+    """Returns the reward of each row of measures, f64."""
+    if callable(reward):
+        return np.array([float(reward(dict(zip(names, row)))) for row in measures.tolist()])
+    rewards = np.zeros(len(measures))
+    for name, weight in reward.items():
+        # Unknown measures neither reward nor cost anything.
+        rewards += weight * np.nan_to_num(measures[:, names.index(name)], posinf=0.0)
+    return rewards
+
+
+def action_space(action: str, poses: int) -> spaces.Box:
+    """Returns the space of actions of a kind."""
+    if action == "bicycle":
+        high = np.array([MAX_ACCELERATION, MAX_CURVATURE], np.float32)
+    elif action == "plan":
+        pose = np.array([MAX_PLANNED, MAX_PLANNED, np.pi], np.float32)
+        high = np.tile(pose, (poses, 1))
+    else:
+        return spaces.Box(-np.inf, np.inf, (5,), np.float64)
+    return spaces.Box(-high, high, dtype=np.float32)
+
+
+def _end(end: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the entries of `info` at the end of an episode."""
+    entries: dict[str, Any] = {}
+    if "rows" in end:
+        scores = read_scores(end["rows"], end["events"])
+        entries["scores"] = RolloutScores(
+            scores.metrics,
+            scores.rollouts[0].deviation,
+            scores.rollouts[0].outcomes,
+            scores.rollouts[0].events,
+        )
+    if "failure" in end:
+        entries["failure"] = end["failure"]
+    return entries
+
+
+class Env(gymnasium.Env[dict[str, Array], Array]):
+    """An environment in which actions drive the AV and a simulator moves all other agents.
+
+    An episode has 80 steps of 0.1 s. It is truncated after the last step, or if the simulator
+    fails; it terminates at a condition of `end_at`. Without a condition it continues after
+    contacts, as in the benchmark. Observations and measures are described in
+    `reactsim.environment`.
+
+    `reset` chooses a scenario at random; `options={"scenario": id or index, "rollout": 0}` names
+    it, and the random streams of its simulator. `info["scores"]` has the scores of an episode after
+    its last step: all metrics of the benchmark, and the metrics of planners for the AV.
+
+    Args:
+        scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
+            default. All selected scenarios are kept in memory.
+        simulator: Id of the simulator, such as "idm".
+        ids: Only scenarios with one of these ids; all by default.
+        limit: Only the first `limit` scenarios of every file.
+        action: Kind of the actions. "bicycle": acceleration (m/s², up to 6) and curvature (1/m,
+            left positive, up to 0.3) of a kinematic bicycle that does not reverse; values beyond
+            are clipped. "plan": poses [poses, 3] after 1, 2, ... steps in the frame of the AV (x,
+            y, heading), which the LQR tracker of nuPlan follows; displacements above 50 m/s are
+            shortened. "state": the next state in the frame of the scenario (x, y, heading, vx, vy;
+            NaN velocities become displacements), at most 8 m away.
+        poses: Number of poses of a plan, at least `every`.
+        every: Number of steps of 0.1 s per action. Measures are then sums of progress, flags that
+            are 1 at any step, the smallest time to collision, and the last speed.
+        agents: Number of the nearest agents that are observed.
+        history: Number of frames that are observed, 1 to 11.
+        lanes: Number of the nearest pieces of lanes that are observed.
+        points: Number of points of a piece of a lane.
+        lights: Number of the nearest traffic lights that are observed.
+        route: Number of points of the route that are observed.
+        reward: Weights of measures, or a function of the measures; `REWARD` by default.
+        end_at: Conditions that terminate an episode: "contact", "at-fault-contact", "off-road".
+        scores: Score episodes after their last step.
+        replan: Replan rate or interval of the simulator.
+        av_lookahead: Agents observe the AV one step ahead, as in the benchmark.
+        seed: Seed of the random choices of the simulator.
+        weights: Files of weights by id of the simulator.
+        parameters: Parameters of the simulator, such as `{"idm.vehicle.headway": 2.5}`.
+        metric_options: Variants of the metrics, such as `{"fault_order": "nuplan"}`.
+        current_frame: Index of the current frame, from 0, for formats that leave it open.
+        window_step: Frames between scenarios of one recording of 20 s.
+        all_agents: Simulate all agents that are present at the current frame.
+
+    Raises:
+        ReactsimError: The program refuses a setting, an action or a scenario, or has ended.
+
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 # as gymnasium declares it
+
+    def __init__(
+        self, scenarios: Sources | Scenario = None, simulator: str = "idm", **settings: Any
+    ) -> None:
+        self._core = _Core(scenarios, simulator, **settings)
+        self.observation_space = self._core.observation_space
+        self.action_space = self._core.action_space
+        self._info: dict[str, Any] | None = None
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Ids of the scenarios."""
+        return list(self._core.scenarios)
+
+    @property
+    def states(self) -> Array:
+        """Realised states of the episode so far, f64 [agents, frames, 5]: x, y, heading, vx, vy.
+
+        Frame of the scenario; NaN where absent or unknown. Frames begin with the 11 of the history.
+        """
+        return self._core.states(0)
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Array], dict[str, Any]]:
+        """Begins an episode; see the class for `options`."""
+        super().reset(seed=seed)
+        chosen = dict(options or {})
+        unknown = set(chosen) - {"scenario", "rollout"}
+        if unknown:
+            raise ValueError(f"`options` has {sorted(unknown)}, expected `scenario` and `rollout`")
+        self._info = None
+        episode = self._core.episode(0, self.np_random, **chosen)
+        arrays = self._core.reset([episode])
+        scenario = self._core.scenarios[episode["scenario"]]
+        self._info = {"scenario": scenario, "rollout": episode["rollout"]}
+        return {name: array[0] for name, array in arrays.items()}, dict(self._info)
+
+    def step(self, action: Any) -> tuple[dict[str, Array], float, bool, bool, dict[str, Any]]:
+        """Executes an action; returns observation, reward, terminated, truncated and `info`."""
+        core = self._core
+        if self._info is None:
+            raise ReactsimError("no episode has begun, or it is over: call `reset` first")
+        shape = core.action_space.shape
+        values = checked(action, shape, shape)
+        answer, arrays = core.process.request("step", {"episodes": []}, {"actions": values})
+        measures = arrays["measures"]
+        reward = float(weighted(core.reward, core.measures, measures)[0])
+        info = {**self._info, **dict(zip(core.measures, measures[0].tolist()))}
+        terminated, truncated = bool(arrays["terminated"][0]), bool(arrays["truncated"][0])
+        if terminated or truncated:
+            info.update(_end(json.loads(answer["ends"])["0"]))
+            self._info = None
+        observation = {name: arrays[name][0] for name in core.arrays}
+        return observation, reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Ends the process of the program."""
+        self._core.process.close()
+
+
+class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
+    """Many episodes in lockstep, in one process of the program.
+
+    The interface follows gymnasium's vectorised environments with the mode NEXT_STEP: the first
+    step after the end of an episode ignores its action and begins the next episode of its slot. A
+    simulator plans once for all episodes whose plans end at the same time. `infos` has an array per
+    measure, and `scores` and `failure` as object arrays where an episode ended.
+
+    Args:
+        scenarios: As for `Env`.
+        simulator: Id of the simulator.
+        num_envs: Number of episodes.
+        settings: The other arguments of `Env`.
+
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        scenarios: Sources | Scenario = None,
+        simulator: str = "idm",
+        *,
+        num_envs: int = 16,
+        **settings: Any,
+    ) -> None:
+        if num_envs < 1:
+            raise ValueError(f"`num_envs` is {num_envs}, expected at least 1")
+        self._core = _Core(scenarios, simulator, **settings)
+        self.num_envs = num_envs
+        self.single_observation_space = self._core.observation_space
+        self.single_action_space = self._core.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._episodes: list[dict[str, int]] = []
+        self._is_over = np.zeros(num_envs, np.bool_)
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Ids of the scenarios."""
+        return list(self._core.scenarios)
+
+    def states(self, index: int) -> Array:
+        """Returns the realised states of an episode so far, as `Env.states`."""
+        return self._core.states(index)
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, Array], dict[str, Any]]:
+        """Begins all episodes.
+
+        `options={"scenarios": [...], "rollouts": [...]}` has ids or indices of scenarios, and
+        indices of rollouts, one per episode.
+        """
+        super().reset(seed=seed)
+        chosen = dict(options or {})
+        unknown = set(chosen) - {"scenarios", "rollouts"}
+        if unknown:
+            raise ValueError(f"`options` has {sorted(unknown)}, expected `scenarios`, `rollouts`")
+        for name, several in chosen.items():
+            if len(several) != self.num_envs:
+                raise ValueError(f"`{name}` has {len(several)} entries, expected {self.num_envs}")
+        self._episodes = []
+        none = [None] * self.num_envs
+        episodes = [
+            self._core.episode(slot, self.np_random, scenario=scenario, rollout=rollout)
+            for slot, (scenario, rollout) in enumerate(
+                zip(chosen.get("scenarios", none), chosen.get("rollouts", none))
+            )
+        ]
+        observation = self._core.reset(episodes)
+        self._episodes = episodes
+        self._is_over[:] = False
+        return observation, self._infos()
+
+    def step(self, actions: Any) -> tuple[dict[str, Array], Array, Array, Array, dict[str, Any]]:
+        """Executes an action per episode."""
+        core = self._core
+        if not self._episodes:
+            raise ReactsimError("no episode has begun: call `reset` first")
+        shape = core.action_space.shape
+        values = checked(actions, (self.num_envs, *shape), shape)
+        begun = [core.episode(int(slot), self.np_random) for slot in np.flatnonzero(self._is_over)]
+        answer, arrays = core.process.request("step", {"episodes": begun}, {"actions": values})
+        for episode in begun:
+            self._episodes[episode["slot"]] = episode
+        measures = arrays["measures"]
+        rewards = weighted(core.reward, core.measures, measures)
+        rewards[self._is_over] = 0.0
+        infos = self._infos()
+        infos.update({name: measures[:, k].copy() for k, name in enumerate(core.measures)})
+        for name in core.measures:
+            infos[f"_{name}"] = ~self._is_over
+        for slot, end in json.loads(answer.get("ends", "{}")).items():
+            for name, value in _end(end).items():
+                if name not in infos:
+                    infos[name] = np.full(self.num_envs, None, object)
+                    infos[f"_{name}"] = np.zeros(self.num_envs, np.bool_)
+                infos[name][int(slot)] = value
+                infos[f"_{name}"][int(slot)] = True
+        terminated = arrays["terminated"].astype(np.bool_)
+        truncated = arrays["truncated"].astype(np.bool_)
+        self._is_over = terminated | truncated
+        observation = {name: arrays[name] for name in core.arrays}
+        return observation, rewards, terminated, truncated, infos
+
+    def _infos(self) -> dict[str, Any]:
+        scenarios = [self._core.scenarios[episode["scenario"]] for episode in self._episodes]
+        return {
+            "scenario": np.array(scenarios, object),
+            "rollout": np.array([episode["rollout"] for episode in self._episodes]),
+        }
+
+    def close_extras(self, **_: Any) -> None:
+        """Ends the process of the program."""
+        self._core.process.close()

@@ -1,0 +1,259 @@
+"""An environment of many agents among which the AV follows a trajectory.
+
+`ParallelEnv` has the interface of parallel environments of pettingzoo: `pip install
+'reactsim[env]'`. Actions move every agent but the AV, and the AV follows its deviated trajectory,
+its log or a script. Observations are described in `reactsim.environment`, in the frame of each
+agent, without a route: `av` and `av_size` are then the observing agent, and the AV is one of
+`agents`.
+
+Measures of each step are in the `info` of each agent: `contact_av` and `contact_agents` (1 while
+the box of the agent overlaps the box of the AV, or of another agent), `off_road` (1 while the
+centre of a vehicle is off the road; NaN for other agents, and if it is unknown) and `speed` (m/s).
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .client import Array
+from .environment import ROLLOUTS, Reward, action_space, checked, observation_space, weighted
+from .options import PathLike, Sources
+from .process import ProgramProcess
+from .program import ReactsimError, text_of
+from .scenarios import Scenario, reading_of
+from .scoring import RolloutScores, read_scores
+
+try:
+    import pettingzoo
+    from gymnasium import spaces
+except ImportError as error:
+    raise ImportError(
+        f"environments of many agents need gymnasium and pettingzoo ({error}): pip install"
+        " 'reactsim[env]'"
+    ) from None
+
+__all__ = ["AGENT_REWARD", "ParallelEnv"]
+
+AGENT_REWARD: Mapping[str, float] = {"contact_av": -10.0, "contact_agents": -10.0, "off_road": -1.0}
+"""Default weights of the reward of an agent."""
+
+
+class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
+    """An environment in which actions move all agents, and the AV follows a trajectory.
+
+    Agents are `agent_1`, `agent_2`, ...: those that are present at the current frame, by their
+    distance to the AV. `infos` has the id of each agent in its recording. An episode is truncated
+    after 80 steps of 0.1 s; `scores` of every `info` then has the metrics of the benchmark.
+
+    Args:
+        scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
+            default. All selected scenarios are kept in memory.
+        av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
+            "retime:0.8" or "shift:2".
+        deviations: File of deviated AVs.
+        ids: Only scenarios with one of these ids; all by default.
+        limit: Only the first `limit` scenarios of every file.
+        action: "bicycle" or "state", as for `Env`.
+        agents: Number of the nearest agents, the AV included, that each agent observes.
+        history: Number of frames that are observed, 1 to 11.
+        lanes: Number of the nearest pieces of lanes that are observed.
+        points: Number of points of a piece of a lane.
+        lights: Number of the nearest traffic lights that are observed.
+        reward: Weights of measures, or a function of the measures; `AGENT_REWARD` by default.
+        scores: Score episodes after their last step.
+        metric_options: Variants of the metrics.
+        current_frame: Index of the current frame, from 0, for formats that leave it open.
+        window_step: Frames between scenarios of one recording of 20 s.
+        all_agents: Simulate all agents that are present at the current frame.
+
+    Raises:
+        ReactsimError: The program refuses a setting, an action or a scenario, or has ended.
+
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "name": "reactsim"}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scenarios: Sources | Scenario = None,
+        *,
+        av: str = "deviated",
+        deviations: PathLike | None = None,
+        ids: Sequence[str] = (),
+        limit: int | None = None,
+        action: str = "bicycle",
+        agents: int = 32,
+        history: int = 11,
+        lanes: int = 64,
+        points: int = 10,
+        lights: int = 8,
+        reward: Reward | None = None,
+        scores: bool = True,
+        metric_options: Mapping[str, Any] | None = None,
+        current_frame: int | None = None,
+        window_step: int | None = None,
+        all_agents: bool = False,
+    ) -> None:
+        if action not in ("bicycle", "state"):
+            raise ValueError(f"`action` is {action!r}, expected bicycle or state")
+        if isinstance(scenarios, Scenario):
+            reading, ids = scenarios.reading(), [scenarios.id]
+        else:
+            as_read = {"current_frame": current_frame, "window_step": window_step}
+            reading = reading_of(scenarios, **as_read, all_agents=all_agents)
+        sizes = {"agents": agents, "history": history, "lanes": lanes, "points": points}
+        arguments = {
+            "reading": reading,
+            "ids": list(ids),
+            "limit": limit,
+            "av": av,
+            "deviations": None if deviations is None else text_of(deviations),
+            "action": action,
+            "sizes": {**sizes, "lights": lights, "route": 0},
+            "scores": scores,
+            "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
+        }
+        self._process = ProgramProcess()
+        try:
+            answer, _ = self._process.request("world", arguments)
+        except BaseException:
+            self._process.close()
+            raise
+        description = json.loads(answer["description"])
+        self._scenarios: list[str] = description["scenarios"]
+        self._measures: list[str] = description["measures"]
+        shapes = [(name, shape) for name, shape in description["arrays"] if name != "route"]
+        self._arrays: list[str] = [name for name, _ in shapes]
+        self._observation_space = observation_space(shapes)
+        self._action_space = action_space(action, 0)
+        self._reward: Reward = AGENT_REWARD if reward is None else reward
+        if not callable(self._reward) and set(self._reward) - set(self._measures):
+            self._process.close()
+            unknown = sorted(set(self._reward) - set(self._measures))
+            raise ValueError(
+                f"`reward` has weights of {unknown}, expected some of {self._measures}"
+            )
+        self.possible_agents = [f"agent_{k + 1}" for k in range(description["agents"])]
+        self.agents: list[str] = []
+        self._ids: list[str] = []
+        self._generator = np.random.default_rng()
+
+    @property
+    def scenarios(self) -> list[str]:
+        """Ids of the scenarios."""
+        return list(self._scenarios)
+
+    @property
+    def states(self) -> Array:
+        """Realised states so far, f64 [1 + agents, frames, 5]: the AV, then the agents.
+
+        x, y, heading, vx, vy in the frame of the scenario; NaN where absent or unknown.
+        """
+        _, arrays = self._process.request("world-tracks", {})
+        return arrays["states"]
+
+    @functools.cached_property
+    def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
+        """Space of the observations of each agent."""
+        return dict.fromkeys(self.possible_agents, self._observation_space)
+
+    @functools.cached_property
+    def action_spaces(self) -> dict[str, spaces.Space[Any]]:
+        """Space of the actions of each agent."""
+        return dict.fromkeys(self.possible_agents, self._action_space)
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Returns the space of the observations of an agent."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Returns the space of the actions of an agent."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, Any]]]:
+        """Begins an episode; `options={"scenario": id or index}` names the scenario."""
+        if seed is not None:
+            self._generator = np.random.default_rng(seed)
+        # Other options are ignored: the tests of pettingzoo give some.
+        chosen = dict(options or {})
+        drawn = int(self._generator.integers(len(self._scenarios)))
+        scenario = chosen.get("scenario", drawn)
+        if isinstance(scenario, str):
+            if scenario not in self._scenarios:
+                raise ValueError(f"no scenario `{scenario}` in this environment")
+            scenario = self._scenarios.index(scenario)
+        given = {"scenario": int(scenario), "rollout": int(self._generator.integers(ROLLOUTS))}
+        self.agents = []
+        answer, arrays = self._process.request("world-reset", given)
+        self._ids = json.loads(answer["agents"])
+        self.agents = self.possible_agents[: len(self._ids)]
+        infos = {
+            agent: {"id": id, "scenario": self._scenarios[given["scenario"]]}
+            for agent, id in zip(self.agents, self._ids)
+        }
+        return self._observations(arrays), infos
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[
+        dict[str, dict[str, Array]],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Executes an action per agent."""
+        if not self.agents:
+            raise ReactsimError("no episode has begun, or it is over: call `reset` first")
+        if set(actions) != set(self.agents):
+            missing, other = set(self.agents) - set(actions), set(actions) - set(self.agents)
+            raise ValueError(
+                f"`actions` lacks {sorted(missing)} and has {sorted(other)} of no agent, expected"
+                " one action per agent"
+            )
+        shape = self._action_space.shape
+        values = np.concatenate([checked(actions[agent], shape, shape) for agent in self.agents])
+        answer, arrays = self._process.request("world-step", {}, {"actions": values})
+        measures = arrays["measures"]
+        rewards = weighted(self._reward, self._measures, measures).tolist()
+        infos: dict[str, dict[str, Any]] = {
+            agent: {"id": id, **dict(zip(self._measures, row))}
+            for agent, id, row in zip(self.agents, self._ids, measures.tolist())
+        }
+        observations = self._observations(arrays)
+        agents = self.agents
+        if "end" in answer:
+            end = json.loads(answer["end"])
+            if "rows" in end:
+                scores = read_scores(end["rows"], end["events"])
+                of_rollout = scores.rollouts[0]
+                whole = RolloutScores(
+                    scores.metrics, of_rollout.deviation, of_rollout.outcomes, of_rollout.events
+                )
+                for info in infos.values():
+                    info["scores"] = whole
+            self.agents = []
+        return (
+            observations,
+            dict(zip(agents, rewards)),
+            dict.fromkeys(agents, False),
+            dict.fromkeys(agents, "end" in answer),
+            infos,
+        )
+
+    def _observations(self, arrays: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+        return {
+            agent: {name: arrays[name][k] for name in self._arrays}
+            for k, agent in enumerate(self.agents)
+        }
+
+    def close(self) -> None:
+        """Ends the process of the program."""
+        self._process.close()

@@ -1,0 +1,410 @@
+"""Environments and scores of rollouts in memory, with the program."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Dict, List
+
+import numpy as np
+import pytest
+import reactsim
+from fakes import ROOT
+from reactsim.process import ProgramProcess
+
+pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
+
+MINI = ROOT / "scenarios" / "mini"
+SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
+
+
+@pytest.fixture(scope="module")
+def results(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Two rollouts of each small scenario."""
+    previous = os.environ.get("REACTSIM_BINARY")
+    os.environ["REACTSIM_BINARY"] = program
+    try:
+        out = tmp_path_factory.mktemp("run") / "run"
+        yield reactsim.run(baselines=["idm"], scenarios=MINI, out=out, rollouts=2, progress=False)
+    finally:
+        os.environ.pop("REACTSIM_BINARY")
+        if previous is not None:
+            os.environ["REACTSIM_BINARY"] = previous
+
+
+def states_of(results: Any, scenario: str) -> Any:
+    return np.stack([rollout.states for rollout in results.rollouts(scenario=scenario)])
+
+
+class TestScoreStates:
+    def test_numbers_are_those_of_score(self, results: Any, tmp_path: Path) -> None:
+        rollouts = results.folder / "rollouts.parquet"
+        scored = reactsim.score(rollouts, MINI, out=tmp_path / "scored", progress=False)
+        rows = scored.rows.to_dict("records")
+        events = scored.events.to_dict("records")
+        for scenario in reactsim.scenarios(MINI):
+            scores = reactsim.score_states(scenario, states_of(results, scenario.id))
+            own = [row for row in rows if row["scenario"] == scenario.id]
+            assert len(scores.rollouts) == 2
+            for index, rollout in enumerate(scores.rollouts):
+                (row,) = [row for row in own if row["rollout"] == index]
+                for metric, value in rollout.metrics.items():
+                    assert np.array_equal(
+                        [np.nan if value is None else value],
+                        [np.nan if row[metric] is None else row[metric]],
+                        equal_nan=True,
+                    ), metric
+                found = [
+                    event["metric"]
+                    for event in events
+                    if event["scenario"] == scenario.id and event["rollout"] == index
+                ]
+                assert [event.metric for event in rollout.events] == found
+            (over_all,) = [row for row in own if row["rollout"] not in (0, 1)]
+            assert scores.metrics["min-ade"] == over_all["min-ade"]
+
+    def test_agents_are_found_by_their_ids(self, results: Any) -> None:
+        scenario = next(reactsim.scenarios(MINI))
+        states = states_of(results, scenario.id)
+        whole = reactsim.score_states(scenario, states)
+        by_id = dict(zip(scenario.agents, np.moveaxis(states, 1, 0)))
+        backwards = {agent: by_id[agent] for agent in reversed(scenario.agents)}
+        assert reactsim.score_states(scenario, backwards) == whole
+
+    def test_checks_and_options_are_those_of_the_command_line(self, results: Any) -> None:
+        scenario = next(reactsim.scenarios(MINI))
+        states = states_of(results, scenario.id)
+        moved = states + np.array([100.0, 0.0, 0.0, 0.0, 0.0])
+        with pytest.raises(reactsim.ReactsimError, match="--allow other-av"):
+            reactsim.score_states(scenario, moved)
+        with pytest.raises(reactsim.ReactsimError, match="unknown metric option `a`"):
+            reactsim.score_states(scenario, states, metric_options={"a": 1})
+        with pytest.raises(reactsim.ReactsimError, match="unknown check `a`: expected one of"):
+            reactsim.score_states(scenario, states, allow="a")
+        allowed = ["other-av", "coordinates", "jumps"]
+        scores = reactsim.score_states(scenario, moved, allow=allowed)
+        assert scores.rollouts[0].outcomes["allowed-other-av"] == 1
+
+    def test_wrong_arrays_are_refused(self, results: Any) -> None:
+        scenario = next(reactsim.scenarios(MINI))
+        states = states_of(results, scenario.id)
+        infinite = states.copy()
+        infinite[0, 1, 2, 0] = np.inf
+        for wrong, text in [
+            (states[:, 1:], "expected .rollouts, "),
+            (states[:, :, :7], "expected .rollouts, "),
+            (states.astype(str), "expected numbers"),
+            (infinite, r"states\[0, 1, 2\]` is .inf"),
+            ({}, "empty mapping"),
+        ]:
+            with pytest.raises(ValueError, match=text):
+                reactsim.score_states(scenario, wrong)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    # A process without a waiting parent stays in the table.
+    stat = Path(f"/proc/{pid}/stat")
+    return not stat.exists() or stat.read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def pid_of(process: ProgramProcess) -> int:
+    return process._program.pid
+
+
+class TestProcess:
+    def test_it_ends_when_it_is_closed_or_collected(self) -> None:
+        first, second = ProgramProcess(), ProgramProcess()
+        pids = [pid_of(first), pid_of(second)]
+        first.close()
+        with pytest.raises(reactsim.ReactsimError, match="is closed"):
+            first.request("score", {})
+        del second
+        gc.collect()
+        assert not any(map(is_running, pids))
+
+    def test_a_wrong_request_does_not_end_it(self) -> None:
+        process = ProgramProcess()
+        for kind in ("nothing", "score", "step", "reset"):
+            with pytest.raises(reactsim.ReactsimError):
+                process.request(kind, {})
+        with pytest.raises(reactsim.ReactsimError, match="unknown request `nothing`: expected"):
+            process.request("nothing", {})
+        process.close()
+
+    def test_its_end_is_an_error(self) -> None:
+        process = ProgramProcess()
+        os.kill(pid_of(process), signal.SIGKILL)
+        with pytest.raises(reactsim.ReactsimError, match=r"signal 9 \(SIGKILL\)"):
+            process.request("score", {})
+
+    def test_it_belongs_to_one_process_and_one_thread(self) -> None:
+        process = ProgramProcess()
+        with process._lock, pytest.raises(reactsim.ReactsimError, match="answers another thread"):
+            process.request("score", {})
+        child = os.fork()
+        if child == 0:
+            try:
+                process.request("score", {})
+            except reactsim.ReactsimError as error:
+                os._exit(0 if "after a fork" in str(error) else 1)
+            os._exit(2)
+        assert os.waitpid(child, 0)[1] == 0
+        # The copy of the child did not end the process.
+        with pytest.raises(reactsim.ReactsimError, match="unknown request"):
+            process.request("nothing", {})
+        process.close()
+
+
+@pytest.fixture
+def closing() -> Any:
+    """Closes environments after the test."""
+    opened: List[Any] = []
+
+    def keep(env: Any) -> Any:
+        opened.append(env)
+        return env
+
+    yield keep
+    for env in opened:
+        env.close()
+
+
+@pytest.mark.usefixtures("results")
+class TestEnv:
+    @pytest.fixture(autouse=True)
+    def gymnasium(self) -> None:
+        pytest.importorskip("gymnasium")
+
+    @pytest.mark.parametrize("action", ["bicycle", "plan"])
+    def test_it_is_an_environment(self, action: str, closing: Any) -> None:
+        from gymnasium.utils.env_checker import check_env
+
+        env = closing(reactsim.Env(MINI, action=action, poses=5, **SMALL))
+        check_env(env, skip_render_check=True)
+
+    def test_the_traffic_is_that_of_run(self, results: Any, closing: Any) -> None:
+        env = closing(reactsim.Env(MINI, action="state", **SMALL))
+        rows = results.rows.to_dict("records")
+        for scenario in reactsim.scenarios(MINI):
+            env.reset(options={"scenario": scenario.id, "rollout": 1})
+            assert scenario.av is not None
+            for state in scenario.av:
+                *_, truncated, info = env.step(state)
+            assert truncated
+            expected = states_of(results, scenario.id)[1]
+            assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
+            (row,) = [r for r in rows if r["scenario"] == scenario.id and r["rollout"] == 1]
+            for metric in ("aav-collision", "aav-ttc", "aa-collision", "offroad", "direction"):
+                value = info["scores"].metrics[metric]
+                assert value == row[metric] or value is None, metric
+
+    def test_observations_are_in_the_frame_of_the_av(self, closing: Any) -> None:
+        env = closing(reactsim.Env(MINI, action="state", **SMALL))
+        scenario = next(reactsim.scenarios(MINI))
+        seen, _ = env.reset(options={"scenario": scenario.id})
+        now = scenario.history[0, -1]
+        assert np.allclose(seen["av"][-1, :4], [0, 0, 1, 0], atol=1e-6)
+        assert seen["av"][-1, 4] == pytest.approx(np.hypot(now[3], now[4]), abs=0.1)
+        others = scenario.history[1:, -1, :2] - now[:2]
+        nearest = min(np.hypot(*other) for other in others)
+        assert np.hypot(*seen["agents"][0, -1, :2]) == pytest.approx(nearest, rel=1e-5)
+        assert np.array_equal(seen["av_size"], scenario.sizes[0].astype(np.float32))
+
+    def test_nothing_of_the_future_is_observed(self, tmp_path: Path, closing: Any) -> None:
+        # The route is the path of the log, which the copy without a future does not have.
+        past = tmp_path / "past.parquet"
+        reactsim.convert(MINI, past, history_only=True, progress=False)
+        seen = []
+        for source in (MINI, past):
+            env = closing(reactsim.Env(source, **{**SMALL, "route": 0}))
+            one, _ = env.reset(options={"scenario": 0, "rollout": 0})
+            for _ in range(10):
+                one, *_ = env.step(np.array([-1.0, 0.0]))
+            seen.append(one)
+        for name in ("av", "agents", "lanes"):
+            assert np.array_equal(seen[0][name], seen[1][name]), name
+
+    def test_wrong_use_is_refused(self, closing: Any) -> None:
+        env = closing(reactsim.Env(MINI, **SMALL))
+        with pytest.raises(reactsim.ReactsimError, match="call `reset` first"):
+            env.step(np.zeros(2))
+        env.reset(seed=1)
+        for action, text in [
+            (np.zeros(3), r"shape \(3,\), expected \(2,\)"),
+            (np.array(["a", "b"]), "expected numbers"),
+        ]:
+            with pytest.raises(ValueError, match=text):
+                env.step(action)
+        with pytest.raises(reactsim.ReactsimError, match="is NaN, expected a finite number"):
+            env.step(np.array([np.nan, 0.0]))
+        env.step(np.zeros(2))
+        for wrong in ({"scenario": "nowhere"}, {"scenario": 99}, {"other": 1}):
+            with pytest.raises(ValueError):
+                env.reset(options=wrong)
+        env.close()
+        with pytest.raises(reactsim.ReactsimError, match="is closed"):
+            env.reset()
+        for settings, error in [
+            ({"action": "fly"}, ValueError),
+            ({"reward": {"joy": 1.0}}, ValueError),
+            ({"every": 0}, reactsim.ReactsimError),
+            ({"simulator": "nobody"}, reactsim.ReactsimError),
+            ({"ids": ["nowhere"]}, reactsim.ReactsimError),
+            ({"end_at": ["noon"]}, reactsim.ReactsimError),
+        ]:
+            with pytest.raises(error):
+                reactsim.Env(MINI, **settings)  # type: ignore[arg-type]
+
+    def test_a_state_too_far_away_changes_nothing(self, closing: Any) -> None:
+        env = closing(reactsim.Env(MINI, action="state", **SMALL))
+        scenario = next(reactsim.scenarios(MINI))
+        env.reset(options={"scenario": scenario.id})
+        with pytest.raises(reactsim.ReactsimError, match=r"expected at most 8\.0 m"):
+            env.step(np.array([900.0, 0, 0, 0, 0]))
+        assert env.states.shape[1] == 11
+        env.step(scenario.history[0, -1])
+        assert env.states.shape[1] == 12
+
+    def test_contacts_end_episodes(self, closing: Any) -> None:
+        # Full speed ahead ends in an object or off the road in one of the scenarios.
+        env = closing(reactsim.Env(MINI, "stop", end_at=["contact", "off-road"], **SMALL))
+        ends = []
+        for scenario in env.scenarios:
+            env.reset(options={"scenario": scenario})
+            over, steps = False, 0
+            while not over:
+                _, _, terminated, truncated, info = env.step(np.array([6.0, 0.0]))
+                over, steps = terminated or truncated, steps + 1
+            assert terminated == bool(info["contact"] or info["off_road"] == 1.0)
+            assert terminated or steps == 80
+            ends.append(terminated)
+            with pytest.raises(reactsim.ReactsimError, match="it is over"):
+                env.step(np.zeros(2))
+        assert any(ends)
+
+    def test_a_vector_has_the_episodes_of_single_environments(self, closing: Any) -> None:
+        single = closing(reactsim.Env(MINI, **SMALL))
+        several = closing(reactsim.VectorEnv(MINI, num_envs=3, **SMALL))
+        seen, _ = several.reset(seed=1, options={"scenarios": [0, 1, 2], "rollouts": [0, 0, 0]})
+        assert several.observation_space.contains(seen)
+        action = np.array([0.5, 0.01], np.float32)
+        for _ in range(80):
+            seen, rewards, _, truncated, infos = several.step(np.tile(action, (3, 1)))
+        assert truncated.all() and infos["_scores"].all()
+        for index in range(3):
+            single.reset(options={"scenario": index, "rollout": 0})
+            for _ in range(80):
+                one, reward, *_ = single.step(action)
+            assert reward == rewards[index]
+            assert all(np.array_equal(one[name], seen[name][index]) for name in one)
+            assert np.array_equal(single.states, several.states(index), equal_nan=True)
+        seen, rewards, _, truncated, infos = several.step(np.tile(action, (3, 1)))
+        assert not truncated.any() and not rewards.any() and not infos["_speed"].any()
+        assert several.states(0).shape[1] == 11
+
+
+class TestParallelEnv:
+    SIZES = MappingProxyType({name: size for name, size in SMALL.items() if name != "route"})
+
+    @pytest.fixture(autouse=True)
+    def pettingzoo(self) -> None:
+        pytest.importorskip("pettingzoo")
+
+    def test_it_is_a_parallel_environment(self, closing: Any) -> None:
+        from pettingzoo.test import parallel_api_test
+
+        env = closing(reactsim.ParallelEnv(MINI, **self.SIZES))
+        parallel_api_test(env, num_cycles=100)
+
+    def test_agents_that_repeat_a_run_have_its_states_and_metrics(
+        self, results: Any, closing: Any
+    ) -> None:
+        env = closing(reactsim.ParallelEnv(MINI, action="state", **self.SIZES))
+        rows = results.rows.to_dict("records")
+        for scenario in env.scenarios[:3]:
+            expected = states_of(results, scenario)[0]
+            _, infos = env.reset(options={"scenario": scenario})
+            assert [info["scenario"] for info in infos.values()] == [scenario] * len(env.agents)
+            for step in range(80):
+                states = expected[1:, step]
+                _, _, _, truncated, infos = env.step(dict(zip(env.agents, states)))
+            assert all(truncated.values()) and env.agents == []
+            assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
+            (row,) = [r for r in rows if r["scenario"] == scenario and r["rollout"] == 0]
+            scores = infos["agent_1"]["scores"]
+            for metric in ("aav-collision", "aav-ttc", "aa-collision", "offroad", "over-reaction"):
+                value = scores.metrics[metric]
+                assert value == row[metric] or (value is None and not row[metric] == row[metric])
+
+    def test_wrong_use_is_refused(self, closing: Any) -> None:
+        env = closing(reactsim.ParallelEnv(MINI, **self.SIZES))
+        with pytest.raises(reactsim.ReactsimError, match="call `reset` first"):
+            env.step({})
+        env.reset(seed=1)
+        actions = {agent: np.zeros(2) for agent in env.agents}
+        with pytest.raises(ValueError, match=r"lacks \['agent_1'\]"):
+            env.step({agent: action for agent, action in actions.items() if agent != "agent_1"})
+        with pytest.raises(ValueError, match=r"shape \(3,\), expected \(2,\)"):
+            env.step({**actions, "agent_1": np.zeros(3)})
+        for settings, error in [
+            ({"action": "plan"}, ValueError),
+            ({"av": "planner:idm"}, reactsim.ReactsimError),
+            ({"av": "nobody"}, reactsim.ReactsimError),
+        ]:
+            with pytest.raises(error):
+                reactsim.ParallelEnv(MINI, **settings)  # type: ignore[arg-type]
+
+
+def test_environments_without_gymnasium_say_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "gymnasium", None)
+    monkeypatch.delitem(__import__("sys").modules, "reactsim.environment", raising=False)
+    with pytest.raises(ImportError, match=r"pip install 'reactsim\[env\]'"):
+        reactsim.Env  # noqa: B018
+
+
+def test_the_process_ends_with_its_parent(tmp_path: Path) -> None:
+    pids = tmp_path / "pids"
+    parent = os.fork()
+    if parent == 0:
+        process = ProgramProcess()
+        # This child keeps the streams of the process open.
+        child = os.fork()
+        if child == 0:
+            time.sleep(20.0)
+            os._exit(0)
+        pids.write_text(f"{pid_of(process)} {child}")
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(parent, 0)
+    pid, child = map(int, pids.read_text().split())
+    deadline = time.monotonic() + 15.0
+    while is_running(pid) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    os.kill(child, signal.SIGKILL)
+    assert not is_running(pid)
+
+
+def test_threads_share_the_process_of_scores(results: Any) -> None:
+    scenario = next(reactsim.scenarios(MINI))
+    states = states_of(results, scenario.id)
+    expected = reactsim.score_states(scenario, states)
+    found: List[Any] = []
+    threads = [
+        threading.Thread(target=lambda: found.append(reactsim.score_states(scenario, states)))
+        for _ in range(3)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [expected] * 3
