@@ -145,9 +145,10 @@ fn attempt(
     controller: &Controller,
     settings: &Settings,
 ) -> Vec<Result<Rollout, RolloutError>> {
+    let is_reactive = settings.protocol == Protocol::Reactive;
     let beginning = batch.iter().map(|request| RolloutBeginning {
         scenario: request.scenario,
-        av: request.av.as_ref().map(|av| av.begin(request.rollout)),
+        av: request.av.as_ref().filter(|_| is_reactive).map(|av| av.begin(request.rollout)),
         rollout: request.rollout,
     });
     let mut lockstep = Lockstep::begin(beginning, controller, settings);
