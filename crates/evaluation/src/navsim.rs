@@ -12,6 +12,9 @@ use reactsim_planning::tracking::Controller;
 use reactsim_rollout::{self as rollout, Replan, Request, Settings, roll_out};
 use reactsim_scene::{Frame, Scenario};
 
+/// The id of a score, and its value or the reason why it is undefined.
+pub(super) type NamedScore = (&'static str, Result<f64, UndefinedReason>);
+
 /// The drives of other drivers in one scenario, among recorded traffic.
 pub(super) struct ReferenceDrives {
     /// PDM-Closed; `None` if it cannot drive in the scenario.
@@ -41,7 +44,7 @@ impl ReferenceDrives {
         scenario: &Scenario,
         history: &SceneHistory,
         scores: &PlannerScores,
-    ) -> Result<[(&'static str, Result<f64, UndefinedReason>); 2], HistoryError> {
+    ) -> Result<[NamedScore; 2], HistoryError> {
         let drive = history.judge_navsim(scenario, scores)?;
         let reference = |version| self.pdm_closed.as_ref().and_then(|pdm| pdm.masked_progress(version));
         let pdms = complete(&drive.pdms(reference(NavsimVersion::V1)));
