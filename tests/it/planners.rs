@@ -102,8 +102,8 @@ fn navsim_judges_the_av_on_request() {
         }
         let (pdms, collisions) = (value(row, "av-pdms").unwrap(), value(row, "av-at-fault-collisions"));
         assert!((0.0..=1.0).contains(&pdms));
-        // Among logged traffic the drive is its own reference: progress counts as 1 with weight 5, and time to
-        // collision (5) and comfort (2) as 0 or 1.
+        // Among logged traffic the drive is its own reference: progress counts as 1 with weight 5, and time
+        // to collision (5) and comfort (2) as 0 or 1.
         if row.simulator == "log-replay"
             && collisions == Some(1.0)
             && value(row, "av-drivable-area") == Some(1.0)

@@ -57,7 +57,7 @@ pub fn serve(input: &mut dyn Read, output: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// What the process keeps between requests.
+/// State of the process between requests.
 #[derive(Default)]
 struct Session {
     scenarios: ScenarioCache,

@@ -30,10 +30,12 @@ pub(super) enum AvScoresError {
     History(#[from] HistoryError),
 }
 
-/// Judges the AV in the rollouts of one scenario, by nuPlan's closed-loop metrics and on request by NAVSIM's. The
-/// motion of the AV is its track, so that all AVs are judged alike, and rollouts that are kept can be judged again.
+/// Judges the AV in the rollouts of one scenario, by nuPlan's closed-loop metrics and on request by NAVSIM's.
+/// The motion of the AV is its track, so that all AVs are judged alike, and rollouts that are kept can be
+/// judged again.
 pub(super) struct AvJudge {
-    /// What NAVSIM compares the AV to, computed for the first rollout; `None` if its scores are not requested.
+    /// What NAVSIM compares the AV to, computed for the first rollout; `None` if its scores are not
+    /// requested.
     navsim: Option<OnceCell<ReferenceDrives>>,
 }
 

@@ -57,14 +57,15 @@ impl ReferenceDrives {
     }
 }
 
-/// Returns a score if all of its metrics are defined but extended comfort, which NAVSIM leaves out of the scores
-/// of single plans, too.
+/// Returns a score if all of its metrics are defined but extended comfort, which NAVSIM leaves out of the
+/// scores of single plans, too.
 fn complete(score: &NavsimScore) -> Result<f64, UndefinedReason> {
     let mut missing = score.undefined().filter(|(metric, _)| *metric != NavsimMetric::ExtendedComfort);
     missing.next().map_or(Ok(score.value), |(_, reason)| Err(reason))
 }
 
-/// Drives PDM-Closed through a scenario; it plans at every step. Returns the tracks; `None` if it cannot drive.
+/// Drives PDM-Closed through a scenario; it plans at every step. Returns the tracks; `None` if it cannot
+/// drive.
 fn pdm_closed(scenario: &Scenario) -> Option<Vec<Vec<Frame>>> {
     let controller = Controller::LqrBicycle;
     let av = PlannerAv::new(scenario, PlannerChoice::PdmClosed, controller, Replan::EVERY_STEP).ok()?;

@@ -1,5 +1,5 @@
-//! Closed-loop metrics of the AV, as nuPlan and NAVSIM define them. `reactsim_planning` computes them; here they
-//! are metrics like all others, for rows, summaries and tables.
+//! Closed-loop metrics of the AV, as nuPlan and NAVSIM define them. `reactsim_planning` computes them; here
+//! they are metrics like all others, for rows, summaries and tables.
 
 use super::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
 
@@ -26,8 +26,8 @@ const fn spec(id: &'static str, title: &'static str, source: &'static str) -> Me
 const NAVSIM: &str =
     "autonomousvision/navsim 0811876 (v1.1) and 0a380a9 (v2), on the driven history; docs/metrics.md";
 
-/// The metrics: the score, the score without undefined metrics, the four multipliers, the four weighted ones, and
-/// the scores of NAVSIM.
+/// The metrics: the score, the score without undefined metrics, the four multipliers, the four weighted ones,
+/// and the scores of NAVSIM.
 static SPECS: [MetricSpec; 12] = [
     spec("av-score", "AV score", SOURCE),
     spec(

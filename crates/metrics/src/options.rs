@@ -102,8 +102,8 @@ options! {
     ade_include_av: bool = false, flag;
     /// Whether the kinematic likelihood includes the AV.
     lik_include_av: bool = true, flag;
-    /// Whether an AV that a planner drives is also judged by PDMS and EPDMS, for which PDM-Closed drives every
-    /// scenario once more.
+    /// Whether an AV that a planner drives is also judged by PDMS and EPDMS, for which PDM-Closed drives
+    /// every scenario once more.
     av_navsim: bool = false, flag;
 }
 

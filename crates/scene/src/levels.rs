@@ -199,8 +199,8 @@ fn sample(points: &[Vec2], heights: &[f64], samples: &mut Vec<(Vec2, f64)>) {
 fn count_shifted(samples: &[(Vec2, f64)], shift: f64) -> usize {
     let place =
         |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
-    // Most maps are flat, so that the range of heights at each place decides. Successive points mostly share a
-    // place.
+    // Most maps are flat, so that the range of heights at each place decides. Successive points mostly share
+    // a place.
     let mut ranges: BTreeMap<(i64, i64), (f64, f64)> = BTreeMap::new();
     for same in samples.chunk_by(|a, b| place(a.0) == place(b.0)) {
         let range = ranges.entry(place(same[0].0)).or_insert((f64::INFINITY, f64::NEG_INFINITY));

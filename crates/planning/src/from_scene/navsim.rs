@@ -13,8 +13,9 @@ impl SceneHistory {
     /// Computes the sub-metrics of NAVSIM. `scenario`: the scenario of the rollout, whose lights follow the
     /// recording. `scores`: result of [`Self::judge`].
     ///
-    /// The route is that of planners ([`logged_route`]), the centre line that of PDM-Closed. If the scenario has no
-    /// lights, the metric of traffic lights is undefined: either there are none, or they are not recorded.
+    /// The route is that of planners ([`logged_route`]), the centre line that of PDM-Closed. If the scenario
+    /// has no lights, the metric of traffic lights is undefined: either there are none, or they are not
+    /// recorded.
     ///
     /// # Errors
     /// As [`Self::judge`].

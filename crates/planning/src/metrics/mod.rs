@@ -1,8 +1,8 @@
-//! The closed-loop metrics of nuPlan (devkit 1.2.2), its score, and labels for replaced inputs; and the scores
-//! of NAVSIM.
+//! The closed-loop metrics of nuPlan (devkit 1.2.2), its score, and labels for replaced inputs; and the
+//! scores of NAVSIM.
 //!
-//! Start with [`History`] and [`judge`], for NAVSIM with [`judge_navsim`]. Each metric has a file; its result has the
-//! value and the events or series that explain it.
+//! Start with [`History`] and [`judge`], for NAVSIM with [`judge_navsim`]. Each metric has a file; its result
+//! has the value and the events or series that explain it.
 
 mod center_lanes;
 mod collisions;

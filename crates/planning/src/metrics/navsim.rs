@@ -6,8 +6,8 @@
 //! ones. Further differences:
 //!
 //! * Progress is relative to PDM-Closed, which has to drive the same scenario: its progress is an input.
-//! * Extended comfort compares successive plans, which a history does not contain: it is always undefined, and
-//!   the weights of the other metrics are scaled up, as in NAVSIM's score of a single plan.
+//! * Extended comfort compares successive plans, which a history does not contain: it is always undefined,
+//!   and the weights of the other metrics are scaled up, as in NAVSIM's score of a single plan.
 //! * The second stage of v2 starts planners in recorded follow-ups of the scene. There is none here.
 //! * The time to collision is judged up to 0.9 s before the end, in v1 as well, because objects are not known
 //!   afterwards. The filter of comfort in v1 has a window as long as the history.
@@ -31,7 +31,8 @@ use super::{
     UndefinedReason,
 };
 
-/// Value of collisions with static objects that are the fault of ego, however many there are (navsim 0a380a9).
+/// Value of collisions with static objects that are the fault of ego, however many there are (navsim
+/// 0a380a9).
 const OBJECT_VALUE: f64 = 0.5;
 /// Distance in metres in oncoming traffic, within one horizon, below which the value is 1 (navsim 0a380a9).
 const DIRECTION_COMPLIANCE: f64 = 2.0;
@@ -187,7 +188,8 @@ pub struct NavsimScore {
 }
 
 impl NavsimScore {
-    /// Returns the undefined metrics with reasons. Scores with different undefined metrics are not comparable.
+    /// Returns the undefined metrics with reasons. Scores with different undefined metrics are not
+    /// comparable.
     pub fn undefined(&self) -> impl Iterator<Item = (NavsimMetric, UndefinedReason)> + '_ {
         self.values.iter().filter_map(|&(metric, value)| match value {
             MetricValue::Undefined(reason) => Some((metric, reason)),
@@ -215,8 +217,8 @@ impl NavsimScores {
         self.score(NavsimVersion::V1, reference_progress, None)
     }
 
-    /// Returns EPDMS of one stage. `reference_progress`: as for [`Self::pdms`]. `human`: the logged drive among
-    /// logged objects; without it no metric is filtered.
+    /// Returns EPDMS of one stage. `reference_progress`: as for [`Self::pdms`]. `human`: the logged drive
+    /// among logged objects; without it no metric is filtered.
     pub fn epdms(&self, reference_progress: Option<f64>, human: Option<&Self>) -> NavsimScore {
         self.score(NavsimVersion::V2, reference_progress, human)
     }
@@ -366,7 +368,8 @@ impl<'a> Drive<'a> {
         MetricValue::pass(inside.iter().all(|&inside| inside))
     }
 
-    /// Returns whether corners of ego are in several lanes of which none contains all, or one is off the road.
+    /// Returns whether corners of ego are in several lanes of which none contains all, or one is off the
+    /// road.
     fn is_across_lanes_or_off_road(&self, step: usize) -> Result<bool, UndefinedReason> {
         let map = self.input.history.map;
         if map.lanes().is_empty() {

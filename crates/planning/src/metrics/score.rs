@@ -77,7 +77,8 @@ impl ClosedLoopScore {
     }
 }
 
-/// Returns the product of the multipliers times the weighted mean of the defined values; 0 if none is defined.
+/// Returns the product of the multipliers times the weighted mean of the defined values; 0 if none is
+/// defined.
 pub(super) fn combined(values: impl IntoIterator<Item = (MetricValue, MetricRole)>) -> f64 {
     let (mut product, mut sum, mut weights) = (None, 0.0, 0.0);
     for (value, role) in values {

@@ -229,8 +229,8 @@ fn history_comfort_includes_the_past() {
 #[test]
 fn metrics_that_the_human_driver_fails_count_as_one() {
     let beside = || of(Drive::straight(v(0.0, -1.75), 0.0, 6.0));
-    let alone = beside().epdms(Some(48.0), None);
-    assert_eq!((alone.value, alone.filtered.len()), (0.0, 0));
+    let unfiltered = beside().epdms(Some(48.0), None);
+    assert_eq!((unfiltered.value, unfiltered.filtered.len()), (0.0, 0));
     let filtered = beside().epdms(Some(48.0), Some(&beside()));
     assert_eq!(filtered.filtered, [NavsimMetric::DrivingDirection, NavsimMetric::LaneKeeping]);
     assert_eq!(filtered.value, 1.0);
