@@ -231,7 +231,7 @@ def action_space(action: str, poses: int) -> spaces.Box:
     return spaces.Box(-high, high, dtype=np.float32)
 
 
-def _end(end: Mapping[str, Any]) -> dict[str, Any]:
+def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
     """Returns the entries of `info` at the end of an episode."""
     entries: dict[str, Any] = {}
     if "rows" in end:
@@ -350,7 +350,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         info = {**self._info, **dict(zip(core.measures, measures[0].tolist()))}
         terminated, truncated = bool(arrays["terminated"][0]), bool(arrays["truncated"][0])
         if terminated or truncated:
-            info.update(_end(json.loads(answer["ends"])["0"]))
+            info.update(end_info(json.loads(answer["ends"])["0"]))
             self._info = None
         observation = {name: arrays[name][0] for name in core.arrays}
         return observation, reward, terminated, truncated, info
@@ -457,7 +457,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         for name in core.measures:
             infos[f"_{name}"] = ~self._is_over
         for slot, end in json.loads(answer.get("ends", "{}")).items():
-            for name, value in _end(end).items():
+            for name, value in end_info(end).items():
                 if name not in infos:
                     infos[name] = np.full(self.num_envs, None, object)
                     infos[f"_{name}"] = np.zeros(self.num_envs, np.bool_)

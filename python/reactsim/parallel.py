@@ -21,12 +21,19 @@ from typing import Any
 import numpy as np
 
 from .client import Array
-from .environment import ROLLOUTS, Reward, action_space, checked, observation_space, weighted
+from .environment import (
+    ROLLOUTS,
+    Reward,
+    action_space,
+    checked,
+    end_info,
+    observation_space,
+    weighted,
+)
 from .options import PathLike, Sources
 from .process import ProgramProcess
 from .program import ReactsimError, text_of
 from .scenarios import Scenario, reading_of
-from .scoring import RolloutScores, read_scores
 
 try:
     import pettingzoo
@@ -230,15 +237,9 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         observations = self._observations(arrays)
         agents = self.agents
         if "end" in answer:
-            end = json.loads(answer["end"])
-            if "rows" in end:
-                scores = read_scores(end["rows"], end["events"])
-                of_rollout = scores.rollouts[0]
-                whole = RolloutScores(
-                    scores.metrics, of_rollout.deviation, of_rollout.outcomes, of_rollout.events
-                )
-                for info in infos.values():
-                    info["scores"] = whole
+            entries = end_info(json.loads(answer["end"]))
+            for info in infos.values():
+                info.update(entries)
             self.agents = []
         return (
             observations,

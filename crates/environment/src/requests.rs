@@ -240,7 +240,8 @@ pub(super) fn tracks_answer(scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> 
     answer
 }
 
-fn existing(environment: &mut Option<Environment>) -> Result<&mut Environment, RequestError> {
+/// Returns the environment of an earlier request.
+pub(super) fn existing<T>(environment: &mut Option<T>) -> Result<&mut T, RequestError> {
     environment.as_mut().ok_or_else(|| RequestError::new("there is no environment: create one first"))
 }
 

@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::action::ActionKind;
 use super::arrays::Sizes;
-use super::requests::{put_arrays, scored, select, shapes, tracks_answer};
+use super::requests::{existing, put_arrays, scored, select, shapes, tracks_answer};
 use super::scenarios::Reading;
 use super::scores::metric_options;
 use super::session::{Answer, RequestError, arguments};
@@ -113,8 +113,4 @@ pub(super) fn step(request: &Frame, world: &mut Option<World>) -> Answer {
 pub(super) fn tracks(world: &mut Option<World>) -> Answer {
     let (scenario, tracks) = existing(world)?.tracks()?;
     Ok(tracks_answer(scenario, tracks))
-}
-
-fn existing(world: &mut Option<World>) -> Result<&mut World, RequestError> {
-    world.as_mut().ok_or_else(|| RequestError::new("there is no environment: create one first"))
 }
