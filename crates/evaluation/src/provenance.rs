@@ -6,8 +6,9 @@ use std::sync::OnceLock;
 use reactsim_baseline::WeightsFile;
 use reactsim_external as external;
 use reactsim_external::ExternalSimulator;
+use reactsim_metrics::Options;
 use reactsim_shards::differences;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::access::Access;
 use super::av::PLANNER;
@@ -31,7 +32,9 @@ pub struct Provenance {
     pub commit: String,
     /// Settings of the run.
     pub settings: SettingsRecord,
-    /// Variants of the metrics.
+    /// Variants of the metrics. Options that a file lacks are newer than the file; their defaults are the metrics
+    /// before them.
+    #[serde(deserialize_with = "with_newer_options")]
     pub metric_options: BTreeMap<String, String>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<SimulatorRecord>,
@@ -271,5 +274,29 @@ impl Provenance {
     /// Returns whether the program was built from a known commit without changes.
     pub fn is_clean(&self) -> bool {
         self.commit != "unknown" && !self.commit.ends_with('+')
+    }
+}
+
+/// Reads variants of the metrics, with the defaults of those that the file lacks.
+fn with_newer_options<'de, D: Deserializer<'de>>(file: D) -> Result<BTreeMap<String, String>, D::Error> {
+    let mut options: BTreeMap<String, String> =
+        Options::default().named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+    options.extend(BTreeMap::<String, String>::deserialize(file)?);
+    Ok(options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_that_are_newer_than_a_file_have_their_defaults() {
+        let file = serde_json::json!({ "fault_order": "nuplan", "gone": "1" });
+        let read = with_newer_options(file).unwrap();
+        assert_eq!((read["fault_order"].as_str(), read["gone"].as_str()), ("nuplan", "1"));
+        for (name, value) in Options::default().named().into_iter().filter(|(name, _)| *name != "fault_order")
+        {
+            assert_eq!(read[name], value, "{name}");
+        }
     }
 }
