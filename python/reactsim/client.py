@@ -370,6 +370,8 @@ class Line(NamedTuple):
     """Index in `Scene.lanes` of the lane that the line belongs to, or -1."""
     value: float
     """Arc length along the lane for stop lines, metres; NaN if unknown."""
+    heights: Optional[Array] = None
+    """Height of each point, f64 [P], metres, NaN if unknown; None for simulators."""
 
 
 class Neighbor(NamedTuple):
@@ -404,6 +406,9 @@ class Lane:
     predecessors: List[int]
     left: List[Neighbor]
     right: List[Neighbor]
+    heights: Optional[Array] = None
+    """Height of each point of the centre line, f64 [P], metres, NaN if unknown; None for
+    simulators."""
 
 
 class Lines:
@@ -415,6 +420,8 @@ class Lines:
     def __init__(self, tensors: _Tensors, episodes: int) -> None:
         self.points: Array = tensors.take("points", "F64", "P", 2)
         """Points of all lines, f64 [P, 2], metres."""
+        self.heights: Optional[Array] = None
+        """Height of each point, f64 [P], metres, NaN if unknown; None for simulators."""
         self.type: Array = tensors.take("line_type", "U8", "L")
         """Type of each line, u8 [L]; see `LineType`."""
         count = len(self.type)
@@ -459,6 +466,13 @@ class Lines:
         index = range(len(self.type))[index]
         points: Array = self.points[self.start[index] : self.start[index + 1]]
         return points
+
+    def heights_of(self, index: int) -> Optional[Array]:
+        """Returns the heights of the points of a line, f64 [P]."""
+        if self.heights is None:
+            return None
+        heights: Array = self.heights[self.start[index] : self.start[index + 1]]
+        return heights
 
 
 class Lights:
@@ -692,8 +706,8 @@ class Scene:
 
     def _lines_of(self, kind: LineType) -> List[Line]:
         return [
-            Line(points, category, self._lane_of(lane), value)
-            for _, points, category, lane, value in self._records(self._indices_of(kind))
+            Line(points, category, self._lane_of(lane), value, self.scenes.lines.heights_of(line))
+            for line, points, category, lane, value in self._records(self._indices_of(kind))
         ]
 
     def _make_lanes(self) -> List[Lane]:
@@ -716,6 +730,7 @@ class Scene:
             lanes.append(
                 Lane(k, points, is_connector[k], category, limit, outline, half_width, *links)
             )
+            lanes[k].heights = lines.heights_of(line)
         for row in lines.links[np.isin(lines.links[:, 0], indices)].tolist():
             lane, other = lanes[self._lane_index[row[0]]], self._lane_index.get(row[1])
             if other is None:

@@ -12,7 +12,7 @@ from typing import IO, Any, cast
 
 import numpy as np
 
-from .client import Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
+from .client import HISTORY, Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
 from .display import Gif, Svg
 from .options import PathLike, Sources, paths, reading, selection
 from .pictures import animate, draw
@@ -50,6 +50,14 @@ class Scenario(Scene):
         take = _Tensors(tensors)
         shape = scenes.kinds.shape
         n = self.n_agents
+        scenes.lines.heights = take.take("point_heights", "F64", len(scenes.lines.points))
+        self.obstacle_heights: Array = take.take("obstacle_heights", "F64", len(self.obstacles))
+        """Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown."""
+        self.history_heights: Array = take.take("heights", "F64", *shape, HISTORY)[0, :n]
+        """Height of the bottom of each agent at frames 0 to 10, f64 [n, 11], metres, NaN if
+        unknown. Scenarios on one level have no heights."""
+        self.future_heights: Array | None = None
+        """Heights at frames 11 to 90, f64 [n, 80]."""
         self.future: Array | None = None
         """Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
         absent."""
@@ -62,6 +70,7 @@ class Scenario(Scene):
         if "future" in tensors:
             self.future = take.take("future", "F64", *shape, STEPS, 5)[0, :n]
             self.future_valid = take.take("future_valid", "BOOL", *shape, STEPS)[0, :n]
+            self.future_heights = take.take("future_heights", "F64", *shape, STEPS)[0, :n]
             self.light_future = take.take("light_future", "U8", len(scenes.lights), STEPS)
         if "av" in tensors:
             self.av = take.take("av", "F64", STEPS, 5)
@@ -86,6 +95,13 @@ class Scenario(Scene):
         if self.future_valid is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.valid, self.future_valid], axis=1)
+
+    @property
+    def heights(self) -> Array:
+        """Heights of the bottoms of agents at all 91 frames, f64 [n, 91], metres."""
+        if self.future_heights is None:
+            raise ValueError("read the scenario with `future=True`")
+        return np.concatenate([self.history_heights, self.future_heights], axis=1)
 
     def svg(
         self,

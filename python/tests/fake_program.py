@@ -118,7 +118,11 @@ def scenes(arguments: list[str]) -> int:
             "agent_ids": json.dumps([["av", "b", "c", "d"]]),
             "origins": json.dumps([[100.0, 200.0]]),
         }
+        tensors["heights"] = np.full((1, 4, 11), np.nan)
+        tensors["point_heights"] = np.full(len(tensors["points"]), np.nan)
+        tensors["obstacle_heights"] = np.full(len(tensors["obstacle"]), np.nan)
         if "--future" in arguments:
+            tensors["future_heights"] = np.full((1, 4, 80), np.nan)
             tensors["future"] = np.full((1, 4, 80, 5), float(k))
             tensors["future_valid"] = np.ones((1, 4, 80), np.uint8)
             tensors["light_future"] = np.full((1, 80), 6, np.uint8)

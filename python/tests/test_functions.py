@@ -257,6 +257,27 @@ class TestDeviations:
         )
         assert points.stat().st_size > 0
 
+    def test_heights(self, tmp_path: Path) -> None:
+        logs = reactsim.generate(
+            tmp_path / "logs.parquet", preset="train", count=1, maps="overpass", progress=False
+        )
+        for scenario in reactsim.scenarios(logs.path):
+            assert np.array_equal(np.isfinite(scenario.heights), scenario.present)
+            lanes = [lane.heights for lane in scenario.lanes]
+            assert all(
+                len(heights) == len(lane.points) for heights, lane in zip(lanes, scenario.lanes)
+            )
+            assert np.ptp(np.concatenate(lanes)) > 4.0
+            # Agents are on the ground.
+            here = scenario.history_heights[0, -1]
+            points = np.concatenate([lane.points for lane in scenario.lanes])
+            near = np.linalg.norm(points - scenario.history[0, -1, :2], axis=1) < 5.0
+            assert np.abs(np.concatenate(lanes)[near] - here).min() < 1.0
+        (flat,) = reactsim.scenarios(MINI, ids="cut-in")
+        assert np.isnan(flat.heights).all()
+        assert flat.lanes[0].heights is not None
+        assert np.isnan(flat.lanes[0].heights).all()
+
     def test_generate_a_benchmark(self, tmp_path: Path) -> None:
         bench = reactsim.generate(
             tmp_path / "bench.parquet",

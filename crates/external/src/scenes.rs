@@ -28,7 +28,8 @@ pub const LINK_RELATIONS: [&str; 4] = ["successor", "predecessor", "left", "righ
 pub(super) const NONE: u8 = 255;
 
 /// Adds the tensors of a batch of scenes to a document. All coordinates are in the frames of the scenarios.
-pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) {
+/// Returns the height of each point, metres, NaN if unknown; simulators do not receive heights.
+pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
     add_agents(document, starts);
     let mut lines = Lines::default();
     let (mut links, mut lights, mut obstacles) = (Vec::new(), Lights::default(), Obstacles::default());
@@ -65,6 +66,7 @@ pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) {
         .tensor("light_state", Values::u8(&[lights.episode.len(), HISTORY], lights.states))
         .tensor("obstacle_episode", Values::i32(&[obstacles.episode.len()], obstacles.episode))
         .tensor("obstacle", Values::f64(&[obstacles.boxes.len() / 5, 5], obstacles.boxes));
+    lines.heights
 }
 
 /// Returns the numbers of a frame: x, y, heading, vx, vy; 0 where absent.
@@ -109,6 +111,8 @@ fn add_agents(document: &mut FrameWriter, starts: &[&Start]) {
 #[derive(Default)]
 struct Lines {
     points: Vec<f64>,
+    /// Height of each point, NaN if unknown.
+    heights: Vec<f64>,
     /// Number of points up to the end of each line.
     end: Vec<i64>,
     episode: Vec<i32>,
@@ -147,8 +151,13 @@ impl Line {
 }
 
 impl Lines {
-    fn add(&mut self, episode: i32, line: &Line, points: &[Vec2]) {
+    /// Adds a line, with the heights of its points if they are known.
+    fn add(&mut self, episode: i32, line: &Line, points: &[Vec2], heights: Option<&Vec<f64>>) {
         self.points.extend(points.iter().flat_map(|p| [p.x, p.y]));
+        match heights.filter(|heights| !heights.is_empty()) {
+            Some(heights) => self.heights.extend(heights),
+            None => self.heights.extend(points.iter().map(|_| f64::NAN)),
+        }
         self.end.push((self.points.len() / 2) as i64);
         self.episode.push(episode);
         self.kind.push(line.kind);
@@ -160,42 +169,51 @@ impl Lines {
     /// Adds a map: its lanes first, in their order, so that lane i of the map is line `first` + i.
     fn add_map(&mut self, episode: i32, map: &RoadMap) {
         let first = self.kind.len() as i32;
-        for lane in &map.lanes {
+        let heights = &map.heights;
+        for (i, lane) in map.lanes.iter().enumerate() {
             let kind = match lane.kind {
                 LaneKind::Lane => 0,
                 LaneKind::Connector => 1,
             };
             let value = lane.speed_limit.unwrap_or(f64::NAN);
             let line = Line { class: lane.class as u8, value, ..Line::of(kind) };
-            self.add(episode, &line, lane.baseline.points());
+            self.add(episode, &line, lane.baseline.points(), heights.lanes.get(i));
         }
         for (i, lane) in map.lanes.iter().enumerate() {
             let line = Line { lane: first + i as i32, ..Line::of(2) };
             match &lane.area {
-                LaneArea::Polygon(ring) => self.add(episode, &line, ring),
+                LaneArea::Polygon(ring) => self.add(episode, &line, ring, None),
                 LaneArea::Corridor { half_width } => {
-                    self.add(episode, &Line { value: *half_width, ..line }, &[]);
+                    self.add(episode, &Line { value: *half_width, ..line }, &[], None);
                 }
             }
         }
-        for edge in &map.road_edges {
-            self.add(episode, &Line { class: edge.kind as u8, ..Line::of(3) }, &edge.points);
+        for (i, edge) in map.road_edges.iter().enumerate() {
+            let line = Line { class: edge.kind as u8, ..Line::of(3) };
+            self.add(episode, &line, &edge.points, heights.road_edges.get(i));
         }
-        for line in &map.road_lines {
-            self.add(episode, &Line { class: line.paint, ..Line::of(4) }, &line.points);
+        for (i, painted) in map.road_lines.iter().enumerate() {
+            let line = Line { class: painted.paint, ..Line::of(4) };
+            self.add(episode, &line, &painted.points, heights.road_lines.get(i));
         }
         for stop in &map.stop_lines {
             let lane = first + stop.lane as i32;
             let line = Line { kind: 5, class: stop.kind as u8, lane, value: stop.s };
-            self.add(episode, &line, &stop.ends);
+            self.add(episode, &line, &stop.ends, None);
         }
-        map.crosswalks.iter().for_each(|c| self.add(episode, &Line::of(6), &c.outline));
-        map.speed_bumps.iter().for_each(|s| self.add(episode, &Line::of(7), &s.outline));
-        map.driveways.iter().for_each(|d| self.add(episode, &Line::of(8), &d.outline));
-        map.intersections.iter().for_each(|ring| self.add(episode, &Line::of(9), ring));
-        for polygon in map.drivable_area.iter().flatten() {
-            self.add(episode, &Line::of(10), &polygon.exterior);
-            polygon.holes.iter().for_each(|hole| self.add(episode, &Line::of(11), hole));
+        for (i, crosswalk) in map.crosswalks.iter().enumerate() {
+            self.add(episode, &Line::of(6), &crosswalk.outline, heights.crosswalks.get(i));
+        }
+        for (i, bump) in map.speed_bumps.iter().enumerate() {
+            self.add(episode, &Line::of(7), &bump.outline, heights.speed_bumps.get(i));
+        }
+        for (i, driveway) in map.driveways.iter().enumerate() {
+            self.add(episode, &Line::of(8), &driveway.outline, heights.driveways.get(i));
+        }
+        map.intersections.iter().for_each(|ring| self.add(episode, &Line::of(9), ring, None));
+        for (i, polygon) in map.drivable_area.iter().flatten().enumerate() {
+            self.add(episode, &Line::of(10), &polygon.exterior, heights.drivable_area.get(i));
+            polygon.holes.iter().for_each(|hole| self.add(episode, &Line::of(11), hole, None));
         }
     }
 }
