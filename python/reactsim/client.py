@@ -726,11 +726,8 @@ class Scene:
             k = len(lanes)
             ring, half_width = outlines.get(line, none)
             outline = ring if len(ring) else None
-            links: Tuple[List[Any], ...] = ([], [], [], [])
-            lanes.append(
-                Lane(k, points, is_connector[k], category, limit, outline, half_width, *links)
-            )
-            lanes[k].heights = lines.heights_of(line)
+            about = (k, points, is_connector[k], category, limit, outline, half_width)
+            lanes.append(Lane(*about, [], [], [], [], lines.heights_of(line)))
         for row in lines.links[np.isin(lines.links[:, 0], indices)].tolist():
             lane, other = lanes[self._lane_index[row[0]]], self._lane_index.get(row[1])
             if other is None:

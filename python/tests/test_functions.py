@@ -14,6 +14,7 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import reactsim
 from fakes import ROOT
@@ -263,20 +264,18 @@ class TestDeviations:
         )
         for scenario in reactsim.scenarios(logs.path):
             assert np.array_equal(np.isfinite(scenario.heights), scenario.present)
-            lanes = [lane.heights for lane in scenario.lanes]
-            assert all(
-                len(heights) == len(lane.points) for heights, lane in zip(lanes, scenario.lanes)
-            )
-            assert np.ptp(np.concatenate(lanes)) > 4.0
-            # Agents are on the ground.
-            here = scenario.history_heights[0, -1]
             points = np.concatenate([lane.points for lane in scenario.lanes])
+            heights = np.concatenate([lane.heights for lane in scenario.lanes])
+            assert len(heights) == len(points)
+            assert np.ptp(heights) > 4.0
+            # The AV is on the ground of some lane.
             near = np.linalg.norm(points - scenario.history[0, -1, :2], axis=1) < 5.0
-            assert np.abs(np.concatenate(lanes)[near] - here).min() < 1.0
+            assert np.abs(heights[near] - scenario.history_heights[0, -1]).min() < 1.0
         (flat,) = reactsim.scenarios(MINI, ids="cut-in")
         assert np.isnan(flat.heights).all()
-        assert flat.lanes[0].heights is not None
-        assert np.isnan(flat.lanes[0].heights).all()
+        (first, *_) = (lane.heights for lane in flat.lanes)
+        assert first is not None
+        assert np.isnan(first).all()
 
     def test_generate_a_benchmark(self, tmp_path: Path) -> None:
         bench = reactsim.generate(
