@@ -22,7 +22,7 @@ pub use obb::{OrientedBox, rounded_distance};
 
 pub use polygon::{Polygon, point_in_ring, ring_distance};
 pub use polyline::{Polyline, PolylineError, Projection};
-pub use ring_index::PolygonIndex;
+pub use ring_index::{PolygonIndex, RingIndex};
 pub use sweep::time_to_impact;
 pub use union::{GRID_SPACING, on_grid, ring_area, union, union_of};
 

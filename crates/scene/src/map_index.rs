@@ -1,8 +1,10 @@
 //! The spatial index of a map, built once per scenario, and its queries.
 
+use std::sync::OnceLock;
+
 use reactsim_geometry::{
-    Bounds, Grid, NearestEdge, OrientedEdges, PolygonIndex, Projection, Vec2, point_in_ring, point_segment,
-    ring_distance,
+    Bounds, Grid, NearestEdge, OrientedEdges, PolygonIndex, Projection, RingIndex, Vec2, point_in_ring,
+    point_segment, ring_distance,
 };
 
 use super::{Lane, LaneArea, RoadMap, levels};
@@ -23,6 +25,8 @@ pub struct MapIndex {
     piece_grid: Grid,
     polygon_lanes: Vec<usize>,
     polygon_grid: Grid,
+    /// For each lane, its polygon; made at the first point near it.
+    lane_rings: Vec<OnceLock<RingIndex>>,
     edges: OrientedEdges,
     area_grid: Grid,
     areas: Vec<PolygonIndex>,
@@ -73,6 +77,7 @@ impl MapIndex {
         Self {
             piece_grid: Grid::new(&bounds, CELL_SIZE),
             pieces,
+            lane_rings: vec![OnceLock::new(); map.lanes.len()],
             polygon_lanes,
             polygon_grid: Grid::new(&polygon_bounds, CELL_SIZE),
             edge_heights: edge_heights(map),
@@ -183,7 +188,7 @@ impl<'a> Road<'a> {
         for &i in polygons {
             let lane = self.index.polygon_lanes[i as usize];
             if let LaneArea::Polygon(ring) = &self.map.lanes[lane].area
-                && point_in_ring(p, ring) == Some(true)
+                && self.is_in_lane(p, lane, ring)
             {
                 let projection = self.map.lanes[lane].baseline.project(p);
                 if !self.is_above_or_below(lane, &projection) {
@@ -206,10 +211,16 @@ impl<'a> Road<'a> {
                 self.in_corridor(p, lane, *half_width, &cell[start..end])
             }
             LaneArea::Polygon(ring) => {
-                (point_in_ring(p, ring) == Some(true)).then(|| self.map.lanes[lane].baseline.project(p))
+                self.is_in_lane(p, lane, ring).then(|| self.map.lanes[lane].baseline.project(p))
             }
         };
         found.filter(|projection| !self.is_above_or_below(lane, projection))
+    }
+
+    /// Returns whether the polygon of a lane strictly contains `p`.
+    fn is_in_lane(&self, p: Vec2, lane: usize, ring: &[Vec2]) -> bool {
+        let index = self.index.lane_rings[lane].get_or_init(|| RingIndex::new(ring));
+        index.locate(p) == Some(true)
     }
 
     /// Returns the projection of `p` if the corridor strictly contains it: within the half-width of the
@@ -341,7 +352,7 @@ impl<'a> Road<'a> {
     /// Returns the distance from `p` to the area of a lane, metres; 0 inside.
     pub fn distance_to_lane(&self, p: Vec2, lane: usize) -> f64 {
         match &self.map.lanes[lane].area {
-            LaneArea::Polygon(ring) if point_in_ring(p, ring) == Some(true) => 0.0,
+            LaneArea::Polygon(ring) if self.is_in_lane(p, lane, ring) => 0.0,
             LaneArea::Polygon(ring) => ring_distance(p, ring),
             LaneArea::Corridor { half_width } => {
                 (self.map.lanes[lane].baseline.project(p).distance - half_width).max(0.0)
