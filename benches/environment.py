@@ -1,0 +1,215 @@
+#!/usr/bin/env python3
+"""Throughput of environments: `reactsim.VectorEnv` and the environment of Waymax, in one run.
+
+    PYTHONPATH=python REACTSIM_BINARY=PROGRAM python3 benches/environment.py --waymax CHECKOUT
+
+Both step the same scenarios of the shipped benchmark with constant actions (acceleration and
+curvature of a bicycle) of the AV, an intelligent driver model as traffic, the observation of the AV
+and a reward from contacts and the road. Waymax runs its `PlanningAgentEnvironment` with
+`IDMRoutePolicy` and `sdc_observation_from_state`, compiled for the batch; compilation is not timed.
+A state step is one step of one present agent; Waymax pads every scenario to 128 objects and 20,000
+points of the map, as for its datasets. Without `--waymax`, only this program is measured.
+
+Needs gymnasium; for Waymax a checkout of github.com/waymo-research/waymax, jax, chex, dm_env, flax.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import time
+from pathlib import Path
+from typing import Any
+from unittest.mock import MagicMock
+
+import numpy as np
+import reactsim
+
+OBJECTS = 128  # Waymax's default
+MAP_POINTS = 20_000  # of the dataset configurations of Waymax
+OBSERVED_POINTS = 1000  # default of `sdc_observation_from_state`
+STEPS = 80
+SEED = 1
+
+
+def median_rate(step: Any, per_step: int, steps: int) -> float:
+    """Returns `per_step` per second: the median over 5 rounds of so many steps."""
+    rates = []
+    for _ in range(5):
+        start = time.perf_counter()
+        for _ in range(steps):
+            step()
+        rates.append(steps * per_step / (time.perf_counter() - start))
+    return float(np.median(rates))
+
+
+def ours(count: int, ids: list[str], agents: int, steps: int) -> float:
+    """Returns state steps per second of `VectorEnv`."""
+    envs = reactsim.VectorEnv(simulator="idm", ids=ids, num_envs=count, scores=False)
+    envs.reset(seed=SEED, options={"scenarios": ids, "rollouts": [0] * count})
+    actions = np.zeros((count, 2), np.float32)
+    rate = median_rate(lambda: envs.step(actions), agents, steps)
+    envs.close()
+    return rate
+
+
+# --------------------------------------------------------------------------------------------------
+# Waymax.
+
+
+def load_waymax(folder: Path) -> None:
+    """Makes a checkout importable. It reads datasets with TensorFlow, which is not needed here."""
+    sys.path.insert(0, str(folder))
+    if importlib.util.find_spec("tensorflow") is None:
+        sys.modules["tensorflow"] = MagicMock()
+
+
+def padded(values: np.ndarray, count: int) -> np.ndarray:
+    """Returns the first `count` rows, with zeros after the last one."""
+    rest = [(0, max(0, count - len(values)))] + [(0, 0)] * (values.ndim - 1)
+    return np.pad(values[:count], rest)
+
+
+def map_points(scene: reactsim.Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Returns position, direction, type and id of points of lanes and road edges."""
+    lines = [(lane.points, 2) for lane in scene.lanes]
+    lines += [(edge.points, 15) for edge in scene.road_edges]
+    lines += [(ring, 15) for area in scene.drivable_areas for ring in area]
+    points, directions, kinds, ids = [], [], [], []
+    for index, (line, kind) in enumerate(lines):
+        ahead = np.diff(line, axis=0, append=2 * line[-1:] - line[-2:-1])
+        points.append(line)
+        directions.append(ahead / np.maximum(np.hypot(*ahead.T), 1e-9)[:, None])
+        kinds.append(np.full(len(line), kind))
+        ids.append(np.full(len(line), index))
+    return tuple(np.concatenate(part) for part in (points, directions, kinds, ids))
+
+
+def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
+    """Returns the state of Waymax with the logs of scenarios, with a batch dimension."""
+    import jax.numpy as jnp
+    from waymax import datatypes
+
+    columns: dict[str, list[np.ndarray]] = {}
+
+    def add(**values: np.ndarray) -> None:
+        for name, value in values.items():
+            columns.setdefault(name, []).append(value)
+
+    for scene in scenes:
+        states = padded(np.nan_to_num(scene.states), OBJECTS)
+        valid = padded(scene.present, OBJECTS)
+        sizes = np.repeat(padded(scene.sizes, OBJECTS)[:, None], states.shape[1], axis=1)
+        points, directions, kinds, ids = (padded(p, MAP_POINTS) for p in map_points(scene))
+        add(states=states, valid=valid, sizes=sizes, kinds=padded(scene.kinds, OBJECTS))
+        add(points=points, directions=directions, types=kinds, ids=ids)
+        add(known=np.arange(MAP_POINTS) < len(map_points(scene)[0]))
+    batch = {name: jnp.asarray(np.stack(values)) for name, values in columns.items()}
+    states, valid, sizes = batch["states"].astype(jnp.float32), batch["valid"], batch["sizes"]
+    zeros = jnp.zeros(valid.shape, jnp.float32)
+    log = datatypes.Trajectory(
+        **dict(zip(("x", "y", "yaw", "vel_x", "vel_y"), jnp.moveaxis(states, -1, 0))),
+        z=zeros,
+        length=sizes[..., 0].astype(jnp.float32),
+        width=sizes[..., 1].astype(jnp.float32),
+        height=zeros + 1.5,
+        valid=valid,
+        timestamp_micros=jnp.broadcast_to(jnp.arange(91, dtype=jnp.int32) * 100_000, valid.shape),
+    )
+    objects = valid.shape[:2]
+    is_av = jnp.broadcast_to(jnp.arange(OBJECTS) == 0, objects)
+    none = jnp.zeros(objects, bool)
+    points, directions = batch["points"], batch["directions"]
+    return datatypes.SimulatorState(
+        sim_trajectory=log,
+        log_trajectory=log,
+        log_traffic_light=datatypes.TrafficLights(
+            **{name: jnp.zeros((len(scenes), 16, 91)) for name in ("x", "y", "z")},
+            **{name: jnp.zeros((len(scenes), 16, 91), jnp.int32) for name in ("state", "lane_ids")},
+            valid=jnp.zeros((len(scenes), 16, 91), bool),
+        ),
+        object_metadata=datatypes.ObjectMetadata(
+            ids=jnp.broadcast_to(jnp.arange(OBJECTS, dtype=jnp.int32), objects),
+            # Vehicle 1, pedestrian 2, cyclist 3, other 4.
+            object_types=batch["kinds"].astype(jnp.int32) + 1,
+            is_sdc=is_av,
+            is_modeled=none,
+            is_valid=valid.any(-1),
+            objects_of_interest=none,
+            is_controlled=valid.any(-1),
+        ),
+        roadgraph_points=datatypes.RoadgraphPoints(
+            x=points[..., 0].astype(jnp.float32),
+            y=points[..., 1].astype(jnp.float32),
+            z=jnp.zeros(points.shape[:2], jnp.float32),
+            dir_x=directions[..., 0].astype(jnp.float32),
+            dir_y=directions[..., 1].astype(jnp.float32),
+            dir_z=jnp.zeros(points.shape[:2], jnp.float32),
+            types=batch["types"].astype(jnp.int32),
+            ids=batch["ids"].astype(jnp.int32),
+            valid=batch["known"],
+        ),
+        timestep=jnp.array(0),
+    )
+
+
+def waymax(scenes: list[reactsim.Scenario], agents: int, steps: int) -> float:
+    """Returns state steps per second of the environment of Waymax."""
+    import jax
+    import jax.numpy as jnp
+    from waymax import agents as drivers
+    from waymax import config, datatypes, dynamics, env
+
+    idm = drivers.IDMRoutePolicy(is_controlled_func=lambda state: ~state.object_metadata.is_sdc)
+    environment = env.PlanningAgentEnvironment(
+        dynamics.InvertibleBicycleModel(),
+        config.EnvironmentConfig(max_num_objects=OBJECTS),
+        sim_agent_actors=(idm,),
+        sim_agent_params=({},),
+    )
+    count = len(scenes)
+    action = datatypes.Action(data=jnp.zeros((count, 2)), valid=jnp.ones((count, 1), bool))
+
+    @jax.jit
+    def advance(state: Any) -> tuple[Any, Any, Any]:
+        state = environment.step(state, action)
+        seen = datatypes.sdc_observation_from_state(state, roadgraph_top_k=OBSERVED_POINTS)
+        return state, environment.reward(state, action), seen
+
+    start = environment.reset(waymax_state(scenes))
+    now = {"state": start}
+
+    def step() -> None:
+        if int(now["state"].timestep) >= 10 + STEPS:
+            now["state"] = start
+        now["state"], reward, seen = advance(now["state"])
+        jax.block_until_ready((now["state"], reward, seen))
+
+    step()
+    return median_rate(step, agents, steps)
+
+
+def main() -> None:
+    """Measures both and prints a table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--waymax", type=Path, help="folder of github.com/waymo-research/waymax")
+    parser.add_argument("--envs", type=int, nargs="+", default=[1, 16, 64], help="scenarios")
+    parser.add_argument("--steps", type=int, default=100, help="steps of each of 5 rounds")
+    parser.add_argument("--waymax-steps", type=int, default=2, help="the same for Waymax")
+    options = parser.parse_args()
+    scenes = list(reactsim.scenarios(limit=max(options.envs), future=True))
+    if options.waymax is not None:
+        load_waymax(options.waymax)
+    print("| scenarios | agents | state steps per second | Waymax | ratio |\n|--:|--:|--:|--:|--:|")
+    for count in options.envs:
+        some = scenes[:count]
+        agents = sum(scene.n_agents for scene in some)
+        own = ours(count, [scene.id for scene in some], agents, options.steps)
+        other = waymax(some, agents, options.waymax_steps) if options.waymax is not None else None
+        compared = f"{other:,.0f} | {own / other:.1f}" if other is not None else "- | -"
+        print(f"| {count} | {agents} | {own:,.0f} | {compared} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
