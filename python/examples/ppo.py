@@ -166,7 +166,7 @@ def train(source):
 
 
 def drive(env, choose):
-    """Drives all scenarios; returns mean progress (m), number of contacts at fault and mean score."""
+    """Drives all scenarios; returns mean progress (m), contacts at fault in all, mean score."""
     sums = np.zeros(3)
     for scenario in env.unwrapped.scenarios:
         observation, info = env.reset(options={"scenario": scenario, "rollout": 0})
