@@ -35,8 +35,8 @@ UNITS = 30
 
 
 def arguments(out: Path) -> list[str]:
-    """A run of 30 scenarios with enough rollouts for units of about a tenth of a second."""
-    run = ["run", "--models", "log-replay,idm", "--limit", "30", "--rollouts", "12"]
+    """A run of 30 scenarios with enough rollouts for units of about a quarter of a second."""
+    run = ["run", "--models", "log-replay,idm", "--limit", "30", "--rollouts", "40"]
     return [*run, "--out", str(out)]
 
 
