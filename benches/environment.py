@@ -101,10 +101,11 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
         states = padded(np.nan_to_num(scene.states), OBJECTS)
         valid = padded(scene.present, OBJECTS)
         sizes = np.repeat(padded(scene.sizes, OBJECTS)[:, None], states.shape[1], axis=1)
-        points, directions, kinds, ids = (padded(p, MAP_POINTS) for p in map_points(scene))
+        of_map = map_points(scene)
+        points, directions, kinds, ids = (padded(part, MAP_POINTS) for part in of_map)
         add(states=states, valid=valid, sizes=sizes, kinds=padded(scene.kinds, OBJECTS))
         add(points=points, directions=directions, types=kinds, ids=ids)
-        add(known=np.arange(MAP_POINTS) < len(map_points(scene)[0]))
+        add(known=np.arange(MAP_POINTS) < len(of_map[0]))
     batch = {name: jnp.asarray(np.stack(values)) for name, values in columns.items()}
     states, valid, sizes = batch["states"].astype(jnp.float32), batch["valid"], batch["sizes"]
     zeros = jnp.zeros(valid.shape, jnp.float32)

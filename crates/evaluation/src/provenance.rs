@@ -32,8 +32,8 @@ pub struct Provenance {
     pub commit: String,
     /// Settings of the run.
     pub settings: SettingsRecord,
-    /// Variants of the metrics. Options that a file lacks are newer than the file; their defaults are the metrics
-    /// before them.
+    /// Variants of the metrics. Options that a file lacks are newer than the file; their defaults are the
+    /// metrics before them.
     #[serde(deserialize_with = "with_newer_options")]
     pub metric_options: BTreeMap<String, String>,
     /// Simulators in the order of the tables.

@@ -57,8 +57,8 @@ fn agent_heights(heights: &[Vec<Option<f64>>], agents: usize, frames: usize) -> 
     known_or_nan(&[1, agents, frames], heights.iter().flatten())
 }
 
-/// Returns heights as numbers, NaN where unknown. No heights at all mean that the scenario has one level: all are
-/// unknown.
+/// Returns heights as numbers, NaN where unknown. No heights at all mean that the scenario has one level: all
+/// are unknown.
 fn known_or_nan<'a>(shape: &[usize], heights: impl IntoIterator<Item = &'a Option<f64>>) -> Values {
     let mut numbers: Vec<f64> = heights.into_iter().map(|height| height.unwrap_or(f64::NAN)).collect();
     if numbers.is_empty() {
