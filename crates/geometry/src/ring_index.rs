@@ -5,16 +5,15 @@ use super::{Polygon, Vec2};
 /// Average number of ring edges per slab.
 const EDGES_PER_SLAB: usize = 4;
 
-/// The edges of a ring, by horizontal slab: a point is tested against the edges of its slab only.
+/// The edges of a ring, by horizontal slab: a point is tested against the edges of its slab only. The answers
+/// equal those of [`super::point_in_ring`] on the whole ring.
 #[derive(Clone, Debug)]
 pub struct RingIndex {
     bottom: f64,
     top: f64,
     slabs_per_metre: f64,
-    /// Index of the first edge of each slab, and the number of edges.
-    starts: Vec<u32>,
     /// For each slab, the edges whose y range intersects it.
-    edges: Vec<(Vec2, Vec2)>,
+    slabs: Vec<Vec<(Vec2, Vec2)>>,
 }
 
 impl RingIndex {
@@ -24,32 +23,19 @@ impl RingIndex {
             ring.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p.y), b.max(p.y)));
         let count = (ring.len() / EDGES_PER_SLAB).max(1);
         let slabs_per_metre = if top > bottom { count as f64 / (top - bottom) } else { 0.0 };
-        let mut index = Self { bottom, top, slabs_per_metre, starts: vec![0; count + 1], edges: Vec::new() };
-        let last = ring.last().copied().unwrap_or_default();
-        let edges = || std::iter::once(last).chain(ring.iter().copied()).zip(ring.iter().copied());
-        let slabs = |(a, b): (Vec2, Vec2)| index.slab(a.y.min(b.y))..=index.slab(a.y.max(b.y));
-        let mut starts = index.starts.clone();
-        for edge in edges() {
-            slabs(edge).for_each(|slab| starts[slab + 1] += 1);
+        let mut index = Self { bottom, top, slabs_per_metre, slabs: vec![Vec::new(); count] };
+        let mut a = ring.last().copied().unwrap_or_default();
+        for &b in ring {
+            let (first, last) = (index.slab(a.y.min(b.y)), index.slab(a.y.max(b.y)));
+            index.slabs[first..=last].iter_mut().for_each(|slab| slab.push((a, b)));
+            a = b;
         }
-        for slab in 0..count {
-            starts[slab + 1] += starts[slab];
-        }
-        let mut sorted = vec![Default::default(); starts[count] as usize];
-        let mut next = starts.clone();
-        for edge in edges() {
-            for slab in slabs(edge) {
-                sorted[next[slab] as usize] = edge;
-                next[slab] += 1;
-            }
-        }
-        (index.starts, index.edges) = (starts, sorted);
         index
     }
 
     /// Returns the slab of a y between bottom and top.
     fn slab(&self, y: f64) -> usize {
-        (((y - self.bottom) * self.slabs_per_metre) as usize).min(self.starts.len() - 2)
+        (((y - self.bottom) * self.slabs_per_metre) as usize).min(self.slabs.len() - 1)
     }
 
     /// Returns whether `p` is inside the ring, like [`super::point_in_ring`].
@@ -60,9 +46,8 @@ impl RingIndex {
         if !(self.bottom <= p.y && p.y <= self.top) {
             return Some(false);
         }
-        let slab = self.slab(p.y);
         let mut inside = false;
-        for &(a, b) in &self.edges[self.starts[slab] as usize..self.starts[slab + 1] as usize] {
+        for &(a, b) in &self.slabs[self.slab(p.y)] {
             inside ^= super::polygon::crosses(p, a, b)?;
         }
         Some(inside)
