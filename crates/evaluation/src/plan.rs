@@ -21,7 +21,9 @@ use super::folder::RunFolder;
 use super::known_deviation::KnownDeviation;
 use super::motion::{Finding, GivenScene};
 use super::pose::Pose;
-use super::provenance::{Provenance, SettingsRecord, SimulatorRecord, program_commit, program_version};
+use super::provenance::{
+    Provenance, SettingsRecord, SimulatorRecord, named_options, program_commit, program_version,
+};
 use super::rollout_checks::RolloutCheck;
 use super::selection::Selection;
 use super::simulators::PlannedSimulator;
@@ -151,10 +153,7 @@ impl Plan {
                 pose: self.deviations.as_ref().and_then(|d| SettingsRecord::pose(d.pose)),
                 selection: self.settings.selection.clone(),
             },
-            metric_options: {
-                let named = self.settings.options.named();
-                named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
-            },
+            metric_options: named_options(&self.settings.options),
             simulators: self.simulators.iter().map(SimulatorRecord::of).collect(),
             driver: self.driver().and_then(|driver| driver.record.clone()),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),

@@ -277,10 +277,14 @@ impl Provenance {
     }
 }
 
+/// Returns variants of the metrics by name, as [`Provenance::metric_options`].
+pub(super) fn named_options(options: &Options) -> BTreeMap<String, String> {
+    options.named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
 /// Reads variants of the metrics, with the defaults of those that the file lacks.
 fn with_newer_options<'de, D: Deserializer<'de>>(file: D) -> Result<BTreeMap<String, String>, D::Error> {
-    let mut options: BTreeMap<String, String> =
-        Options::default().named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+    let mut options = named_options(&Options::default());
     options.extend(BTreeMap::<String, String>::deserialize(file)?);
     Ok(options)
 }

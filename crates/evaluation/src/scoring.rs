@@ -9,6 +9,7 @@ use reactsim_metrics::Options;
 use reactsim_scene::Scenario;
 
 use super::finish::finish;
+use super::provenance::named_options;
 use super::recorded::{Recorded, ScoredPair};
 use super::rollouts::write_part;
 use super::{
@@ -69,10 +70,7 @@ impl Scoring {
                 pose: SettingsRecord::pose(pose),
                 ..SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX))
             },
-            metric_options: {
-                let named = options.named();
-                named.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
-            },
+            metric_options: named_options(&options),
             driver: None,
             simulators: recorded.simulators().iter().map(|name| simulator(name)).collect(),
             // The rollout files first, then the scenario files.
