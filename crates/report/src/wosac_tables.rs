@@ -8,7 +8,6 @@ use reactsim_evaluation::{
 };
 use reactsim_metrics::wosac::Feature;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
 
 use super::table::count;
 use super::{csv, markdown};
@@ -116,61 +115,6 @@ pub(super) fn write_simulators(simulators: &[RealismSummary], out: &mut dyn Writ
 /// Returns the head of a table of aggregates.
 fn head(first: &str) -> Vec<String> {
     std::iter::once(first.to_owned()).chain(AGGREGATES.map(|column| column.heading())).collect()
-}
-
-/// Writes the scores as JSON, with the field names of the official messages.
-///
-/// # Errors
-/// If `out` cannot be written.
-pub fn write_json(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
-    let mut configs = Map::new();
-    for (i, (config, mean)) in scores.means().into_iter().enumerate() {
-        let fields = |fields: Vec<(&'static str, Option<f64>)>| -> Map<String, Value> {
-            fields.into_iter().filter_map(|(name, value)| Some((name.to_owned(), json!(value?)))).collect()
-        };
-        let buckets = mean.buckets(config).fields();
-        let intervals: Map<String, Value> = scores
-            .aggregates(i)
-            .into_iter()
-            .filter_map(|(name, estimate)| Some((name.to_owned(), json!([estimate.low?, estimate.high?]))))
-            .collect();
-        let entry = json!({
-            "metrics": fields(mean.fields()),
-            "buckets": fields(buckets.to_vec()),
-            "intervals_95": intervals,
-        });
-        configs.insert(config.id.to_owned(), entry);
-    }
-    let all = json!({
-        "method": scores.method,
-        "scenarios": scores.rows.len(),
-        "configs": configs,
-        "missing": scores.missing,
-        "failures": scores.failures.iter().map(|failure| &failure.error).collect::<Vec<_>>(),
-    });
-    serde_json::to_writer_pretty(&mut *out, &all)?;
-    writeln!(out)
-}
-
-/// Writes the scores of every scenario as JSON lines, one per scenario and configuration.
-///
-/// # Errors
-/// If `out` cannot be written.
-pub fn write_rows(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
-    for row in &scores.rows {
-        for (config, metrics) in scores.configs.iter().zip(&row.metrics) {
-            let mut line = Map::new();
-            line.insert("scenario_id".to_owned(), row.scenario_id.as_str().into());
-            line.insert("method".to_owned(), scores.method.as_str().into());
-            line.insert("config".to_owned(), config.id.into());
-            line.insert("rollouts".to_owned(), row.rollouts.into());
-            line.extend(
-                metrics.fields().into_iter().filter_map(|(name, v)| Some((name.to_owned(), v?.into()))),
-            );
-            writeln!(out, "{}", Value::Object(line))?;
-        }
-    }
-    Ok(())
 }
 
 /// Writes the scores of every scenario as CSV, one line per scenario and configuration.

@@ -216,7 +216,7 @@ pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result
     }
     write_result(None, |out| match format {
         Format::Markdown => wosac_tables::write_markdown(scores, out),
-        Format::Json => wosac_tables::write_json(scores, out),
+        Format::Json => scores.write_json(out),
         Format::Csv => wosac_tables::write_csv(scores, out),
     })?;
     if let Some(folder) = &args.out {
@@ -226,9 +226,9 @@ pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result
             write_file(&path, |out: &mut dyn Write| writer(scores, out))
                 .with_context(|| format!("could not write {}", path.display()))
         };
-        write(REALISM_ROWS, wosac_tables::write_rows)?;
+        write(REALISM_ROWS, RealismScores::write_rows)?;
         write("wosac.md", wosac_tables::write_markdown)?;
-        write("wosac.json", wosac_tables::write_json)?;
+        write("wosac.json", RealismScores::write_json)?;
         note(format_args!("{} contains wosac.json, wosac.md and wosac.jsonl", folder.display()));
     }
     if !scores.missing.is_empty() {

@@ -13,7 +13,6 @@ use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPai
 use crate::evaluation::{Source, StudyPlan, read_summary};
 use crate::external::RunOutline;
 use crate::metrics::wosac::Config;
-use crate::report::wosac_tables;
 use crate::rollout::{Protocol, Replan, Settings};
 use crate::work::available_threads;
 
@@ -72,7 +71,7 @@ pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Resu
             ));
         }
         summaries.extend(RealismSummary::of(&simulator.id, &scores));
-        wosac_tables::write_rows(&scores, &mut rows).context("could not make the rows")?;
+        scores.write_rows(&mut rows).context("could not make the rows")?;
     }
     RealismSummary::write_all(&summaries, study)?;
     let path = study.join(REALISM_ROWS);

@@ -5,6 +5,7 @@
 //! [`score_all`] scores them. [`LogFiles`] finds the log of a scenario, [`run_rollouts`] turns the rollouts
 //! of a run into those of a submission.
 
+mod json;
 mod logs;
 mod run_pairs;
 mod run_rollouts;

@@ -41,6 +41,12 @@ impl LogSource {
         if input.is_recording() { Self::Recording(input.path) } else { Self::Scenarios(input) }
     }
 
+    /// Returns whether a file is, by its name, one `Scenario` message without framing, which is of no format that
+    /// simulators read.
+    pub fn is_message(path: &Path) -> bool {
+        path.is_file() && path.to_string_lossy().contains(".binproto")
+    }
+
     /// Returns the number of logs, damaged ones included. A source that cannot be opened has one, so that its
     /// error is reported.
     pub fn count(&self) -> usize {

@@ -1,4 +1,4 @@
-//! Scores of a unit in a file.
+//! Scores as text, and of a unit in a file.
 
 use std::path::Path;
 
@@ -73,14 +73,11 @@ impl MetricsRecord {
 }
 
 impl RealismScores {
-    /// Writes the scores of a unit to a folder.
-    ///
-    /// # Errors
-    /// [`EvaluationError::Write`].
+    /// Returns the scores as text, from which [`Self::add_text`] restores them to the bit.
     ///
     /// # Panics
     /// Never: scores are text and numbers.
-    pub fn write_unit(&self, folder: &Path) -> Result<(), EvaluationError> {
+    pub fn to_text(&self) -> String {
         let row = |row: &RealismRow| RowRecord {
             scenario_id: row.scenario_id.clone(),
             rollouts: row.rollouts,
@@ -95,7 +92,34 @@ impl RealismScores {
             failures: self.failures.iter().map(failure).collect(),
             missing: self.missing.clone(),
         };
-        let text = serde_json::to_string(&unit).expect("scores are text and numbers");
+        serde_json::to_string(&unit).expect("scores are text and numbers")
+    }
+
+    /// Adds scores that [`Self::to_text`] returned.
+    ///
+    /// # Errors
+    /// The reason why the text has no scores of these configurations.
+    pub fn add_text(&mut self, text: &[u8]) -> Result<(), String> {
+        let scores: UnitScores = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+        for RowRecord { scenario_id, rollouts, metrics } in scores.rows {
+            if metrics.len() != self.configs.len() {
+                return Err(format!("`{scenario_id}` has {} metrics", metrics.len()));
+            }
+            let metrics = metrics.into_iter().map(MetricsRecord::metrics).collect();
+            self.rows.push(RealismRow { scenario_id, rollouts, metrics });
+        }
+        let failure = |FailureRecord { scenario_id, error }| RealismFailure { scenario_id, error };
+        self.failures.extend(scores.failures.into_iter().map(failure));
+        self.missing.extend(scores.missing);
+        Ok(())
+    }
+
+    /// Writes the scores of a unit to a folder.
+    ///
+    /// # Errors
+    /// [`EvaluationError::Write`].
+    pub fn write_unit(&self, folder: &Path) -> Result<(), EvaluationError> {
+        let text = self.to_text();
         replace(&folder.join(UNIT_SCORES), |out| writeln!(out, "{text}"))
     }
 
@@ -106,17 +130,6 @@ impl RealismScores {
     pub fn add_unit(&mut self, unit: &FinishedUnit) -> Result<(), ShardError> {
         let damaged = |reason: String| unit.damaged(format!("{UNIT_SCORES}: {reason}"));
         let text = std::fs::read(unit.results().join(UNIT_SCORES)).map_err(|e| damaged(e.to_string()))?;
-        let scores: UnitScores = serde_json::from_slice(&text).map_err(|e| damaged(e.to_string()))?;
-        for RowRecord { scenario_id, rollouts, metrics } in scores.rows {
-            if metrics.len() != self.configs.len() {
-                return Err(damaged(format!("`{scenario_id}` has {} metrics", metrics.len())));
-            }
-            let metrics = metrics.into_iter().map(MetricsRecord::metrics).collect();
-            self.rows.push(RealismRow { scenario_id, rollouts, metrics });
-        }
-        let failure = |FailureRecord { scenario_id, error }| RealismFailure { scenario_id, error };
-        self.failures.extend(scores.failures.into_iter().map(failure));
-        self.missing.extend(scores.missing);
-        Ok(())
+        self.add_text(&text).map_err(damaged)
     }
 }
