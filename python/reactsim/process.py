@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from typing import IO, Any, cast
 
 from .client import Array, ProtocolError, read_frame, write_frame
-from .program import LAST_LINES, ReactsimError, find_program, pass_on, start
+from .program import CHECK, LAST_LINES, ReactsimError, find_program, pass_on, start
 
-__all__ = ["ProgramProcess"]
+__all__ = ["ProgramProcess", "shared_request"]
 
 END_LIMIT = 2.0  # seconds that the process has to end after its input is closed
 
@@ -121,7 +121,9 @@ class ProgramProcess:
             ending = f"was ended by signal {-code}"
             if -code in {int(known) for known in signal.Signals}:
                 ending += f" ({signal.Signals(-code).name})"
-        text = "".join(f"\n{line}" for line in self._last)
+        # A process that has answered nothing may be another program.
+        last = self._last or ([CHECK] if self._seq == 1 else [])
+        text = "".join(f"\n{line}" for line in last)
         return ReactsimError(
             f"`reactsim session` {ending} ({problem}): create the object again{text}"
         )
@@ -129,6 +131,20 @@ class ProgramProcess:
     def close(self) -> None:
         """Ends the process. Further calls do nothing."""
         self._end()
+
+
+_shared: list[ProgramProcess] = []
+_shared_lock = threading.Lock()
+
+
+def shared_request(
+    kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array] | None = None
+) -> tuple[dict[str, str], dict[str, Array]]:
+    """Sends a request to the process that all scores of arrays use, which the first one starts."""
+    with _shared_lock:
+        if not _shared or not _shared[0].is_open:
+            _shared[:] = [ProgramProcess()]
+        return _shared[0].request(kind, arguments, tensors)
 
 
 def _end(program: subprocess.Popen[bytes], owner: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import tempfile
-import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ import numpy as np
 
 from .client import Array
 from .options import PathLike, each, paths, settings
-from .process import ProgramProcess
+from .process import shared_request
 from .program import arguments, invoke, produce, text_of
 from .results import Results, value_of
 from .scenarios import STEPS, Scenario
@@ -142,10 +141,6 @@ class StatesScores:
     all rollouts for the metrics that compare them with the log, such as "min-ade"."""
 
 
-_shared: list[ProgramProcess] = []
-_shared_lock = threading.Lock()
-
-
 def score_states(
     scenario: Scenario,
     states: Any,
@@ -197,10 +192,7 @@ def score_states(
         "pose": pose,
         "metric_options": {key: text_of(value) for key, value in (metric_options or {}).items()},
     }
-    with _shared_lock:
-        if not _shared or not _shared[0].is_open:
-            _shared[:] = [ProgramProcess()]
-        answer, _ = _shared[0].request("score", given, {"states": array})
+    answer, _ = shared_request("score", given, {"states": array})
     return read_scores(json.loads(answer["rows"]), json.loads(answer["events"]))
 
 

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .options import Options, PathLike, Run, Sources, each, folders, joined, paths
+from .client import Array
+from .options import PathLike, Run, Sources, each, folders, joined, paths
+from .process import shared_request
 from .program import arguments, invoke
+from .scenarios import STEPS, reading_of
 
 __all__ = ["WosacRollouts", "WosacScores", "score_run", "wosac"]
 
-STEPS = 80
-KEYS = (0x12, 0x1A, 0x22, 0x2A)  # fields 2 to 5 of SimulatedTrajectory: x, y, z, heading
-ID_KEY = 0x30  # field 6: object_id
-ID_BYTES = 5  # every id is written with as many bytes, so that all trajectories are equally long
-SCENE_KEY = 0x12  # field 2 of ScenarioRollouts: joint_scenes
-FIELD_1 = 0x0A
+CHUNK_BYTES = 64 << 20  # of states in a request
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,13 +65,16 @@ def wosac(
     configs: Sequence[str] = ("2025",),
     jobs: int | None = None,
 ) -> WosacScores:
-    """Computes the realism metrics of rollouts, in one call of the program.
+    """Computes the realism metrics of rollouts in memory.
+
+    The first call starts a process of the program, which all calls use. It keeps the recordings of
+    the scenarios that were scored last, so that many calls for a scenario read it once.
 
     Args:
         scenarios: Files of the Waymo Open Motion Dataset with the scenarios; others in them do not
             matter.
         rollouts: Rollouts of any number of scenarios, 32 each for the metrics of the challenge.
-            They are taken one after the other, so that a generator needs the memory of one.
+            They are taken 64 MB at a time from a generator.
         configs: Configurations: "2025", "2024", "2023", "2024_challenge_code".
         jobs: Number of threads; one per core by default.
 
@@ -82,15 +84,25 @@ def wosac(
 
     """
     several = [rollouts] if isinstance(rollouts, WosacRollouts) else rollouts
-    with tempfile.TemporaryDirectory(prefix="reactsim-") as home:
-        file = Path(home, "rollouts.binproto")
-        with file.open("wb") as stream:
-            for one in several:
-                message = encode(one)
-                stream.write(bytes([FIELD_1]) + varint(len(message)))
-                stream.write(message)
-        given: Options = [("--partial", True), *each("--scenarios", paths(scenarios))]
-        return _score(file, given, configs, jobs)
+    given = {
+        "logs": reading_of(scenarios)["paths"],
+        "configs": list(configs),
+        "jobs": jobs or os.cpu_count() or 1,
+    }
+    scores, rows, repeated = "", "", list[str]()
+    for chunk in _chunks(several, repeated):
+        named = [{"id": scenario, "objects": objects} for scenario, objects, _ in chunk]
+        tensors = {f"states-{i}": states for i, (_, _, states) in enumerate(chunk)}
+        answer, _ = shared_request("wosac", {**given, "scenarios": named}, tensors)
+        scores += answer["scores"] + "\n"
+        rows += answer["rows"]
+    texts = np.frombuffer((scores + "\n").encode(), np.uint8)
+    answer, _ = shared_request("wosac-summary", {"configs": given["configs"]}, {"scores": texts})
+    summary = json.loads(answer["scores"])
+    summary["failures"] += [
+        f"scenario `{id}` is given twice: the first one counts" for id in repeated
+    ]
+    return _read(summary, rows)
 
 
 def score_run(
@@ -118,40 +130,54 @@ def score_run(
         ReactsimError: No scenario could be scored.
 
     """
-    given: Options = [
-        ("--partial", partial),
-        *each("--scenarios", paths(scenarios)),
-        ("--simulator", simulator),
-    ]
-    return _score(folders(run)[0], given, configs, jobs)
-
-
-def _score(
-    rollouts: PathLike, given: Options, configs: Sequence[str], jobs: int | None
-) -> WosacScores:
-    """Lets the program score rollouts, and reads what it wrote."""
     with tempfile.TemporaryDirectory(prefix="reactsim-") as home:
         out = Path(home, "scores")
         given = [
-            *(("--wosac", True), ("--quiet", True)),
-            *given,
+            *(("--wosac", True), ("--quiet", True), ("--partial", partial)),
+            *each("--scenarios", paths(scenarios)),
+            ("--simulator", simulator),
             ("--wosac-config", joined(configs)),
             ("--out", out),
             ("--format", "json"),
             ("--jobs", jobs),
         ]
-        output = invoke(["score", *arguments(given, [rollouts])], codes=(0, 1))
-        scores = output.document
-        lines = Path(out, "wosac.jsonl").read_text(encoding="utf-8").splitlines()
+        output = invoke(["score", *arguments(given, folders(run)[:1])], codes=(0, 1))
+        return _read(output.document, Path(out, "wosac.jsonl").read_text(encoding="utf-8"))
+
+
+def _read(scores: Mapping[str, Any], rows: str) -> WosacScores:
+    """Returns scores from a document and lines in JSON."""
     means = {
         name: {**config["metrics"], **config["buckets"]}
         for name, config in scores["configs"].items()
     }
-    return WosacScores(means, [json.loads(line) for line in lines], scores["failures"])
+    return WosacScores(means, [json.loads(row) for row in rows.splitlines()], scores["failures"])
 
 
-def encode(rollouts: WosacRollouts) -> bytes:
-    """Returns a `ScenarioRollouts` message."""
+def _chunks(
+    rollouts: Iterable[WosacRollouts], repeated: list[str]
+) -> Iterator[list[tuple[str, list[int], Array]]]:
+    """Returns ids of scenarios, ids of objects and states, as many as one request takes.
+
+    Scenarios that were there before are left out, and their ids are added to `repeated`.
+    """
+    ids: set[str] = set()
+    chunk: list[tuple[str, list[int], Array]] = []
+    for one in rollouts:
+        if one.scenario_id in ids:
+            repeated.append(one.scenario_id)
+            continue
+        ids.add(one.scenario_id)
+        chunk.append((one.scenario_id, *_checked(one)))
+        if sum(states.nbytes for _, _, states in chunk) > CHUNK_BYTES:
+            yield chunk
+            chunk = []
+    if chunk:
+        yield chunk
+
+
+def _checked(rollouts: WosacRollouts) -> tuple[list[int], Array]:
+    """Returns ids of objects, and states as f32 [R, N, 80, 4]."""
     states = np.asarray(rollouts.states, dtype="<f4")
     ids = np.asarray(rollouts.object_id)
     if states.ndim != 4 or states.shape[2:] != (STEPS, 4):
@@ -161,35 +187,4 @@ def encode(rollouts: WosacRollouts) -> bytes:
         raise ValueError(f"object_id has {found}, expected {states.shape[1]} integers")
     if ids.size and (ids.min() < 0 or ids.max() >= 1 << 31):
         raise ValueError("object_id must be between 0 and 2^31 - 1")
-    count, objects = states.shape[:2]
-    numbers = varint(4 * STEPS)
-    length = len(KEYS) * (1 + len(numbers) + 4 * STEPS) + 1 + ID_BYTES
-    head = bytes([FIELD_1]) + varint(length)
-    record = np.zeros((count, objects, len(head) + length), np.uint8)
-    record[..., : len(head)] = np.frombuffer(head, np.uint8)
-    at = len(head)
-    for field, key in enumerate(KEYS):
-        begin = bytes([key]) + numbers
-        record[..., at : at + len(begin)] = np.frombuffer(begin, np.uint8)
-        at += len(begin)
-        values = np.ascontiguousarray(states[..., field])
-        record[..., at : at + 4 * STEPS] = values.view(np.uint8)
-        at += 4 * STEPS
-    record[..., at] = ID_KEY
-    for k in range(ID_BYTES):
-        more = 0x80 if k + 1 < ID_BYTES else 0
-        record[..., at + 1 + k] = ((ids.astype(np.int64) >> (7 * k)) & 0x7F) | more
-    name = rollouts.scenario_id.encode()
-    scene = bytes([SCENE_KEY]) + varint(objects * record.shape[2])
-    parts = [bytes([FIELD_1]) + varint(len(name)) + name]
-    parts += [scene + record[r].tobytes() for r in range(count)]
-    return b"".join(parts)
-
-
-def varint(value: int) -> bytes:
-    """Returns a number in the variable length of protocol buffers."""
-    digits = []
-    while value >= 0x80:
-        digits.append(value & 0x7F | 0x80)
-        value >>= 7
-    return bytes([*digits, value])
+    return ids.tolist(), states

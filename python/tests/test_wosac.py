@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import struct
+import sys
+import tarfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import reactsim
 from fakes import ROOT
-from reactsim.wosac import encode, score_run, varint
+from reactsim.wosac import score_run
 
 SHARED = ROOT.parent / "shared"
-
-
-def test_numbers_have_the_variable_length_of_protocol_buffers() -> None:
-    assert [varint(value).hex() for value in (0, 127, 128, 300)] == ["00", "7f", "8001", "ac02"]
-
-
-def test_messages_have_the_length_that_they_state() -> None:
-    states = np.zeros((2, 3, 80, 4), np.float32)
-    message = encode(reactsim.WosacRollouts("abc", [1, 200, 3_000_000], states))
-    assert message[:5] == b"\x0a\x03abc"
-    rest = message[5:]
-    for _ in range(2):
-        assert rest[0] == 0x12
-        length = rest[1] & 0x7F | rest[2] << 7
-        assert rest[3] == 0x0A
-        rest = rest[3 + length :]
-    assert rest == b""
 
 
 @pytest.mark.parametrize(
@@ -42,7 +30,7 @@ def test_messages_have_the_length_that_they_state() -> None:
 )
 def test_other_arrays_are_refused(ids: list[float], shape: tuple[int, ...], fault: str) -> None:
     with pytest.raises(ValueError, match=fault):
-        encode(reactsim.WosacRollouts("a", ids, np.zeros(shape)))
+        reactsim.wosac([], reactsim.WosacRollouts("a", ids, np.zeros(shape)))
 
 
 def recording(path: Path) -> Path:
@@ -71,9 +59,54 @@ def masked_crc32c(data: bytes) -> bytes:
     return struct.pack("<I", (checksum >> 15 | checksum << 17) + 0xA282EAD8 & 0xFFFFFFFF)
 
 
+def rollouts_of(archive: Path) -> Iterator[reactsim.WosacRollouts]:
+    """Returns the rollouts of a submission."""
+    with tarfile.open(archive) as files:
+        contents = [member.read() for member in map(files.extractfile, files) if member]
+    for content in contents:
+        for scenario in fields(content)[1]:
+            message = fields(scenario)
+            scenes = [fields(scene)[1] for scene in message[2]]
+            objects = [[fields(trajectory) for trajectory in scene] for scene in scenes]
+            states = [
+                [[np.frombuffer(one[key][0], "<f4") for key in (2, 3, 4, 5)] for one in scene]
+                for scene in objects
+            ]
+            yield reactsim.WosacRollouts(
+                message[1][0].decode(),
+                [one[6][0] for one in objects[0]],
+                np.array(states).swapaxes(2, 3),
+            )
+
+
+def fields(message: bytes) -> dict[int, list[Any]]:
+    """Returns the values of a message of protocol buffers by the number of the field."""
+    found: dict[int, list[Any]] = {}
+    at = 0
+
+    def number() -> int:
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = message[at]
+            value, shift, at = value | (byte & 0x7F) << shift, shift + 7, at + 1
+            if byte < 0x80:
+                return value
+
+    while at < len(message):
+        key = number()
+        value: Any = number()
+        if key & 7 == 2:
+            value, at = message[at : at + value], at + value
+        found.setdefault(key >> 3, []).append(value)
+    return found
+
+
 @pytest.mark.program
 @pytest.mark.usefixtures("with_program")
-def test_runs_arrays_and_submissions_have_the_same_scores(tmp_path: Path) -> None:
+def test_runs_arrays_and_submissions_have_the_same_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scenario = recording(tmp_path / "scenario.tfrecord")
     run = reactsim.run(
         baselines=["constant-velocity"],
@@ -100,6 +133,18 @@ def test_runs_arrays_and_submissions_have_the_same_scores(tmp_path: Path) -> Non
     )
     submission = score_run(archive, scenario)
     assert submission.means["2025"]["metametric"] == pytest.approx(metrics["metametric"], abs=1e-3)
+
+    arrays = next(rollouts_of(archive))
+    in_memory = reactsim.wosac(scenario, arrays)
+    assert (in_memory.means, in_memory.rows[0]["rollouts"]) == (submission.means, 32)
+    with pytest.raises(reactsim.ReactsimError, match="unknown configuration `2020`"):
+        reactsim.wosac(scenario, arrays, configs=["2020"])
+    monkeypatch.setattr(sys.modules["reactsim.wosac"], "CHUNK_BYTES", 1)
+    unknown = dataclasses.replace(arrays, scenario_id="other")
+    several = reactsim.wosac(scenario, iter([arrays, unknown, arrays]))
+    assert several.means == in_memory.means
+    assert "no scenario file has the scenario `other`" in several.failures[0]
+    assert "is given twice" in several.failures[1]
 
     with pytest.raises(reactsim.ReactsimError, match="realism"):
         reactsim.export_wosac(

@@ -15,8 +15,7 @@ pub(super) fn recorded(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
     }
     let mut sources = Vec::new();
     for path in paths {
-        // A `Scenario` message without framing is of no format that simulators read.
-        if path.is_file() && path.to_string_lossy().contains(".binproto") {
+        if LogSource::is_message(path) {
             sources.push(LogSource::Recording(path.clone()));
         } else {
             sources.extend(find_inputs(std::slice::from_ref(path))?.into_iter().map(LogSource::of));

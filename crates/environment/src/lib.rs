@@ -11,6 +11,7 @@
 mod action;
 mod arrays;
 mod environment;
+mod realism;
 mod requests;
 mod scenarios;
 mod scores;

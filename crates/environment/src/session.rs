@@ -9,9 +9,10 @@ use reactsim_formats::FormatError;
 use serde::de::DeserializeOwned;
 
 use super::environment::Environment;
+use super::realism::LogCache;
 use super::scenarios::ScenarioCache;
 use super::world::World;
-use super::{requests, scores, world_requests};
+use super::{realism, requests, scores, world_requests};
 
 /// Largest request, bytes.
 const MOST_BYTES: u64 = 4 << 30;
@@ -61,6 +62,7 @@ pub fn serve(input: &mut dyn Read, output: &mut dyn Write) -> io::Result<()> {
 #[derive(Default)]
 struct Session {
     scenarios: ScenarioCache,
+    logs: LogCache,
     environment: Option<Environment>,
     world: Option<World>,
 }
@@ -81,6 +83,8 @@ impl Session {
     fn result(&mut self, request: &Frame) -> Answer {
         match request.text("type")? {
             "score" => scores::score(request, &mut self.scenarios),
+            "wosac" => realism::score(request, &mut self.logs),
+            "wosac-summary" => realism::summarise(request),
             "environment" => requests::create(request, &mut self.environment),
             "reset" => requests::reset(request, &mut self.environment),
             "step" => requests::step(request, &mut self.environment),
@@ -90,8 +94,8 @@ impl Session {
             "world-step" => world_requests::step(request, &mut self.world),
             "world-tracks" => world_requests::tracks(&mut self.world),
             other => Err(RequestError::new(format_args!(
-                "unknown request `{other}`: expected score, environment, reset, step, tracks, world, \
-                 world-reset, world-step or world-tracks"
+                "unknown request `{other}`: expected score, wosac, wosac-summary, environment, reset, step, \
+                 tracks, world, world-reset, world-step or world-tracks"
             ))),
         }
     }
@@ -177,8 +181,8 @@ mod tests {
         ]);
         assert_eq!(
             error(&found[0]),
-            "unknown request `draw`: expected score, environment, reset, step, tracks, world, world-reset, \
-             world-step or world-tracks"
+            "unknown request `draw`: expected score, wosac, wosac-summary, environment, reset, step, tracks, \
+             world, world-reset, world-step or world-tracks"
         );
         assert_eq!(error(&found[1]), "there is no environment: create one first");
         assert!(error(&found[2]).starts_with("the arguments of the request: missing field `reading`"));

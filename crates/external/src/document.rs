@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read};
 
-use safetensors::tensor::{Dtype, Metadata, SafeTensors, View};
+use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, View};
 
 /// A reason why a document is refused; the text names the field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -214,19 +214,36 @@ impl Frame {
     /// # Errors
     /// [`DocumentError`] naming the tensor with the expected and the found type or shape.
     pub fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f64>, DocumentError> {
-        let missing = || DocumentError(format!("there is no tensor `{name}`"));
-        let tensor = self.header.info(name).ok_or_else(missing)?;
+        let (tensor, data) = self.tensor(name)?;
         if tensor.shape != shape {
             let found = &tensor.shape;
             return Err(DocumentError(format!("`{name}` has the shape {found:?} instead of {shape:?}")));
         }
-        // Reading the header has checked that the offsets fit type, shape and bytes.
-        let data = &self.bytes[self.data + tensor.data_offsets.0..self.data + tensor.data_offsets.1];
         match tensor.dtype {
             Dtype::F64 => Ok(numbers(data, f64::from_le_bytes)),
             Dtype::F32 => Ok(numbers(data, |b| f64::from(f32::from_le_bytes(b)))),
             other => Err(DocumentError(format!("`{name}` has the type {other:?} instead of F64 or F32"))),
         }
+    }
+
+    /// Returns the bytes of a tensor of `u8`.
+    ///
+    /// # Errors
+    /// [`DocumentError`] naming the tensor with the expected and the found type.
+    pub fn bytes(&self, name: &str) -> Result<&[u8], DocumentError> {
+        match self.tensor(name)? {
+            (TensorInfo { dtype: Dtype::U8, .. }, data) => Ok(data),
+            (TensorInfo { dtype, .. }, _) => {
+                Err(DocumentError(format!("`{name}` has the type {dtype:?} instead of U8")))
+            }
+        }
+    }
+
+    fn tensor(&self, name: &str) -> Result<(&TensorInfo, &[u8]), DocumentError> {
+        let missing = || DocumentError(format!("there is no tensor `{name}`"));
+        let tensor = self.header.info(name).ok_or_else(missing)?;
+        // Reading the header has checked that the offsets fit type, shape and bytes.
+        Ok((tensor, &self.bytes[self.data + tensor.data_offsets.0..self.data + tensor.data_offsets.1]))
     }
 }
 
