@@ -5,7 +5,7 @@ use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 /// Steps of a vehicle off the drivable ground.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OffRoadSteps {
-    /// Number of steps with the centre off the road.
+    /// Number of steps with the centre off the road, or a corner with the option `offroad_corners`.
     pub hits: u64,
     /// Number of evaluated steps; 0 for vehicles off the road at the current frame, and in maps that do not
     /// record their drivable area.
@@ -36,9 +36,8 @@ pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
 
 fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
     let mut steps = OffRoadSteps::default();
-    let mut near = None;
-    let road = case.road_under(agent, case.current);
-    if road.drivable(case.motion.position(agent, case.current), &mut near) != Some(true) {
+    let mut near = [None; 4];
+    if is_on_road(case, agent, case.current, &mut near) != Some(true) {
         return steps;
     }
     let mut open: Option<(usize, usize)> = None;
@@ -48,8 +47,7 @@ fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
         }
         steps.valid += 1;
         let step = f - case.current;
-        let road = case.road_under(agent, f);
-        if road.drivable(case.motion.position(agent, f), &mut near) == Some(false) {
+        if is_on_road(case, agent, f, &mut near) == Some(false) {
             steps.hits += 1;
             open = Some((open.map_or(step, |o| o.0), step));
         } else {
@@ -58,6 +56,20 @@ fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
     }
     steps.intervals.extend(open);
     steps
+}
+
+/// Returns whether the centre of a vehicle is on the road, or all corners with the option `offroad_corners`.
+/// `near` carries the nearest edges from one frame to the next.
+fn is_on_road(case: &Case<'_>, agent: usize, frame: usize, near: &mut [Option<u32>; 4]) -> Option<bool> {
+    let road = case.road_under(agent, frame);
+    if !case.options.offroad_corners {
+        return road.drivable(case.motion.position(agent, frame), &mut near[0]);
+    }
+    let mut all = true;
+    for (corner, near) in case.motion.footprint(agent, frame).corners().into_iter().zip(near) {
+        all &= road.drivable(corner, near)?;
+    }
+    Some(all)
 }
 
 /// Share of vehicle-steps off the road.

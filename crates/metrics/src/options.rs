@@ -86,6 +86,8 @@ options! {
     aa_include_av: bool = false, flag;
     /// Whether objects of kind `other` are partners in agent-agent collisions.
     aa_include_other: bool = false, flag;
+    /// Whether vehicles are off the road with any corner of their box, instead of the centre.
+    offroad_corners: bool = false, flag;
     /// Whether the progress window has 11 increments (nuPlan's slice) instead of 10.
     dir_window_extra: bool = false, digit;
     /// Choice among several connectors at a vehicle's position.

@@ -189,6 +189,24 @@ fn nothing_is_perfect_in_an_accident() {
     }
 }
 
+/// A car drifts to the left edge of the road at y = 4: its left corners leave 1 m before its centre.
+#[test]
+fn corners_leave_the_road_before_the_centre() {
+    let mut drifting = straight(30.0, 0.0, 5.0, 0.0);
+    for (step, state) in drifting[CURRENT..].iter_mut().enumerate() {
+        state.as_mut().unwrap().y = 0.0501 * step as f64;
+    }
+    // A car that stands with a corner off the road at the current frame is not judged there.
+    let parked = straight(60.0, 3.5, 0.0, 0.0);
+    let agents = vec![car("av", straight(0.0, 0.0, 5.0, 0.0)), car("a", drifting), car("b", parked)];
+    let scene = scene(road(), agents);
+    let off_road = |offroad_corners: bool| {
+        score_case(&scene.case(Options { offroad_corners, ..Options::default() })).score("offroad")
+    };
+    assert_eq!(off_road(false), Some(Score::Rate { hits: 1, valid: 160 }));
+    assert_eq!(off_road(true), Some(Score::Rate { hits: 21, valid: 80 }));
+}
+
 #[test]
 fn ids_are_unique_and_in_the_papers_order() {
     let ids: Vec<&str> = METRICS.iter().map(|m| m.spec().id).collect();
