@@ -82,25 +82,27 @@ impl Order {
 pub(super) struct Split {
     /// Training examples by part, with their repetitions per epoch.
     pub(super) learned: Vec<(Vec<usize>, f64)>,
-    /// Validation examples, in the order of the hashes of their names.
+    /// Validation examples, in the order of the hashes of their origins; of several with one name the first.
     pub(super) held_out: Vec<usize>,
 }
 
-/// Holds examples out by a hash of their names, independently of the rest of the data. If no hash is
-/// low enough, but there are at least two different names, the example with the lowest hash is held out.
+/// Holds examples out by a hash of their origins, independently of the rest of the data. If no hash is low
+/// enough, but there are at least two different origins, that with the lowest hash is held out.
 pub(super) fn split(source: &impl Source, settings: &Settings) -> Split {
-    let hash = |number: usize| leading_bits(&blake3::hash(source.id(number).as_bytes()));
+    let hash = |number: usize| leading_bits(&blake3::hash(source.origin(number).as_bytes()));
     let parts = source.parts();
-    let mut hashes = BTreeMap::new();
+    let (mut examples, mut names) = (BTreeMap::<u64, Vec<usize>>::new(), BTreeSet::new());
     for number in parts.iter().flat_map(|(numbers, _)| numbers) {
-        hashes.entry(hash(*number)).or_insert(*number);
+        if names.insert(source.id(*number)) {
+            examples.entry(hash(*number)).or_default().push(*number);
+        }
     }
     let low = |hash: u64| unit_interval(hash) <= settings.held_out;
     let mut held: BTreeSet<u64> = BTreeSet::new();
     if settings.held_out > 0.0 {
-        held.extend(hashes.keys().copied().filter(|h| low(*h)));
-        if held.is_empty() && hashes.len() > 1 {
-            held.extend(hashes.keys().next());
+        held.extend(examples.keys().copied().filter(|h| low(*h)));
+        if held.is_empty() && examples.len() > 1 {
+            held.extend(examples.keys().next());
         }
     }
     let learned = parts.into_iter().map(|(mut numbers, times)| {
@@ -108,7 +110,8 @@ pub(super) fn split(source: &impl Source, settings: &Settings) -> Split {
         (numbers, times)
     });
     let learned = learned.collect();
-    let held_out = held.iter().take(settings.most_held_out).map(|hash| hashes[hash]).collect();
+    let held_out =
+        held.iter().flat_map(|hash| &examples[hash]).copied().take(settings.most_held_out).collect();
     Split { learned, held_out }
 }
 
@@ -145,5 +148,42 @@ mod tests {
         let mut whole = Order::new(1, &parts);
         let pieces: Vec<usize> = (0..15).flat_map(|i| whole.at(i * 7..(i + 1) * 7)).collect();
         assert_eq!(pieces, at(1, 0..105));
+    }
+
+    #[test]
+    fn examples_of_one_origin_are_held_out_together() {
+        struct Windows(Vec<String>);
+        impl Source for Windows {
+            type Example = ();
+
+            fn len(&self) -> usize {
+                self.0.len()
+            }
+
+            fn id(&self, number: usize) -> &str {
+                &self.0[number]
+            }
+
+            fn origin(&self, number: usize) -> &str {
+                &self.0[number][..2]
+            }
+
+            fn read(&self, _: usize) -> Result<(), String> {
+                Ok(())
+            }
+
+            fn digest(&self) -> String {
+                String::new()
+            }
+        }
+        let windows = Windows((0..120).map(|n| format!("{:02}@{}", n % 40, n / 40)).collect());
+        let settings = Settings { held_out: 0.2, most_held_out: 100, ..Settings::default() };
+        let split = split(&windows, &settings);
+        let origins = |numbers: &[usize]| numbers.iter().map(|n| n % 40).collect::<BTreeSet<_>>();
+        let learned = &split.learned[0].0;
+        assert!(origins(learned).is_disjoint(&origins(&split.held_out)));
+        assert_eq!(split.held_out.len(), 3 * origins(&split.held_out).len());
+        assert_eq!(learned.len() + split.held_out.len(), 120);
+        assert!((6..60).contains(&split.held_out.len()));
     }
 }

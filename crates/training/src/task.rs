@@ -21,9 +21,14 @@ pub trait Source: Sync {
         self.len() == 0
     }
 
-    /// Returns the name of an example. It determines the example's random numbers and whether it is
-    /// held out; examples with the same name are either all held out or all learned from.
+    /// Returns the name of an example. It determines the example's random numbers.
     fn id(&self, number: usize) -> &str;
+
+    /// Returns the name of what an example was made from, such as a recording. Examples with the same
+    /// origin are either all held out or all learned from.
+    fn origin(&self, number: usize) -> &str {
+        self.id(number)
+    }
 
     /// Reads an example.
     ///
