@@ -65,7 +65,7 @@ from .scoring import (
     score_states,
 )
 from .study import Study, study
-from .training import train, train_quick
+from .training import train, train_adapt, train_quick
 from .verification import Verification, verify
 from .wosac import WosacRollouts, WosacScores, wosac
 
@@ -139,6 +139,7 @@ __all__ = [
     "serve",
     "study",
     "train",
+    "train_adapt",
     "train_quick",
     "verify",
     "view",

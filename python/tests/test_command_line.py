@@ -257,6 +257,18 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
             ),
             lambda: training.recipe("a", "r"),
         ],
+        "train adapt": [
+            lambda: reactsim.train_adapt(
+                "l",
+                "o",
+                resume=True,
+                jobs=1,
+                current_frame=9,
+                window_step=10,
+                all_agents=True,
+                progress=False,
+            )
+        ],
         "train quick": [lambda: reactsim.train_quick("o", resume=True, jobs=1, progress=False)],
         "train split": [lambda: training.split("s", "o", parts={"a": 0.5, "b": 0.5})],
         "train open-loop": [

@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use super::futures::replace_future;
 use crate::evaluation::Deviations;
-use crate::scene::{AgentState, FUTURE, Frame, Scenario};
+use crate::scene::{AgentState, Certificate, FUTURE, Frame, Scenario};
 
 /// Name that takes the place of a simulator in the ids of the scenarios.
 const NAME: &str = "certificate";
@@ -31,29 +31,40 @@ impl Certified {
     pub(super) fn put_into(&self, scenario: &mut Scenario) -> anyhow::Result<bool> {
         let Some(record) = self.deviations.tracks.get(&scenario.id) else { return Ok(false) };
         let Some(certificate) = record.certificate_in(scenario.origin) else { return Ok(false) };
-        let place = || format!("{}: `{}`", self.deviations.file.name, scenario.id);
+        let place = format!("{}: `{}`", self.deviations.file.name, scenario.id);
         if let Some(wanted) = &record.scenario_digest {
             let found = scenario.digest();
             if found != *wanted {
-                bail!("{}: made for a scenario with the digest {wanted}, not {found}", place());
+                bail!("{place}: made for a scenario with the digest {wanted}, not {found}");
             }
         }
-        let mut futures = scenario.log_future.tracks.clone();
-        let mut replace = |slot: usize, states: &[AgentState]| -> anyhow::Result<()> {
-            if states.len() != FUTURE {
-                bail!("{}: a track has {} steps, expected {FUTURE}", place(), states.len());
-            }
-            futures[slot] = states.iter().map(|s| Some(*s)).collect::<Vec<Frame>>();
-            Ok(())
-        };
-        replace(0, &record.track_in(scenario.origin))?;
-        for response in &certificate.responses {
-            let slot = scenario.start.agents.iter().position(|a| a.id == response.agent);
-            let slot = slot.with_context(|| format!("{}: no agent `{}`", place(), response.agent))?;
-            // A response begins with the state at the current frame.
-            replace(slot, response.track.get(1..).unwrap_or_default())?;
-        }
-        replace_future(scenario, futures.iter().map(Vec::as_slice), NAME);
+        put(scenario, &record.track_in(scenario.origin), &certificate).context(place)?;
         Ok(true)
     }
+}
+
+/// Lets the AV follow a track, and each agent its response; agents without a response keep their log. Appends
+/// `certificate` to the id.
+pub(super) fn put(
+    scenario: &mut Scenario,
+    av: &[AgentState],
+    certificate: &Certificate,
+) -> anyhow::Result<()> {
+    let mut futures = scenario.log_future.tracks.clone();
+    let mut replace = |slot: usize, states: &[AgentState]| -> anyhow::Result<()> {
+        if states.len() != FUTURE {
+            bail!("a track has {} steps, expected {FUTURE}", states.len());
+        }
+        futures[slot] = states.iter().map(|s| Some(*s)).collect::<Vec<Frame>>();
+        Ok(())
+    };
+    replace(0, av)?;
+    for response in &certificate.responses {
+        let slot = scenario.start.agents.iter().position(|a| a.id == response.agent);
+        let slot = slot.with_context(|| format!("no agent `{}`", response.agent))?;
+        // A response begins with the state at the current frame.
+        replace(slot, response.track.get(1..).unwrap_or_default())?;
+    }
+    replace_future(scenario, futures.iter().map(Vec::as_slice), NAME);
+    Ok(())
 }

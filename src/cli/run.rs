@@ -76,14 +76,25 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     run_until(args, &stop)
 }
 
-/// Executes a run until `stop` is set.
+/// Executes a run until `stop` is set, and prints its table.
 pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
+    match finished_until(&args, stop)? {
+        Some((folder, summary)) => finish(&args, folder.as_ref(), &summary),
+        None => Ok(ExitStatus::Interrupted),
+    }
+}
+
+/// Executes a run until `stop` is set. `None` if it was interrupted.
+pub(super) fn finished_until(
+    args: &RunArgs,
+    stop: &AtomicBool,
+) -> anyhow::Result<Option<(Option<RunFolder>, Summary)>> {
     // Report every input error before the first scenario.
     if args.subject.external.takes_stdout() && args.out.is_none() {
         bail!("@stdio: standard output belongs to the simulator or planner: give --out FOLDER");
     }
     args.table.check(args.format.as_deref())?;
-    let (plan, outside) = plan(&args, args.subject.sources()?)?;
+    let (plan, outside) = plan(args, args.subject.sources()?)?;
     let (folder, tally) = plan.open_folder(args.out.as_deref(), args.resume)?;
     outside.keep_stderr(args.out.as_deref())?;
     let progress = Progress::with_table(LiveTable::of(&plan.simulators));
@@ -100,13 +111,13 @@ pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<Exit
                 )),
                 None => say(format_args!("interrupted; nothing is kept without --out")),
             }
-            Ok(ExitStatus::Interrupted)
+            Ok(None)
         }
         Outcome::Finished(summary) => {
             if let Some(count) = args.check_batch {
                 check_batches(&plan, &outside.simulators, count)?;
             }
-            finish(&args, folder.as_ref(), &summary)
+            Ok(Some((folder, *summary)))
         }
     }
 }

@@ -497,3 +497,61 @@ fn the_quick_training_beats_constant_velocity() {
     assert!(mean(raw, "aav-collision") < mean("constant-velocity", "aav-collision"));
     assert!(mean(raw, "ade") < 3.5);
 }
+
+/// `train adapt` judges by other recordings than it learns from, runs the network before and after in both
+/// protocols, and continues where it was.
+#[test]
+fn shipped_networks_are_adapted_to_logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let logs = folder.path().join("logs.parquet");
+    done(&[
+        "generate",
+        "--preset",
+        "train",
+        "--count",
+        "14",
+        "--seed",
+        "31",
+        "--out",
+        text(&logs),
+        "--quiet",
+    ]);
+    let out = folder.path().join("adapted");
+    let adapt = ["train", "adapt", text(&logs), "--minutes", "0.05", "--out", text(&out)];
+    let refused = |arguments: &[&str], expected: &str| {
+        let output = reactsim(arguments);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(expected), "{}", said(&output));
+    };
+    refused(&[&adapt[..], &["--model", "smart-smal"]].concat(), "did you mean `smart-small`");
+    refused(&["train", "adapt", BENCH, "--out", text(&out)], "this is the benchmark");
+
+    let output = done(&adapt);
+    assert!(said(&output).contains("scenarios to learn from is little"), "{}", said(&output));
+    assert!(
+        said(&output).contains("the adapted simulator runs with: reactsim run --models"),
+        "{}",
+        said(&output)
+    );
+    let ids = |name: &str| -> Vec<String> {
+        formats::open(&out.join(name)).unwrap().map(|scenario| scenario.unwrap().id).collect()
+    };
+    let (learned, judged) = (ids("logs.parquet"), ids("held-out.parquet"));
+    assert_eq!(learned.len() + judged.len(), 14);
+    assert!(!judged.is_empty() && judged.iter().all(|id| !learned.contains(id)));
+    for run in ["reactive", "realism"] {
+        let summary: Value =
+            serde_json::from_slice(&fs::read(out.join(run).join("summary.json")).unwrap()).unwrap();
+        let rows: Vec<&String> = summary["simulators"].as_object().unwrap().keys().collect();
+        assert_eq!(rows, ["constant-velocity", "idm", "ntp-guarded", "ntp-guarded@mine"], "{run}");
+    }
+
+    let weights = || fs::read(out.join("training/weights.safetensors")).unwrap();
+    let before = weights();
+    fs::remove_dir_all(out.join("realism")).unwrap();
+    refused(&adapt, "has files already");
+    refused(&[&adapt[..], &["--resume", "--seed", "1"]].concat(), "was begun with other arguments");
+    done(&[&adapt[..], &["--resume"]].concat());
+    assert!(out.join("realism/summary.json").exists());
+    assert_eq!(weights(), before);
+}

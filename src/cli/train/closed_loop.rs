@@ -1,7 +1,7 @@
 //! Closed-loop evaluation of a network during training: benchmark metrics on a few scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -12,6 +12,7 @@ use crate::cli::find_inputs;
 use crate::evaluation::{
     self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator, Source,
 };
+use crate::formats::native::ByNumber;
 use crate::rollout::Controller;
 use crate::scene::Scenario;
 
@@ -53,6 +54,12 @@ pub(super) struct ClosedLoop {
 }
 
 impl ClosedLoop {
+    /// Reads the first `most` scenarios of a native file; `None` if it has none.
+    pub(super) fn of_file(path: &Path, most: usize, rollouts: u32) -> anyhow::Result<Option<Self>> {
+        let is_empty = ByNumber::open(path)?.is_empty();
+        if is_empty { Ok(None) } else { Self::read(&path.to_owned(), most, rollouts).map(Some) }
+    }
+
     /// Reads the first `most` scenarios of a file or folder.
     fn read(path: &PathBuf, most: usize, rollouts: u32) -> anyhow::Result<Self> {
         let (mut scenarios, mut ids) = (Vec::new(), BTreeSet::new());

@@ -82,9 +82,25 @@ impl Data {
         Ok(data)
     }
 
+    /// Returns the number of scenarios per epoch, with repetitions.
+    pub(super) fn length(&self) -> f64 {
+        self.parts.iter().map(|(numbers, times)| numbers.len() as f64 * times).sum()
+    }
+
     /// Returns whether a scenario is among them.
     pub(super) fn contains(&self, id: &str) -> bool {
         (0..self.len()).any(|number| self.id(number) == id)
+    }
+}
+
+/// Returns the id of the recording that a scenario is a window of: `a` for the window `a@60` and for its futures
+/// `a@60+idm`.
+pub(super) fn recording_of(id: &str) -> &str {
+    let log = id.split('+').next().unwrap_or(id);
+    let is_frame = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    match log.rsplit_once('@') {
+        Some((recording, frame)) if is_frame(frame) => recording,
+        _ => log,
     }
 }
 
@@ -144,6 +160,10 @@ impl Source for Data {
         self.files[file].id(number)
     }
 
+    fn origin(&self, number: usize) -> &str {
+        recording_of(self.id(number))
+    }
+
     fn read(&self, number: usize) -> Result<Scenario, String> {
         let (file, number) = self.places[number];
         self.files[file].read(number).map_err(|e| e.to_string())
@@ -155,5 +175,19 @@ impl Source for Data {
 
     fn parts(&self) -> Vec<(Vec<usize>, f64)> {
         self.parts.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::recording_of;
+
+    #[test]
+    fn windows_and_futures_are_of_their_recording() {
+        let of = |id| recording_of(id).to_owned();
+        assert_eq!(
+            ["a", "a@60", "a@60+idm", "a+idm", "a@b", "a@", "a@b@3"].map(of),
+            ["a", "a", "a", "a", "a@b", "a@", "a@b"]
+        );
     }
 }

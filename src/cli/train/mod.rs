@@ -1,7 +1,9 @@
 //! `reactsim train`: trains networks on scenarios, and prepares what trainings need.
 
+mod adapt;
 mod closed_loop;
 mod data;
+mod deviated;
 mod exclusion;
 mod intentions;
 mod open_loop;
@@ -47,6 +49,8 @@ pub(super) struct TrainArgs {
 enum TrainCommand {
     /// Make data, train a small network and show it in the table, in a few minutes
     Quick(quick::QuickArgs),
+    /// Adapt a shipped network to logs and show what it gains, in a few minutes
+    Adapt(adapt::AdaptArgs),
     /// Divide scenarios into parts, such as training and validation
     Split(split::SplitArgs),
     /// Measure the prediction errors of the network of `regression` on recorded scenarios
@@ -60,6 +64,7 @@ enum TrainCommand {
 pub(super) fn train(args: &TrainArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
         Some(TrainCommand::Quick(args)) => quick::quick(args),
+        Some(TrainCommand::Adapt(args)) => adapt::adapt(args),
         Some(TrainCommand::Split(args)) => split::split(args),
         Some(TrainCommand::OpenLoop(args)) => open_loop::open_loop(args),
         Some(TrainCommand::Intentions(args)) => intentions::intentions(args),

@@ -16,16 +16,21 @@ use crate::models::{ModelError, Parameters};
 pub(super) struct RecipeArgs {
     /// Recipe: the name of a shipped one, or a file (TOML) [default: the default values]
     #[arg(long, value_name = "NAME|FILE")]
-    recipe: Option<String>,
+    pub(super) recipe: Option<String>,
     /// Change a value of the recipe, such as learning.epochs=2; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    pub(super) set: Vec<String>,
 }
 
 impl RecipeArgs {
     /// Returns the arguments of a shipped recipe.
     pub(super) fn named(name: &str) -> Self {
         Self { recipe: Some(name.to_owned()), set: Vec::new() }
+    }
+
+    /// Returns the arguments of a recipe in a file.
+    pub(super) fn of_file(path: &Path) -> Self {
+        Self { recipe: Some(path.display().to_string()), set: Vec::new() }
     }
 
     /// Returns the values of the recipe.

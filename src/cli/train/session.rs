@@ -58,7 +58,7 @@ pub(super) struct SessionArgs {
 
 impl SessionArgs {
     /// Returns the arguments of a training in the folder `training` of another one, without scenarios.
-    pub(super) fn quick(folder: &Path, seed: u64, resume: bool, jobs: Option<u16>) -> Self {
+    pub(super) fn within(folder: &Path, seed: u64, resume: bool, jobs: Option<u16>) -> Self {
         Self {
             scenarios: Vec::new(),
             out: Some(folder.join("training")),

@@ -3,19 +3,17 @@
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 
-use crate::cli::futures::replace_future;
 use crate::cli::progress::Progress;
+use crate::cli::train::deviated::{deviated, with_rollout};
 use crate::curation::driver::CurationObserver;
-use crate::curation::{Chooser, CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use crate::formats::native::{ByNumber, Writer};
 use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
 use crate::models;
-use crate::rollout::{Controller, DeviatedAv, Request, Settings, roll_out};
+use crate::rollout::Controller;
 use crate::scene::Scenario;
 
 /// Seed of the data, which are the same in every quick training.
@@ -94,21 +92,9 @@ fn write(
 
 /// Returns the scenario with an AV that deviates and agents that react to it; `None` if nothing was found
 /// that its AV could do.
-fn with_reactions(mut scenario: Scenario, simulator: &Controller) -> anyhow::Result<Option<Scenario>> {
-    let settings = CurationSettings { seed: SEED, scenes: false, ..CurationSettings::default() };
-    let CurationOutcome::Retained(mut record, _) = curate_scenario(&scenario, SOURCES[0], &settings) else {
-        return Ok(None);
-    };
-    let mut chooser = Chooser::new();
-    let Some(chosen) = chooser.choose_among(&mut record, |_| true) else { return Ok(None) };
-    let track = chosen.candidate.track[1..].to_vec();
-    let av = Arc::new(DeviatedAv::new(&scenario.start.now(0), track)?);
-    let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
-    let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
-    let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;
-    let futures = rollout.tracks.iter().map(|track| &track[crate::scene::CURRENT + 1..]);
-    replace_future(&mut scenario, futures, REACTING);
-    Ok(Some(scenario))
+fn with_reactions(scenario: Scenario, simulator: &Controller) -> anyhow::Result<Option<Scenario>> {
+    let Some(chosen) = deviated(&scenario, SEED) else { return Ok(None) };
+    with_rollout(scenario, &chosen, REACTING, simulator).map(Some)
 }
 
 #[cfg(test)]

@@ -1,0 +1,381 @@
+//! `reactsim train adapt`: from logs to a simulator that is adapted to them.
+
+mod choice;
+mod data;
+mod model;
+
+use std::ffi::OsString;
+use std::fs::{self, DirEntry};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use clap::{Args, FromArgMatches};
+use serde_json::{Map, Value, json};
+
+use self::data::{Files, Logs};
+use self::model::AdaptableModel;
+use super::data::Data;
+use super::exclusion::Exclusion;
+use super::recipe::RecipeArgs;
+use super::session::{self, SessionArgs};
+use super::task;
+use crate::cli::finished::{put_table, report_problems};
+use crate::cli::{Command, ExitStatus, ReadingArgs, command_line, run, say, stop_on_interrupt};
+use crate::files::{read_regular, replace};
+use crate::formats::native::ByNumber;
+use crate::models;
+use crate::models::learning::{Trainable, Training, learning_settings, recipe_document};
+use crate::models::nn::Backend;
+use crate::report::{Run, TableStyle};
+use crate::training::{Execution, WEIGHTS};
+
+/// Simulator whose reactions are learned from.
+const REACTING: &str = "idm";
+/// How often reactions and certificates are seen per epoch. In reactions all agents drive as the simulator does,
+/// in certificates those that need not react keep their log.
+const REACTIONS_PER_EPOCH: f64 = 1.0;
+const CERTIFICATES_PER_EPOCH: f64 = 2.0;
+/// Share of the time that may have passed when the training ends; the rest is for the choice of settings and the
+/// table.
+const TRAINED_AT: f64 = 0.75;
+/// Steps with which the speed of the training is measured.
+const PACE_STEPS: f64 = 6.0;
+/// Largest number of epochs: more learn single logs by heart.
+const MOST_EPOCHS: f64 = 40.0;
+/// Largest number of logs that are read, per minute of the time limit.
+const MOST_LOGS: f64 = 600.0;
+/// Largest number of scenarios to learn from whose AV deviates, per minute.
+const MOST_DEVIATED: f64 = 60.0;
+/// Largest number of scenarios to judge by, per minute.
+const MOST_JUDGED: f64 = 15.0;
+/// Largest number of scenarios by which haste is chosen, per minute.
+const MOST_TRIED: f64 = 4.0;
+/// Name of the file with the arguments in the folder.
+const ARGUMENTS: &str = "adapt.json";
+/// Name of the recipe in the folder.
+const RECIPE: &str = "recipe.toml";
+/// Names of the runs in the folder.
+const REACTIVE: &str = "reactive";
+const REALISM: &str = "realism";
+/// Columns of the table.
+const COLUMNS: &str = "aav-collision,aav-ttc,aa-collision,offroad,ade,progress,over-reaction";
+/// Name of the choice of haste in the folder.
+const HASTE: &str = "haste.txt";
+
+const AFTER: &str = "\
+1. Divides the logs by their recordings: four fifths are learned from, the others are judged by.
+2. Lets the AV deviate in both; in the first part, other agents react as `idm` does, and as the
+   certificate of the deviated AV says.
+3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as
+   --minutes allow, and keeps the network with the lowest validation loss.
+4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from.
+5. Prints the table of the part to judge by: before, after, `idm` and constant velocity, in both
+   protocols.
+
+The files in --out are the files of `generate`, `train` and `run`.
+
+Example:
+  reactsim train adapt logs/ --out adapted --minutes 10";
+
+/// Arguments of `train adapt`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(super) struct AdaptArgs {
+    /// Files or folders of logs, in any format
+    #[arg(required = true, value_name = "LOGS")]
+    logs: Vec<PathBuf>,
+    /// Model to adapt: ntp-guarded, ntp-reactive, smart-small, trajtok-small, smart-reactive, regression or vbd
+    #[arg(long, default_value = "ntp-guarded", value_name = "ID")]
+    model: String,
+    /// Time for everything, minutes
+    #[arg(long, default_value_t = 10.0, value_name = "M")]
+    minutes: f64,
+    /// Folder to write: scenarios, training, runs
+    #[arg(long, default_value = "adapted", value_name = "FOLDER")]
+    out: PathBuf,
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    seed: u64,
+    /// Continue in --out where it was interrupted
+    #[arg(long)]
+    resume: bool,
+    /// Threads; they do not change the result of a recipe [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    #[command(flatten)]
+    reading: ReadingArgs,
+}
+
+pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
+    let begun = Instant::now();
+    if !(args.minutes > 0.0 && args.minutes <= 100_000.0) {
+        bail!("--minutes {}: expected a number above 0, up to 100000", args.minutes);
+    }
+    let model = AdaptableModel::find(&args.model)?;
+    let mut inputs = args.reading.find_inputs(&args.logs)?;
+    // If there are too many logs for the time, those that are read are a random sample of the files.
+    inputs.sort_by_key(|input| {
+        let name = input.path.file_name().unwrap_or_default().to_string_lossy();
+        data::place(&name, args.seed).to_bits()
+    });
+    check_folder(args)?;
+    let stop = stop_on_interrupt("keeping what is finished")?;
+    let mut session = SessionArgs::within(&args.out, args.seed, args.resume, args.jobs);
+    let jobs = session.jobs();
+    let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
+    let interrupted = || {
+        say(format_args!("interrupted; to continue, repeat the command with --resume"));
+        Ok(ExitStatus::Interrupted)
+    };
+    let of_minutes = |count: f64, least: f64| (args.minutes * count).max(least) as usize;
+    let logs = Logs {
+        inputs: &inputs,
+        most: of_minutes(MOST_LOGS, 100.0),
+        most_deviated: of_minutes(MOST_DEVIATED, 40.0),
+        most_judged: of_minutes(MOST_JUDGED, 20.0),
+        seed: args.seed,
+        jobs,
+        stop: &stop,
+    };
+    let files = data::make(&logs, &args.out, (REACTING, &idm))?;
+    let Some(files) = files else { return interrupted() };
+    session.scenarios = learned(&files)?;
+
+    let shipped = shipped_weights(model, &args.out)?;
+    let recipe = recipe(args, model, &shipped, &session, begun)?;
+    let task = task::find(model.task)?;
+    let recipe = RecipeArgs::of_file(&recipe).read(task)?;
+    let settings = learning_settings(&recipe, args.seed)?;
+    let training = build(model, recipe, &shipped)?;
+    let weights = session.folder()?.join(WEIGHTS);
+    let status = session::train(&session, training.as_ref(), settings, None, &stop)?;
+    if status != ExitStatus::Done {
+        return Ok(status);
+    }
+    let haste = chosen_haste(args, model, (&shipped, &weights), &files, jobs, &stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return interrupted();
+    }
+    let arguments = variant_arguments(model, &weights, haste.as_deref());
+    let status = table(args, &arguments, &files, &stop)?;
+    if status != ExitStatus::Interrupted {
+        say(format_args!("the adapted simulator runs with: reactsim run {}", arguments.join(" ")));
+    }
+    Ok(status)
+}
+
+/// Refuses a folder of other files, or of an adaptation with other arguments, and writes the arguments.
+fn check_folder(args: &AdaptArgs) -> anyhow::Result<()> {
+    let (path, out) = (args.out.join(ARGUMENTS), args.out.display());
+    let wanted = json!({
+        "logs": args.logs,
+        "frames": format!("{:?}", args.reading.frames()),
+        "all_agents": args.reading.all_agents,
+        "model": args.model,
+        "minutes": args.minutes,
+        "seed": args.seed,
+    });
+    if path.exists() && args.resume {
+        let found: Value = serde_json::from_slice(&read_regular(&path)?)
+            .with_context(|| format!("{} is damaged: give another --out", path.display()))?;
+        if found != wanted {
+            bail!(
+                "{out} was begun with other arguments ({found}): repeat these with --resume, or give another --out"
+            );
+        }
+        return Ok(());
+    }
+    // A command that was refused may be repeated.
+    let is_other = |entry: io::Result<DirEntry>| entry.map_or(true, |entry| entry.file_name() != ARGUMENTS);
+    if args.out.exists() && fs::read_dir(&args.out)?.any(is_other) {
+        bail!("{out} has files already: give another --out, or --resume");
+    }
+    fs::create_dir_all(&args.out).with_context(|| format!("could not create {out}"))?;
+    replace(&path, |file| writeln!(file, "{wanted}"))
+        .with_context(|| format!("could not write {}", path.display()))
+}
+
+/// Returns the scenarios to learn from, with their repetitions.
+fn learned(files: &Files) -> anyhow::Result<Vec<String>> {
+    let mut parts = vec![files.logs.display().to_string()];
+    for (path, times) in
+        [(&files.reactions, REACTIONS_PER_EPOCH), (&files.certificates, CERTIFICATES_PER_EPOCH)]
+    {
+        if !ByNumber::open(path)?.is_empty() {
+            parts.push(format!("{}={times}", path.display()));
+        }
+    }
+    if parts.len() == 1 {
+        say(format_args!(
+            "warning: no AV of the logs could deviate: nothing is learned about reactions, and recordings unlearn them"
+        ));
+    }
+    Ok(parts)
+}
+
+/// Writes the shipped weights of a model into the folder; returns the file.
+fn shipped_weights(model: &AdaptableModel, folder: &Path) -> anyhow::Result<PathBuf> {
+    let Some(weights) = models::weights::shipped(model.id)? else {
+        bail!("this program has no weights of `{}` to start from", model.id);
+    };
+    let path = folder.join("shipped.safetensors");
+    replace(&path, |out| out.write_all(&weights.bytes))
+        .with_context(|| format!("could not write {}", path.display()))?;
+    Ok(path)
+}
+
+fn build(
+    model: &AdaptableModel,
+    recipe: models::Parameters,
+    shipped: &Path,
+) -> anyhow::Result<Box<dyn Trainable>> {
+    let inputs: Vec<String> =
+        model.inputs.iter().map(|name| format!("{name}={}", shipped.display())).collect();
+    task::build(task::find(model.task)?, recipe, &inputs, Some(shipped), Backend::default())
+}
+
+/// Writes the recipe, unless it was written before; returns its file. The number of epochs follows from the time
+/// that is left and the measured speed.
+fn recipe(
+    args: &AdaptArgs,
+    model: &AdaptableModel,
+    shipped: &Path,
+    session: &SessionArgs,
+    begun: Instant,
+) -> anyhow::Result<PathBuf> {
+    let path = args.out.join(RECIPE);
+    if path.exists() {
+        return Ok(path);
+    }
+    let task = task::find(model.task)?;
+    let read = |changes| RecipeArgs { recipe: model.recipe.map(str::to_owned), set: changes }.read(task);
+    let data = Data::open(&session.scenarios, Exclusion::read(&[])?, &args.out.join("cache"))?;
+    let length = data.length();
+    let batch = learning_settings(&read(Vec::new())?, args.seed)?.batch as f64;
+    // A short training, of which nothing stays, tells the speed.
+    let recipe = read(model.changes(PACE_STEPS * batch / length, PACE_STEPS as u64))?;
+    let settings = learning_settings(&recipe, args.seed)?;
+    let settings = crate::training::Settings { held_out: 0.0, ..settings };
+    let folder = args.out.join("pace");
+    fs::remove_dir_all(&folder).ok();
+    let start = Instant::now();
+    build(model, recipe, shipped)?.learn(Training {
+        source: &data,
+        settings,
+        execution: Execution { jobs: session.jobs(), checkpoint_every: std::time::Duration::from_secs(3600) },
+        about: Map::new(),
+        measure: None,
+        observer: &(),
+        folder: &folder,
+        resume: false,
+        stop: &AtomicBool::new(false),
+    })?;
+    fs::remove_dir_all(&folder).with_context(|| format!("could not remove {}", folder.display()))?;
+    let per_second = PACE_STEPS / start.elapsed().as_secs_f64();
+    let left = 60.0 * args.minutes * TRAINED_AT - begun.elapsed().as_secs_f64();
+    let steps = (left * per_second).max(20.0).min(MOST_EPOCHS * length / batch);
+    let recipe = read(model.changes(steps * batch / length, steps as u64))?;
+    say(format_args!(
+        "training: {steps:.0} steps of {batch} of {length:.0} scenarios, {per_second:.2} steps/s"
+    ));
+    let text = recipe_document(&recipe)?;
+    replace(&path, |out| out.write_all(text.as_bytes()))
+        .with_context(|| format!("could not write {}", path.display()))?;
+    Ok(path)
+}
+
+/// Returns the haste that was chosen, or chooses it.
+fn chosen_haste(
+    args: &AdaptArgs,
+    model: &AdaptableModel,
+    weights: (&Path, &Path),
+    files: &Files,
+    jobs: usize,
+    stop: &AtomicBool,
+) -> anyhow::Result<Option<String>> {
+    let path = args.out.join(HASTE);
+    if path.exists() {
+        let text = String::from_utf8(read_regular(&path)?)?;
+        return Ok(Some(text.trim().to_owned()));
+    }
+    let scenarios = (args.minutes * MOST_TRIED).clamp(10.0, 200.0) as usize;
+    let Some(value) = choice::choose(model, weights, &files.tuning, scenarios, jobs, stop)? else {
+        return Ok(None);
+    };
+    replace(&path, |out| writeln!(out, "{value}"))
+        .with_context(|| format!("could not write {}", path.display()))?;
+    Ok(Some(value.to_owned()))
+}
+
+/// Returns the arguments of `run` that add the adapted model.
+fn variant_arguments(model: &AdaptableModel, weights: &Path, haste: Option<&str>) -> Vec<String> {
+    let id = format!("{}@mine", model.id);
+    let mut arguments = vec![
+        "--models".to_owned(),
+        format!("constant-velocity,idm,{},{id}", model.id),
+        "--model-weights".to_owned(),
+        format!("{id}={}", weights.display()),
+    ];
+    if let Some(haste) = haste {
+        arguments.extend(["--set".to_owned(), format!("{id}.{}={haste}", choice::HASTE)]);
+    }
+    arguments
+}
+
+/// Runs the model before and after, and baselines, on the part to judge by, in both protocols, and prints one
+/// table.
+fn table(
+    args: &AdaptArgs,
+    arguments: &[String],
+    files: &Files,
+    stop: &AtomicBool,
+) -> anyhow::Result<ExitStatus> {
+    let runs: [(&str, &PathBuf, &[&str]); 2] =
+        [(REACTIVE, &files.deviated, &[]), (REALISM, &files.judged, &["--protocol", REALISM])];
+    let mut summaries = Vec::new();
+    for (name, scenarios, protocol) in runs {
+        if ByNumber::open(scenarios)?.is_empty() {
+            say(format_args!(
+                "warning: no AV of the part to judge by could deviate: there is no run in the reactive protocol"
+            ));
+            continue;
+        }
+        let folder = args.out.join(name);
+        let mut line: Vec<OsString> = vec!["reactsim".into(), "run".into(), scenarios.into()];
+        line.extend(protocol.iter().map(OsString::from));
+        line.extend(arguments.iter().map(OsString::from));
+        line.extend(["--out".into(), folder.clone().into_os_string(), "--keep-rollouts".into()]);
+        line.extend(["--columns".into(), COLUMNS.into()]);
+        if args.resume && folder.exists() {
+            line.push("--resume".into());
+        }
+        if let Some(jobs) = args.jobs {
+            line.extend(["--jobs".into(), jobs.to_string().into()]);
+        }
+        let matches = command_line().try_get_matches_from(line)?;
+        let Some(Command::Run(run)) = crate::cli::Cli::from_arg_matches(&matches)?.command else {
+            bail!("`run` is missing");
+        };
+        let Some((folder, mut summary)) = run::finished_until(&run, stop)? else {
+            return Ok(ExitStatus::Interrupted);
+        };
+        if let Some(folder) = folder {
+            put_table(&folder, &summary, TableStyle::default())?;
+        }
+        report_problems(&summary);
+        // The table is for all scenarios: that of the folder has the categories of deviations.
+        for simulator in summary.simulators.values_mut() {
+            simulator.by_category.clear();
+            simulator.by_difficulty.clear();
+        }
+        summaries.push((name, summary, run.table));
+    }
+    let rows: Vec<Run<'_>> = summaries.iter().map(|(name, summary, _)| Run { name, summary }).collect();
+    let Some((.., style)) = summaries.last() else { bail!("there is no scenario to judge by") };
+    style.write(&rows, None, None, "")?;
+    let failed = rows.iter().any(|run| !run.summary.provenance.failures.is_empty());
+    Ok(if failed { ExitStatus::SomeFailed } else { ExitStatus::Done })
+}

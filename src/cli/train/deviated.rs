@@ -1,0 +1,71 @@
+//! Scenarios whose AV leaves its log, as training data.
+
+use std::sync::Arc;
+
+use anyhow::anyhow;
+
+use crate::cli::certified;
+use crate::cli::futures::replace_future;
+use crate::curation::{
+    CandidateRecord, Chooser, CurationOutcome, CurationSettings, SOURCES, curate_scenario,
+};
+use crate::rollout::{Controller, DeviatedAv, Request, Settings, roll_out};
+use crate::scene::{AgentState, CURRENT, DeviatedTrack, Scenario};
+
+/// A deviated AV of a scenario.
+pub(super) struct Deviated(DeviatedTrack);
+
+impl Deviated {
+    fn of(chosen: &CandidateRecord) -> Self {
+        Self(DeviatedTrack {
+            category: Some(chosen.taxonomy.category),
+            track: chosen.candidate.track[1..].to_vec(),
+            certificate: chosen.certificate.clone(),
+        })
+    }
+
+    /// Returns the scenario with this AV.
+    pub(super) fn put_into(self, mut scenario: Scenario) -> Scenario {
+        scenario.deviation = Some(self.0);
+        scenario
+    }
+
+    fn track(&self) -> &[AgentState] {
+        &self.0.track
+    }
+}
+
+/// Returns the deviated AV that curation chooses; `None` if nothing was found that the AV could do.
+pub(super) fn deviated(scenario: &Scenario, seed: u64) -> Option<Deviated> {
+    let settings = CurationSettings { seed, scenes: false, ..CurationSettings::default() };
+    let CurationOutcome::Retained(mut record, _) = curate_scenario(scenario, SOURCES[0], &settings) else {
+        return None;
+    };
+    Chooser::new().choose_among(&mut record, |_| true).map(Deviated::of)
+}
+
+/// Returns the scenario with this AV and with agents that react to it as a simulator does.
+pub(super) fn with_rollout(
+    mut scenario: Scenario,
+    deviated: &Deviated,
+    name: &str,
+    simulator: &Controller,
+) -> anyhow::Result<Scenario> {
+    let av = Arc::new(DeviatedAv::new(&scenario.start.now(0), deviated.track().to_vec())?);
+    let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
+    let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
+    let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;
+    let futures = rollout.tracks.iter().map(|track| &track[CURRENT + 1..]);
+    replace_future(&mut scenario, futures, name);
+    Ok(scenario)
+}
+
+/// Returns the scenario with this AV and the responses of its certificate; `None` without a certificate.
+pub(super) fn with_certificate(
+    mut scenario: Scenario,
+    deviated: &Deviated,
+) -> anyhow::Result<Option<Scenario>> {
+    let Some(certificate) = &deviated.0.certificate else { return Ok(None) };
+    certified::put(&mut scenario, deviated.track(), certificate)?;
+    Ok(Some(scenario))
+}
