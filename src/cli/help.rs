@@ -61,6 +61,7 @@ mod tests {
         "id",
         "keep-rollouts",
         "limit",
+        "model",
         "model-weights",
         "models",
         "out",

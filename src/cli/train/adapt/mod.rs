@@ -90,7 +90,7 @@ pub(super) struct AdaptArgs {
     /// Model to adapt: ntp-guarded, ntp-reactive, smart-small, trajtok-small, smart-reactive, regression or vbd
     #[arg(long, default_value = "ntp-guarded", value_name = "ID")]
     model: String,
-    /// Time for everything, minutes
+    /// Time for everything, minutes; the number of epochs follows from it and the speed of the machine
     #[arg(long, default_value_t = 10.0, value_name = "M")]
     minutes: f64,
     /// Folder to write: scenarios, training, runs
@@ -102,7 +102,7 @@ pub(super) struct AdaptArgs {
     /// Continue in --out where it was interrupted
     #[arg(long)]
     resume: bool,
-    /// Threads; they do not change the result of a recipe [default: one per core]
+    /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     #[command(flatten)]
