@@ -27,8 +27,9 @@ class ProgramProcess:
     """
 
     def __init__(self) -> None:
+        self.path = find_program()
         self._program = start(
-            [find_program(), "session"],
+            [self.path, "session"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -140,8 +141,13 @@ _shared_lock = threading.Lock()
 def shared_request(
     kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array] | None = None
 ) -> tuple[dict[str, str], dict[str, Array]]:
-    """Sends a request to the process that all scores of arrays use, which the first one starts."""
+    """Sends a request to the process that all scores of arrays use, which the first one starts.
+
+    A process of another program than `find_program` names now is replaced.
+    """
     with _shared_lock:
+        if _shared and _shared[0].path != find_program():
+            _shared.pop().close()
         if not _shared or not _shared[0].is_open:
             _shared[:] = [ProgramProcess()]
         return _shared[0].request(kind, arguments, tensors)

@@ -130,6 +130,9 @@ def test_other_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None
     broken.write_text("#!/no/such/interpreter\n")
     for path in (done, broken):
         path.chmod(0o755)
+    # The process that scores arrays runs already, and is another program's.
+    with pytest.raises(reactsim.ReactsimError, match="no scenario could be scored"):
+        reactsim.wosac([], [])
     calls: list[Callable[[], object]] = [
         lambda: reactsim.run(Stop(), progress=False),
         lambda: list(reactsim.scenarios()),
