@@ -1,10 +1,10 @@
 //! Places with their neighbours, to which they attend.
 
+use reactsim_nn::Links;
 use reactsim_perception::{KnownMap, Nearest, Places};
 use reactsim_scene::Start;
 
 use super::config::Config;
-use super::links::Links;
 use super::place_relations::{PLACE_PAIR_FEATURES, relate_places};
 
 /// Places of a map with the neighbours of each.

@@ -10,7 +10,6 @@ mod choice;
 mod config;
 mod error;
 pub(crate) mod linked_places;
-mod links;
 pub(crate) mod network;
 mod pair;
 mod place_relations;

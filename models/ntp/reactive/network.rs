@@ -4,12 +4,11 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Int, Tensor, TensorData};
 use reactsim_nn::{
-    AttentionConfig, FeedForwardConfig, Initializer, Noise, Perceptron, PerceptronKind, RelationalAttention,
-    Relations, Rows,
+    AttentionConfig, FeedForwardConfig, Initializer, Perceptron, PerceptronKind, RelationalAttention,
 };
 use reactsim_perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
-use super::batch::{LinkTensors, MapTensors, NodeTensors};
+use super::batch::{MapTensors, NodeTensors};
 use super::config::Config;
 use super::pair::PAIR_FEATURES;
 use super::place_relations::{PLACE_PAIR_FEATURES, TO_PLACE_FEATURES};
@@ -23,7 +22,7 @@ pub(crate) struct Block {
     agents: RelationalAttention,
 }
 
-/// The reactive network.
+/// The reactive network. The last feature of every relation is 1 and replaces a bias.
 #[derive(Module, Debug)]
 pub struct Network {
     place: Perceptron,
@@ -94,19 +93,19 @@ impl Network {
     /// Encodes the places of the map, `[p, hidden]`. The result holds for a whole rollout: everything
     /// that changes enters with relations.
     pub(crate) fn encode_map(&self, map: &MapTensors) -> Tensor<2> {
-        let relation = embed(&self.place_pair, &map.links);
+        let relation = map.links.embed(&self.place_pair);
         let mut x = self.place.forward(map.places.clone());
         for layer in &self.map {
-            x = attend(layer, x, None, &map.links, &relation);
+            x = map.links.attend(layer, x, None, &relation);
         }
         x
     }
 
     /// Encodes the nodes of some steps, given the encoded places.
     pub(crate) fn encode(&self, nodes: &NodeTensors, places: Tensor<2>, past: &PastNodes<'_>) -> Encoding {
-        let to_past = embed(&self.past, &nodes.past);
-        let to_places = embed(&self.to_place, &nodes.places);
-        let to_agents = embed(&self.pair, &nodes.agents);
+        let to_past = nodes.past.embed(&self.past);
+        let to_places = nodes.places.embed(&self.to_place);
+        let to_agents = nodes.agents.embed(&self.pair);
         let mut x = self.body.forward(nodes.bodies.clone());
         let mut entering = Vec::with_capacity(self.blocks.len());
         for (i, block) in self.blocks.iter().enumerate() {
@@ -115,9 +114,9 @@ impl Network {
                 PastNodes::Here => x.clone(),
                 PastNodes::Cached(cached) => cached[i].clone(),
             };
-            x = attend(&block.past, x, Some(earlier), &nodes.past, &to_past);
-            x = attend(&block.places, x, Some(places.clone()), &nodes.places, &to_places);
-            x = attend(&block.agents, x, None, &nodes.agents, &to_agents);
+            x = nodes.past.attend(&block.past, x, Some(earlier), &to_past);
+            x = nodes.places.attend(&block.places, x, Some(places.clone()), &to_places);
+            x = nodes.agents.attend(&block.agents, x, None, &to_agents);
         }
         Encoding { nodes: x, entering }
     }
@@ -145,25 +144,4 @@ impl Network {
         }
         all
     }
-}
-
-/// Applies one attention layer; without `sources`, nodes attend to one another.
-fn attend(
-    layer: &RelationalAttention,
-    x: Tensor<2>,
-    sources: Option<Tensor<2>>,
-    links: &LinkTensors,
-    relation: &Relations,
-) -> Tensor<2> {
-    let sources = layer.sources(sources.unwrap_or_else(|| x.clone()));
-    layer.forward_with(x, sources, &links.neighbors, relation, &mut Noise::none())
-}
-
-/// Embeds relations with one hidden layer, `[n, k, relation]`; the last relation feature is 1 and
-/// replaces a bias. The following linear layer is part of the attention layer.
-fn embed(linear: &Linear, links: &LinkTensors) -> Relations {
-    let (n, k) = (links.neighbors.destinations(), links.neighbors.slots());
-    let embedded = Rows::linear(linear, links.relation.clone()).relu().done();
-    let width = embedded.dims()[1];
-    Relations::new(embedded.reshape([n, k, width]))
 }

@@ -1,12 +1,12 @@
 //! Network input of one scene at one step: agents and their attention links.
 
 use reactsim_geometry::{Vec2, into_frame};
+use reactsim_nn::Links;
 use reactsim_perception::{Body, Class, Nearest, Places, SceneView, corridor, put};
 use reactsim_scene::LightState;
 
 use super::choice::Chooser;
 use super::config::Config;
-use super::links::Links;
 use super::pair::{PAIR_FEATURES, relate};
 use super::place_relations::{TO_PLACE_FEATURES, relate_to_agent};
 
