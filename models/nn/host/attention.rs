@@ -4,7 +4,7 @@ use burn::tensor::{Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::softmax::weights;
-use super::{LANES, slice};
+use super::{LANES, Numbers};
 
 /// Queries that are computed together, so that keys and values are read once for all of them.
 const TOGETHER: usize = 8;
@@ -45,16 +45,16 @@ pub(crate) fn attend(input: Attention) -> Tensor<2> {
     let fits = [scenes, 1, sizes.m, sizes.n].into_iter().zip(mask_shape);
     assert!(fits.clone().all(|(size, mask)| mask == 1 || mask == size), "a mask of {mask_shape:?}");
 
-    let products: Vec<_> = products.into_iter().map(|(q, k)| (q.into_data(), k.into_data())).collect();
-    let (values, closed) = (values.into_data(), closed.into_data());
+    let products: Vec<_> = products.into_iter().map(|(q, k)| (Numbers::of(q), Numbers::of(k))).collect();
+    let (values, closed) = (Numbers::of(values), Numbers::of(closed));
     let mut out = vec![0.0; rows * heads * sizes.v];
     Arch::new().dispatch(Pass {
         sizes,
-        products: products.iter().zip(depths).map(|((q, k), d)| (slice(q), slice(k), d)).collect(),
+        products: products.iter().zip(depths).map(|((q, k), d)| (q.slice(), k.slice(), d)).collect(),
         scale,
-        closed: slice(&closed),
+        closed: closed.slice(),
         mask_shape,
-        values: slice(&values),
+        values: values.slice(),
         out: &mut out,
     });
     Tensor::from_data(TensorData::new(out, [rows, heads * sizes.v]), &device)

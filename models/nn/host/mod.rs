@@ -14,6 +14,7 @@
 mod attention;
 mod gelu;
 mod learned_rows;
+mod numbers;
 mod product;
 mod relational;
 mod rows;
@@ -26,6 +27,7 @@ use super::device::is_gpu;
 pub(crate) use attention::{Attention, attend};
 pub(crate) use gelu::gelu;
 pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
+use numbers::Numbers;
 pub(crate) use relational::{Slots, attend_to_neighbors};
 pub(crate) use rows::{Finish, Norm};
 pub(crate) use rows::{RowPass, pass, pool};

@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::softmax::weights;
-use super::{LANES, slice};
+use super::{LANES, Numbers, slice};
 
 /// Slots of the neighbours of N destinations: K per destination, of which some are open.
 pub(crate) struct Slots<'a> {
@@ -40,16 +40,16 @@ pub(crate) fn attend_to_neighbors(
     assert_eq!(sources.dims()[1], h);
     let all = n * slots.per_destination;
     assert_eq!((slots.sources.len(), slots.relations.len(), slots.open.len()), (all, all, all));
-    let [queries, relation_queries] = [to_sources, to_relations].map(Tensor::into_data);
-    let sources = sources.into_data();
+    let [queries, relation_queries] = [to_sources, to_relations].map(Numbers::of);
+    let sources = Numbers::of(sources);
     let mut sums = vec![0.0; n * heads * h];
     let mut relation_sums = vec![0.0; n * heads * r];
     Arch::new().dispatch(Pass {
         heads,
         slots,
         parts: [
-            Part { width: h, queries: slice(&queries), rows: slice(&sources), of: slots.sources },
-            Part { width: r, queries: slice(&relation_queries), rows: slice(relations), of: slots.relations },
+            Part { width: h, queries: queries.slice(), rows: sources.slice(), of: slots.sources },
+            Part { width: r, queries: relation_queries.slice(), rows: slice(relations), of: slots.relations },
         ],
         out: [&mut sums, &mut relation_sums],
     });

@@ -4,7 +4,7 @@ use burn::tensor::{Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::product::{BLOCK_ROWS, Product, Weights};
-use super::{LANES, slice};
+use super::{LANES, Numbers};
 
 /// Operations on each row of a matrix, in this order.
 #[derive(Default)]
@@ -35,47 +35,61 @@ pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
     assert!(weights.as_ref().is_none_or(|weights| weights.dims()[0] == k), "weights for {k} columns");
     for added in &added {
         let [m, columns] = added.dims();
-        assert!(columns == width && m > 0 && rows.is_multiple_of(m), "[{m}, {columns}] to [{rows}, {width}]");
+        assert!(
+            columns == width && (m == rows || m > 0 && rows.is_multiple_of(m)),
+            "[{m}, {columns}] to [{rows}, {width}]"
+        );
     }
     let vector = |x: Option<Tensor<1>>| {
-        let data = x.map(Tensor::into_data);
-        assert!(data.as_ref().is_none_or(|data| data.num_elements() == width), "a vector of the width");
-        data
+        let numbers = x.map(Numbers::of);
+        assert!(
+            numbers.as_ref().is_none_or(|numbers| numbers.slice().len() == width),
+            "a vector of the width"
+        );
+        numbers
     };
     let (epsilon, gain, shift) = match norm {
         Some((gain, shift, epsilon)) => (epsilon, vector(Some(gain)), vector(shift)),
         None => (0.0, None, None),
     };
-    let added: Vec<TensorData> = added.into_iter().map(Tensor::into_data).collect();
-    let (bias, factors) = (vector(bias), factors.map(Tensor::into_data));
-    assert!(factors.as_ref().is_none_or(|f| f.num_elements() == rows), "a factor for each row");
-    let added: Vec<&[f32]> = added.iter().map(slice).collect();
+    let added: Vec<Numbers> = added.into_iter().map(Numbers::of).collect();
+    let (bias, factors) = (vector(bias), factors.map(Numbers::of));
+    assert!(factors.as_ref().is_none_or(|f| f.slice().len() == rows), "a factor for each row");
+    let added: Vec<&[f32]> = added.iter().map(Numbers::slice).collect();
 
-    let (mut x, weights) = (x.into_data(), weights.map(Tensor::into_data));
-    let mut product = weights.as_ref().map(|_| vec![0.0; rows * width]);
-    let (product_of, out) = match (&weights, &mut product) {
-        (Some(weights), Some(product)) => (Some((slice(&x), k, slice(weights))), product.as_mut_slice()),
-        _ => (None, x.as_mut_slice().expect("32-bit floating-point numbers")),
+    // A product is written to its own memory, other rows where they are if nothing else refers to them.
+    let (product_of, mut out) = match weights {
+        Some(weights) => {
+            let product = TensorData::new(vec![0.0_f32; rows * width], [rows, width]);
+            (Some((Numbers::of(x), Numbers::of(weights))), product)
+        }
+        None => (None, x.into_data()),
     };
     let finish = Finish {
         width,
-        bias: bias.as_ref().map(slice),
-        norm: gain.as_ref().map(|gain| Norm { gain: slice(gain), shift: shift.as_ref().map(slice), epsilon }),
+        bias: bias.as_ref().map(Numbers::slice),
+        norm: gain.as_ref().map(|gain| Norm {
+            gain: gain.slice(),
+            shift: shift.as_ref().map(Numbers::slice),
+            epsilon,
+        }),
         relu,
     };
-    let follow = Follow { finish: &finish, added: &added, factors: factors.as_ref().map(slice) };
+    let follow = Follow { finish: &finish, added: &added, factors: factors.as_ref().map(Numbers::slice) };
     if width > 0 {
         let arch = Arch::new();
-        let weights = product_of.map(|(_, _, weights)| Weights::new(weights, width, rows));
+        let product_of = product_of.as_ref();
+        let product_of =
+            product_of.map(|(x, weights)| (x.slice(), Weights::new(weights.slice(), width, rows)));
+        let out = out.as_mut_slice().expect("32-bit floating-point numbers");
         for (block, out) in out.chunks_mut(BLOCK_ROWS * width).enumerate() {
             let first = block * BLOCK_ROWS;
-            if let (Some((x, k, _)), Some(weights)) = (product_of, &weights) {
+            if let Some((x, weights)) = &product_of {
                 arch.dispatch(Product { weights, x: &x[first * k..][..out.len() / width * k], out });
             }
             arch.dispatch(Rows { follow: &follow, first, rows: out });
         }
     }
-    let out = product.map_or(x, |product| TensorData::new(product, [rows, width]));
     Tensor::from_data(out, &device)
 }
 
@@ -219,10 +233,10 @@ pub(super) fn sum(row: &[f32], term: impl Fn(f32) -> f32) -> f32 {
 pub(crate) fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
     let (device, [rows, width]) = (x.device(), x.dims());
     assert!(count > 0 && rows.is_multiple_of(count), "{count} blocks of {rows} rows");
-    let data = x.into_data();
+    let numbers = Numbers::of(x);
     let block = rows / count * width;
-    let mut out = slice(&data)[..block].to_vec();
-    for other in slice(&data)[block..].chunks_exact(block.max(1)) {
+    let mut out = numbers.slice()[..block].to_vec();
+    for other in numbers.slice()[block..].chunks_exact(block.max(1)) {
         Arch::new().dispatch(Maximum { out: &mut out, other });
     }
     Tensor::from_data(TensorData::new(out, [rows / count, width]), &device)
