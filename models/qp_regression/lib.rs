@@ -12,8 +12,7 @@ mod predict;
 mod simulator;
 mod smoothed;
 
-pub use inputs::Ground;
-pub use policy::{Policy, PolicyError};
+pub use policy::{Ground, Policy, PolicyError};
 pub use predict::{Mode, ModePoint, Prediction};
 pub use simulator::{Driving, RegressionSimulator, predicted_slots};
 pub use smoothed::{PlanningParameters, QpRegressionSimulator};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use reactsim_perception::{KnownMotion, SceneView};
@@ -10,14 +10,22 @@ use reactsim_rollout::Observation;
 use reactsim_scene::Start;
 use serde::{Deserialize, Serialize};
 
-use super::inputs::{Ground, SceneContext, Surroundings, Survey};
-use super::network::{Batch, Config, Network};
+use super::inputs::{MapFeatures, SceneContext, Surroundings, Survey};
+use super::network::{Batch, Config, Encoding, Group, LineBatch, Network};
 use super::predict::{Prediction, prediction};
 
 /// Kind of this network in the configuration of the file.
 const KIND: &str = "motion-transformer";
 /// Suffix of a counter that PyTorch stores with batch norms and that nothing depends on.
 const COUNTER: &str = ".num_batches_tracked";
+
+/// Map features of an episode, the same for all its predictions.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    features: MapFeatures,
+    /// Encoded lines, `[lines, width]`, if they are encoded once.
+    encoded: Option<Tensor<2>>,
+}
 
 /// A network ready to predict.
 #[derive(Clone, Debug)]
@@ -101,8 +109,16 @@ impl Policy {
 
     /// Returns the map features of a scenario, for [`Self::predict`]; they are the same for the whole
     /// episode.
-    pub fn ground(&self, start: &Start) -> Ground {
-        Survey::of(start, &self.config).ground()
+    pub fn ground(&self, start: &Start, device: &Device) -> Ground {
+        let features = Survey::of(start, &self.config).features();
+        let encoded = match self.config.encoding {
+            Encoding::AgentCentric => None,
+            Encoding::SceneCentric => {
+                let nodes = features.line_nodes(&self.config);
+                self.network.encode_lines(&LineBatch::of(&[&nodes], &self.config, device))
+            }
+        };
+        Ground { features, encoded }
     }
 
     /// Predicts the agents of these slots that are present and of a simulated class, in the order of
@@ -128,7 +144,7 @@ impl Policy {
         device: &Device,
     ) -> Vec<Prediction> {
         let lights = known.lights_at(now);
-        self.predict_view(&known.view(now, &lights), &self.ground(known.start), slots, device)
+        self.predict_view(&known.view(now, &lights), &self.ground(known.start, device), slots, device)
     }
 
     /// Predicts as [`Self::predict`] does, from a view.
@@ -139,14 +155,15 @@ impl Policy {
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
-        let seen = SceneContext::of(view, ground);
+        let seen = SceneContext::of(view, &ground.features, &self.config);
         let surroundings = |&slot: &usize| Surroundings::of(&seen, slot, &self.config);
         let scenes: Vec<Surroundings> = slots.iter().filter_map(surroundings).collect();
         if scenes.is_empty() {
             return Vec::new();
         }
-        let all: Vec<&Surroundings> = scenes.iter().collect();
-        let batch = Batch::of(&all, &self.intentions, &self.config, device);
+        let group = Group { targets: scenes.iter().collect(), nodes: seen.nodes.as_ref(), lines: None };
+        let encoded = ground.encoded.as_ref();
+        let batch = Batch::of(&[group], encoded, &self.intentions, &self.config, device);
         let predicted = self.network.forward(&batch, &self.config, false);
         let Some(last) = predicted.layers.into_iter().next_back() else { return Vec::new() };
         let scores: Vec<f32> = last.scores.into_data().iter::<f32>().collect();

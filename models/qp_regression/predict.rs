@@ -4,7 +4,7 @@ use reactsim_dynamics::{Pose, motion_through};
 use reactsim_geometry::{Vec2, math};
 use reactsim_scene::DT;
 
-use super::inputs::{AgentFrame, Surroundings};
+use super::inputs::{LocalFrame, Surroundings};
 use super::network::{Config, STATE, suppress};
 
 /// Smallest natural logarithm of a standard deviation, in metres, as in training: 0.2 m.
@@ -77,7 +77,7 @@ pub(super) fn prediction(
     states: &[f32],
     config: &Config,
 ) -> Prediction {
-    let frame = AgentFrame::of(scene.pose);
+    let frame = LocalFrame::of(scene.pose);
     let velocity = frame.vector_out(scene.velocity());
     let (kept, probabilities) = kept_modes(scores, states, config);
     let width = config.states() * STATE;
@@ -95,7 +95,7 @@ pub(super) fn prediction(
 }
 
 /// Returns the points of a mode at 10 Hz.
-fn points(output: &[f32], velocity: Vec2, frame: &AgentFrame, config: &Config) -> Vec<ModePoint> {
+fn points(output: &[f32], velocity: Vec2, frame: &LocalFrame, config: &Config) -> Vec<ModePoint> {
     let states: Vec<[f64; STATE]> = output.as_chunks::<STATE>().0.iter().map(|s| s.map(f64::from)).collect();
     let positions: Vec<Vec2> = states.iter().map(|s| Vec2::new(s[0], s[1])).collect();
     let deviations = |s: &[f64; STATE]| {

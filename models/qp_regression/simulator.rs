@@ -10,8 +10,7 @@ use reactsim_scene::{AgentKind, AgentState, DT, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
-use super::inputs::Ground;
-use super::policy::Policy;
+use super::policy::{Ground, Policy};
 use super::predict::{Mode, Prediction};
 
 /// Parameters of executing predictions.
@@ -81,7 +80,7 @@ impl SingleEpisode for RegressionSimulator {
     }
 
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Ground {
-        self.policy.ground(start)
+        self.policy.ground(start, &self.device)
     }
 
     // One episode at a time: a dozen agents are enough for matrix products of a good size, and the

@@ -7,8 +7,7 @@ use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
-use super::inputs::Ground;
-use super::policy::Policy;
+use super::policy::{Ground, Policy};
 use super::predict::Prediction;
 use super::simulator::{execute, predicted_slots};
 
@@ -50,7 +49,7 @@ impl QpRegressionSimulator {
 
     /// Returns the map features of a scenario, for [`Self::intents`].
     pub fn ground(&self, start: &Start) -> Ground {
-        self.policy.ground(start)
+        self.policy.ground(start, &self.device)
     }
 
     /// Returns the intent of every agent from now on, one entry per slot.
@@ -98,7 +97,7 @@ impl SingleEpisode for QpRegressionSimulator {
     }
 
     fn begin(&self, start: &Start, _stream: &mut Stream) -> EpisodeMemory {
-        EpisodeMemory { ground: self.policy.ground(start), stage: self.stage() }
+        EpisodeMemory { ground: self.policy.ground(start, &self.device), stage: self.stage() }
     }
 
     fn plan_one(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {

@@ -5,7 +5,7 @@ use reactsim_learning::LearningMap;
 use reactsim_perception::{KnownMap, Places};
 use reactsim_scene::Start;
 
-use super::Lines;
+use super::{LineNodes, Lines};
 use crate::network::Config;
 
 /// Map features that can still be mirrored and stretched.
@@ -18,11 +18,18 @@ pub(crate) struct Survey {
 
 /// Map features of the network, the same for a whole episode.
 #[derive(Clone, Debug)]
-pub struct Ground {
+pub(crate) struct MapFeatures {
     /// Lines of the map.
     pub(super) lines: Lines,
     /// Lanes and stop lines, if the configuration has an outlook.
     pub(super) places: Option<Places>,
+}
+
+impl MapFeatures {
+    /// Returns the lines as nodes of an encoder that encodes the scene once.
+    pub(crate) fn line_nodes(&self, config: &Config) -> LineNodes {
+        self.lines.nodes(config)
+    }
 }
 
 impl Survey {
@@ -32,9 +39,9 @@ impl Survey {
         Self { lines: Lines::of(start, config), known }
     }
 
-    /// Converts to the map features of an episode.
-    pub(crate) fn ground(self) -> Ground {
-        Ground { lines: self.lines, places: self.known.as_ref().map(Places::of) }
+    /// Converts to map features.
+    pub(crate) fn features(self) -> MapFeatures {
+        MapFeatures { lines: self.lines, places: self.known.as_ref().map(Places::of) }
     }
 }
 

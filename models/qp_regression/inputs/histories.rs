@@ -1,10 +1,10 @@
 //! Histories of agents as input features.
 
-use reactsim_perception::velocity_at;
+use reactsim_perception::{SceneView, velocity_at};
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
-use super::frame::AgentFrame;
-use crate::network::Attributes;
+use super::frame::{LocalFrame, PolylineFeatures};
+use crate::network::{Attributes, Config};
 
 /// Returns the number of features of an agent at a frame.
 pub(crate) const fn agent_numbers(attributes: Attributes) -> usize {
@@ -24,9 +24,39 @@ const fn height(kind: AgentKind) -> f64 {
     }
 }
 
+/// Returns the histories of agents, each in its frame, as the first of `rows` rows. `target` is the slot of the
+/// predicted agent.
+pub(super) fn histories(
+    view: &SceneView<'_>,
+    agents: impl Iterator<Item = (usize, LocalFrame)>,
+    rows: usize,
+    target: Option<usize>,
+    config: &Config,
+) -> PolylineFeatures {
+    let numbers = agent_numbers(config.attributes);
+    let mut features = PolylineFeatures::absent(HISTORY, rows, numbers);
+    for (row, (slot, frame)) in agents.enumerate() {
+        let history = AgentHistory {
+            agent: &view.agents[slot],
+            track: &view.tracks[slot],
+            now: view.now,
+            is_target: Some(slot) == target,
+            is_av: slot == 0,
+        };
+        for k in 0..HISTORY {
+            let at = k * rows + row;
+            let out = &mut features.points[at * numbers..(at + 1) * numbers];
+            if history.write(k, &frame, config.attributes, out) {
+                features.there[at] = 1.0;
+            }
+        }
+    }
+    features
+}
+
 /// History of an agent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct AgentHistory<'a> {
+struct AgentHistory<'a> {
     pub agent: &'a Agent,
     pub track: &'a [Frame],
     pub now: usize,
@@ -37,13 +67,7 @@ pub(super) struct AgentHistory<'a> {
 impl AgentHistory<'_> {
     /// Writes the features of the `k`-th of the eleven frames up to now. Returns false if the agent was
     /// absent.
-    pub(crate) fn write(
-        &self,
-        k: usize,
-        frame: &AgentFrame,
-        attributes: Attributes,
-        out: &mut [f32],
-    ) -> bool {
+    fn write(&self, k: usize, frame: &LocalFrame, attributes: Attributes, out: &mut [f32]) -> bool {
         let Some(at) = (self.now + k).checked_sub(HISTORY - 1) else { return false };
         let Some(state) = self.track.get(at).copied().flatten() else { return false };
         let velocity = velocity_at(self.track, at);
@@ -84,7 +108,7 @@ impl AgentHistory<'_> {
         true
     }
 
-    fn place_and_size(&self, state: AgentState, frame: &AgentFrame, own: bool, put: &mut impl FnMut(f64)) {
+    fn place_and_size(&self, state: AgentState, frame: &LocalFrame, own: bool, put: &mut impl FnMut(f64)) {
         let at = frame.point(state.position());
         if own {
             [at.x / 20.0, at.y / 20.0, self.agent.length / 5.0, self.agent.width / 2.0]

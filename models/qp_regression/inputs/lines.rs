@@ -2,10 +2,11 @@
 
 use reactsim_geometry::{Bounds, Polyline, Vec2};
 use reactsim_learning::LearningMap;
+use reactsim_nn::Links;
 use reactsim_perception::{MAX_LINE_LENGTH, Nearest, closed, edge_rings};
 use reactsim_scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
-use super::frame::{AgentFrame, PolylineFeatures};
+use super::frame::{LocalFrame, POSE_FEATURES, PolylineFeatures};
 use crate::network::{Attributes, Config};
 
 /// Returns the number of features of a point of a line.
@@ -15,7 +16,7 @@ pub(crate) const fn point_numbers(attributes: Attributes) -> usize {
         Attributes::Published => 3 + 3 + 1 + 2,
         // Point, direction, the point before, kind, state of the light, speed limit and whether it is
         // known.
-        Attributes::Own => 2 + 2 + 2 + KINDS + 4 + 2,
+        Attributes::Own => 2 + 2 + 2 + KINDS + LIGHT_FEATURES + 2,
     }
 }
 
@@ -112,44 +113,94 @@ impl Lines {
         cutter.lines
     }
 
-    /// Returns the lines nearest to `base` as features in the frame of an agent, with the states of
-    /// lights.
-    pub(super) fn rows(
+    /// Returns the lines of these rows as features in the frame of an agent, with the states of lights.
+    pub(super) fn features(
         &self,
-        base: Vec2,
-        frame: &AgentFrame,
+        rows: &[usize],
+        frame: &LocalFrame,
         lights: &[Option<LightState>],
         config: &Config,
     ) -> PolylineFeatures {
-        let numbers = point_numbers(config.attributes);
-        let mut nearest = Nearest::new(config.lines);
-        for (i, line) in self.all.iter().enumerate() {
-            nearest.offer((line.middle - base).norm_squared(), i);
-        }
-        let mut rows = PolylineFeatures {
-            points: vec![0.0; config.points * config.lines * numbers],
-            there: vec![0.0; config.points * config.lines],
-            places: Vec::with_capacity(config.lines),
-        };
-        for (row, i) in nearest.found().enumerate() {
+        let mut features =
+            PolylineFeatures::absent(config.points, config.lines, point_numbers(config.attributes));
+        for (row, &i) in rows.iter().enumerate() {
             let line = &self.all[i];
-            let light = line.light.and_then(|l| lights.get(l).copied().flatten());
-            let at = frame.point(line.middle);
-            rows.places.push([at.x as f32, at.y as f32]);
-            for k in 0..line.points.len() {
-                let at = k * config.lines + row;
-                rows.there[at] = 1.0;
-                line.write(
-                    k,
-                    frame,
-                    light,
-                    config.attributes,
-                    &mut rows.points[at * numbers..(at + 1) * numbers],
-                );
-            }
+            line.write_row(row, config.lines, frame, line.state(lights), config, &mut features);
         }
-        rows
+        features
     }
+
+    /// Returns the rows of the lines nearest to a point, at most `count`, nearest first.
+    pub(super) fn nearest(&self, to: Vec2, count: usize) -> Vec<usize> {
+        let mut nearest = Nearest::new(count);
+        for (i, line) in self.all.iter().enumerate() {
+            nearest.offer((line.middle - to).norm_squared(), i);
+        }
+        nearest.found().collect()
+    }
+
+    /// Returns the position of a line in the frame of an agent, metres.
+    pub(super) fn place(&self, row: usize, frame: &LocalFrame) -> [f32; 2] {
+        let at = frame.point(self.all[row].middle);
+        [at.x as f32, at.y as f32]
+    }
+
+    /// Writes the relation of a line to an agent, with the state of its light, [`LINE_FEATURES`] numbers.
+    pub(super) fn relate(
+        &self,
+        row: usize,
+        frame: &LocalFrame,
+        lights: &[Option<LightState>],
+        out: &mut [f32],
+    ) {
+        let line = &self.all[row];
+        put(out, &frame.pose_features(&line.frame()));
+        put(&mut out[POSE_FEATURES..], &light_features(line.state(lights)));
+    }
+
+    /// Returns all lines as nodes of the encoder.
+    pub(super) fn nodes(&self, config: &Config) -> LineNodes {
+        let mut points =
+            PolylineFeatures::absent(config.points, self.all.len(), point_numbers(config.attributes));
+        let mut links = Links::default();
+        for (row, line) in self.all.iter().enumerate() {
+            let frame = line.frame();
+            line.write_row(row, self.all.len(), &frame, None, config, &mut points);
+            let mut near = self.nearest(line.middle, config.neighbours + 1);
+            near.retain(|&other| other != row);
+            links.push(config.neighbours, POSE_FEATURES, &near, |other, out| {
+                put(out, &frame.pose_features(&self.all[other].frame()));
+            });
+        }
+        LineNodes { count: self.all.len(), points, links }
+    }
+}
+
+/// Lines of a map as nodes of the encoder, each in a frame of its own, without the states of lights.
+#[derive(Clone, Debug)]
+pub(crate) struct LineNodes {
+    /// Number of lines.
+    pub count: usize,
+    /// Features of their points.
+    pub points: PolylineFeatures,
+    /// Links of each line to its nearest others.
+    pub links: Links,
+}
+
+/// Number of features of the relation of a line to an agent.
+pub(crate) const LINE_FEATURES: usize = POSE_FEATURES + LIGHT_FEATURES;
+/// Number of features of the state of a light.
+const LIGHT_FEATURES: usize = 4;
+
+/// Returns whether a light is red, yellow, green, or shows something else.
+fn light_features(light: Option<LightState>) -> [f64; LIGHT_FEATURES] {
+    let shown = |f: fn(LightState) -> bool| f64::from(u8::from(light.is_some_and(f)));
+    [
+        shown(LightState::is_red),
+        shown(LightState::is_yellow),
+        shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),
+        shown(|l| matches!(l, LightState::Unknown | LightState::FlashingStop | LightState::FlashingCaution)),
+    ]
 }
 
 impl LearningMap for Lines {
@@ -174,10 +225,43 @@ impl LearningMap for Lines {
 }
 
 impl Line {
+    /// Returns the frame of the line: at its middle, along the chord of its ends.
+    fn frame(&self) -> LocalFrame {
+        let chord = self.points[self.points.len() - 1] - self.points[0];
+        // The chord of a closed line is empty.
+        let first = || self.points.get(1).map_or(Vec2::x(), |second| second - self.points[0]);
+        let ahead = chord.try_normalize(1e-6).or_else(|| first().try_normalize(1e-6));
+        LocalFrame::at(self.middle, ahead.unwrap_or(Vec2::x()))
+    }
+
+    /// Returns the state of its light.
+    fn state(&self, lights: &[Option<LightState>]) -> Option<LightState> {
+        self.light.and_then(|light| lights.get(light).copied().flatten())
+    }
+
+    /// Writes the features of all its points as row `row` of `rows`.
+    fn write_row(
+        &self,
+        row: usize,
+        rows: usize,
+        frame: &LocalFrame,
+        light: Option<LightState>,
+        config: &Config,
+        out: &mut PolylineFeatures,
+    ) {
+        let numbers = point_numbers(config.attributes);
+        for k in 0..self.points.len() {
+            let at = k * rows + row;
+            out.there[at] = 1.0;
+            let out = &mut out.points[at * numbers..(at + 1) * numbers];
+            self.write(k, frame, light, config.attributes, out);
+        }
+    }
+
     fn write(
         &self,
         k: usize,
-        frame: &AgentFrame,
+        frame: &LocalFrame,
         light: Option<LightState>,
         attributes: Attributes,
         out: &mut [f32],
@@ -203,19 +287,11 @@ impl Line {
                 if let Some(kind) = self.kind.own() {
                     out[6 + kind] = 1.0;
                 }
-                let shown = |f: fn(LightState) -> bool| f64::from(u8::from(light.is_some_and(f)));
+                let light = light_features(light);
+                put(&mut out[6 + KINDS..], &light);
                 put(
-                    &mut out[6 + KINDS..],
+                    &mut out[6 + KINDS + LIGHT_FEATURES..],
                     &[
-                        shown(LightState::is_red),
-                        shown(LightState::is_yellow),
-                        shown(|l| matches!(l, LightState::Go | LightState::ArrowGo)),
-                        shown(|l| {
-                            matches!(
-                                l,
-                                LightState::Unknown | LightState::FlashingStop | LightState::FlashingCaution
-                            )
-                        }),
                         self.speed_limit.map_or(0.0, |v| v / 20.0),
                         f64::from(u8::from(self.speed_limit.is_some())),
                     ],

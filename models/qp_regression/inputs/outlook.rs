@@ -4,7 +4,7 @@ use reactsim_geometry::Vec2;
 use reactsim_perception::{BODY_FEATURES, Body, Class, corridor, lane};
 
 use super::SceneContext;
-use super::frame::AgentFrame;
+use super::frame::LocalFrame;
 
 /// Number of features of an outlook: own motion, lane, paths ahead, and agents in the way now and soon.
 pub(crate) const OUTLOOK: usize = BODY_FEATURES;
@@ -28,7 +28,7 @@ const MAX_LENGTH: f64 = 200.0;
 
 impl Outlook {
     /// Computes the outlook of an agent; `None` if the configuration has none or the agent is absent.
-    pub(super) fn of(scene: &SceneContext<'_>, slot: usize, frame: &AgentFrame) -> Option<Self> {
+    pub(super) fn of(scene: &SceneContext<'_>, slot: usize, frame: &LocalFrame) -> Option<Self> {
         let places = scene.ground.places.as_ref()?;
         let (body, paths) = scene.view.body(slot, places)?;
         let own = scene.slots.iter().position(|&s| s == slot)?;

@@ -8,8 +8,8 @@ use reactsim_scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
-use super::super::inputs::{AgentFrame, SceneContext, Surroundings, Survey};
-use super::super::network::Config;
+use super::super::inputs::{LineNodes, LocalFrame, SceneContext, SceneNodes, Surroundings, Survey};
+use super::super::network::{Config, Group};
 use super::Disturbance;
 
 /// Parameters of the augmentation of scenes.
@@ -56,6 +56,20 @@ pub(super) struct Target {
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(super) targets: Vec<Target>,
+    /// Agents and lines of the scene, if the network encodes it once.
+    nodes: Option<SceneNodes>,
+    lines: Option<LineNodes>,
+}
+
+impl Sample {
+    /// Returns the input of the network.
+    pub(super) fn group(&self) -> Group<'_> {
+        Group {
+            targets: self.targets.iter().map(|target| &target.around).collect(),
+            nodes: self.nodes.as_ref(),
+            lines: self.lines.as_ref(),
+        }
+    }
 }
 
 /// Largest distance from the AV of agents to learn from, metres.
@@ -98,13 +112,13 @@ pub(super) fn sample(
     }
     chosen.truncate(most);
     let (scene, survey) = scene.split_map();
-    let ground = survey.ground();
+    let map = survey.features();
     let lights = scene.lights_at(now);
     let view = scene.view(&scene.tracks, now, blind, &lights);
-    let context = SceneContext::of(&view, &ground);
+    let context = SceneContext::of(&view, &map, config);
     let target = |slot: usize| {
         let around = Surroundings::of(&context, slot, config)?;
-        let frame = AgentFrame::of(around.pose);
+        let frame = LocalFrame::of(around.pose);
         let track = &scene.tracks[slot];
         let truth = truth(track, now, &frame, config);
         let known = truth.known.iter().filter(|k| **k > 0.0).count();
@@ -117,7 +131,9 @@ pub(super) fn sample(
         Some(Target { around, truth, goal, goal_ahead, others })
     };
     let targets: Vec<Target> = chosen.into_iter().filter_map(target).collect();
-    (!targets.is_empty()).then_some(Sample { targets })
+    let lines = context.nodes.is_some().then(|| map.line_nodes(config));
+    let nodes = context.nodes;
+    (!targets.is_empty()).then_some(Sample { targets, nodes, lines })
 }
 
 /// Returns the slots of agents to learn from, nearest to the AV first.
@@ -134,7 +150,7 @@ fn candidates(scene: &LearningScene<Survey>, now: usize) -> Vec<usize> {
 }
 
 /// Returns the true states of a track at the predicted instants.
-fn truth(track: &[Frame], now: usize, frame: &AgentFrame, config: &Config) -> Truth {
+fn truth(track: &[Frame], now: usize, frame: &LocalFrame, config: &Config) -> Truth {
     let mut truth = Truth::default();
     for k in 1..=config.states() {
         let at = now + k * config.step;
@@ -156,7 +172,7 @@ fn truth(track: &[Frame], now: usize, frame: &AgentFrame, config: &Config) -> Tr
 }
 
 /// Returns the position of a track after eight seconds, and its last known heading.
-fn goal(track: &[Frame], now: usize, frame: &AgentFrame) -> Option<(Vec2, Vec2)> {
+fn goal(track: &[Frame], now: usize, frame: &LocalFrame) -> Option<(Vec2, Vec2)> {
     let end = now + FUTURE;
     let (at, state) = (now + 1..=end.min(FRAMES - 1)).rev().find_map(|f| Some((f, track[f]?)))?;
     let before = track[at - 1].map(|b| (state.position() - b.position()) / DT);

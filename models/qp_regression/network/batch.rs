@@ -1,30 +1,125 @@
 //! Surroundings of several agents as the input tensors of the network.
 
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim_geometry::Vec2;
 use reactsim_learning::Intentions;
-use reactsim_nn::CLOSED;
+use reactsim_nn::{CLOSED, LinkTensors, Links};
 use reactsim_perception::{Class, Nearest};
 use reactsim_scene::HISTORY;
 
 use super::STATE;
-use super::config::Config;
+use super::config::{Config, Encoding};
 use super::guide::reference_states;
-use crate::inputs::{OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers};
+use crate::inputs::{
+    AGENT_FEATURES, Content, LINE_FEATURES, LineNodes, OUTLOOK, POSE_FEATURES, PolylineFeatures, SceneNodes,
+    SeenNodes, Surroundings, agent_numbers, point_numbers,
+};
 
-/// Histories of agents, or map lines, as tensors.
+/// Points of histories of agents, or of map lines, as tensors.
 #[derive(Clone, Debug)]
 pub(crate) struct Polylines {
     /// `[count * rows, numbers]`: features of the points, all first points first.
     pub points: Tensor<2>,
     /// `[count * rows, 1]`: 1 where a point is present.
-    pub points_there: Tensor<2>,
-    /// `[rows, 1]`: 1 where a row is present.
     pub there: Tensor<2>,
-    /// `[rows, 2]`: positions, metres.
-    pub positions: Tensor<2>,
     /// Points per row.
     pub count: usize,
+}
+
+/// Agents or lines around predicted agents as tensors.
+#[derive(Clone, Debug)]
+pub(crate) struct TokenPlaces {
+    /// `[rows, 1]`: 1 where a row is present.
+    pub there: Tensor<2>,
+    /// `[rows, 2]`: positions in the frame of the predicted agent, metres.
+    pub positions: Tensor<2>,
+}
+
+/// Input of the encoder.
+#[derive(Clone, Debug)]
+pub(crate) enum EncoderInput {
+    /// Everything in the frame of each predicted agent.
+    AgentCentric {
+        /// Histories of agents.
+        agents: Polylines,
+        /// Lines of the map.
+        lines: Polylines,
+        /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
+        neighbours: Tensor<4>,
+    },
+    /// Every agent and line in a frame of its own.
+    SceneCentric(Box<SceneInput>),
+}
+
+/// Agents and lines in frames of their own, and as predicted agents see them.
+#[derive(Clone, Debug)]
+pub(crate) struct SceneInput {
+    /// Lines of the map.
+    pub lines: LineInput,
+    /// Histories of agents.
+    pub agents: Polylines,
+    /// Links of agents to lines.
+    pub to_lines: LinkTensors,
+    /// Links of agents to agents.
+    pub to_agents: LinkTensors,
+    /// Agents around the predicted agents.
+    pub seen_agents: SeenTensors,
+    /// Lines around the predicted agents.
+    pub seen_lines: SeenTensors,
+}
+
+/// Nodes as predicted agents see them.
+#[derive(Clone, Debug)]
+pub(crate) struct SeenTensors {
+    /// `[rows]`: row of each node.
+    pub rows: Tensor<1, Int>,
+    /// `[rows, features]`: relation to the predicted agent.
+    pub relations: Tensor<2>,
+}
+
+/// Lines in frames of their own.
+#[derive(Clone, Debug)]
+pub(crate) enum LineInput {
+    /// Lines to encode.
+    Points(LineBatch),
+    /// `[lines, width]`: encoded lines.
+    Encoded(Tensor<2>),
+}
+
+/// Lines of maps as tensors.
+#[derive(Clone, Debug)]
+pub(crate) struct LineBatch {
+    /// Their points.
+    pub lines: Polylines,
+    /// Links among them.
+    pub links: LinkTensors,
+}
+
+impl LineBatch {
+    /// Lays out the lines of several maps.
+    pub(crate) fn of(maps: &[&LineNodes], config: &Config, device: &Device) -> Self {
+        let (mut links, mut first) = (Links::default(), 0);
+        for map in maps {
+            links.append(&map.links, first);
+            first += map.count;
+        }
+        let points = maps.iter().map(|map| &map.points);
+        Self {
+            lines: polylines(points, config.points, point_numbers(config.attributes), device),
+            links: links.tensors(config.neighbours, POSE_FEATURES, device),
+        }
+    }
+}
+
+/// Predicted agents of one scenario.
+#[derive(Clone, Debug)]
+pub(crate) struct Group<'a> {
+    /// Surroundings of the predicted agents.
+    pub targets: Vec<&'a Surroundings>,
+    /// Agents as nodes, if the scene is encoded once.
+    pub nodes: Option<&'a SceneNodes>,
+    /// Lines as nodes, if they are encoded with the batch.
+    pub lines: Option<&'a LineNodes>,
 }
 
 /// Input of the network. A scene is the surroundings of one predicted agent.
@@ -34,12 +129,12 @@ pub(crate) struct Batch {
     pub scenes: usize,
     /// Motion queries per scene.
     pub queries: usize,
-    /// Histories of agents.
-    pub agents: Polylines,
-    /// Lines of the map.
-    pub lines: Polylines,
-    /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
-    pub neighbours: Tensor<4>,
+    /// Agents and lines, for the encoder.
+    pub encoder: EncoderInput,
+    /// Where agents are.
+    pub agents: TokenPlaces,
+    /// Where lines are.
+    pub lines: TokenPlaces,
     /// `[scenes, 1, 1, agents]`: added to scores; present agents are open.
     pub agents_closed: Tensor<4>,
     /// `[scenes * queries, 1]`: 0 if the scene has no lines.
@@ -66,12 +161,16 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
+    /// Lays out predicted agents. `encoded` has the lines of the only group, if they are encoded already.
     pub(crate) fn of(
-        scenes: &[&Surroundings],
+        groups: &[Group<'_>],
+        encoded: Option<&Tensor<2>>,
         intentions: &Intentions,
         config: &Config,
         device: &Device,
     ) -> Self {
+        let scenes: Vec<&Surroundings> = groups.iter().flat_map(|g| g.targets.iter().copied()).collect();
+        let scenes = scenes.as_slice();
         let queries = intentions.count();
         let table: Vec<f32> = Class::ALL.into_iter().flat_map(|c| flat(intentions.of(c))).collect();
         let classes: Vec<usize> = scenes.iter().map(|s| s.class.index()).collect();
@@ -79,38 +178,26 @@ impl Batch {
         let there = |rows: usize, there: usize| (0..rows).map(move |i| i < there);
         let lines_any: Vec<f32> = scenes
             .iter()
-            .flat_map(|s| std::iter::repeat_n(if s.lines.places.is_empty() { 0.0 } else { 1.0 }, queries))
+            .flat_map(|s| std::iter::repeat_n(if s.line_places.is_empty() { 0.0 } else { 1.0 }, queries))
             .collect();
         let agents_closed: Vec<f32> = scenes
             .iter()
-            .flat_map(|s| there(config.agents, s.agents.places.len()))
+            .flat_map(|s| there(config.agents, s.agent_places.len()))
             .map(|t| if t { 0.0 } else { CLOSED })
             .collect();
         let base = |s: &&Surroundings| {
-            there(s.lines.places.len(), config.base_lines.min(s.lines.places.len())).collect::<Vec<_>>()
+            there(s.line_places.len(), config.base_lines.min(s.line_places.len())).collect::<Vec<_>>()
         };
         let rows = scenes.len();
         Self {
             scenes: rows,
             queries,
-            agents: polylines(
-                scenes.iter().map(|s| &s.agents),
-                config.agents,
-                HISTORY,
-                agent_numbers(config.attributes),
-                device,
-            ),
-            lines: polylines(
-                scenes.iter().map(|s| &s.lines),
-                config.lines,
-                config.points,
-                point_numbers(config.attributes),
-                device,
-            ),
-            neighbours: neighbours(scenes, config, device),
+            encoder: encoder_input(groups, encoded, scenes, config, device),
+            agents: places(scenes.iter().map(|s| s.agent_places.as_slice()), config.agents, device),
+            lines: places(scenes.iter().map(|s| s.line_places.as_slice()), config.lines, device),
             agents_closed: tensor4(agents_closed, [rows, 1, 1, config.agents], device),
             lines_any: tensor2(lines_any, 1, device),
-            line_places: scenes.iter().map(|s| s.lines.places.clone()).collect(),
+            line_places: scenes.iter().map(|s| s.line_places.clone()).collect(),
             base_lines: scenes.iter().map(base).collect(),
             classes,
             table: tensor2(table, 2, device),
@@ -136,35 +223,130 @@ fn tensor4(values: Vec<f32>, shape: [usize; 4], device: &Device) -> Tensor<4> {
     Tensor::from_data(TensorData::new(values, shape), device)
 }
 
-/// Joins the rows of several scenes, point by point.
+/// Joins the rows of several scenes, with `count` points each, point by point.
 fn polylines<'a>(
     scenes: impl Iterator<Item = &'a PolylineFeatures> + Clone,
-    rows: usize,
     count: usize,
     numbers: usize,
     device: &Device,
 ) -> Polylines {
-    let (mut points, mut points_there) = (Vec::new(), Vec::new());
+    let (mut points, mut there) = (Vec::new(), Vec::new());
     for k in 0..count {
         for scene in scenes.clone() {
+            let rows = scene.there.len() / count;
             points.extend_from_slice(&scene.points[k * rows * numbers..(k + 1) * rows * numbers]);
-            points_there.extend_from_slice(&scene.there[k * rows..(k + 1) * rows]);
+            there.extend_from_slice(&scene.there[k * rows..(k + 1) * rows]);
         }
     }
+    Polylines { points: tensor2(points, numbers, device), there: tensor2(there, 1, device), count }
+}
+
+/// Joins the positions of several scenes, with `rows` rows each.
+fn places<'a>(scenes: impl Iterator<Item = &'a [[f32; 2]]>, rows: usize, device: &Device) -> TokenPlaces {
     let (mut there, mut positions) = (Vec::new(), Vec::new());
     for scene in scenes {
         for i in 0..rows {
-            let place = scene.places.get(i);
+            let place = scene.get(i);
             there.push(if place.is_some() { 1.0 } else { 0.0 });
             positions.extend(place.copied().unwrap_or_default());
         }
     }
-    Polylines {
-        points: tensor2(points, numbers, device),
-        points_there: tensor2(points_there, 1, device),
-        there: tensor2(there, 1, device),
-        positions: tensor2(positions, 2, device),
-        count,
+    TokenPlaces { there: tensor2(there, 1, device), positions: tensor2(positions, 2, device) }
+}
+
+fn encoder_input(
+    groups: &[Group<'_>],
+    encoded: Option<&Tensor<2>>,
+    scenes: &[&Surroundings],
+    config: &Config,
+    device: &Device,
+) -> EncoderInput {
+    let (agent, point) = (agent_numbers(config.attributes), point_numbers(config.attributes));
+    if config.encoding == Encoding::SceneCentric {
+        return EncoderInput::SceneCentric(Box::new(scene_input(groups, encoded, config, device)));
+    }
+    let (mut agents, mut lines) = (Vec::new(), Vec::new());
+    for scene in scenes {
+        if let Content::AgentCentric { agents: own_agents, lines: own_lines } = &scene.content {
+            agents.push(own_agents);
+            lines.push(own_lines);
+        }
+    }
+    EncoderInput::AgentCentric {
+        agents: polylines(agents.into_iter(), HISTORY, agent, device),
+        lines: polylines(lines.into_iter(), config.points, point, device),
+        neighbours: neighbours(scenes, config, device),
+    }
+}
+
+fn scene_input(
+    groups: &[Group<'_>],
+    encoded: Option<&Tensor<2>>,
+    config: &Config,
+    device: &Device,
+) -> SceneInput {
+    let (mut to_lines, mut to_agents) = (Links::default(), Links::default());
+    let mut seen_agents = SeenRows::new(config.agents, AGENT_FEATURES);
+    let mut seen_lines = SeenRows::new(config.lines, LINE_FEATURES);
+    let (mut first_agent, mut first_line) = (0, 0);
+    for group in groups {
+        for target in &group.targets {
+            if let Content::SceneCentric { agents, lines } = &target.content {
+                seen_agents.add(agents, first_agent);
+                seen_lines.add(lines, first_line);
+            }
+        }
+        if let Some(nodes) = group.nodes {
+            to_lines.append(&nodes.to_lines, first_line);
+            to_agents.append(&nodes.to_agents, first_agent);
+            first_agent += nodes.slots.len();
+        }
+        first_line += group.lines.map_or(0, |lines| lines.count);
+    }
+    let histories = groups.iter().filter_map(|group| group.nodes).map(|nodes| &nodes.histories);
+    let maps: Vec<&LineNodes> = groups.iter().filter_map(|group| group.lines).collect();
+    SceneInput {
+        lines: match encoded {
+            Some(encoded) => LineInput::Encoded(encoded.clone()),
+            None => LineInput::Points(LineBatch::of(&maps, config, device)),
+        },
+        agents: polylines(histories, HISTORY, agent_numbers(config.attributes), device),
+        to_lines: to_lines.tensors(config.line_neighbours, LINE_FEATURES, device),
+        to_agents: to_agents.tensors(config.neighbours, AGENT_FEATURES, device),
+        seen_agents: seen_agents.tensors(device),
+        seen_lines: seen_lines.tensors(device),
+    }
+}
+
+/// Nodes as several predicted agents see them, with the same number of rows for each; absent rows are those of
+/// the first node, without a relation.
+struct SeenRows {
+    per_target: usize,
+    features: usize,
+    rows: Vec<i32>,
+    relations: Vec<f32>,
+}
+
+impl SeenRows {
+    fn new(per_target: usize, features: usize) -> Self {
+        Self { per_target, features, rows: Vec::new(), relations: Vec::new() }
+    }
+
+    /// Appends the nodes of a predicted agent, which begin at row `first`.
+    fn add(&mut self, seen: &SeenNodes, first: usize) {
+        let targets = self.rows.len() / self.per_target + 1;
+        self.rows.extend(seen.rows.iter().map(|&row| (first + row as usize) as i32));
+        self.rows.resize(targets * self.per_target, 0);
+        self.relations.extend_from_slice(&seen.relations);
+        self.relations.resize(targets * self.per_target * self.features, 0.0);
+    }
+
+    fn tensors(self, device: &Device) -> SeenTensors {
+        let count = self.rows.len();
+        SeenTensors {
+            rows: Tensor::from_data(TensorData::new(self.rows, [count]), device),
+            relations: tensor2(self.relations, self.features, device),
+        }
     }
 }
 
@@ -173,8 +355,8 @@ fn neighbours(scenes: &[&Surroundings], config: &Config, device: &Device) -> Ten
     // Scenarios record no heights.
     let place = |row: usize, p: &[f32; 2]| (row, [p[0], p[1], 0.0]);
     let of = |scene: &&Surroundings| {
-        let agents = scene.agents.places.iter().enumerate().map(|(i, p)| place(i, p));
-        let lines = scene.lines.places.iter().enumerate().map(|(i, p)| place(config.agents + i, p));
+        let agents = scene.agent_places.iter().enumerate().map(|(i, p)| place(i, p));
+        let lines = scene.line_places.iter().enumerate().map(|(i, p)| place(config.agents + i, p));
         agents.chain(lines).collect::<Vec<_>>()
     };
     nearest_tokens(&scenes.iter().map(of).collect::<Vec<_>>(), config, device)

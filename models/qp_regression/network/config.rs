@@ -14,6 +14,18 @@ pub enum Attributes {
     Own,
 }
 
+/// Frames in which the encoder sees agents and lines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Encoding {
+    /// The frame of the predicted agent, so that the surroundings of each are encoded anew, as in MTR.
+    #[default]
+    AgentCentric,
+    /// Every agent and line has a frame of its own, and attention sees relative poses. Agents are encoded once
+    /// for all predicted ones, lines once for a whole episode.
+    SceneCentric,
+}
+
 /// Normalisation after hidden layers of perceptrons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -44,6 +56,9 @@ pub struct Config {
     pub attributes: Attributes,
     /// Normalisation in perceptrons.
     pub norms: Norms,
+    /// Frames in which the encoder sees agents and lines.
+    #[serde(default)]
+    pub encoding: Encoding,
     /// Whether the network predicts the difference from a reference motion: constant velocity for the
     /// dense prediction, constant acceleration from the present velocity to the intention point for
     /// modes.
@@ -80,8 +95,18 @@ pub struct Config {
     pub encoder_layers: usize,
     /// Heads of every attention layer.
     pub heads: usize,
-    /// Number of nearest tokens that a token attends to, including itself.
+    /// Number of nearest tokens that a token attends to, including itself; in scene-centric encoding the number of
+    /// other agents that an agent attends to, and of other lines that a line does.
     pub neighbours: usize,
+    /// Number of lines that an agent attends to in scene-centric encoding.
+    #[serde(default)]
+    pub line_neighbours: usize,
+    /// Attention layers among lines in scene-centric encoding.
+    #[serde(default)]
+    pub map_layers: usize,
+    /// Width of embedded relations in scene-centric encoding.
+    #[serde(default)]
+    pub relation_width: usize,
     /// Hidden width of feed-forward networks, as a multiple of the layer's.
     pub widening: usize,
     /// Width of queries.
@@ -107,6 +132,7 @@ impl Config {
         Self {
             attributes: Attributes::Published,
             norms: Norms::Batch,
+            encoding: Encoding::AgentCentric,
             guided: false,
             av_forecast: false,
             outlook: false,
@@ -124,6 +150,9 @@ impl Config {
             encoder_layers: 6,
             heads: 8,
             neighbours: 16,
+            line_neighbours: 0,
+            map_layers: 0,
+            relation_width: 0,
             widening: 4,
             decoder_width: 512,
             map_width: 256,
@@ -175,7 +204,13 @@ impl Config {
             ("modes", self.modes),
         ];
         let refuse = |field, value, expected| Err(SizeError { field, value, expected });
-        for (field, value) in sizes {
+        let scene_centric = [
+            ("line_neighbours", self.line_neighbours),
+            ("map_layers", self.map_layers),
+            ("relation_width", self.relation_width),
+        ];
+        let scene_centric = scene_centric.iter().filter(|_| self.encoding == Encoding::SceneCentric);
+        for &(field, value) in sizes.iter().chain(scene_centric) {
             if !(1..=4096).contains(&value) {
                 return refuse(field, value as f64, "1 to 4096");
             }
@@ -209,6 +244,7 @@ impl Default for Config {
         Self {
             attributes: Attributes::Own,
             norms: Norms::Layer,
+            encoding: Encoding::AgentCentric,
             guided: true,
             av_forecast: true,
             outlook: true,
@@ -226,6 +262,9 @@ impl Default for Config {
             encoder_layers: 2,
             heads: 4,
             neighbours: 16,
+            line_neighbours: 24,
+            map_layers: 1,
+            relation_width: 32,
             widening: 2,
             decoder_width: 64,
             map_width: 64,

@@ -5,12 +5,11 @@ use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
-use super::batch::Batch;
+use super::batch::{Batch, Polylines};
 use super::config::Config;
 use super::layers::Observed;
 use super::polyline_encoder::PolylineEncoder;
 use super::sine::sine;
-use crate::inputs::{agent_numbers, point_numbers};
 
 /// Self-attention and a feed-forward network, each followed by a norm.
 #[derive(Module, Debug)]
@@ -67,40 +66,26 @@ pub(crate) struct Tokens {
 
 impl Encoder {
     pub(crate) fn init(config: &Config, init: &mut Initializer) -> Self {
-        let (norms, width) = (config.norms, config.width);
-        let agent = agent_numbers(config.attributes);
-        let point = point_numbers(config.attributes);
         Self {
-            agent_polyline_encoder: PolylineEncoder::init(agent, config.agent_hidden, 1, width, norms, init),
-            map_polyline_encoder: PolylineEncoder::init(
-                point,
-                config.line_hidden,
-                config.line_layers,
-                width,
-                norms,
-                init,
-            ),
+            agent_polyline_encoder: PolylineEncoder::of_agents(config, init),
+            map_polyline_encoder: PolylineEncoder::of_lines(config, init),
             self_attn_layers: (0..config.encoder_layers).map(|_| EncoderLayer::init(config, init)).collect(),
         }
     }
 
-    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &mut Observed) -> Tokens {
+    /// Encodes agents and lines in the frames of the predicted agents; `neighbours` is added to scores.
+    pub(crate) fn forward(
+        &self,
+        (agents, lines): (&Polylines, &Polylines),
+        neighbours: &Tensor<4>,
+        batch: &Batch,
+        config: &Config,
+        observed: &mut Observed,
+    ) -> Tokens {
         let (scenes, width) = (batch.scenes, config.width);
         let (a, l) = (config.agents, config.lines);
-        let agents = self.agent_polyline_encoder.forward(
-            batch.agents.points.clone(),
-            batch.agents.points_there.clone(),
-            batch.agents.there.clone(),
-            batch.agents.count,
-            observed,
-        );
-        let lines = self.map_polyline_encoder.forward(
-            batch.lines.points.clone(),
-            batch.lines.points_there.clone(),
-            batch.lines.there.clone(),
-            batch.lines.count,
-            observed,
-        );
+        let agents = self.agent_polyline_encoder.forward(agents, observed) * batch.agents.there.clone();
+        let lines = self.map_polyline_encoder.forward(lines, observed) * batch.lines.there.clone();
         let join = |agents: Tensor<2>, lines: Tensor<2>, width: usize| {
             let both = vec![agents.reshape([scenes, a, width]), lines.reshape([scenes, l, width])];
             Tensor::cat(both, 1).reshape([scenes * (a + l), width])
@@ -109,7 +94,7 @@ impl Encoder {
         let positions = join(batch.agents.positions.clone(), batch.lines.positions.clone(), 2);
         let positions = sine(positions, width);
         for layer in &self.self_attn_layers {
-            x = layer.forward(x, positions.clone(), batch.neighbours.clone());
+            x = layer.forward(x, positions.clone(), neighbours.clone());
         }
         let x = x.reshape([scenes, a + l, width]);
         Tokens {

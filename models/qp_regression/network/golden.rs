@@ -6,7 +6,7 @@ use reactsim_learning::Intentions;
 use reactsim_nn::{CLOSED, Initializer, device};
 use reactsim_perception::Class;
 
-use super::batch::{Polylines, nearest_tokens};
+use super::batch::{EncoderInput, Polylines, TokenPlaces, nearest_tokens};
 use super::{Batch, Config, Network, STATE};
 use crate::predict::kept_modes;
 
@@ -46,7 +46,7 @@ fn polylines(
     count: usize,
     with_mask: bool,
     device: &Device,
-) -> Polylines {
+) -> (Polylines, TokenPlaces) {
     let numbers = features.len() / there.len();
     let width = numbers + usize::from(with_mask);
     let (mut points, mut points_there) = (Vec::new(), Vec::new());
@@ -66,13 +66,8 @@ fn polylines(
         let rows = values.len() / columns;
         Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device)
     };
-    Polylines {
-        points: matrix(points, width),
-        points_there: matrix(points_there, 1),
-        there: matrix(rows_there, 1),
-        positions: matrix(positions, 2),
-        count,
-    }
+    let points = Polylines { points: matrix(points, width), there: matrix(points_there, 1), count };
+    (points, TokenPlaces { there: matrix(rows_there, 1), positions: matrix(positions, 2) })
 }
 
 /// Input of a scene, and the order of the golden agents in it: the predicted one is first.
@@ -122,20 +117,20 @@ fn batch(file: &GoldenFile, intentions: &Intentions, device: &Device) -> (Batch,
     let closed = Tensor::<4>::from_data(TensorData::new(closed, [scenes, 1, 1, agents]), device);
     let all_lines: Vec<usize> = (0..scenes * lines).collect();
     let features = |name: &str| file.floats(name);
+    let (agent_points, agents) =
+        polylines(&features("input.obj_trajs"), &agents_valid, &agents_at, &order, 11, true, device);
+    let (line_points, lines) =
+        polylines(&features("input.map_polylines"), &lines_valid, &lines_at, &all_lines, 20, false, device);
     let batch = Batch {
         scenes,
         queries,
-        agents: polylines(&features("input.obj_trajs"), &agents_valid, &agents_at, &order, 11, true, device),
-        lines: polylines(
-            &features("input.map_polylines"),
-            &lines_valid,
-            &lines_at,
-            &all_lines,
-            20,
-            false,
-            device,
-        ),
-        neighbours: nearest_tokens(&tokens, &CONFIG, device),
+        encoder: EncoderInput::AgentCentric {
+            agents: agent_points,
+            lines: line_points,
+            neighbours: nearest_tokens(&tokens, &CONFIG, device),
+        },
+        agents,
+        lines,
         agents_closed: closed,
         lines_any: Tensor::ones([scenes * queries, 1], device),
         line_places: batch_lines.0,
@@ -166,7 +161,12 @@ fn neighbours_encoding_and_modes_equal_those_of_the_public_code() {
 }
 
 fn check(network: &Network, batch: &Batch, order: &[usize], file: &GoldenFile, limit: f64, scene: &str) {
-    let tokens = network.context_encoder.forward(batch, &CONFIG, &mut None);
+    let (EncoderInput::AgentCentric { agents, lines, neighbours }, Some(encoder)) =
+        (&batch.encoder, &network.context_encoder)
+    else {
+        panic!("an encoder in the frame of the predicted agent")
+    };
+    let tokens = encoder.forward((agents, lines), neighbours, batch, &CONFIG, &mut None);
     let output = network.forward(batch, &CONFIG, false);
     // Rows that are absent are not looked at: there ours are arbitrary.
     let (agents, lines) = (file.flags("output.obj_mask"), file.flags("output.map_mask"));

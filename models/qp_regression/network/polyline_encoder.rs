@@ -4,8 +4,10 @@ use burn::module::Module;
 use burn::tensor::Tensor;
 use reactsim_nn::{Initializer, Perceptron, PerceptronKind, Rows, pool};
 
-use super::config::Norms;
+use super::batch::Polylines;
+use super::config::{Config, Norms};
 use super::layers::{NormedMlp, Observed};
+use crate::inputs::{agent_numbers, point_numbers};
 
 /// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
 /// the pooled values, and are pooled again.
@@ -18,9 +20,21 @@ pub(crate) struct PolylineEncoder {
 }
 
 impl PolylineEncoder {
+    /// Creates an encoder of histories of agents.
+    pub(crate) fn of_agents(config: &Config, init: &mut Initializer) -> Self {
+        let inputs = agent_numbers(config.attributes);
+        Self::init(inputs, config.agent_hidden, 1, config.width, config.norms, init)
+    }
+
+    /// Creates an encoder of lines of the map.
+    pub(crate) fn of_lines(config: &Config, init: &mut Initializer) -> Self {
+        let inputs = point_numbers(config.attributes);
+        Self::init(inputs, config.line_hidden, config.line_layers, config.width, config.norms, init)
+    }
+
     /// Creates an encoder of `inputs` numbers per point with `layers` layers before the first pooling
     /// and two after it.
-    pub(crate) fn init(
+    fn init(
         inputs: usize,
         hidden: usize,
         layers: usize,
@@ -36,18 +50,10 @@ impl PolylineEncoder {
         }
     }
 
-    /// Encodes points `[points * lines, inputs]`, all first points first. Present points are 1 in
-    /// `there`, `[points * lines, 1]`, present lines in `lines_there`, `[lines, 1]`. Returns `[lines,
-    /// outputs]`, zeros for absent lines.
-    pub(crate) fn forward(
-        &self,
-        points: Tensor<2>,
-        there: Tensor<2>,
-        lines_there: Tensor<2>,
-        count: usize,
-        observed: &mut Observed,
-    ) -> Tensor<2> {
-        let x = self.pre_mlps.rows(points, Some(&there), observed).times(there.clone()).done();
+    /// Encodes polylines as `[lines, outputs]`.
+    pub(crate) fn forward(&self, lines: &Polylines, observed: &mut Observed) -> Tensor<2> {
+        let (there, count) = (&lines.there, lines.count);
+        let x = self.pre_mlps.rows(lines.points.clone(), Some(there), observed).times(there.clone()).done();
         let pooled = pool(x.clone(), count);
         // The first layer of the second perceptron takes points and pooled values side by side. Its
         // halves are applied separately, to pooled values once per line.
@@ -55,7 +61,7 @@ impl PolylineEncoder {
         let of_points = weight.clone().narrow(0, 0, self.hidden);
         let of_pooled = Rows::product(pooled, weight.narrow(0, self.hidden, self.hidden)).done();
         let both = Rows::product(x, of_points).plus(of_pooled);
-        let x = self.mlps.after_first(both, Some(&there), observed).times(there).done();
-        self.out_mlps.forward(pool(x, count)) * lines_there
+        let x = self.mlps.after_first(both, Some(there), observed).times(there.clone()).done();
+        self.out_mlps.forward(pool(x, count))
     }
 }
