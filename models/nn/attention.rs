@@ -159,8 +159,8 @@ impl RelationalAttention {
         let query = linear(&self.to_q, own) * (1.0 / (self.head_dim as f32).sqrt());
         let query = query.reshape([count, heads, self.head_dim]).swap_dims(0, 1);
         let (key_r, value_r) = (self.folded(&self.to_k_r), self.folded(&self.to_v_r));
-        let to_sources = query.clone().matmul(self.keys(self.to_k.weight.val())).swap_dims(0, 1);
-        let to_relations = query.matmul(self.keys(key_r)).swap_dims(0, 1);
+        let to_sources = query.clone().matmul(self.keys(self.to_k.weight.val()));
+        let to_relations = query.matmul(self.keys(key_r));
         let (of_sources, of_relations, weights) = match &relations.0 {
             RelationVectors::Host { vectors, of_edges } if !noise.active() => {
                 let slots = neighbors.host(*of_edges);
@@ -169,16 +169,18 @@ impl RelationalAttention {
                 (of_sources, of_relations, None)
             }
             _ => {
+                let (to_sources, to_relations) = (to_sources.swap_dims(0, 1), to_relations.swap_dims(0, 1));
                 let rows = relations.tensor(neighbors, &sources.device());
                 let slot_sources = SlotSources::new(sources, neighbors);
                 let scores = slot_sources.scores(to_sources)
                     + to_relations.matmul(rows.clone().swap_dims(1, 2))
                     + neighbors.closed();
                 let weights = noise.drop(softmax(scores, 2), self.dropout);
-                (slot_sources.sum(weights.clone()), weights.clone().matmul(rows), Some(weights))
+                let (of_sources, of_relations) =
+                    (slot_sources.sum(weights.clone()), weights.clone().matmul(rows));
+                (of_sources.swap_dims(0, 1), of_relations.swap_dims(0, 1), Some(weights))
             }
         };
-        let (of_sources, of_relations) = (of_sources.swap_dims(0, 1), of_relations.swap_dims(0, 1));
         let message = of_sources.matmul(self.values(self.to_v.weight.val()))
             + of_relations.matmul(self.values(value_r));
         let message = message.swap_dims(0, 1);

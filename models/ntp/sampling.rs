@@ -29,6 +29,9 @@ pub struct Driving {
     pub sampling: Sampling,
 }
 
+/// Largest number of likeliest tokens that are kept in order while the others are passed over.
+const INSERTED: usize = 32;
+
 impl Sampling {
     /// Draws a token. One number is drawn from the stream whatever the settings. `None` if a logit is
     /// NaN or +∞.
@@ -44,14 +47,7 @@ impl Sampling {
             return None;
         }
         let k = if self.top_k == 0 { logits.len() } else { self.top_k.min(logits.len()) };
-        let mut order: Vec<u32> = (0..logits.len() as u32).collect();
-        let likelier =
-            |a: &u32, b: &u32| logits[*b as usize].total_cmp(&logits[*a as usize]).then_with(|| a.cmp(b));
-        if k < order.len() {
-            order.select_nth_unstable_by(k - 1, likelier);
-            order.truncate(k);
-        }
-        order.sort_unstable_by(likelier);
+        let mut order = likeliest(logits, k);
         let best = f64::from(logits[order[0] as usize]);
         let weights: Vec<f64> = order
             .iter()
@@ -65,6 +61,33 @@ impl Sampling {
         order[..=drawn.unwrap_or(0)].rotate_right(1);
         Some(order.into_iter().map(|i| i as usize).collect())
     }
+}
+
+/// Returns the `k` likeliest tokens, likeliest first; of equal logits, the lower index first.
+fn likeliest(logits: &[f32], k: usize) -> Vec<u32> {
+    let likelier =
+        |a: &u32, b: &u32| logits[*b as usize].total_cmp(&logits[*a as usize]).then_with(|| a.cmp(b));
+    if k > INSERTED {
+        let mut order: Vec<u32> = (0..logits.len() as u32).collect();
+        if k < order.len() {
+            order.select_nth_unstable_by(k - 1, likelier);
+            order.truncate(k);
+        }
+        order.sort_unstable_by(likelier);
+        return order;
+    }
+    let mut order: Vec<u32> = Vec::with_capacity(k + 1);
+    for token in 0..logits.len() as u32 {
+        let full = order.len() == k;
+        if full && order.last().is_some_and(|last| likelier(last, &token).is_lt()) {
+            continue;
+        }
+        if full {
+            order.pop();
+        }
+        order.insert(order.partition_point(|kept| likelier(kept, &token).is_lt()), token);
+    }
+    order
 }
 
 #[cfg(test)]
@@ -93,6 +116,16 @@ mod tests {
         assert!((two[2] - 5.0 / 7.0).abs() < 0.015 && two[1] == 0.0 && two[3] == 0.0, "{two:?}");
         let cold = shares(Sampling { top_k: 0, temperature: 0.5 }, &logits);
         assert!((cold[2] - 25.0 / 31.0).abs() < 0.015, "{cold:?}");
+    }
+
+    #[test]
+    fn the_likeliest_are_those_of_a_sorted_list() {
+        let logits: Vec<f32> = (0..500u32).map(|i| ((i * 7919) % 83) as f32 / 10.0 - 4.0).collect();
+        let mut sorted: Vec<u32> = (0..500).collect();
+        sorted.sort_by(|a, b| logits[*b as usize].total_cmp(&logits[*a as usize]));
+        for k in [1, 2, 8, INSERTED, INSERTED + 1, 500] {
+            assert_eq!(likeliest(&logits, k), sorted[..k], "{k}");
+        }
     }
 
     #[test]

@@ -135,7 +135,8 @@ pub fn lane_paths(position: Vec2, ahead: Vec2, places: &Places, points: usize) -
 /// nearest point on it and the direction there.
 fn own_lane(position: Vec2, ahead: Vec2, places: &Places) -> Option<(usize, Vec2, Vec2)> {
     let mut best: Option<(f64, usize, Vec2, Vec2)> = None;
-    for (i, place) in places.all.iter().enumerate() {
+    for i in places.middles().around(position, MAX_PIECE_DISTANCE) {
+        let place = &places.all[i];
         if place.role != Role::Lane
             || (place.middle - position).norm_squared() > MAX_PIECE_DISTANCE * MAX_PIECE_DISTANCE
         {

@@ -4,7 +4,7 @@
 //! own motion (`body`, `observe`), its lane and the paths that it may take (`lane`), and agents and stops
 //! on these paths (`corridor`). A `KnownMap` is the part of the map around the AV, cut into
 //! [`MapPiece`]s; its `Places` are what agents drive along or stop at, with the successors of lanes.
-//! `Nearest` selects neighbours; `forecast` continues the motion of the AV. Nothing here knows a network:
+//! `Nearest` selects neighbours, `PointIndex` among many points; `forecast` continues the motion of the AV. Nothing here knows a network:
 //! each chooses which features it reads.
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
@@ -24,6 +24,7 @@ mod nearest;
 mod observe;
 mod place;
 mod places;
+mod point_index;
 mod rings;
 mod velocity;
 mod view;
@@ -40,6 +41,7 @@ pub use map_pieces::{MapPiece, PIECE_POINTS, PieceKind, map_pieces};
 pub use nearest::Nearest;
 pub use place::{PLACE_FEATURES, Place, Role};
 pub use places::Places;
+pub use point_index::PointIndex;
 pub use rings::{closed, edge_rings};
 pub use velocity::velocity_at;
 pub use view::SceneView;

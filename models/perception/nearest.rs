@@ -39,6 +39,11 @@ impl Nearest {
         self.found.insert(at, (value, index));
     }
 
+    /// Returns the largest of the kept values; `None` while another one would be kept in any case.
+    pub fn worst(&self) -> Option<f64> {
+        self.found.last().filter(|_| self.found.len() == self.k).map(|worst| worst.0 / 1e6)
+    }
+
     /// Returns the kept indices, smallest value first.
     pub fn found(&self) -> impl Iterator<Item = usize> {
         self.found.iter().map(|f| f.1)

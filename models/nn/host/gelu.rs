@@ -3,13 +3,14 @@
 use burn::tensor::Tensor;
 use pulp::{Arch, Simd, WithSimd};
 
+use super::Numbers;
 use super::softmax::exp;
 
 /// Returns x Φ(x) of each number x, with the distribution function Φ of the standard normal distribution to
 /// 1.5e-7 (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26).
 pub(crate) fn gelu(x: Tensor<2>) -> Tensor<2> {
     let device = x.device();
-    let mut data = x.into_data();
+    let mut data = Numbers::own(x);
     // Networks are loaded and computed in this type.
     Arch::new().dispatch(Gelu(data.as_mut_slice().expect("32-bit floating-point numbers")));
     Tensor::from_data(data, &device)

@@ -23,6 +23,17 @@ impl Numbers {
         }
     }
 
+    /// Returns the numbers of a tensor to change them: its own if nothing else refers to them, else a copy.
+    pub(crate) fn own<const D: usize>(tensor: Tensor<D>) -> TensorData {
+        let shape = tensor.dims();
+        let Ok(own) = tensor.clone().try_into_primitive::<Flex>() else { return tensor.into_data() };
+        drop(tensor);
+        match own.as_slice::<f32>() {
+            Some(numbers) if !own.is_unique() => TensorData::new(numbers.to_vec(), shape),
+            _ => own.into_data(),
+        }
+    }
+
     /// Returns the numbers.
     pub(crate) fn slice(&self) -> &[f32] {
         match self {

@@ -19,8 +19,8 @@ pub(crate) struct Slots<'a> {
 }
 
 /// Computes, for every destination and head, the softmax over the open slots of the products of
-/// `to_sources`, `[N, heads, h]`, with source features, plus those of `to_relations`, `[N, heads, r]`, with
-/// relation vectors. Returns the sums of sources, `[N, heads, h]`, and of relations, `[N, heads, r]`, with
+/// `to_sources`, `[heads, N, h]`, with source features, plus those of `to_relations`, `[heads, N, r]`, with
+/// relation vectors. Returns the sums of sources, `[heads, N, h]`, and of relations, `[heads, N, r]`, with
 /// these weights; zeros for a destination without open slots.
 ///
 /// `sources` is `[M, h]`, `relations` are the vectors of edges, `[E, r]`.
@@ -35,8 +35,8 @@ pub(crate) fn attend_to_neighbors(
     slots: &Slots<'_>,
 ) -> (Tensor<3>, Tensor<3>) {
     let device: Device = sources.device();
-    let ([n, heads, h], r) = (to_sources.dims(), to_relations.dims()[2]);
-    assert_eq!(to_relations.dims(), [n, heads, r]);
+    let ([heads, n, h], r) = (to_sources.dims(), to_relations.dims()[2]);
+    assert_eq!(to_relations.dims(), [heads, n, r]);
     assert_eq!(sources.dims()[1], h);
     let all = n * slots.per_destination;
     assert_eq!((slots.sources.len(), slots.relations.len(), slots.open.len()), (all, all, all));
@@ -46,6 +46,7 @@ pub(crate) fn attend_to_neighbors(
     let mut relation_sums = vec![0.0; n * heads * r];
     Arch::new().dispatch(Pass {
         heads,
+        destinations: n,
         slots,
         parts: [
             Part { width: h, queries: queries.slice(), rows: sources.slice(), of: slots.sources },
@@ -54,7 +55,7 @@ pub(crate) fn attend_to_neighbors(
         out: [&mut sums, &mut relation_sums],
     });
     let tensor = |sums: Vec<f32>, width: usize| {
-        Tensor::<3>::from_data(TensorData::new(sums, [n, heads, width]), &device)
+        Tensor::<3>::from_data(TensorData::new(sums, [heads, n, width]), &device)
     };
     (tensor(sums, h), tensor(relation_sums, r))
 }
@@ -71,6 +72,7 @@ struct Part<'a> {
 
 struct Pass<'a> {
     heads: usize,
+    destinations: usize,
     slots: &'a Slots<'a>,
     parts: [Part<'a>; 2],
     out: [&'a mut [f32]; 2],
@@ -87,7 +89,7 @@ impl WithSimd for Pass<'_> {
         }
         let mut open = Vec::with_capacity(k);
         let mut scores = Vec::new();
-        for n in 0..self.slots.open.len() / k {
+        for n in 0..self.destinations {
             open.clear();
             open.extend((n * k..(n + 1) * k).filter(|&slot| self.slots.open[slot]));
             if open.is_empty() {
@@ -102,9 +104,9 @@ impl WithSimd for Pass<'_> {
                 let left = heads - first;
                 let scores = &mut scores[first * width..];
                 first += match left {
-                    8.. => self.heads::<S, 8>(simd, n * heads + first, &open, scores, width),
-                    4.. => self.heads::<S, 4>(simd, n * heads + first, &open, scores, width),
-                    _ => self.heads::<S, 1>(simd, n * heads + first, &open, scores, width),
+                    8.. => self.heads::<S, 8>(simd, (first, n), &open, scores, width),
+                    4.. => self.heads::<S, 4>(simd, (first, n), &open, scores, width),
+                    _ => self.heads::<S, 1>(simd, (first, n), &open, scores, width),
                 };
             }
         }
@@ -112,24 +114,26 @@ impl WithSimd for Pass<'_> {
 }
 
 impl Pass<'_> {
-    /// Computes the next H heads of a destination, the first of which has this row among queries. Returns H.
+    /// Computes the next H heads of a destination from the first of them on. Returns H.
     #[inline(always)]
     fn heads<S: Simd, const H: usize>(
         &mut self,
         simd: S,
-        row: usize,
+        (first, destination): (usize, usize),
         open: &[usize],
         scores: &mut [f32],
         width: usize,
     ) -> usize {
         let [sources, relations] = self.parts;
+        let count = self.destinations;
+        let row = first * count + destination;
         for (i, &slot) in open.iter().enumerate() {
             let mut sums = [simd.splat_f32s(0.0); H];
             let mut tails = [0.0; H];
             for part in [sources, relations] {
-                let queries = &part.queries[row * part.width..][..H * part.width];
+                let queries = &part.queries[row * part.width..];
                 let key = &part.rows[part.of[slot] as usize * part.width..][..part.width];
-                add_products::<S, H>(simd, queries, key, &mut sums, &mut tails);
+                add_products::<S, H>(simd, queries, count * part.width, key, &mut sums, &mut tails);
             }
             for head in 0..H {
                 scores[head * width + i] = simd.reduce_sum_f32s(sums[head]) + tails[head];
@@ -142,19 +146,20 @@ impl Pass<'_> {
             factors[head] = 1.0 / weights(scores);
         }
         for (part, out) in self.parts.into_iter().zip(&mut self.out) {
-            let out = &mut out[row * part.width..][..H * part.width];
-            mix::<S, H>(simd, &part, open, scores, width, factors, out);
+            let out = &mut out[row * part.width..];
+            mix::<S, H>(simd, &part, open, scores, width, factors, (out, count * part.width));
         }
         H
     }
 }
 
-/// Adds the products of H queries, one after the other, with a key: whole registers to `sums`, the rest to
-/// `tails`.
+/// Adds the products of H queries, which begin every `stride` numbers, with a key: whole registers to `sums`,
+/// the rest to `tails`.
 #[inline(always)]
 fn add_products<S: Simd, const H: usize>(
     simd: S,
     queries: &[f32],
+    stride: usize,
     key: &[f32],
     sums: &mut [S::f32s; H],
     tails: &mut [f32; H],
@@ -165,7 +170,7 @@ fn add_products<S: Simd, const H: usize>(
     let (key, _) = S::as_simd_f32s(key);
     let mut own = [key; H];
     for head in 0..H {
-        own[head] = S::as_simd_f32s(&queries[head * width..][..whole]).0;
+        own[head] = S::as_simd_f32s(&queries[head * stride..][..whole]).0;
     }
     for j in 0..key.len() {
         for head in 0..H {
@@ -174,12 +179,13 @@ fn add_products<S: Simd, const H: usize>(
     }
     for j in 0..tail.len() {
         for head in 0..H {
-            tails[head] += queries[head * width + whole + j] * tail[j];
+            tails[head] += queries[head * stride + whole + j] * tail[j];
         }
     }
 }
 
-/// Writes the sums of the rows of open slots for H heads, weighted and multiplied by a factor per head.
+/// Writes the sums of the rows of open slots for H heads, weighted and multiplied by a factor per head. Sums of
+/// heads begin every `stride` numbers.
 #[inline(always)]
 fn mix<S: Simd, const H: usize>(
     simd: S,
@@ -188,7 +194,7 @@ fn mix<S: Simd, const H: usize>(
     weights: &[f32],
     width: usize,
     factors: [f32; H],
-    out: &mut [f32],
+    (out, stride): (&mut [f32], usize),
 ) {
     let row = |slot: usize| S::as_simd_f32s(&part.rows[part.of[slot] as usize * part.width..][..part.width]);
     let lanes = S::F32_LANES;
@@ -203,7 +209,7 @@ fn mix<S: Simd, const H: usize>(
             }
         }
         for head in 0..H {
-            let out = &mut out[head * part.width + j * lanes..][..lanes];
+            let out = &mut out[head * stride + j * lanes..][..lanes];
             S::as_mut_simd_f32s(out).0[0] = simd.mul_f32s(sums[head], simd.splat_f32s(factors[head]));
         }
     }
@@ -213,7 +219,7 @@ fn mix<S: Simd, const H: usize>(
             for (i, &slot) in open.iter().enumerate() {
                 sum += weights[head * width + i] * row(slot).1[j];
             }
-            out[head * part.width + whole * lanes + j] = sum * factors[head];
+            out[head * stride + whole * lanes + j] = sum * factors[head];
         }
     }
 }

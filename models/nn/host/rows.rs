@@ -63,7 +63,7 @@ pub(crate) fn pass(x: Tensor<2>, pass: RowPass) -> Tensor<2> {
             let product = TensorData::new(vec![0.0_f32; rows * width], [rows, width]);
             (Some((Numbers::of(x), Numbers::of(weights))), product)
         }
-        None => (None, x.into_data()),
+        None => (None, Numbers::own(x)),
     };
     let finish = Finish {
         width,

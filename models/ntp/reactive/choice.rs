@@ -1,7 +1,7 @@
 //! Choice of the places that an agent attends to.
 
 use reactsim_geometry::into_frame;
-use reactsim_perception::{Body, Nearest, Place, Role};
+use reactsim_perception::{Body, Nearest, Places, Role};
 
 use super::config::Config;
 
@@ -28,26 +28,20 @@ impl Chooser {
 
     /// Chooses the places for one agent: the pieces nearest to it; other lane pieces, not against its
     /// heading, nearest to its position in 2 s (8 to 35 m ahead); and the nearest stops ahead.
-    pub(crate) fn choose(&mut self, me: &Body, places: &[Place], chosen: &mut Vec<usize>) {
-        self.near.clear();
-        self.ahead.clear();
+    pub(crate) fn choose(&mut self, me: &Body, places: &Places, chosen: &mut Vec<usize>) {
         self.stops.clear();
         chosen.clear();
+        let (places, middles) = (&places.all, places.middles());
         let pieces = places.partition_point(|p| p.role != Role::Stop);
-        for (i, place) in places[..pieces].iter().enumerate() {
-            self.near.offer((place.middle - me.position).norm_squared(), i);
-        }
+        middles.nearest(me.position, |i| i < pieces, &mut self.near);
         chosen.extend(self.near.found());
         let lead = (2.0 * me.velocity.norm()).clamp(8.0, 35.0);
         let target = me.position + me.ahead * lead;
-        for (i, place) in places[..pieces].iter().enumerate() {
-            if place.role == Role::Lane && place.ahead.dot(&me.ahead) > 0.0 {
-                let d2 = (place.middle - target).norm_squared();
-                if !chosen.contains(&i) {
-                    self.ahead.offer(d2, i);
-                }
-            }
-        }
+        let is_ahead = |i: usize| {
+            let place = &places[i];
+            place.role == Role::Lane && place.ahead.dot(&me.ahead) > 0.0 && !chosen.contains(&i)
+        };
+        middles.nearest(target, is_ahead, &mut self.ahead);
         chosen.extend(self.ahead.found());
         for (i, place) in places.iter().enumerate().skip(pieces) {
             let at = into_frame(me.ahead, place.start - me.position);

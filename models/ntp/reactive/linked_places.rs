@@ -29,12 +29,7 @@ impl LinkedPlaces {
         let mut nearest = Nearest::new(config.map_neighbours);
         let mut found = Vec::new();
         for (i, place) in places.all.iter().enumerate() {
-            nearest.clear();
-            for (j, other) in places.all.iter().enumerate() {
-                if i != j {
-                    nearest.offer((other.middle - place.middle).norm_squared(), j);
-                }
-            }
+            places.middles().nearest(place.middle, |j| j != i, &mut nearest);
             found.clear();
             found.extend(nearest.found());
             let relate = |j: usize, out: &mut [f32]| relate_places(place, &places.all[j], out);

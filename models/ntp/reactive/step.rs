@@ -115,7 +115,7 @@ impl StepGraph {
         let mut chooser = Chooser::new(config);
         let mut chosen = Vec::new();
         for body in bodies {
-            chooser.choose(body, &places.all, &mut chosen);
+            chooser.choose(body, places, &mut chosen);
             self.places.push(config.places(), TO_PLACE_FEATURES, &chosen, |i, out| {
                 let place = &places.all[i];
                 let light = place.light.and_then(|l| lights.get(l).copied().flatten());

@@ -1,9 +1,11 @@
 //! Lines of the map, cut into polylines of a few points.
 
+use std::sync::OnceLock;
+
 use reactsim_geometry::{Bounds, Polyline, Vec2};
 use reactsim_learning::LearningMap;
 use reactsim_nn::Links;
-use reactsim_perception::{MAX_LINE_LENGTH, Nearest, closed, edge_rings};
+use reactsim_perception::{MAX_LINE_LENGTH, Nearest, PointIndex, closed, edge_rings};
 use reactsim_scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 use super::frame::{LocalFrame, POSE_FEATURES, PolylineFeatures};
@@ -101,6 +103,8 @@ struct Line {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lines {
     all: Vec<Line>,
+    /// Index of their middles, made when it is first asked for.
+    middles: OnceLock<PointIndex>,
 }
 
 impl Lines {
@@ -133,9 +137,8 @@ impl Lines {
     /// Returns the rows of the lines nearest to a point, at most `count`, nearest first.
     pub(super) fn nearest(&self, to: Vec2, count: usize) -> Vec<usize> {
         let mut nearest = Nearest::new(count);
-        for (i, line) in self.all.iter().enumerate() {
-            nearest.offer((line.middle - to).norm_squared(), i);
-        }
+        let index = || PointIndex::new(self.all.iter().map(|line| line.middle).collect());
+        self.middles.get_or_init(index).nearest(to, |_| true, &mut nearest);
         nearest.found().collect()
     }
 
@@ -205,6 +208,7 @@ fn light_features(light: Option<LightState>) -> [f64; LIGHT_FEATURES] {
 
 impl LearningMap for Lines {
     fn mirror(&mut self, flip: fn(Vec2) -> Vec2) {
+        self.middles.take();
         for line in &mut self.all {
             line.points.iter_mut().for_each(|p| *p = flip(*p));
             line.middle = flip(line.middle);
@@ -216,6 +220,7 @@ impl LearningMap for Lines {
     }
 
     fn stretch(&mut self, factor: f64) {
+        self.middles.take();
         for line in &mut self.all {
             line.points.iter_mut().for_each(|p| *p *= factor);
             line.middle *= factor;
