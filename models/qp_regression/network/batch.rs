@@ -39,16 +39,20 @@ pub(crate) struct TokenPlaces {
 #[derive(Clone, Debug)]
 pub(crate) enum EncoderInput {
     /// Everything in the frame of each predicted agent.
-    AgentCentric {
-        /// Histories of agents.
-        agents: Polylines,
-        /// Lines of the map.
-        lines: Polylines,
-        /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
-        neighbours: Tensor<4>,
-    },
+    AgentCentric(Box<AgentInput>),
     /// Every agent and line in a frame of its own.
     SceneCentric(Box<SceneInput>),
+}
+
+/// Agents and lines in the frames of the predicted agents.
+#[derive(Clone, Debug)]
+pub(crate) struct AgentInput {
+    /// Histories of agents.
+    pub agents: Polylines,
+    /// Lines of the map.
+    pub lines: Polylines,
+    /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
+    pub neighbours: Tensor<4>,
 }
 
 /// Agents and lines in frames of their own, and as predicted agents see them.
@@ -79,6 +83,7 @@ pub(crate) struct SeenTensors {
 
 /// Lines in frames of their own.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "the input that contains it is behind a pointer")]
 pub(crate) enum LineInput {
     /// Lines to encode.
     Points(LineBatch),
@@ -272,11 +277,11 @@ fn encoder_input(
             lines.push(own_lines);
         }
     }
-    EncoderInput::AgentCentric {
+    EncoderInput::AgentCentric(Box::new(AgentInput {
         agents: polylines(agents.into_iter(), HISTORY, agent, device),
         lines: polylines(lines.into_iter(), config.points, point, device),
         neighbours: neighbours(scenes, config, device),
-    }
+    }))
 }
 
 fn scene_input(

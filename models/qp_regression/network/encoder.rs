@@ -5,7 +5,7 @@ use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
-use super::batch::{Batch, Polylines};
+use super::batch::{AgentInput, Batch};
 use super::config::Config;
 use super::layers::Observed;
 use super::polyline_encoder::PolylineEncoder;
@@ -73,19 +73,19 @@ impl Encoder {
         }
     }
 
-    /// Encodes agents and lines in the frames of the predicted agents; `neighbours` is added to scores.
+    /// Encodes agents and lines in the frames of the predicted agents.
     pub(crate) fn forward(
         &self,
-        (agents, lines): (&Polylines, &Polylines),
-        neighbours: &Tensor<4>,
+        input: &AgentInput,
         batch: &Batch,
         config: &Config,
         observed: &mut Observed,
     ) -> Tokens {
         let (scenes, width) = (batch.scenes, config.width);
         let (a, l) = (config.agents, config.lines);
-        let agents = self.agent_polyline_encoder.forward(agents, observed) * batch.agents.there.clone();
-        let lines = self.map_polyline_encoder.forward(lines, observed) * batch.lines.there.clone();
+        let agents =
+            self.agent_polyline_encoder.forward(&input.agents, observed) * batch.agents.there.clone();
+        let lines = self.map_polyline_encoder.forward(&input.lines, observed) * batch.lines.there.clone();
         let join = |agents: Tensor<2>, lines: Tensor<2>, width: usize| {
             let both = vec![agents.reshape([scenes, a, width]), lines.reshape([scenes, l, width])];
             Tensor::cat(both, 1).reshape([scenes * (a + l), width])
@@ -94,7 +94,7 @@ impl Encoder {
         let positions = join(batch.agents.positions.clone(), batch.lines.positions.clone(), 2);
         let positions = sine(positions, width);
         for layer in &self.self_attn_layers {
-            x = layer.forward(x, positions.clone(), neighbours.clone());
+            x = layer.forward(x, positions.clone(), input.neighbours.clone());
         }
         let x = x.reshape([scenes, a + l, width]);
         Tokens {

@@ -40,8 +40,8 @@ impl Network {
     pub(crate) fn forward(&self, batch: &Batch, config: &Config, training: bool) -> NetworkOutput {
         let mut observed = training.then(Vec::new);
         let tokens = match (&batch.encoder, &self.context_encoder, &self.scene_encoder) {
-            (EncoderInput::AgentCentric { agents, lines, neighbours }, Some(encoder), _) => {
-                encoder.forward((agents, lines), neighbours, batch, config, &mut observed)
+            (EncoderInput::AgentCentric(input), Some(encoder), _) => {
+                encoder.forward(input, batch, config, &mut observed)
             }
             (EncoderInput::SceneCentric(input), _, Some(encoder)) => encoder.forward(input, &mut observed),
             _ => unreachable!("batches and encoders are built from the same configuration"),
