@@ -296,7 +296,14 @@ class TestCommand:
         env.pop("RAY_ADDRESS", None)
         pipe = subprocess.PIPE
         return subprocess.Popen(
-            command, stdout=pipe, stderr=pipe, text=True, env=env, start_new_session=True
+            command,
+            stdout=pipe,
+            stderr=pipe,
+            text=True,
+            env=env,
+            start_new_session=True,
+            # Tests in the background of a shell ignore interrupts, and so would the driver.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
 
     def test_killed_workers(self, whole: Path, tmp_path: Path) -> None:
