@@ -4,8 +4,8 @@
 //! own motion (`body`, `observe`), its lane and the paths that it may take (`lane`), and agents and stops
 //! on these paths (`corridor`). A `KnownMap` is the part of the map around the AV, cut into
 //! [`MapPiece`]s; its `Places` are what agents drive along or stop at, with the successors of lanes.
-//! `Nearest` selects neighbours, `PointIndex` among many points; `forecast` continues the motion of the AV. Nothing here knows a network:
-//! each chooses which features it reads.
+//! `Nearest` selects neighbours, `PointIndex` among many points; `forecast` continues the motion of the AV.
+//! Nothing here depends on a network: each chooses the features that it reads.
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 

@@ -29,7 +29,6 @@ impl PointIndex {
     /// distance to `to`, m².
     pub fn nearest(&self, to: Vec2, accept: impl Fn(usize) -> bool, nearest: &mut Nearest) {
         let mut reach = FIRST_REACH;
-        nearest.clear();
         while reach.is_finite() {
             nearest.clear();
             let near = self.around(to, reach);

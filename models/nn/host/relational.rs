@@ -18,10 +18,11 @@ pub(crate) struct Slots<'a> {
     pub open: &'a [bool],
 }
 
-/// Computes, for every destination and head, the softmax over the open slots of the products of
-/// `to_sources`, `[heads, N, h]`, with source features, plus those of `to_relations`, `[heads, N, r]`, with
-/// relation vectors. Returns the sums of sources, `[heads, N, h]`, and of relations, `[heads, N, r]`, with
-/// these weights; zeros for a destination without open slots.
+/// Computes the attention of every destination and head to the open slots of the destination. The score of a
+/// slot is the product of a row of `to_sources`, `[heads, N, h]`, with the features of its source, plus that of
+/// a row of `to_relations`, `[heads, N, r]`, with its relation vector. Returns the sums of sources,
+/// `[heads, N, h]`, and of relations, `[heads, N, r]`, weighted by the softmax of the scores; zeros for a
+/// destination without open slots.
 ///
 /// `sources` is `[M, h]`, `relations` are the vectors of edges, `[E, r]`.
 ///
@@ -184,8 +185,8 @@ fn add_products<S: Simd, const H: usize>(
     }
 }
 
-/// Writes the sums of the rows of open slots for H heads, weighted and multiplied by a factor per head. Sums of
-/// heads begin every `stride` numbers.
+/// Writes the sums of the rows of open slots for H heads, weighted and multiplied by a factor per head. Sums
+/// of heads begin every `stride` numbers.
 #[inline(always)]
 fn mix<S: Simd, const H: usize>(
     simd: S,

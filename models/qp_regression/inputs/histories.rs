@@ -24,8 +24,8 @@ const fn height(kind: AgentKind) -> f64 {
     }
 }
 
-/// Returns the histories of agents, each in its frame, as the first of `rows` rows. `target` is the slot of the
-/// predicted agent.
+/// Returns the histories of agents, each in its frame, as the first of `rows` rows. `target` is the slot of
+/// the predicted agent.
 pub(super) fn histories(
     view: &SceneView<'_>,
     agents: impl Iterator<Item = (usize, LocalFrame)>,

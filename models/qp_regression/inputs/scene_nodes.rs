@@ -11,7 +11,8 @@ use super::surroundings::{base_point, velocity_now};
 use super::{MapFeatures, PolylineFeatures};
 use crate::network::Config;
 
-/// Number of features of the relation of an agent to another one: its pose, its velocity, and whether it is the AV.
+/// Number of features of the relation of an agent to another one: its pose, its velocity, and whether it is
+/// the AV.
 pub(crate) const AGENT_FEATURES: usize = POSE_FEATURES + 3;
 /// Scale of velocities, s/m, for numbers near 1.
 const VELOCITY_SCALE: f64 = 0.1;
@@ -89,7 +90,8 @@ impl SceneNodes {
         self.slots.binary_search(&slot).ok()
     }
 
-    /// Writes the relation of the agent of a row to another agent with this frame, [`AGENT_FEATURES`] numbers.
+    /// Writes the relation of the agent of a row to another agent with this frame, [`AGENT_FEATURES`]
+    /// numbers.
     pub(super) fn relate(&self, row: usize, frame: &LocalFrame, out: &mut [f32]) {
         let velocity = frame.vector(self.velocities[row]) * VELOCITY_SCALE;
         let is_av = f64::from(u8::from(self.slots[row] == 0));

@@ -323,8 +323,8 @@ fn scene_input(
     }
 }
 
-/// Nodes as several predicted agents see them, with the same number of rows for each; absent rows are those of
-/// the first node, without a relation.
+/// Nodes as several predicted agents see them, with the same number of rows for each; absent rows are those
+/// of the first node, without a relation.
 struct SeenRows {
     per_target: usize,
     features: usize,

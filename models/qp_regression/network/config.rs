@@ -21,8 +21,8 @@ pub enum Encoding {
     /// The frame of the predicted agent, so that the surroundings of each are encoded anew, as in MTR.
     #[default]
     AgentCentric,
-    /// Every agent and line has a frame of its own, and attention sees relative poses. Agents are encoded once
-    /// for all predicted ones, lines once for a whole episode.
+    /// Every agent and line has a frame of its own, and attention sees relative poses. Agents are encoded
+    /// once for all predicted ones, lines once for a whole episode.
     SceneCentric,
 }
 
@@ -95,8 +95,8 @@ pub struct Config {
     pub encoder_layers: usize,
     /// Heads of every attention layer.
     pub heads: usize,
-    /// Number of nearest tokens that a token attends to, including itself; in scene-centric encoding the number of
-    /// other agents that an agent attends to, and of other lines that a line does.
+    /// Number of nearest tokens that a token attends to, including itself; in scene-centric encoding the
+    /// number of other agents that an agent attends to, and of other lines that a line does.
     pub neighbours: usize,
     /// Number of lines that an agent attends to in scene-centric encoding.
     #[serde(default)]

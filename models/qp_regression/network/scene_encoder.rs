@@ -1,5 +1,5 @@
-//! An encoder that encodes a scene once for all predicted agents: every agent and line has a frame of its own,
-//! and attention sees relative poses (as in QCNet, Zhou et al., CVPR 2023).
+//! An encoder that encodes a scene once for all predicted agents: every agent and line has a frame of its
+//! own, and attention sees relative poses (as in QCNet, Zhou et al., CVPR 2023).
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -68,8 +68,8 @@ impl SceneEncoder {
         }
     }
 
-    /// Encodes the lines of maps, `[lines, width]`. The result holds for a whole episode: the states of lights
-    /// enter with relations.
+    /// Encodes the lines of maps, `[lines, width]`. The result holds for a whole episode: the states of
+    /// lights enter with relations.
     pub(crate) fn encode_lines(&self, batch: &LineBatch, observed: &mut Observed) -> Tensor<2> {
         let relation = batch.links.embed(&self.line_pair);
         let mut x = self.map_polyline_encoder.forward(&batch.lines, observed);
