@@ -19,8 +19,8 @@ pub(crate) struct Slots<'a> {
 }
 
 /// Computes the attention of every destination and head to the open slots of the destination. The score of a
-/// slot is the product of a row of `to_sources`, `[heads, N, h]`, with the features of its source, plus that of
-/// a row of `to_relations`, `[heads, N, r]`, with its relation vector. Returns the sums of sources,
+/// slot is the product of a row of `to_sources`, `[heads, N, h]`, with the features of its source, plus that
+/// of a row of `to_relations`, `[heads, N, r]`, with its relation vector. Returns the sums of sources,
 /// `[heads, N, h]`, and of relations, `[heads, N, r]`, weighted by the softmax of the scores; zeros for a
 /// destination without open slots.
 ///
