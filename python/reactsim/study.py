@@ -86,7 +86,7 @@ def study(
     """Runs a study and returns its results.
 
     Args:
-        kind: "replan", "realism", "guards", "vocabulary" or "planners".
+        kind: "replan", "realism", "guards", "vocabulary", "planners" or "errors".
         scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default.
         out: Folder to write: the table, and a run folder per member.
         intervals: "replan": steps of 0.1 s between two plans, such as `[1, 5, 10]`.

@@ -46,7 +46,7 @@ OF_TABLES = ("--by", "--columns", "--also", "--bold", "--caption", "--label")
 TABLES = dict.fromkeys(OF_TABLES, "`reactsim.report` makes the tables of a run folder")
 OF_STUDIES = {option: reason for option, reason in TABLES.items() if option != "--by"}
 FORMAT = {"--format": "`reactsim.report` makes tables in all formats"}
-STUDIES = ("replan", "realism", "guards", "vocabulary", "planners")
+STUDIES = ("replan", "realism", "guards", "vocabulary", "planners", "errors")
 LEFT_OUT_OPTIONS: Dict[str, Dict[str, str]] = {
     "run": {**TABLES, **FORMAT},
     "score": TABLES,

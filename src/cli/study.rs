@@ -1,6 +1,7 @@
 //! `reactsim study`: several runs on the same scenarios, side by side.
 
 mod carry_out;
+mod errors;
 mod guards;
 mod planners;
 mod realism;
@@ -24,6 +25,7 @@ Examples:
   reactsim study realism logs/ --deviations d.parquet --out studies/realism
   reactsim study guards --models ntp-reactive,idm --out studies/guards
   reactsim study planners --models log-replay,idm --out studies/planners
+  reactsim study errors --models ntp-reactive,idm --out studies/errors
 
 The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim
 report` and `reactsim compare`. To continue an interrupted study, repeat the command with
@@ -52,6 +54,8 @@ enum StudyCommand {
     Vocabulary(vocabulary::VocabularyArgs),
     /// Planners of the AV: score and rank under several simulators
     Planners(planners::PlannersArgs),
+    /// Displacements from the log: by class, situation, speed, distance and time
+    Errors(errors::ErrorsArgs),
 }
 
 /// A study, and the external simulators and planners in it.
@@ -89,6 +93,7 @@ impl StudyArgs {
             StudyCommand::Guards(args) => &args.shared,
             StudyCommand::Vocabulary(args) => &args.shared,
             StudyCommand::Planners(args) => &args.shared,
+            StudyCommand::Errors(args) => &args.shared,
         }
     }
 
@@ -100,6 +105,7 @@ impl StudyArgs {
             StudyCommand::Guards(args) => guards::plan(args, sources),
             StudyCommand::Vocabulary(args) => vocabulary::plan(args, sources),
             StudyCommand::Planners(args) => planners::plan(args, sources),
+            StudyCommand::Errors(args) => errors::plan(args, sources),
         }
     }
 }

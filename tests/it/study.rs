@@ -7,8 +7,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use reactsim::evaluation::{
-    Adjustments, AvChoice, Member, Plan, PlannedSimulator, RunSettings, Selection, StudyKind, StudyPlan,
-    is_study, read_study, read_summary,
+    Adjustments, AvChoice, LogErrors, Member, Plan, PlannedSimulator, RunSettings, Selection, StudyKind,
+    StudyPlan, is_study, read_study, read_summary,
 };
 use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
@@ -270,6 +270,37 @@ fn vocabularies_are_compared_by_the_motion_they_replay() {
         let (_, told) = said(&[&base[..], &more[..]].concat(), 2);
         assert!(told.contains(cause), "{told}");
     }
+}
+
+#[test]
+fn errors_are_grouped_by_what_agents_do() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("study");
+    let arguments =
+        ["study", "errors", MINI, "--models", "log-replay,constant-velocity", "--out", text(&out)];
+    let (table, _) = said(&arguments, 0);
+    let study = read_study(&out).unwrap();
+    assert_eq!((study.kind, study.members[0].folder.as_str()), (StudyKind::Errors, "log-av"));
+    let found = LogErrors::read(&out).unwrap().unwrap();
+    let [replay, constant] = &found.simulators[..] else { panic!("{found:?}") };
+    assert!(replay.groups.iter().all(|group| group.displacement == 0.0 && group.ahead == 0.0));
+    let group = |name: &str| constant.groups.iter().find(|group| group.group == name).unwrap();
+    for dimension in ["class", "situation", "speed", "distance"] {
+        let groups = constant.groups.iter().filter(|group| group.by == dimension);
+        let (agents, share) =
+            groups.fold((0, 0.0), |(n, s), group| (n + group.agents, s + group.share.unwrap()));
+        assert_eq!(agents, group("all").agents, "{dimension}");
+        assert!((share - 1.0).abs() < 1e-9, "{dimension}: {share}");
+    }
+    // Agents that halt in the log do not halt at constant velocity, and those that set off stand.
+    assert!(group("halts").ahead > 5.0 && group("sets off").ahead < -5.0, "{constant:?}");
+    assert!(group("after 8 s").displacement > 3.0 * group("after 2 s").displacement);
+    assert!(table.contains("by what agents do in it") && table.contains("| halts"), "{table}");
+    let (json, _) = said(&[&arguments[..], &["--resume", "--format", "json"]].concat(), 0);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["errors"]["simulators"][1]["groups"][0]["agents"], group("all").agents);
+    let refused = ["study", "errors", MINI, "--av", "log", "--out", "x"];
+    assert!(said(&refused, 2).1.contains("--av: the AV of this study follows the log"));
 }
 
 /// Returns a plan of these simulators that is not carried out.

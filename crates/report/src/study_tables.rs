@@ -1,5 +1,6 @@
 //! Tables of studies: simulators by replan interval, by protocol, by variant, or by planner.
 
+mod errors;
 mod json;
 mod latex;
 mod markdown;
@@ -27,6 +28,9 @@ const MOTION_METRICS: &[&str] =
 
 /// Metrics of planners, of which those without a value are left out.
 const PLANNER_METRICS: &[&str] = &["av-score", "av-score-partial", "av-at-fault-collisions", "aav-collision"];
+
+/// Metrics of agents around AVs that follow the log.
+const LOG_METRICS: &[&str] = &["ade", "aa-collision", "offroad", "aav-collision"];
 
 /// Metrics of agents around fixed AVs.
 const FIXED_AV_METRICS: &[&str] = &["aav-collision", "over-reaction"];
@@ -107,7 +111,7 @@ impl StudyCell {
 fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
     let mut tables = match results.study.kind {
         StudyKind::Replan => by_interval(results, style),
-        StudyKind::Realism => by_protocol(results, style),
+        StudyKind::Realism | StudyKind::Errors => by_protocol(results, style),
         StudyKind::Guards | StudyKind::Vocabulary => by_variant(results, style),
         StudyKind::Planners => by_planner(results, style),
     };
@@ -116,6 +120,11 @@ fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTabl
         tables.iter_mut().for_each(mark_best);
     }
     tables
+}
+
+/// Returns the tables of texts of a study.
+fn text_tables(results: &StudyResults) -> Vec<planners::TextTable> {
+    [planners::rank_tables(results), errors::error_tables(results)].concat()
 }
 
 /// Returns the columns of a member of a study.
@@ -131,6 +140,7 @@ fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Colum
         StudyKind::Vocabulary => of(MOTION_METRICS),
         StudyKind::Planners if member.planner.is_none() => of(FIXED_AV_METRICS),
         StudyKind::Planners => of(PLANNER_METRICS),
+        StudyKind::Errors => of(LOG_METRICS),
     };
     Column::with(usual, style.also)
 }

@@ -8,7 +8,8 @@ use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
-    self, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults, Summary,
+    self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults,
+    Summary,
 };
 use crate::report::{TableStyle, study_tables};
 
@@ -72,8 +73,8 @@ pub(super) fn finish_member(
     Ok(())
 }
 
-/// Computes the realism metrics of a study of realism, or the ranks of a study of planners, and writes and
-/// prints the table. `failed` is the number of failures of all members.
+/// Computes the realism metrics of a study of realism, the ranks of a study of planners, or the displacements of a
+/// study of errors, and writes and prints the table. `failed` is the number of failures of all members.
 pub(super) fn finish(
     folder: &StudyFolder,
     shared: &SharedArgs,
@@ -85,6 +86,9 @@ pub(super) fn finish(
     }
     if kind == StudyKind::Planners {
         PlannerRanks::of_study(folder.path())?.write(folder.path())?;
+    }
+    if kind == StudyKind::Errors {
+        LogErrors::of_study(folder.path(), &shared.subject.sources()?)?.write(folder.path())?;
     }
     let results = StudyResults::read(folder.path())?;
     let (mut text, style) = (Vec::new(), shared.table.style());

@@ -1,9 +1,11 @@
 //! Studies: several runs on the same scenarios that differ in one studied setting.
 //!
 //! A study is a folder with `study.json`, which lists its members, `study.md` with its table, and one
-//! ordinary run folder per member; studies of planners also have `planners.json`. [`StudyPlan`] defines the
+//! ordinary run folder per member; studies of planners also have `planners.json`, studies of errors
+//! `errors.json`. [`StudyPlan`] defines the
 //! runs, [`StudyFolder`] stores them, [`StudyResults`] reads them.
 
+mod errors;
 mod file;
 mod folder;
 mod guards;
@@ -16,6 +18,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+pub use errors::{ErrorGroup, LOG_ERRORS, LogErrors, SimulatorErrors};
 pub use file::{STUDY, STUDY_TABLE, is_study, read_study};
 pub use folder::StudyFolder;
 pub use plan::StudyPlan;
@@ -37,6 +40,8 @@ pub enum StudyKind {
     Vocabulary,
     /// Planners of the AV under several simulators.
     Planners,
+    /// Displacements from the log, by what agents do in it.
+    Errors,
 }
 
 impl StudyKind {
@@ -48,6 +53,7 @@ impl StudyKind {
             Self::Guards => "guards",
             Self::Vocabulary => "vocabulary",
             Self::Planners => "planners",
+            Self::Errors => "errors",
         }
     }
 
@@ -136,7 +142,7 @@ impl Study {
             }
             let missing = match self.kind {
                 // A member without a planner has fixed AVs.
-                StudyKind::Planners => None,
+                StudyKind::Planners | StudyKind::Errors => None,
                 StudyKind::Replan => replan_steps.is_none().then_some("replan_steps"),
                 StudyKind::Realism => protocol.is_none().then_some("protocol"),
                 StudyKind::Guards | StudyKind::Vocabulary if variant.is_none() => Some("variant"),

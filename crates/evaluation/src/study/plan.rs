@@ -131,6 +131,16 @@ impl StudyPlan {
         Ok(Self::of_one_set(StudyKind::Planners, members, plan))
     }
 
+    /// Plans the simulators of a plan around AVs that follow the log. Rollouts are kept, since displacements are
+    /// measured in them.
+    pub fn errors(mut plan: Plan) -> Self {
+        plan.keep_rollouts = true;
+        let label = "AV as recorded".to_owned();
+        let member = Member { folder: "log-av".to_owned(), label, ..Member::default() };
+        let settings = RunSettings { av: AvChoice::Log, ..plan.settings.clone() };
+        Self::of_one_set(StudyKind::Errors, vec![(member, settings)], plan)
+    }
+
     fn of_one_set(kind: StudyKind, members: Vec<(Member, RunSettings)>, plan: Plan) -> Self {
         let (members, settings) = members.into_iter().map(|(m, s)| (m, (s, 0))).unzip();
         Self { study: Study::new(kind, members), settings, sets: vec![Vec::new()], selected: 0, plan }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{PlannerRanks, Study, read_study};
+use super::{LogErrors, PlannerRanks, Study, read_study};
 use crate::realism::RealismSummary;
 use crate::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
 
@@ -23,6 +23,8 @@ pub struct StudyResults {
     /// Order of the planners in a study of kind `planners` ([`PlannerRanks::write`]); `None` in other
     /// studies.
     pub planners: Option<PlannerRanks>,
+    /// Displacements from the log in a study of kind `errors` ([`LogErrors::write`]); `None` in other studies.
+    pub errors: Option<LogErrors>,
 }
 
 /// A changed simulator, compared with the unchanged one (in the first member).
@@ -61,8 +63,9 @@ impl StudyResults {
             differences = compare(&study, &summaries, &tallies)?;
         }
         let planners = PlannerRanks::read(folder)?;
+        let errors = LogErrors::read(folder)?;
         let realism = RealismSummary::read_all(folder)?;
-        Ok(Self { study, summaries, differences, realism, planners })
+        Ok(Self { study, summaries, differences, realism, planners, errors })
     }
 }
 

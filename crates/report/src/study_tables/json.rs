@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use reactsim_evaluation::{
-    Comparison, Estimate, Member, PlannerRanks, SimulatorSummary, StudyKind, StudyResults,
+    Comparison, Estimate, LogErrors, Member, PlannerRanks, SimulatorSummary, StudyKind, StudyResults,
     realism::RealismSummary,
 };
 use serde::Serialize;
@@ -23,6 +23,9 @@ struct Numbers<'a> {
     /// Order of the planners under each simulator.
     #[serde(skip_serializing_if = "Option::is_none")]
     planners: Option<&'a PlannerRanks>,
+    /// Displacements from the log of each simulator.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    errors: Option<&'a LogErrors>,
 }
 
 #[derive(Serialize)]
@@ -89,6 +92,7 @@ pub fn write_json(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn W
         members: members.collect(),
         realism: &results.realism,
         planners: results.planners.as_ref(),
+        errors: results.errors.as_ref(),
     };
     serde_json::to_writer_pretty(&mut *out, &numbers)?;
     out.write_all(b"\n")

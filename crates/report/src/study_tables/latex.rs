@@ -4,8 +4,7 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::StudyResults;
 
-use super::planners::text_tables;
-use super::{Head, StudyCell, StudyTable, Title, members, tables};
+use super::{Head, StudyCell, StudyTable, Title, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::latex::{begin_table, column_head, escape, mark, meanings, number};
 use crate::table::provenance;

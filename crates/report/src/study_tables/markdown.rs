@@ -4,8 +4,8 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::{SimulatorSummary, StudyResults};
 
-use super::planners::{notes, text_tables};
-use super::{Head, StudyCell, StudyTable, Title, members, tables};
+use super::planners::notes;
+use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
 use crate::table::{count, program, provenance};
@@ -55,7 +55,8 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
     for table in text_tables(results) {
         writeln!(out, "\n{}:\n", table.title)?;
         // The last columns are numbers.
-        let texts = if table.rows[0].get(1).is_some_and(|head| head == "Method") { 2 } else { 1 };
+        let is_text = |head: &String| head == "Method" || head == "Agents";
+        let texts = if table.rows[0].get(1).is_some_and(is_text) { 2 } else { 1 };
         write_aligned(out, &table.rows, texts)?;
     }
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
@@ -72,6 +73,9 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
         for note in notes(found) {
             writeln!(out, "{note}")?;
         }
+    }
+    if results.errors.is_some() {
+        writeln!(out, "{}", errors::NOTE)?;
     }
     if !results.realism.is_empty() {
         writeln!(out)?;

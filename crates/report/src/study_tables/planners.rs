@@ -3,18 +3,16 @@
 use reactsim_evaluation::{PlannerRanks, StudyResults};
 
 /// A table of texts; the first row is its head.
+#[derive(Clone)]
 pub(super) struct TextTable {
     pub(super) title: &'static str,
     pub(super) rows: Vec<Vec<String>>,
 }
 
 /// Returns the tables of ranks, agreement and reasons of a study of planners.
-pub(super) fn text_tables(results: &StudyResults) -> Vec<TextTable> {
+pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
     let Some(found) = &results.planners else { return Vec::new() };
-    let title = |id: &str| {
-        let mut order = results.summaries.iter().flat_map(|summary| summary.order());
-        order.find(|(other, ..)| *other == id).map_or_else(|| id.to_owned(), |(_, title, _)| title.to_owned())
-    };
+    let title = |id: &str| title(results, id);
     let texts = |first: &str, rest: &[String]| -> Vec<String> {
         std::iter::once(first.to_owned()).chain(rest.iter().cloned()).collect()
     };
@@ -56,6 +54,12 @@ pub(super) fn text_tables(results: &StudyResults) -> Vec<TextTable> {
             ),
         },
     ]
+}
+
+/// Returns the title of a simulator.
+pub(super) fn title(results: &StudyResults, id: &str) -> String {
+    let mut order = results.summaries.iter().flat_map(|summary| summary.order());
+    order.find(|(other, ..)| *other == id).map_or_else(|| id.to_owned(), |(_, title, _)| title.to_owned())
 }
 
 /// Returns the sentences below the tables.

@@ -1,0 +1,443 @@
+//! Displacements from the log, by what agents do in it.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use reactsim_geometry::{Vec2, direction, into_frame, wrap};
+use reactsim_rollout::{Purpose, stream};
+use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Scenario};
+use serde::{Deserialize, Serialize};
+
+use super::read_study;
+use crate::folder::{cannot_read, replace};
+use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, TAIL, below, quantile};
+use crate::{EvaluationError, FinishedRun, Source};
+
+/// Name of the file with the displacements of a study of errors.
+pub const LOG_ERRORS: &str = "errors.json";
+
+/// Speed below which an agent stands, m/s.
+const STANDING_SPEED: f64 = 0.5;
+/// Distance from its present position that a standing agent does not exceed, metres.
+const STANDING_DISTANCE: f64 = 1.0;
+/// Change of the heading from which an agent turns, radians: 30 degrees.
+const TURN: f64 = std::f64::consts::FRAC_PI_6;
+/// Largest distance of a leader, metres, and largest time to its position at the present speed, seconds.
+const LEADER_DISTANCE: f64 = 40.0;
+const LEADER_TIME: f64 = 4.0;
+/// Largest distance of a leader from the course of its follower, metres.
+const LEADER_OFFSET: f64 = 2.0;
+/// Difference of headings up to which two agents move in the same direction, radians: 45 degrees.
+const SAME_DIRECTION: f64 = std::f64::consts::FRAC_PI_4;
+/// Largest distance of two agents whose ways cross, metres, and largest time between their passages, seconds.
+const CROSSING_DISTANCE: f64 = 3.0;
+const CROSSING_TIME: f64 = 3.0;
+/// Times at which displacements are listed, seconds.
+const TIMES: [usize; 4] = [1, 2, 4, 8];
+
+/// Displacements of simulated agents from the log, with an AV that follows the log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogErrors {
+    /// The simulators, in the order of the run.
+    pub simulators: Vec<SimulatorErrors>,
+}
+
+/// Displacements of the agents of one simulator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SimulatorErrors {
+    /// Id of the simulator.
+    pub id: String,
+    /// Groups of agents, by everything that agents are grouped by. Groups without agents are left out.
+    pub groups: Vec<ErrorGroup>,
+}
+
+/// Displacements of a group of agents.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ErrorGroup {
+    /// What agents are grouped by: `all`, `class`, `situation`, `speed`, `distance` or `time`.
+    pub by: String,
+    /// Name of the group, such as `turns`.
+    pub group: String,
+    /// Number of agents, over all scenarios and rollouts.
+    pub agents: usize,
+    /// Mean over agents of the mean distance from the log, metres; at that time in groups by time.
+    pub displacement: f64,
+    /// 2.5 % percentile of the displacement over resampled scenarios; `None` with fewer than 5 scenarios.
+    pub low: Option<f64>,
+    /// 97.5 % percentile.
+    pub high: Option<f64>,
+    /// Mean offset along the logged heading, metres: positive where agents are ahead of the log.
+    pub ahead: f64,
+    /// Mean distance across the logged heading, metres.
+    pub aside: f64,
+    /// Part of the displacements of all agents, from 0 to 1; `None` in groups by time.
+    pub share: Option<f64>,
+}
+
+/// What an agent does in the log. The first that applies counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Situation {
+    /// It stands until the end.
+    Stands,
+    /// It stands now and moves later.
+    SetsOff,
+    /// Its heading changes by more than 30 degrees.
+    Turns,
+    /// It moves now and stands at the end.
+    Halts,
+    /// Another agent is ahead of it, at most 4 s and 40 m away, and moves in its direction.
+    Follows,
+    /// Its way crosses that of another agent, and one passes within 3 s of the other.
+    Crosses,
+    /// None of these.
+    DrivesFreely,
+}
+
+impl Situation {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Stands => "stands",
+            Self::SetsOff => "sets off",
+            Self::Turns => "turns",
+            Self::Halts => "halts",
+            Self::Follows => "follows",
+            Self::Crosses => "crosses",
+            Self::DrivesFreely => "drives freely",
+        }
+    }
+
+    /// Classifies an agent that is present now. `tracks` are the logged frames of all agents.
+    fn of(tracks: &[Vec<Frame>], slot: usize) -> Option<Self> {
+        let now = tracks[slot][CURRENT]?;
+        let later = || tracks[slot][CURRENT + 1..].iter().flatten();
+        let stays = later().all(|s| (s.position() - now.position()).norm() < STANDING_DISTANCE);
+        let speed = speed(&tracks[slot], CURRENT);
+        if speed < STANDING_SPEED {
+            return Some(if stays { Self::Stands } else { Self::SetsOff });
+        }
+        // Headings of agents that hardly move are noise.
+        let moved = later().filter(|s| (s.position() - now.position()).norm() >= STANDING_DISTANCE);
+        let turns = moved.map(|s| wrap(s.heading - now.heading).abs()).fold(0.0, f64::max) > TURN;
+        let last = (CURRENT..tracks[slot].len()).rev().find(|&f| tracks[slot][f].is_some())?;
+        Some(if turns {
+            Self::Turns
+        } else if self::speed(&tracks[slot], last) < STANDING_SPEED {
+            Self::Halts
+        } else if has_leader(tracks, slot, speed) {
+            Self::Follows
+        } else if crosses(tracks, slot) {
+            Self::Crosses
+        } else {
+            Self::DrivesFreely
+        })
+    }
+}
+
+/// Returns the speed of an agent at a frame at which it is present, m/s, from its position half a second before
+/// or after: differences of neighbouring frames are noise in recordings.
+fn speed(track: &[Frame], frame: usize) -> f64 {
+    const SPAN: usize = 5;
+    let at = |f: usize| track.get(f).copied().flatten();
+    let (Some(here), before) = (at(frame), frame.checked_sub(SPAN).and_then(at)) else { return 0.0 };
+    match before.or(at(frame + SPAN)) {
+        Some(other) => (here.position() - other.position()).norm() / (DT * SPAN as f64),
+        None => here.velocity().map_or(0.0, |v| v.norm()),
+    }
+}
+
+fn has_leader(tracks: &[Vec<Frame>], slot: usize, speed: f64) -> bool {
+    let Some(now) = tracks[slot][CURRENT] else { return false };
+    let reach = LEADER_DISTANCE.min(LEADER_TIME * speed);
+    tracks.iter().enumerate().filter(|(other, _)| *other != slot).any(|(_, track)| {
+        track[CURRENT].is_some_and(|other| {
+            let at = into_frame(direction(now.heading), other.position() - now.position());
+            let is_ahead = at.x > 0.0 && at.x < reach && at.y.abs() < LEADER_OFFSET;
+            is_ahead && wrap(other.heading - now.heading).abs() < SAME_DIRECTION
+        })
+    })
+}
+
+fn crosses(tracks: &[Vec<Frame>], slot: usize) -> bool {
+    let span = (CROSSING_TIME / DT) as usize;
+    // Every half second: agents do not jump over each other's way in that time.
+    let frames = |from: usize, to: usize| (from..to.min(FRAMES)).step_by(5);
+    let state = |agent: usize, f: usize| tracks[agent][f];
+    let meets = |other: usize, f: usize| {
+        let Some(own) = state(slot, f) else { return false };
+        frames(f.saturating_sub(span).max(CURRENT), f + span + 1).any(|g| {
+            state(other, g).is_some_and(|their| {
+                let is_near = (their.position() - own.position()).norm() < CROSSING_DISTANCE;
+                let angle = wrap(their.heading - own.heading).abs();
+                is_near && angle > SAME_DIRECTION && angle < std::f64::consts::PI - SAME_DIRECTION
+            })
+        })
+    };
+    let others = (0..tracks.len()).filter(|&other| other != slot);
+    others.into_iter().any(|other| frames(CURRENT, FRAMES).any(|f| meets(other, f)))
+}
+
+/// Key of a group: its order among all groups, what it is by, and its name.
+type Key = (usize, &'static str, String);
+
+/// Returns the groups of an agent, but for those by time.
+fn groups(scenario: &Scenario, tracks: &[Vec<Frame>], slot: usize) -> Option<Vec<Key>> {
+    let now = tracks[slot][CURRENT]?;
+    let situation = Situation::of(tracks, slot)?;
+    let class = match scenario.start.agents[slot].kind {
+        AgentKind::Vehicle => (0, "vehicle"),
+        AgentKind::Pedestrian => (1, "pedestrian"),
+        AgentKind::Cyclist => (2, "cyclist"),
+        AgentKind::Other => (3, "other"),
+    };
+    let speed = match speed(&tracks[slot], CURRENT) {
+        v if v < STANDING_SPEED => (0, "below 0.5 m/s"),
+        v if v < 5.0 => (1, "0.5 to 5 m/s"),
+        v if v < 10.0 => (2, "5 to 10 m/s"),
+        _ => (3, "10 m/s and more"),
+    };
+    let av = tracks[0][CURRENT].map_or(f64::NAN, |av| (av.position() - now.position()).norm());
+    let distance = match av {
+        d if d < 20.0 => Some((0, "within 20 m")),
+        d if d < 50.0 => Some((1, "20 to 50 m")),
+        d if d >= 50.0 => Some((2, "50 m and more")),
+        _ => None,
+    };
+    let mut keys = vec![(0, "all", "all".to_owned())];
+    keys.push((10 + class.0, "class", class.1.to_owned()));
+    keys.push((20 + situation as usize, "situation", situation.name().to_owned()));
+    keys.push((30 + speed.0, "speed", speed.1.to_owned()));
+    keys.extend(distance.map(|(i, name)| (40 + i, "distance", name.to_owned())));
+    Some(keys)
+}
+
+/// Sums over the agents of one scenario in one group.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    agents: usize,
+    displacement: f64,
+    ahead: f64,
+    aside: f64,
+}
+
+impl Sums {
+    /// Adds an agent with these mean errors.
+    fn add(&mut self, [displacement, ahead, aside]: [f64; 3]) {
+        self.agents += 1;
+        self.displacement += displacement;
+        self.ahead += ahead;
+        self.aside += aside;
+    }
+}
+
+/// Returns distance, offset along the heading and distance across it, metres, of a state from the logged one.
+fn error(logged: Frame, rolled: Frame) -> Option<[f64; 3]> {
+    let (logged, rolled) = logged.zip(rolled)?;
+    let offset: Vec2 = rolled.position() - logged.position();
+    let local = into_frame(direction(logged.heading), offset);
+    Some([offset.norm(), local.x, local.y.abs()])
+}
+
+/// Sums of all groups of one simulator, by scenario.
+#[derive(Debug, Default)]
+struct Collected {
+    groups: BTreeMap<Key, Vec<Sums>>,
+}
+
+impl Collected {
+    /// Adds the rollouts of one scenario: `[rollouts][agents][frames]`.
+    fn add(&mut self, scenario: &Scenario, rollouts: &[Vec<Vec<Frame>>]) {
+        let agents = scenario.start.agents.len();
+        let logged: Vec<Vec<Frame>> = (0..agents).map(|slot| scenario.logged(slot)).collect();
+        let mut here: BTreeMap<Key, Sums> = BTreeMap::new();
+        for slot in 1..agents {
+            let Some(keys) = groups(scenario, &logged, slot) else { continue };
+            for tracks in rollouts {
+                let at = |f: usize| error(logged[slot][f], tracks[slot][f]);
+                let errors: Vec<[f64; 3]> = (CURRENT + 1..FRAMES).filter_map(at).collect();
+                if errors.is_empty() {
+                    continue;
+                }
+                let mean = |i: usize| errors.iter().map(|e| e[i]).sum::<f64>() / errors.len() as f64;
+                let means = [mean(0), mean(1), mean(2)];
+                keys.iter().for_each(|key| here.entry(key.clone()).or_default().add(means));
+                for seconds in TIMES {
+                    if let Some(error) = at(CURRENT + 10 * seconds) {
+                        here.entry((50 + seconds, "time", format!("after {seconds} s")))
+                            .or_default()
+                            .add(error);
+                    }
+                }
+            }
+        }
+        for (key, sums) in here {
+            self.groups.entry(key).or_default().push(sums);
+        }
+    }
+
+    fn finish(self, id: &str, seed: u64) -> SimulatorErrors {
+        let total = |sums: &[Sums]| sums.iter().map(|s| s.displacement).sum::<f64>();
+        let all =
+            self.groups.iter().find(|((_, by, _), _)| *by == "all").map_or(0.0, |(_, sums)| total(sums));
+        let group = |((_, by, group), sums): ((usize, &'static str, String), Vec<Sums>)| {
+            let agents: usize = sums.iter().map(|s| s.agents).sum();
+            let mean = |of: fn(&Sums) -> f64| sums.iter().map(of).sum::<f64>() / agents as f64;
+            let (low, high) = interval(&sums, seed, &format!("{by} {group}")).unzip();
+            ErrorGroup {
+                by: by.to_owned(),
+                agents,
+                displacement: mean(|s| s.displacement),
+                low,
+                high,
+                ahead: mean(|s| s.ahead),
+                aside: mean(|s| s.aside),
+                share: (by != "time" && all > 0.0).then(|| total(&sums) / all),
+                group,
+            }
+        };
+        SimulatorErrors { id: id.to_owned(), groups: self.groups.into_iter().map(group).collect() }
+    }
+}
+
+/// Returns the 95 % interval of the mean displacement over resampled scenarios; `None` with too few of them.
+fn interval(sums: &[Sums], seed: u64, group: &str) -> Option<(f64, f64)> {
+    if sums.len() < MIN_FOR_INTERVAL {
+        return None;
+    }
+    let mut random = stream(seed, group, 0, Purpose::Bootstrap);
+    let mut means: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let (mut displacement, mut agents) = (0.0, 0);
+            for _ in sums {
+                let drawn = &sums[below(&mut random, sums.len())];
+                displacement += drawn.displacement;
+                agents += drawn.agents;
+            }
+            displacement / agents as f64
+        })
+        .collect();
+    means.sort_by(f64::total_cmp);
+    Some((quantile(&means, TAIL), quantile(&means, 1.0 - TAIL)))
+}
+
+impl LogErrors {
+    /// Computes the displacements of a finished study of kind `errors` from its rollouts. `sources` are its
+    /// scenarios.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the run of the study or a scenario file cannot be read.
+    pub fn of_study(folder: &Path, sources: &[Source]) -> Result<Self, EvaluationError> {
+        let study = read_study(folder)?;
+        let Some(member) = study.members.first() else { return Ok(Self { simulators: Vec::new() }) };
+        let run = FinishedRun::open(&folder.join(&member.folder))?;
+        let settings = &run.summary().provenance.run.settings;
+        let ids = run.tally().simulators.clone();
+        let mut collected: Vec<Collected> = ids.iter().map(|_| Collected::default()).collect();
+        for source in sources {
+            // Records that cannot be read are failures of the run.
+            for scenario in source.scenarios()?.flatten() {
+                for (simulator, collected) in collected.iter_mut().enumerate() {
+                    let mut rollouts = Vec::new();
+                    for rollout in 0..settings.rollouts {
+                        rollouts.extend(run.tracks(&scenario, simulator, rollout)?);
+                    }
+                    collected.add(&scenario, &rollouts);
+                }
+            }
+        }
+        let finish = |(collected, id): (Collected, &String)| collected.finish(id, settings.seed);
+        Ok(Self { simulators: collected.into_iter().zip(&ids).map(finish).collect() })
+    }
+
+    /// Writes the displacements into the folder of a study.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be written.
+    pub fn write(&self, study: &Path) -> Result<(), EvaluationError> {
+        replace(&study.join(LOG_ERRORS), |out| {
+            serde_json::to_writer_pretty(&mut *out, self)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    /// Reads the displacements in the folder of a study; `None` if there are none.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be read or is damaged.
+    pub fn read(study: &Path) -> Result<Option<Self>, EvaluationError> {
+        let path = study.join(LOG_ERRORS);
+        let text = match fs::read_to_string(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            other => other.map_err(cannot_read(&path))?,
+        };
+        let errors = serde_json::from_str(&text);
+        errors.map(Some).map_err(|source| EvaluationError::Damaged { path, source })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_scene::AgentState;
+
+    use super::*;
+
+    /// A track with these positions and headings at frames.
+    fn track(state: impl Fn(f64) -> (f64, f64, f64)) -> Vec<Frame> {
+        let at = |f: usize| {
+            let (x, y, heading) = state(DT * f as f64 - 1.0);
+            Some(AgentState { x, y, heading, vx: 0.0, vy: 0.0 })
+        };
+        (0..FRAMES).map(at).collect()
+    }
+
+    #[test]
+    fn situations_are_told_from_the_log() {
+        let of = |tracks: &[Vec<Frame>]| Situation::of(tracks, 0).unwrap();
+        let straight = |speed: f64, x: f64, y: f64| track(move |t| (x + speed * t, y, 0.0));
+        assert_eq!(of(&[straight(0.0, 0.0, 0.0)]), Situation::Stands);
+        assert_eq!(of(&[track(|t| ((t - 2.0).max(0.0) * 3.0, 0.0, 0.0))]), Situation::SetsOff);
+        assert_eq!(of(&[track(|t| (5.0 * t, 0.0, 0.2 * t))]), Situation::Turns);
+        assert_eq!(of(&[track(|t| (5.0 * t.min(3.0), 0.0, 0.0))]), Situation::Halts);
+        let free = straight(10.0, 0.0, 0.0);
+        assert_eq!(of(std::slice::from_ref(&free)), Situation::DrivesFreely);
+        assert_eq!(of(&[free.clone(), straight(10.0, 20.0, 0.5)]), Situation::Follows);
+        assert_eq!(of(&[free.clone(), straight(10.0, 20.0, 3.5)]), Situation::DrivesFreely);
+        let up = |late: f64| track(move |t| (40.0, 8.0 * (t - 4.0 - late), std::f64::consts::FRAC_PI_2));
+        assert_eq!(of(&[free.clone(), up(1.0)]), Situation::Crosses);
+        assert_eq!(of(&[free, up(-30.0)]), Situation::DrivesFreely);
+    }
+
+    #[test]
+    fn offsets_are_along_and_across_the_logged_heading() {
+        let up = AgentState { x: 1.0, y: 2.0, heading: std::f64::consts::FRAC_PI_2, vx: 0.0, vy: 0.0 };
+        let [distance, ahead, aside] = error(Some(up), Some(AgentState { x: 5.0, y: -1.0, ..up })).unwrap();
+        assert!((distance - 5.0).abs() < 1e-12 && (ahead + 3.0).abs() < 1e-12 && (aside - 4.0).abs() < 1e-12);
+        assert_eq!(error(None, Some(up)), None);
+    }
+
+    #[test]
+    fn shares_add_up_and_intervals_contain_the_mean() {
+        let mut collected = Collected::default();
+        for scenario in 0..6 {
+            for (order, by, group, displacement) in [
+                (0, "all", "all", 2.0),
+                (10, "class", "vehicle", 2.0 + f64::from(scenario)),
+                (11, "class", "cyclist", 1.0),
+            ] {
+                let sums = Sums { agents: 2, displacement, ahead: -1.0, aside: 0.5 };
+                collected.groups.entry((order, by, group.to_owned())).or_default().push(sums);
+            }
+        }
+        let found = collected.finish("idm", 0);
+        let group = |name: &str| found.groups.iter().find(|g| g.group == name).unwrap();
+        let vehicle = group("vehicle");
+        assert_eq!((vehicle.agents, vehicle.displacement, vehicle.ahead), (12, 2.25, -0.5));
+        assert!(vehicle.low.unwrap() < 2.25 && vehicle.high.unwrap() > 2.25);
+        assert_eq!(group("cyclist").share, Some(0.5));
+        assert_eq!((group("all").low, group("all").high), (Some(1.0), Some(1.0)));
+    }
+}
