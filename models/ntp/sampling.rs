@@ -61,6 +61,23 @@ impl Sampling {
         order[..=drawn.unwrap_or(0)].rotate_right(1);
         Some(order.into_iter().map(|i| i as usize).collect())
     }
+
+    /// Returns the probability that a token of this kind is drawn from `tokens`, of which one is drawn.
+    pub(crate) fn probability(
+        &self,
+        logits: &[f32],
+        tokens: &[usize],
+        is_of_kind: impl Fn(usize) -> bool,
+    ) -> f64 {
+        let best = tokens.iter().map(|&token| logits[token]).fold(f32::NEG_INFINITY, f32::max);
+        let (mut all, mut of_kind) = (0.0, 0.0);
+        for &token in tokens {
+            let weight = math::exp(f64::from(logits[token] - best) / self.temperature);
+            all += weight;
+            of_kind += if is_of_kind(token) { weight } else { 0.0 };
+        }
+        of_kind / all
+    }
 }
 
 /// Returns the `k` likeliest tokens, likeliest first; of equal logits, the lower index first.

@@ -4,7 +4,8 @@
 //! own motion (`body`, `observe`), its lane and the paths that it may take (`lane`), and agents and stops
 //! on these paths (`corridor`). A `KnownMap` is the part of the map around the AV, cut into
 //! [`MapPiece`]s; its `Places` are what agents drive along or stop at, with the successors of lanes.
-//! `Nearest` selects neighbours, `PointIndex` among many points; `forecast` continues the motion of the AV.
+//! `Nearest` selects neighbours, `PointIndex` among many points; `forecast` continues the motion of the AV;
+//! `denoised` removes the noise of recorded positions.
 //! Nothing here depends on a network: each chooses the features that it reads.
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
@@ -12,6 +13,7 @@
 mod body;
 mod class;
 pub mod corridor;
+mod denoise;
 mod features;
 mod forecast;
 mod known_map;
@@ -32,6 +34,7 @@ mod widths;
 
 pub use body::Body;
 pub use class::Class;
+pub use denoise::denoised;
 pub use features::put;
 pub use forecast::forecast;
 pub use known_map::{KnownMap, Stop};

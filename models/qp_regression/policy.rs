@@ -7,7 +7,7 @@ use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use reactsim_perception::{KnownMotion, SceneView};
 use reactsim_rollout::Observation;
-use reactsim_scene::Start;
+use reactsim_scene::{CURRENT, Start};
 use serde::{Deserialize, Serialize};
 
 use super::inputs::{MapFeatures, SceneContext, Surroundings, Survey};
@@ -131,7 +131,9 @@ impl Policy {
         device: &Device,
     ) -> Vec<Prediction> {
         let lights = seen.lights_now();
-        self.predict_view(&SceneView::of(seen, &lights), ground, slots, device)
+        let tracks = self.config.attributes.shown(seen.tracks(), CURRENT);
+        let view = SceneView { tracks: &tracks, ..SceneView::of(seen, &lights) };
+        self.predict_view(&view, ground, slots, device)
     }
 
     /// Predicts as [`Self::predict`] does, from frame `now` of known motion. Later frames are ignored,
@@ -144,6 +146,8 @@ impl Policy {
         device: &Device,
     ) -> Vec<Prediction> {
         let lights = known.lights_at(now);
+        let tracks = self.config.attributes.shown(known.tracks, now.min(CURRENT));
+        let known = KnownMotion { tracks: &tracks, ..*known };
         self.predict_view(&known.view(now, &lights), &self.ground(known.start, device), slots, device)
     }
 

@@ -13,7 +13,10 @@ use reactsim::models::ntp::reactive::{Config, Logits, Policy, PolicyError, React
 use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
 use reactsim::models::perception::{Class, KnownMotion};
-use reactsim::rollout::{Controller, LogAv, Replan, Request, Rollout, Settings, roll_out};
+use reactsim::rollout::{
+    Beginning, Controller, Episode, JointPlan, LogAv, Memory, Observation, Purpose, Replan, Request, Rollout,
+    Settings, roll_out, stream,
+};
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
 use reactsim::training::{Task, View};
 
@@ -81,6 +84,61 @@ fn run(controller: &Controller, batch: &[&Scenario], settings: &Settings) -> Vec
     let av = |scenario| Arc::new(LogAv::new(scenario).unwrap());
     let requests = batch.iter().map(|s| Request { scenario: s, av: Some(av(s)), rollout: 0 }).collect();
     roll_out(requests, controller, settings).into_iter().map(Result::unwrap).collect()
+}
+
+/// Returns the first plan of two seconds of the shipped network, of which `executed` steps are executed.
+fn planned(scenario: &Scenario, executed: usize) -> JointPlan {
+    let Controller::Fair(simulator) = reactsim::models::find("ntp-reactive").unwrap().simulator().unwrap()
+    else {
+        panic!("sees the future")
+    };
+    let start = &scenario.start;
+    let mut beginning = [Beginning {
+        start,
+        stream: stream(0, "outlook", 0, Purpose::Plan),
+        moves_av: false,
+        steps: 5,
+        identity: None,
+        memory: Memory::NONE,
+    }];
+    simulator.begin_batch(&mut beginning).unwrap();
+    let [Beginning { mut stream, mut memory, .. }] = beginning;
+    let known = |track: Vec<Frame>| track[..=CURRENT].to_vec();
+    let tracks: Vec<Vec<Frame>> = tracks(scenario).into_iter().map(known).collect();
+    let lights: Vec<_> = lights(scenario).into_iter().map(|l| l[..=CURRENT].to_vec()).collect();
+    let mut batch = [Episode {
+        seen: Observation::new(start, &tracks, &lights, None),
+        memory: &mut memory,
+        stream: &mut stream,
+        moves_av: false,
+        plan: JointPlan::with_outlook(tracks.len(), 20, executed),
+        outcomes: BTreeMap::new(),
+        error: None,
+    }];
+    simulator.plan(&mut batch).unwrap();
+    let [Episode { plan, .. }] = batch;
+    plan
+}
+
+#[test]
+fn agents_that_stand_do_so_in_the_outlook() {
+    let (mut standing, mut present) = (0, 0);
+    for scenario in &scenarios(6) {
+        let (whole, outlook) = (planned(scenario, 20), planned(scenario, 5));
+        for slot in 1..whole.agents() {
+            let states = |plan: &JointPlan| (0..20).map(|k| plan.get(slot, k)).collect::<Vec<_>>();
+            let (whole, outlook) = (states(&whole), states(&outlook));
+            assert_eq!(whole[..5], outlook[..5], "what is executed does not depend on the outlook");
+            let Some(last) = outlook[19] else { continue };
+            present += 1;
+            let stays = outlook[4..].iter().all(|s| s.unwrap().position() == last.position());
+            standing += usize::from(stays);
+            // Whom the network lets stand does not move in the whole plan either.
+            let moved = (whole[19].unwrap().position() - last.position()).norm();
+            assert!(!stays || moved < 0.5, "{} {slot}: {moved} m", scenario.id);
+        }
+    }
+    assert!(standing > present / 3 && standing < present, "{standing} of {present} stand");
 }
 
 #[test]

@@ -43,13 +43,20 @@ impl Memory {
 pub struct JointPlan {
     agents: usize,
     steps: usize,
+    executed: usize,
     states: Vec<Frame>,
 }
 
 impl JointPlan {
     /// Creates a plan in which every agent is absent.
     pub fn new(agents: usize, steps: usize) -> Self {
-        Self { agents, steps, states: vec![None; agents * steps] }
+        Self::with_outlook(agents, steps, steps)
+    }
+
+    /// Creates a plan of `steps` steps, of which at most the first `executed` are executed. The others show
+    /// where agents are going and may be planned with less effort.
+    pub fn with_outlook(agents: usize, steps: usize, executed: usize) -> Self {
+        Self { agents, steps, executed: executed.min(steps), states: vec![None; agents * steps] }
     }
 
     /// Returns the number of agents.
@@ -60,6 +67,11 @@ impl JointPlan {
     /// Returns the number of steps.
     pub fn steps(&self) -> usize {
         self.steps
+    }
+
+    /// Returns the number of steps that are executed at most; the others are an outlook.
+    pub fn executed(&self) -> usize {
+        self.executed
     }
 
     /// Sets the state of an agent after `step` + 1 steps. The engine recomputes velocities from the

@@ -23,13 +23,13 @@ pub(crate) fn loss(
     let (mut scenes, mut targets) = (Vec::new(), Vec::new());
     let (mut places, mut nodes) = (0, 0);
     for sample in samples {
-        scenes.push((sample.steps.as_slice(), SceneRows { places, earlier: nodes }));
+        scenes.push((sample.steps.as_slice(), SceneRows { places, earlier: nodes, ..SceneRows::default() }));
         targets.extend(sample.targets.iter().map(|t| Target { row: t.row + nodes, ..*t }));
         places += sample.linked.places.all.len();
         nodes += sample.steps.iter().map(|s| s.slots.len()).sum::<usize>();
     }
     let nodes = node_tensors(&scenes, config, device);
-    let encoded = network.encode(&nodes, network.encode_map(&map), &PastNodes::Here);
+    let encoded = network.encode(&nodes, network.encode_map(&map), &PastNodes::Here, None);
     token_loss(&targets, distributions, device, |class, rows| {
         network.logits(class, encoded.nodes.clone().select(0, rows))
     })

@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 use reactsim_learning::{LearningScene, shifted};
-use reactsim_perception::KnownMap;
+use reactsim_perception::{KnownMap, denoised};
 use reactsim_scene::{CURRENT, FRAMES, FUTURE, Frame};
 use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
@@ -84,6 +84,7 @@ pub(crate) fn sample(
         tracks.push(if slot == 0 { logged.clone() } else { driven.track });
         labels.push(driven.labels);
     }
+    let tracks = denoised(&tracks, first);
     let weights: Vec<f32> = (0..count).map(|slot| loss_weight(&scene, slot)).collect();
 
     let linked = LinkedPlaces::of(&scene.map, config);

@@ -73,7 +73,16 @@ pub(crate) fn node_tensors(
         for step in *steps {
             past.append(&step.past, at.earlier);
             places.append(&step.places, at.places);
-            agents.append(&step.agents, base);
+            if step.standing == 0 {
+                agents.append(&step.agents, base);
+            } else {
+                let (nodes, standing) =
+                    (base..base + step.slots.len(), at.standing..at.standing + step.standing);
+                let rows: Vec<u32> = nodes.chain(standing).map(|row| row as u32).collect();
+                let mut links = step.agents.clone();
+                links.renumber(&rows);
+                agents.append(&links, 0);
+            }
             bodies.extend_from_slice(&step.bodies);
             for (row, class) in step.classes.iter().enumerate() {
                 rows.entry(*class).or_default().push(base + row);
@@ -97,4 +106,6 @@ pub(crate) struct SceneRows {
     pub places: usize,
     /// First row in the table of nodes that links to the past refer to.
     pub earlier: usize,
+    /// First row of its agents that stand, which follow all nodes.
+    pub standing: usize,
 }

@@ -16,6 +16,7 @@ mod place_relations;
 mod policy;
 mod scoring;
 mod simulator;
+mod standing;
 pub(crate) mod step;
 mod window;
 

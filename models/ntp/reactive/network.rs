@@ -52,6 +52,8 @@ pub(crate) struct Encoding {
     pub nodes: Tensor<2>,
     /// Input features of the nodes for each block, which later steps attend to.
     pub entering: Vec<Tensor<2>>,
+    /// Features of the nodes to which other agents attend, for each block.
+    pub meeting: Vec<Tensor<2>>,
 }
 
 impl Network {
@@ -101,13 +103,21 @@ impl Network {
         x
     }
 
-    /// Encodes the nodes of some steps, given the encoded places.
-    pub(crate) fn encode(&self, nodes: &NodeTensors, places: Tensor<2>, past: &PastNodes<'_>) -> Encoding {
+    /// Encodes the nodes of some steps, given the encoded places. `standing` are features, for each block, of
+    /// agents to which the nodes attend as well; their rows follow those of the nodes.
+    pub(crate) fn encode(
+        &self,
+        nodes: &NodeTensors,
+        places: Tensor<2>,
+        past: &PastNodes<'_>,
+        standing: Option<&[Tensor<2>]>,
+    ) -> Encoding {
         let to_past = nodes.past.embed(&self.past);
         let to_places = nodes.places.embed(&self.to_place);
         let to_agents = nodes.agents.embed(&self.pair);
         let mut x = self.body.forward(nodes.bodies.clone());
         let mut entering = Vec::with_capacity(self.blocks.len());
+        let mut meeting = Vec::with_capacity(self.blocks.len());
         for (i, block) in self.blocks.iter().enumerate() {
             entering.push(x.clone());
             let earlier = match past {
@@ -116,9 +126,11 @@ impl Network {
             };
             x = nodes.past.attend(&block.past, x, Some(earlier), &to_past);
             x = nodes.places.attend(&block.places, x, Some(places.clone()), &to_places);
-            x = nodes.agents.attend(&block.agents, x, None, &to_agents);
+            meeting.push(x.clone());
+            let others = standing.map(|standing| Tensor::cat(vec![x.clone(), standing[i].clone()], 0));
+            x = nodes.agents.attend(&block.agents, x, others, &to_agents);
         }
-        Encoding { nodes: x, entering }
+        Encoding { nodes: x, entering, meeting }
     }
 
     /// Returns the logits of the next token for nodes of one class, `[m, tokens of the class]`.

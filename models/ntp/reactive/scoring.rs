@@ -1,7 +1,8 @@
 //! Scores of known motion, all steps in one pass.
 
 use burn::tensor::Device;
-use reactsim_perception::KnownMotion;
+use reactsim_perception::{KnownMotion, denoised};
+use reactsim_scene::CURRENT;
 
 use super::batch::{SceneRows, map_tensors, node_tensors};
 use super::linked_places::LinkedPlaces;
@@ -26,6 +27,8 @@ impl Policy {
     pub fn logits(&self, known: &KnownMotion<'_>, frames: &[usize], device: &Device) -> Vec<Logits> {
         let config = &self.config;
         let linked = LinkedPlaces::known(known.start, config);
+        let tracks = denoised(known.tracks, CURRENT);
+        let known = KnownMotion { tracks: &tracks, ..*known };
         let (mut steps, mut earlier): (Vec<StepGraph>, _) = (Vec::new(), Vec::new());
         for &now in frames {
             let lights = known.lights_at(now);
@@ -35,7 +38,7 @@ impl Policy {
         }
         let map = self.network.encode_map(&map_tensors(&[&linked], config, device));
         let nodes = node_tensors(&[(steps.as_slice(), SceneRows::default())], config, device);
-        let encoded = self.network.encode(&nodes, map, &PastNodes::Here);
+        let encoded = self.network.encode(&nodes, map, &PastNodes::Here, None);
         let mut logits = self.network.all_logits(&nodes, &encoded).into_iter();
         let nodes = steps.iter().flat_map(|s| s.slots.iter().map(|&slot| (s.frame, slot)));
         nodes.zip(&mut logits).map(|((frame, slot), values)| Logits { frame, slot, values }).collect()

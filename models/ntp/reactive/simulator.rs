@@ -2,9 +2,9 @@
 
 use burn::tensor::{Device, Tensor};
 use reactsim_nn::{RowCollector, SharedRows, is_host};
-use reactsim_perception::Class;
+use reactsim_perception::{Body, Class, denoised};
 use reactsim_rollout::{Beginning, Episode, Memory, NOT_FINITE, PlanError, Simulator};
-use reactsim_scene::Frame;
+use reactsim_scene::{CURRENT, Frame};
 
 use super::super::clearance::Traffic;
 use super::super::execute::Executor;
@@ -16,6 +16,7 @@ use super::config::Config;
 use super::linked_places::LinkedPlaces;
 use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
+use super::standing::{Standing, sets_off, stands};
 use super::step::{EarlierNode, StepGraph};
 use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
 
@@ -60,7 +61,15 @@ struct DecodingState<'e, 'a> {
     memory: EpisodeMemory,
     /// Realized frames, then planned ones.
     tracks: Vec<Vec<Frame>>,
+    /// The same without the noise of recorded positions, as the network sees them.
+    shown: Vec<Vec<Frame>>,
     steps: Vec<StepGraph>,
+    /// Bodies of the nodes of the newest step.
+    bodies: Vec<Body>,
+    /// Rows of the newest step whose agents stand from the end of the executed steps on.
+    stood: Vec<usize>,
+    /// Agents that stand throughout the outlook.
+    standing: Standing,
     /// Remembered nodes, if the newest step continues from them.
     earlier: Vec<EarlierNode>,
     /// Steps up to the present one. Later ones are merely planned: others may move otherwise.
@@ -95,12 +104,16 @@ impl Simulator for ReactiveSimulator {
                 continue;
             };
             let agents = episode.seen.start().agents.len();
-            let tracks = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
+            let tracks: Vec<_> = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
             planned.push(DecodingState {
                 episode,
                 memory,
+                shown: denoised(&tracks, CURRENT).into_owned(),
                 tracks,
                 steps: Vec::new(),
+                bodies: Vec::new(),
+                stood: Vec::new(),
+                standing: Standing::default(),
                 earlier: Vec::new(),
                 observed: Vec::new(),
             });
@@ -151,7 +164,9 @@ impl ReactiveSimulator {
             for p in group.iter_mut() {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
-                p.move_agents(self, &tokens[row + rows - newest..row + rows], token, executor);
+                let first = row + rows - newest;
+                p.move_agents(self, &tokens[first..first + newest], token, executor);
+                p.stand(&encoded.meeting, first);
                 p.remember(&mut entering, token, &self.policy.config);
                 row += rows;
             }
@@ -166,8 +181,12 @@ impl ReactiveSimulator {
 
     /// Encodes the steps of some episodes.
     fn encode(&self, group: &mut [&mut &mut DecodingState<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
+        let config = &self.policy.config;
         let (mut maps, mut past) = (RowCollector::default(), RowCollector::default());
         let (mut scenes, mut rows) = (Vec::new(), 0);
+        let nodes: usize = group.iter().flat_map(|p| p.steps.iter().map(|s| s.slots.len())).sum();
+        let mut standing: Vec<Vec<Tensor<2>>> = vec![Vec::new(); config.agent_layers];
+        let mut stand = nodes;
         for p in group {
             let places = maps.add(&p.memory.map);
             if cached {
@@ -175,15 +194,20 @@ impl ReactiveSimulator {
             }
             let earlier = if cached { 0 } else { rows };
             rows += p.steps.iter().map(|s| s.slots.len()).sum::<usize>();
-            scenes.push((p.steps.as_slice(), SceneRows { places, earlier }));
+            scenes.push((p.steps.as_slice(), SceneRows { places, earlier, standing: stand }));
+            stand += p.standing.bodies.len();
+            for (all, own) in standing.iter_mut().zip(&p.standing.features) {
+                all.push(own.clone());
+            }
         }
-        let config = &self.policy.config;
+        let standing: Option<Vec<Tensor<2>>> =
+            (stand > nodes).then(|| standing.into_iter().map(|all| Tensor::cat(all, 0)).collect());
         let nodes = node_tensors(&scenes, config, &self.device);
         let empty = || Tensor::zeros([0, config.hidden], &self.device);
         let maps = maps.joined().and_then(|maps| maps.into_iter().next()).unwrap_or_else(empty);
         let past = past.joined().unwrap_or_else(|| vec![empty(); config.agent_layers]);
         let past = if cached { PastNodes::Cached(&past) } else { PastNodes::Here };
-        let encoded = self.policy.network.encode(&nodes, maps, &past);
+        let encoded = self.policy.network.encode(&nodes, maps, &past, standing.as_deref());
         (nodes, encoded)
     }
 }
@@ -198,21 +222,23 @@ impl DecodingState<'_, '_> {
         let fresh = token > 0 || self.memory.next_frame == now;
         if fresh && known == frames {
             self.earlier = self.memory.remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
-            let step = step_at(
+            let (step, bodies) = step_at(
+                &self.standing.bodies,
                 &self.episode.seen,
-                &self.tracks,
+                &self.shown,
                 now,
                 &self.memory.linked.places,
                 &self.earlier,
                 config,
             );
-            self.steps = vec![step];
+            (self.steps, self.bodies) = (vec![step], bodies);
         } else {
             self.memory.remembered.clear();
             self.earlier.clear();
             let all: Vec<usize> = frames.into_iter().chain([now]).collect();
-            self.steps =
-                observed_steps(&self.episode.seen, &self.tracks, &all, &self.memory.linked.places, config);
+            self.standing = Standing::default();
+            (self.steps, self.bodies) =
+                observed_steps(&self.episode.seen, &self.shown, &all, &self.memory.linked.places, config);
         }
     }
 
@@ -239,7 +265,10 @@ impl DecodingState<'_, '_> {
         let agents = &self.episode.seen.start().agents;
         let av_next = self.episode.seen.av_next().filter(|_| token == 0);
         let traffic = simulator.driving.keep_clear.then(|| Traffic::at(agents, &self.tracks, from, av_next));
-        for ((&slot, &class), logits) in newest.slots.iter().zip(&newest.classes).zip(logits) {
+        let last_executed = self.precedes_outlook(token);
+        for (row, ((&slot, &class), logits)) in
+            newest.slots.iter().zip(&newest.classes).zip(logits).enumerate()
+        {
             let agent = &agents[slot];
             let track = &mut self.tracks[slot];
             let hasty = simulator.haste.filter(|_| class == Class::Vehicle).map(|haste| {
@@ -249,8 +278,15 @@ impl DecodingState<'_, '_> {
             let logits = hasty.as_deref().unwrap_or(logits);
             match simulator.driving.sampling.draw_first(logits, self.episode.stream) {
                 Some(order) => {
-                    let tokens = order.into_iter().map(|t| simulator.policy.vocabulary.poses(class, t));
+                    let poses = |token: usize| simulator.policy.vocabulary.poses(class, token);
+                    let tokens = order.iter().map(|&token| poses(token));
                     executor.execute_clear(agent, slot, class, tokens, traffic.as_ref(), track);
+                    let departs = |token| sets_off(poses(token)[TOKEN_FRAMES].position.norm());
+                    let departure = || simulator.driving.sampling.probability(logits, &order, departs);
+                    // What the AV does is always shown in full.
+                    if last_executed && slot != 0 && stands(track, departure) {
+                        self.stood.push(row);
+                    }
                 }
                 None => {
                     *self.episode.outcomes.entry(NOT_FINITE).or_default() += 1;
@@ -258,9 +294,27 @@ impl DecodingState<'_, '_> {
                 }
             }
         }
+        self.standing.stay(&mut self.tracks);
         // Absent agents stay absent.
-        for track in &mut self.tracks {
+        for (track, shown) in self.tracks.iter_mut().zip(&mut self.shown) {
             track.resize(from + 1 + TOKEN_FRAMES, None);
+            shown.extend_from_slice(&track[shown.len()..]);
+        }
+    }
+
+    /// Returns whether the outlook of the plan begins after its `token`-th half second.
+    fn precedes_outlook(&self, token: usize) -> bool {
+        let end = (token + 1) * TOKEN_FRAMES;
+        let executed = self.episode.plan.executed();
+        (executed..executed + TOKEN_FRAMES).contains(&end) && end < self.episode.plan.steps()
+    }
+
+    /// Takes the agents that stood to stand from here on. The newest step begins at row `first` of the features
+    /// `meeting`.
+    fn stand(&mut self, meeting: &[Tensor<2>], first: usize) {
+        if let Some(newest) = self.steps.last().filter(|_| !self.stood.is_empty()) {
+            self.standing = Standing::of(&self.stood, &newest.slots, &self.bodies, meeting, first);
+            self.stood.clear();
         }
     }
 

@@ -41,8 +41,10 @@ pub(crate) struct StepGraph {
     pub past: Links,
     /// Links to places: indices into the places of the scene.
     pub places: Links,
-    /// Links to other agents: indices of nodes of this step.
+    /// Links to other agents: indices of nodes of this step, then of the agents that stand.
     pub agents: Links,
+    /// Number of agents that stand and are not nodes.
+    pub standing: usize,
     /// The nodes as later steps attend to them.
     pub here: Vec<EarlierNode>,
 }
@@ -56,9 +58,22 @@ impl StepGraph {
         earlier: &[EarlierNode],
         config: &Config,
     ) -> Self {
-        let mut step = Self { frame: view.now, ..Self::default() };
+        Self::around(&[], view, places, earlier, config).0
+    }
+
+    /// Builds the network input, as [`Self::of`], with agents that stand: these are no nodes, but others
+    /// attend to them. Also returns the bodies of the nodes.
+    pub(crate) fn around(
+        standing: &[(usize, Body)],
+        view: &SceneView<'_>,
+        places: &Places,
+        earlier: &[EarlierNode],
+        config: &Config,
+    ) -> (Self, Vec<Body>) {
+        let mut step = Self { frame: view.now, standing: standing.len(), ..Self::default() };
         let (mut bodies, mut paths) = (Vec::new(), Vec::new());
-        for slot in 0..view.agents.len() {
+        let moves = |slot: &usize| standing.iter().all(|(other, _)| other != slot);
+        for slot in (0..view.agents.len()).filter(moves) {
             let Some((body, own_paths)) = view.body(slot, places) else { continue };
             step.slots.push(slot);
             step.classes.push(body.class);
@@ -66,6 +81,8 @@ impl StepGraph {
             step.here.push(EarlierNode { slot, position: body.position, ahead: body.ahead, frame: view.now });
             bodies.push(body);
         }
+        let nodes = bodies.len();
+        bodies.extend(standing.iter().map(|(_, body)| *body));
         for (i, paths) in paths.iter().enumerate() {
             let mut features = bodies[i].features;
             let out = &mut features[Body::corridor_features()];
@@ -73,9 +90,10 @@ impl StepGraph {
             step.bodies.extend_from_slice(&features);
         }
         step.link_past(earlier, view.now, config);
-        step.link_places(&bodies, places, view.lights, config);
+        step.link_places(&bodies[..nodes], places, view.lights, config);
         step.link_agents(&bodies, config);
-        step
+        bodies.truncate(nodes);
+        (step, bodies)
     }
 
     fn link_past(&mut self, earlier: &[EarlierNode], now: usize, config: &Config) {
@@ -127,7 +145,7 @@ impl StepGraph {
     fn link_agents(&mut self, bodies: &[Body], config: &Config) {
         let mut nearest = Nearest::new(config.agents);
         let mut found = Vec::new();
-        for (i, body) in bodies.iter().enumerate() {
+        for (i, body) in bodies.iter().enumerate().take(self.slots.len()) {
             nearest.clear();
             for (j, other) in bodies.iter().enumerate().filter(|(_, other)| !body.is_apart(other)) {
                 // The AV ranks first at any distance: the network must always see it.

@@ -1,7 +1,7 @@
 //! Memory of computed steps between plans.
 
 use reactsim_nn::SharedRows;
-use reactsim_perception::{Places, SceneView};
+use reactsim_perception::{Body, Places, SceneView};
 use reactsim_rollout::Observation;
 use reactsim_scene::Frame;
 
@@ -27,34 +27,39 @@ pub(crate) fn earlier_frames(now: usize, past: usize) -> Vec<usize> {
     (1..=past).rev().filter_map(back).collect()
 }
 
-/// Returns the steps of an observed episode at these frames, oldest first. For frames before the last
-/// realized one, the AV's next state is known if the protocol shows the AV one frame ahead at all.
+/// Returns the steps of an observed episode at these frames, oldest first, and the bodies at the last one. For
+/// frames before the last realized one, the AV's next state is known if the protocol shows the AV one frame ahead
+/// at all.
 pub(crate) fn observed_steps(
     seen: &Observation<'_>,
     tracks: &[Vec<Frame>],
     frames: &[usize],
     places: &Places,
     config: &Config,
-) -> Vec<StepGraph> {
+) -> (Vec<StepGraph>, Vec<Body>) {
     let mut earlier = Vec::new();
     let mut steps = Vec::with_capacity(frames.len());
+    let mut bodies = Vec::new();
     for &now in frames {
-        let step = step_at(seen, tracks, now, places, &earlier, config);
+        let step;
+        (step, bodies) = step_at(&[], seen, tracks, now, places, &earlier, config);
         earlier.extend_from_slice(&step.here);
         steps.push(step);
     }
-    steps
+    (steps, bodies)
 }
 
-/// Returns the step at one frame.
+/// Returns the step at one frame, and the bodies of its nodes. `standing` are agents that stand, by slot, and are
+/// no nodes.
 pub(crate) fn step_at(
+    standing: &[(usize, Body)],
     seen: &Observation<'_>,
     tracks: &[Vec<Frame>],
     now: usize,
     places: &Places,
     earlier: &[EarlierNode],
     config: &Config,
-) -> StepGraph {
+) -> (StepGraph, Vec<Body>) {
     let realized = seen.frame();
     // After the last realized frame the AV is only predicted, and lights keep their states.
     let av_next = match seen.av_next() {
@@ -71,5 +76,5 @@ pub(crate) fn step_at(
         lights: &lights,
         start: Some(seen.start()),
     };
-    StepGraph::of(&view, places, earlier, config)
+    StepGraph::around(standing, &view, places, earlier, config)
 }

@@ -114,7 +114,8 @@ pub(super) fn sample(
     let (scene, survey) = scene.split_map();
     let map = survey.features();
     let lights = scene.lights_at(now);
-    let view = scene.view(&scene.tracks, now, blind, &lights);
+    let tracks = config.attributes.shown(&scene.tracks, now);
+    let view = scene.view(&tracks, now, blind, &lights);
     let context = SceneContext::of(&view, &map, config);
     let target = |slot: usize| {
         let around = Surroundings::of(&context, slot, config)?;

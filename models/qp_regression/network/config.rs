@@ -1,7 +1,10 @@
 //! Configuration of the network.
 
+use std::borrow::Cow;
+
 use reactsim_nn::SizeError;
-use reactsim_scene::FUTURE;
+use reactsim_perception::denoised;
+use reactsim_scene::{FUTURE, Frame};
 use serde::{Deserialize, Serialize};
 
 /// Input features of agents and lines.
@@ -10,8 +13,19 @@ use serde::{Deserialize, Serialize};
 pub enum Attributes {
     /// Features of MTR, in metres: 30 numbers of an agent per frame, 9 of a point of a line.
     Published,
-    /// Similar features scaled to about 1, and lights and speed limits with lines.
+    /// Similar features scaled to about 1, without the noise of recorded positions, and lights and speed limits
+    /// with lines.
     Own,
+}
+
+impl Attributes {
+    /// Returns tracks as the network sees them; `now` is the last frame as recorded.
+    pub(crate) fn shown(self, tracks: &[Vec<Frame>], now: usize) -> Cow<'_, [Vec<Frame>]> {
+        match self {
+            Self::Published => Cow::Borrowed(tracks),
+            Self::Own => denoised(tracks, now),
+        }
+    }
 }
 
 /// Frames in which the encoder sees agents and lines.
