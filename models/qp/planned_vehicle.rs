@@ -1,6 +1,7 @@
 //! A vehicle that is to be planned.
 
 use reactsim_dynamics::VehicleMotion;
+use reactsim_geometry::{Vec2, left};
 use reactsim_scene::Road;
 
 use super::obstacle::Extent;
@@ -16,4 +17,17 @@ pub(super) struct PlannedVehicle<'a> {
     pub(super) curvature: Option<f64>,
     /// Road, if the vehicle is on its drivable area.
     pub(super) road: Option<Road<'a>>,
+    /// Whether the corners of its box must stay on the road as well.
+    pub(super) keeps_corners: bool,
+}
+
+impl PlannedVehicle<'_> {
+    /// Returns the corners of its box at a centre and a heading (unit vector), metres; none if they may leave the
+    /// road.
+    pub(super) fn kept_corners(&self, centre: Vec2, axis: Vec2) -> impl Iterator<Item = Vec2> + use<> {
+        let (ahead, aside) = (axis * self.extent.length, left(axis) * self.extent.width);
+        let signs: &[(f64, f64)] =
+            if self.keeps_corners { &[(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] } else { &[] };
+        signs.iter().map(move |(a, b)| centre + ahead * *a + aside * *b)
+    }
 }

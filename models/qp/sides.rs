@@ -72,13 +72,20 @@ pub(super) fn lateral_bounds(
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         if vehicle.road.is_some() {
             let inside = settings.inside;
-            let mut fits = |o: f64| {
+            let mut fits = |o: f64, corners: bool| {
                 [o - inside, o + inside, o].into_iter().all(|x| drivable(station.centre + left * x))
+                    && (!corners
+                        || vehicle.kept_corners(station.centre + left * o, station.axis).all(&mut drivable))
                     && !directions.opposes(station.centre + left * o, station.axis)
             };
-            if !fits(0.0) {
-                let aside = (1..=12).flat_map(|m| [0.4 * f64::from(m), -0.4 * f64::from(m)]);
-                match aside.into_iter().find(|&o| fits(o)) {
+            if !fits(0.0, true) {
+                let aside = || (1..=12).flat_map(|m| [0.4 * f64::from(m), -0.4 * f64::from(m)]);
+                let mut found = aside().find(|&o| fits(o, true));
+                // Where the road is too narrow for the box, its centre stays on the road.
+                if found.is_none() && !fits(0.0, false) {
+                    found = aside().find(|&o| fits(o, false));
+                }
+                match found {
                     Some(o) if o > 0.0 => low = o,
                     Some(o) => high = o,
                     None => {}

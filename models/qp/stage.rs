@@ -1,7 +1,7 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
 use reactsim_dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
-use reactsim_geometry::{Bounds, OrientedBox, math};
+use reactsim_geometry::{Bounds, OrientedBox, direction, math};
 use reactsim_rollout::Observation;
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, levels};
 
@@ -287,7 +287,8 @@ impl Stage {
         let road = seen.start().road().on_level(height);
         // Without a known drivable area everything is drivable; lanes are known all the same.
         let on_road = road.drivable(now.pose.position, &mut None) != Some(false);
-        PlannedVehicle {
+        let keeps_corners = self.guard.is_some_and(|guard| guard.corners);
+        let mut vehicle = PlannedVehicle {
             now,
             rear,
             extent: Extent { length: 0.5 * agent.length, width: 0.5 * agent.width },
@@ -297,7 +298,13 @@ impl Stage {
                 c / (1.0 - (rear * c) * (rear * c)).max(0.25).sqrt()
             }),
             road: on_road.then_some(road),
-        }
+            keeps_corners,
+        };
+        let mut near = None;
+        let axis = direction(now.pose.heading);
+        let mut corners = vehicle.kept_corners(now.pose.position, axis);
+        vehicle.keeps_corners &= corners.all(|corner| road.drivable(corner, &mut near) != Some(false));
+        vehicle
     }
 }
 

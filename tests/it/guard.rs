@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use reactsim::formats;
+use reactsim::geometry::{Polygon, Vec2, direction, left};
 use reactsim::models::qp::{GuardSettings, guarded};
 use reactsim::models::{self, Card};
 use reactsim::rollout::{Av, Controller, DeviatedAv, LogAv, Request, Rollout, Settings, Simulator, roll_out};
@@ -54,6 +55,33 @@ fn an_agent_that_meets_nobody_moves_as_proposed() {
     let (free, guarded) = (run(&plain(), &scenario), run(&guard(), &scenario));
     assert_eq!(free.tracks[1], guarded.tracks[1]);
     assert_eq!(guarded.outcomes.get("qp-as-proposed"), Some(&16), "{:?}", guarded.outcomes);
+}
+
+#[test]
+fn corners_stay_on_the_road() {
+    // A car that drifts to the left edge: after eight seconds its centre is 1 m from the edge, its corner beyond.
+    const EDGE: f64 = 1.75;
+    let corner = |x: f64, y: f64| Vec2::new(x, y);
+    let exterior =
+        vec![corner(-150.0, -EDGE), corner(350.0, -EDGE), corner(350.0, EDGE), corner(-150.0, EDGE)];
+    let map = MapParts { drivable_area: Some(vec![Polygon { exterior, holes: Vec::new() }]), ..straight() };
+    let scenario = scene("drifts", vec![bystander(), car("drifts", 0.0, 0.0, 0.012, 8.0)], map);
+    let outermost = |corners: bool| {
+        let guard = guarded(constant_velocity(), GuardSettings { corners, ..settings() }).unwrap();
+        let rollout = run(&guard, &scenario);
+        check_limits(&scenario, &rollout);
+        let states = future(&scenario, &rollout, "drifts");
+        assert!(states[80].x > 60.0, "{:?}", states[80]);
+        let agent = &scenario.start.agents[1];
+        let reach = |s: &AgentState| {
+            let axis = direction(s.heading);
+            let corner = s.position() + axis * (0.5 * agent.length) + left(axis) * (0.5 * agent.width);
+            corner.y
+        };
+        states.iter().map(reach).fold(f64::NEG_INFINITY, f64::max)
+    };
+    assert!(outermost(false) > EDGE, "only the centre is kept on the road");
+    assert!(outermost(true) < EDGE, "{}", outermost(true));
 }
 
 #[test]

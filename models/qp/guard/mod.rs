@@ -44,6 +44,9 @@ pub struct GuardSettings {
     pub steady_weight: f64,
     /// Weight of each forecast that the AV follows one of its lanes.
     pub lane_weight: f64,
+    /// Whether all corners of a vehicle must stay on the road, as far as they are on it; otherwise only points near
+    /// its centre.
+    pub corners: bool,
     /// Part of the worst forecast in the cost of a maneuver, from 0 to 1; the weighted mean is the rest.
     pub worst_part: f64,
 }

@@ -94,7 +94,8 @@ impl<'a> Proposal<'a> {
             let axis = direction(state.heading);
             let aside = left(axis) * INSIDE;
             let mut is_road = |p| road.drivable(p, &mut near) != Some(false);
-            let on_road = [Vec2::zeros(), aside, -aside].into_iter().all(|a| is_road(state.position() + a));
+            let near_centre = [Vec2::zeros(), aside, -aside].map(|a| state.position() + a).into_iter();
+            let on_road = near_centre.chain(vehicle.kept_corners(state.position(), axis)).all(&mut is_road);
             on_road && !is_wrong_way(&road, state.position(), axis, &mut lanes)
         })
     }
