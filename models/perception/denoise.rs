@@ -134,11 +134,12 @@ mod tests {
         for (smooth, track) in tracks.iter().zip(&noisy) {
             assert_eq!(smooth[10].unwrap().position(), track[10].unwrap().position(), "the present stays");
             assert_eq!(smooth[11..], track[11..], "later frames stay");
-            let velocity = |frame: usize| (smooth[frame].unwrap().x - smooth[frame - 1].unwrap().x) / DT;
-            for frame in 1..=10 {
-                let truth = 8.0 - 2.0 * DT * (frame as f64 - 0.5);
-                assert!((velocity(frame) - truth).abs() < 0.03, "{frame}: {} {truth}", velocity(frame));
-                assert!((smooth[frame].unwrap().vx - velocity(frame)).abs() < 1e-9);
+            for (frame, pair) in (1..=10).zip(smooth.windows(2)) {
+                let [Some(before), Some(state)] = pair else { panic!("present throughout") };
+                let (velocity, truth) =
+                    ((state.x - before.x) / DT, 8.0 - 2.0 * DT * (f64::from(frame) - 0.5));
+                assert!((velocity - truth).abs() < 0.03, "{frame}: {velocity} {truth}");
+                assert!((state.vx - velocity).abs() < 1e-9);
             }
         }
         let quiet = braking(0.0002);

@@ -28,6 +28,7 @@ fn vehicle(speed: f64, acceleration: f64, curvature: Option<f64>) -> PlannedVehi
         extent: Extent { length: 0.5 * LENGTH, width: 0.5 * WIDTH },
         curvature,
         road: None,
+        keeps_corners: false,
     }
 }
 
