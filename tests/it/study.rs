@@ -293,7 +293,7 @@ fn errors_are_grouped_by_what_agents_do() {
         assert!((share - 1.0).abs() < 1e-9, "{dimension}: {share}");
     }
     // Agents that halt in the log do not halt at constant velocity, and those that set off stand.
-    assert!(group("halts").ahead > 5.0 && group("sets off").ahead < -5.0, "{constant:?}");
+    assert!(group("halts").ahead > 5.0 && group("sets off").ahead < 0.0, "{constant:?}");
     assert!(group("after 8 s").displacement > 3.0 * group("after 2 s").displacement);
     assert!(table.contains("by what agents do in it") && table.contains("| halts"), "{table}");
     let (json, _) = said(&[&arguments[..], &["--resume", "--format", "json"]].concat(), 0);
