@@ -172,6 +172,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
             replan="1hz",
             rollouts=2,
         ),
+        "study errors": study("errors", replan="1hz", rollouts=2),
         "score": [
             lambda: reactsim.score(
                 ["r"],
