@@ -18,6 +18,7 @@ use super::external::Outside;
 use super::subject::{EvaluationArgs, ExecutionArgs};
 use super::table_output::ColumnArgs;
 use crate::evaluation::{Source, StudyPlan};
+use crate::rollout::{Replan, Settings};
 
 const AFTER: &str = "\
 Examples:
@@ -83,6 +84,24 @@ struct SharedArgs {
     format: String,
     #[command(flatten)]
     table: ColumnArgs,
+}
+
+/// Arguments of studies whose members all plan at the same interval.
+#[derive(Debug, Args)]
+struct RolloutArgs {
+    /// Replan rate or interval, such as 2hz or 5steps
+    #[arg(long, default_value = "2hz", value_name = "RATE")]
+    replan: Replan,
+    /// Rollouts per scenario and simulator
+    #[arg(long, default_value_t = 1, value_name = "R",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    rollouts: u32,
+}
+
+impl RolloutArgs {
+    fn settings(&self, seed: u64) -> Settings {
+        Settings { replan: self.replan, seed, ..Settings::default() }
+    }
 }
 
 impl StudyArgs {

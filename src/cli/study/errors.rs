@@ -3,10 +3,9 @@
 use anyhow::bail;
 use clap::Args;
 
-use super::{PlannedStudy, SharedArgs};
+use super::{PlannedStudy, RolloutArgs, SharedArgs};
 use crate::evaluation::{AvChoice, PlanRequest, Source, StudyPlan};
 use crate::external::RunOutline;
-use crate::rollout::{Replan, Settings};
 
 const AFTER: &str = "\
 The AV follows the log, so that agents have no reason to do anything else. The tables show the
@@ -23,13 +22,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct ErrorsArgs {
-    /// Replan rate or interval, such as 2hz or 5steps
-    #[arg(long, default_value = "2hz", value_name = "RATE")]
-    replan: Replan,
-    /// Rollouts per scenario and simulator
-    #[arg(long, default_value_t = 1, value_name = "R",
-          value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    rollouts: u32,
+    #[command(flatten)]
+    rolling: RolloutArgs,
     #[command(flatten)]
     pub shared: SharedArgs,
 }
@@ -39,11 +33,11 @@ pub(super) fn plan(args: &ErrorsArgs, sources: Vec<Source>) -> anyhow::Result<Pl
     if subject.av.is_some() {
         bail!("--av: the AV of this study follows the log: leave out --av");
     }
-    let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
+    let settings = args.rolling.settings(subject.seed);
     let (simulators, outside) = subject.simulators(None, &RunOutline::of(&settings))?;
     let request = PlanRequest {
         av: Some(AvChoice::Log),
-        rollouts: args.rollouts,
+        rollouts: args.rolling.rollouts,
         ..subject.request(sources, simulators, settings, true)?
     };
     Ok((StudyPlan::errors(request.plan()?), outside))

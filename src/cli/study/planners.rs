@@ -3,11 +3,11 @@
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::{PlannedStudy, SharedArgs};
+use super::{PlannedStudy, RolloutArgs, SharedArgs};
 use crate::evaluation::{AvChoice, AvDriver, Driver, PlanRequest, PlannedAv, Source, StudyPlan};
 use crate::external::RunOutline;
 use crate::planning::tracking::Controller;
-use crate::rollout::{Replan, Settings};
+use crate::rollout::Replan;
 
 const AFTER: &str = "\
 Every planner drives the AV of every scenario under every simulator and is judged by nuPlan's
@@ -38,13 +38,8 @@ pub(super) struct PlannersArgs {
     /// Steps between two plans of a planner; simulators that drive the AV plan every 5 steps
     #[arg(long, default_value = "1steps", value_name = "STEPS")]
     plan_every: Replan,
-    /// Replan rate or interval, such as 2hz or 5steps
-    #[arg(long, default_value = "2hz", value_name = "RATE")]
-    replan: Replan,
-    /// Rollouts per scenario and simulator
-    #[arg(long, default_value_t = 1, value_name = "R",
-          value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    rollouts: u32,
+    #[command(flatten)]
+    rolling: RolloutArgs,
     #[command(flatten)]
     pub shared: SharedArgs,
 }
@@ -62,7 +57,7 @@ pub(super) fn plan(args: &PlannersArgs, sources: Vec<Source>) -> anyhow::Result<
     if subject.av.is_some() {
         bail!("--av: the planners of this study drive the AV: name them with --planners");
     }
-    let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
+    let settings = args.rolling.settings(subject.seed);
     let default: Vec<String> = SIMULATORS.map(str::to_owned).to_vec();
     let (simulators, outside) = subject.simulators_or(&default, None, &RunOutline::of(&settings))?;
     let drivers: Vec<Driver> = outside.planners.iter().cloned().map(Driver::external).collect();
@@ -86,7 +81,7 @@ pub(super) fn plan(args: &PlannersArgs, sources: Vec<Source>) -> anyhow::Result<
     let request = PlanRequest {
         av: Some(AvChoice::Log),
         drivers,
-        rollouts: args.rollouts,
+        rollouts: args.rolling.rollouts,
         ..subject.request(sources, simulators, settings, true)?
     };
     Ok((StudyPlan::planners(request.plan()?, &planners)?, outside))
