@@ -124,7 +124,9 @@ fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTabl
 
 /// Returns the tables of texts of a study.
 fn text_tables(results: &StudyResults) -> Vec<planners::TextTable> {
-    [planners::rank_tables(results), errors::error_tables(results)].concat()
+    let mut tables = planners::rank_tables(results);
+    tables.extend(errors::error_tables(results));
+    tables
 }
 
 /// Returns the columns of a member of a study.

@@ -8,8 +8,8 @@ use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
-    self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults,
-    Summary,
+    self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyPlan,
+    StudyResults, Summary,
 };
 use crate::report::{TableStyle, study_tables};
 
@@ -50,7 +50,7 @@ pub(super) fn carry_out(
         failed += summary.provenance.failures.len();
     }
     outside.report_faults(Some(folder.path()));
-    finish(&folder, shared, plan.study().kind, failed)
+    finish(&folder, shared, &plan, failed)
 }
 
 /// Writes the table of a member and reports what it left out.
@@ -78,9 +78,10 @@ pub(super) fn finish_member(
 pub(super) fn finish(
     folder: &StudyFolder,
     shared: &SharedArgs,
-    kind: StudyKind,
+    plan: &StudyPlan,
     failed: usize,
 ) -> anyhow::Result<ExitStatus> {
+    let kind = plan.study().kind;
     if kind == StudyKind::Realism && shared.keep_rollouts {
         score_realism(folder.path(), &shared.subject.log_sources()?)?;
     }
@@ -88,7 +89,7 @@ pub(super) fn finish(
         PlannerRanks::of_study(folder.path())?.write(folder.path())?;
     }
     if kind == StudyKind::Errors {
-        LogErrors::of_study(folder.path(), &shared.subject.sources()?)?.write(folder.path())?;
+        LogErrors::of_study(folder.path(), plan.sources())?.write(folder.path())?;
     }
     let results = StudyResults::read(folder.path())?;
     let (mut text, style) = (Vec::new(), shared.table.style());

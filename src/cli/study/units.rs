@@ -53,7 +53,7 @@ impl Sharded for StudyArgs {
         }
         // Nothing is run, so no file has to be read for its digest.
         let (mut study, _outside) = self.plan(known_sources(&shared.subject, plan, &planned, &[])?)?;
-        let (kind, members) = (study.study().kind, study.study().members.clone());
+        let members = study.study().members.clone();
         if members.len() != planned.runs.len() {
             bail!("the plan is of another study than its arguments: plan again");
         }
@@ -74,6 +74,6 @@ impl Sharded for StudyArgs {
             failed += summary.provenance.failures.len();
         }
         progress.end();
-        finish(&folder, shared, kind, failed)
+        finish(&folder, shared, &study, failed)
     }
 }

@@ -143,8 +143,8 @@ impl Situation {
 fn speed(track: &[Frame], frame: usize) -> f64 {
     const SPAN: usize = 5;
     let at = |f: usize| track.get(f).copied().flatten();
-    let (Some(here), before) = (at(frame), frame.checked_sub(SPAN).and_then(at)) else { return 0.0 };
-    match before.or(at(frame + SPAN)) {
+    let Some(here) = at(frame) else { return 0.0 };
+    match frame.checked_sub(SPAN).and_then(at).or(at(frame + SPAN)) {
         Some(other) => (here.position() - other.position()).norm() / (DT * SPAN as f64),
         None => here.velocity().map_or(0.0, |v| v.norm()),
     }
@@ -177,8 +177,8 @@ fn crosses(tracks: &[Vec<Frame>], slot: usize) -> bool {
             })
         })
     };
-    let others = (0..tracks.len()).filter(|&other| other != slot);
-    others.into_iter().any(|other| frames(CURRENT, FRAMES).any(|f| meets(other, f)))
+    let mut others = (0..tracks.len()).filter(|&other| other != slot);
+    others.any(|other| frames(CURRENT, FRAMES).any(|f| meets(other, f)))
 }
 
 /// Key of a group: its order among all groups, what it is by, and its name.
@@ -242,6 +242,22 @@ fn error(logged: Frame, rolled: Frame) -> Option<[f64; 3]> {
     Some([offset.norm(), local.x, local.y.abs()])
 }
 
+/// A logged scene: the frames of all agents, and the groups of those that are simulated, by slot.
+struct LoggedGroups {
+    tracks: Vec<Vec<Frame>>,
+    keys: Vec<(usize, Vec<Key>)>,
+}
+
+impl LoggedGroups {
+    fn of(scenario: &Scenario) -> Self {
+        let agents = scenario.start.agents.len();
+        let tracks: Vec<Vec<Frame>> = (0..agents).map(|slot| scenario.logged(slot)).collect();
+        let of_slot = |slot: usize| Some((slot, groups(scenario, &tracks, slot)?));
+        let keys = (1..agents).filter_map(of_slot).collect();
+        Self { tracks, keys }
+    }
+}
+
 /// Sums of all groups of one simulator, by scenario.
 #[derive(Debug, Default)]
 struct Collected {
@@ -250,14 +266,11 @@ struct Collected {
 
 impl Collected {
     /// Adds the rollouts of one scenario: `[rollouts][agents][frames]`.
-    fn add(&mut self, scenario: &Scenario, rollouts: &[Vec<Vec<Frame>>]) {
-        let agents = scenario.start.agents.len();
-        let logged: Vec<Vec<Frame>> = (0..agents).map(|slot| scenario.logged(slot)).collect();
+    fn add(&mut self, logged: &LoggedGroups, rollouts: &[Vec<Vec<Frame>>]) {
         let mut here: BTreeMap<Key, Sums> = BTreeMap::new();
-        for slot in 1..agents {
-            let Some(keys) = groups(scenario, &logged, slot) else { continue };
+        for (slot, keys) in &logged.keys {
             for tracks in rollouts {
-                let at = |f: usize| error(logged[slot][f], tracks[slot][f]);
+                let at = |f: usize| error(logged.tracks[*slot][f], tracks[*slot][f]);
                 let errors: Vec<[f64; 3]> = (CURRENT + 1..FRAMES).filter_map(at).collect();
                 if errors.is_empty() {
                     continue;
@@ -340,12 +353,13 @@ impl LogErrors {
         for source in sources {
             // Records that cannot be read are failures of the run.
             for scenario in source.scenarios()?.flatten() {
+                let logged = LoggedGroups::of(&scenario);
                 for (simulator, collected) in collected.iter_mut().enumerate() {
                     let mut rollouts = Vec::new();
                     for rollout in 0..settings.rollouts {
                         rollouts.extend(run.tracks(&scenario, simulator, rollout)?);
                     }
-                    collected.add(&scenario, &rollouts);
+                    collected.add(&logged, &rollouts);
                 }
             }
         }

@@ -8,7 +8,7 @@ use super::guards::{self, Variant};
 use super::vocabulary::{self, NamedVocabulary};
 use super::{Member, Study, StudyKind};
 use crate::request::{are_deviated, with_driver};
-use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedAv, PlannedSimulator, RunSettings};
+use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedAv, PlannedSimulator, RunSettings, Source};
 
 /// The plans of all members of a study. They share the scenarios, so there is one plan, in which
 /// [`Self::select`] sets the settings and simulators of a member.
@@ -149,6 +149,11 @@ impl StudyPlan {
     /// Returns the study.
     pub fn study(&self) -> &Study {
         &self.study
+    }
+
+    /// Returns the scenario files, which all members share.
+    pub fn sources(&self) -> &[Source] {
+        &self.plan.sources
     }
 
     /// Switches to a member and returns its plan.

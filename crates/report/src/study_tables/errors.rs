@@ -24,7 +24,7 @@ pub(super) fn error_tables(results: &StudyResults) -> Vec<TextTable> {
             let groups = simulator.groups.iter().filter(|group| group.by == by);
             rows.extend(groups.map(|group| row(&title(results, &simulator.id), group)));
         }
-        TextTable { title: name, rows }
+        TextTable { title: name, texts: 2, rows }
     };
     TITLES.into_iter().map(table).filter(|table| table.rows.len() > 1).collect()
 }

@@ -54,10 +54,7 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
     }
     for table in text_tables(results) {
         writeln!(out, "\n{}:\n", table.title)?;
-        // The last columns are numbers.
-        let is_text = |head: &String| head == "Method" || head == "Agents";
-        let texts = if table.rows[0].get(1).is_some_and(is_text) { 2 } else { 1 };
-        write_aligned(out, &table.rows, texts)?;
+        write_aligned(out, &table.rows, table.texts)?;
     }
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;

@@ -3,9 +3,10 @@
 use reactsim_evaluation::{PlannerRanks, StudyResults};
 
 /// A table of texts; the first row is its head.
-#[derive(Clone)]
 pub(super) struct TextTable {
     pub(super) title: &'static str,
+    /// Number of columns of texts, which come first; the others are numbers.
+    pub(super) texts: usize,
     pub(super) rows: Vec<Vec<String>>,
 }
 
@@ -40,14 +41,17 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
     vec![
         TextTable {
             title: "Rank of the planners by their score, 1 is best",
+            texts: 1,
             rows: with_head(texts("Method", &found.planners), ranks.collect()),
         },
         TextTable {
             title: "Kendall's tau of the order of planners between two simulators",
+            texts: 2,
             rows: with_head(heads(&["Method", "Method", "Tau", "95 % interval"]), agreement.collect()),
         },
         TextTable {
             title: "Collisions that the AV causes, over all planners but the log, and what traffic has to do with them",
+            texts: 1,
             rows: with_head(
                 heads(&["Method", "At fault", "Agents ignored the AV", "None, as agents were frozen"]),
                 reasons.collect(),
