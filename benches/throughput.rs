@@ -254,8 +254,9 @@ fn all_rollouts(all: &[Scenario], avs: &[Arc<ScriptedAv>], by: &Controller) -> R
 fn judge(all: &[Scenario], rollouts: &[Rollout]) {
     let options = Options::default();
     for (scenario, rollout) in all.iter().zip(rollouts) {
-        let together = metrics::score_rollouts(scenario, &[&rollout.tracks], options);
-        let scores = metrics::score_case(&Case::of_rollout(scenario, &rollout.tracks, options));
+        let case = Case::of_rollout(scenario, &rollout.tracks, options);
+        let scores = metrics::score_case(&case);
+        let together = metrics::score_rollouts(case, &[&rollout.tracks]);
         std::hint::black_box((together, scores));
     }
 }

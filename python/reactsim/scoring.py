@@ -241,11 +241,10 @@ def _checked(states: Any, agents: int) -> Array:
             f" or 5] for {agents} agents"
         )
     array = np.ascontiguousarray(array, np.float64)
-    poses = np.isnan(array[..., :3])
-    if (poses.any(-1) != poses.all(-1)).any() or np.isinf(array).any():
-        rollout, agent, step = np.argwhere(
-            (poses.any(-1) != poses.all(-1)) | np.isinf(array).any(-1)
-        )[0]
+    x, y, heading = np.moveaxis(np.isnan(array[..., :3]), -1, 0)
+    is_partial, is_infinite = (x != y) | (x != heading), np.isinf(array)
+    if is_partial.any() or is_infinite.any():
+        rollout, agent, step = np.argwhere(is_partial | is_infinite.any(-1))[0]
         found = array[rollout, agent, step].tolist()
         raise ValueError(
             f"`states[{rollout}, {agent}, {step}]` is {found}, expected finite x, y and heading, or"

@@ -63,19 +63,19 @@ pub(super) fn judge(
     options: Options,
     av: Option<&AvJudge>,
 ) -> PairScores {
-    let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
-    let all = metrics::score_rollouts(scenario, &tracks, options);
-    let over_all = all.values.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
-    let results = rollouts.iter().map(|rollout| {
-        let judged = av.map(|judge| judge.judge(scenario, rollout));
+    let judged: Vec<_> =
+        rollouts.iter().map(|rollout| av.map(|judge| judge.judge(scenario, rollout))).collect();
+    let is_own = |scope| scope == Scope::Rollout || av.is_some() && scope == Scope::Av;
+    let mut last_case = None;
+    let results = rollouts.iter().zip(&judged).map(|(rollout, judged)| {
         let (av_scores, said) = match judged {
-            Some(Ok(JudgedAv { scores, outcomes })) => (Some(scores), outcomes),
+            Some(Ok(JudgedAv { scores, outcomes })) => (Some(scores), outcomes.clone()),
             Some(Err(error)) => (None, [(format!("av not judged: {error}"), 1)].into()),
             None => (None, BTreeMap::new()),
         };
         let case = Case::of_rollout(scenario, &rollout.tracks, options).with_certificate(certificate);
-        let scores = metrics::score_case(&case.with_av_scores(av_scores.as_ref()));
-        let is_own = |scope| scope == Scope::Rollout || av.is_some() && scope == Scope::Av;
+        let case = last_case.insert(case.with_av_scores(av_scores));
+        let scores = metrics::score_case(case);
         let own = scores.values.iter().filter(|(spec, _)| is_own(spec.scope));
         RolloutResult {
             metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),
@@ -85,7 +85,11 @@ pub(super) fn judge(
             av: said,
         }
     });
-    PairScores { rollouts: results.collect(), over_all: over_all.collect() }
+    let results = results.collect();
+    let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
+    let all = last_case.map(|case| metrics::score_rollouts(case, &tracks).values).unwrap_or_default();
+    let over_all = all.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
+    PairScores { rollouts: results, over_all: over_all.collect() }
 }
 
 /// Converts a score for files; `None` if it is not finite, which files cannot represent.

@@ -124,6 +124,14 @@ impl Motion {
         Vec2::new(self.x[k], self.y[k])
     }
 
+    /// Returns whether an object is present at a frame in the pose, and on the level, of the frame before.
+    pub(super) fn rests(&self, object: usize, frame: usize) -> bool {
+        let k = self.at(object, frame);
+        let is_equal = |values: &[f64]| values[k] == values[k - 1];
+        let has_pose = frame > 0 && [&self.x, &self.y, &self.heading].into_iter().all(|v| is_equal(v));
+        has_pose && (self.height.is_empty() || is_equal(&self.height))
+    }
+
     /// Returns the speed of an object at a frame, m/s; NaN if absent or unknown.
     pub fn speed(&self, object: usize, frame: usize) -> f64 {
         self.speed[self.at(object, frame)]

@@ -41,13 +41,17 @@ fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
         return steps;
     }
     let mut open: Option<(usize, usize)> = None;
+    let mut is_off = false;
     for f in case.future() {
         if !case.motion.valid(agent, f) {
             continue;
         }
         steps.valid += 1;
         let step = f - case.current;
-        if is_on_road(case, agent, f, &mut near) == Some(false) {
+        if !case.motion.rests(agent, f) {
+            is_off = is_on_road(case, agent, f, &mut near) == Some(false);
+        }
+        if is_off {
             steps.hits += 1;
             open = Some((open.map_or(step, |o| o.0), step));
         } else {

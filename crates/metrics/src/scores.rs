@@ -1,6 +1,6 @@
 //! The list of metrics, and all scores of one rollout.
 
-use reactsim_scene::{Frame, HISTORY, Scenario};
+use reactsim_scene::{Frame, HISTORY};
 
 use super::ade::{self, Displacement};
 use super::agent_agent::{self, Overlaps};
@@ -17,7 +17,7 @@ use super::progress;
 use super::red_light;
 use super::ttc::{self, Approach};
 use super::undisturbed;
-use super::{Case, DirTracking, Event, Metric, MetricSpec, Options, Scope, Score};
+use super::{Case, DirTracking, Event, Metric, MetricSpec, Scope, Score};
 
 /// Every metric: the paper's seven in its column order, the additional ones, and the metrics of the AV.
 pub const METRICS: &[&dyn Metric] = &[
@@ -113,19 +113,14 @@ pub struct RolloutScores {
     pub likelihood: Option<KinematicLikelihood>,
 }
 
-/// Computes the metrics over several rollouts of a scenario: ADE, minADE and the kinematic likelihood.
+/// Computes the metrics over several rollouts of a scenario: minADE and the kinematic likelihood.
 ///
+/// `case`: the case of one of the rollouts; presence is decided at the current frame, which all share.
 /// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
-pub fn score_rollouts(scenario: &Scenario, rollouts: &[&[Vec<Frame>]], options: Options) -> RolloutScores {
-    let future = |track: &'_ [Frame]| -> std::ops::Range<usize> { HISTORY.min(track.len())..track.len() };
+pub fn score_rollouts<'a>(case: Case<'a>, rollouts: &[&'a [Vec<Frame>]]) -> RolloutScores {
+    let future = |track: &'a Vec<Frame>| &track[HISTORY.min(track.len())..];
+    let case = case.with_rollouts(rollouts.iter().map(|r| r.iter().map(future).collect()).collect());
     let metrics = METRICS.iter().filter(|m| m.spec().scope == Scope::Scenario);
-    let Some(first) = rollouts.first() else {
-        let values = metrics.map(|m| (m.spec(), None)).collect();
-        return RolloutScores { values, displacement: None, likelihood: None };
-    };
-    // Presence is decided at the current frame, which all rollouts share.
-    let case = Case::of_rollout(scenario, *first, options)
-        .with_rollouts(rollouts.iter().map(|r| r.iter().map(|t| &t[future(t)]).collect()).collect());
     RolloutScores {
         values: metrics.map(|m| (m.spec(), m.score(&case, &mut Vec::new()))).collect(),
         displacement: ade::displacement(&case).cloned(),

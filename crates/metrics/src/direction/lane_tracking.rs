@@ -133,11 +133,15 @@ impl<'c> Tracker<'c> {
         self.lists.clear();
         for f in run.clone() {
             let p = case.motion.position(agent, f);
-            self.road = case.road_under(agent, f);
-            self.look_up(p);
-            let from = self.all_hits.len();
-            self.all_hits.extend_from_slice(&self.hits);
-            self.hit_ranges.push(from..self.all_hits.len());
+            let before = self.hit_ranges.last().filter(|_| case.motion.rests(agent, f)).cloned();
+            let hits = before.unwrap_or_else(|| {
+                self.road = case.road_under(agent, f);
+                self.look_up(p);
+                let from = self.all_hits.len();
+                self.all_hits.extend_from_slice(&self.hits);
+                from..self.all_hits.len()
+            });
+            self.hit_ranges.push(hits);
             let list = self.advance(p);
             self.lists.push(list);
         }
