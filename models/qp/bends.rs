@@ -123,10 +123,14 @@ impl PathProgram {
         let mut outcome = (Solve::ClosedForm, Vec::new());
         let mut programs = 0;
         let mut narrowed = false;
+        let mut before: Option<(Path, LateralBounds)> = None;
         for round in 0..MAX_ROUNDS {
             let gains = gains(&path, problem.rear);
             let errors = errors(&path, problem.guide);
-            let bounds = sides(&path);
+            let mut bounds = sides(&path);
+            if let Some((before, kept)) = &before {
+                bounds = narrowed_by(&bounds, &path, kept, before);
+            }
             // If bounds narrow the path, the first round never counts as converged.
             narrowed |= bounds.iter().any(|s| s.0 > -1e3 || s.1 < 1e3);
             let speed = problem.speed.max(MIN_COMFORT_SPEED);
@@ -165,7 +169,7 @@ impl PathProgram {
             let moved = (1..=STATIONS)
                 .map(|j| (next.stations[j].centre - path.stations[j].centre).norm())
                 .fold(0.0_f64, f64::max);
-            path = next;
+            before = Some((std::mem::replace(&mut path, next), bounds));
             if moved < CONVERGED_SHIFT && !(narrowed && round == 0) {
                 break;
             }
@@ -253,6 +257,19 @@ impl PathProgram {
             before = knot;
         }
     }
+}
+
+/// Returns bounds at the stations of a path, narrowed by the bounds of the path before. A path that satisfies bounds
+/// has no reason for them any more; without them, the next one would return to where they were needed. Bounds that
+/// contradict them stay.
+fn narrowed_by(bounds: &LateralBounds, path: &Path, kept: &LateralBounds, before: &Path) -> LateralBounds {
+    std::array::from_fn(|side| {
+        let j = station_of_bound(side);
+        let moved = (path.stations[j].centre - before.stations[j].centre).dot(&before.side(j));
+        let low = bounds[side].0.max(kept[side].0 - moved);
+        let high = bounds[side].1.min(kept[side].1 - moved);
+        if low <= high { (low, high) } else { bounds[side] }
+    })
 }
 
 /// Returns the largest change of the curvature per metre at a speed, 1/m².

@@ -60,19 +60,23 @@ fn an_agent_that_meets_nobody_moves_as_proposed() {
 #[test]
 fn a_corner_that_leaves_the_road_changes_the_plan() {
     // A car that drifts to the left edge, which its corner reaches long before its centre does.
+    let edge = 1.75;
     let corner = |x: f64, y: f64| Vec2::new(x, y);
     let exterior =
-        vec![corner(-150.0, -1.75), corner(350.0, -1.75), corner(350.0, 1.75), corner(-150.0, 1.75)];
+        vec![corner(-150.0, -edge), corner(350.0, -edge), corner(350.0, edge), corner(-150.0, edge)];
     let map = MapParts { drivable_area: Some(vec![Polygon { exterior, holes: Vec::new() }]), ..straight() };
     let scenario = scene("drifts", vec![bystander(), car("drifts", 0.0, 0.0, 0.02, 8.0)], map);
-    let as_proposed = |corners: bool| {
+    let driven = |corners: bool| {
         let guard = guarded(constant_velocity(), GuardSettings { corners, ..settings() }).unwrap();
         let rollout = run(&guard, &scenario);
         check_limits(&scenario, &rollout);
-        rollout.outcomes["qp-as-proposed"]
+        let boxes = rollout.tracks[1].iter().flatten().map(|s| s.footprint(&scenario.start.agents[1]));
+        let farthest = boxes.flat_map(|b| b.corners()).map(|c| c.y.abs()).fold(0.0, f64::max);
+        (rollout.outcomes["qp-as-proposed"], farthest - edge)
     };
-    let (centre, corners) = (as_proposed(false), as_proposed(true));
+    let ((centre, beyond), (corners, inside)) = (driven(false), driven(true));
     assert!(corners < centre && centre < 16, "of 16 plans {corners} and {centre} are as proposed");
+    assert!(beyond > 0.1 && inside < 0.02, "corners are {beyond} and {inside} m off the road");
 }
 
 #[test]
