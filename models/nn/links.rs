@@ -48,10 +48,10 @@ impl Links {
         self.index.iter().zip(&self.open).filter(|(_, open)| **open).map(|(&i, _)| i as usize)
     }
 
-    /// Appends the nodes of another scene, whose sources begin at row `first`.
-    pub fn append(&mut self, links: &Self, first: usize) {
+    /// Appends the nodes of another scene. `row` returns the row of each of its sources.
+    pub fn append(&mut self, links: &Self, row: impl Fn(usize) -> usize) {
         let moved = links.index.iter().zip(&links.open);
-        self.index.extend(moved.map(|(&i, &open)| if open { i + first as u32 } else { 0 }));
+        self.index.extend(moved.map(|(&i, &open)| if open { row(i as usize) as u32 } else { 0 }));
         self.open.extend_from_slice(&links.open);
         self.relation.extend_from_slice(&links.relation);
     }

@@ -1,7 +1,7 @@
 //! A vehicle that is to be planned.
 
 use reactsim_dynamics::VehicleMotion;
-use reactsim_geometry::{Vec2, left};
+use reactsim_geometry::{OrientedBox, Vec2};
 use reactsim_scene::Road;
 
 use super::obstacle::Extent;
@@ -25,9 +25,8 @@ impl PlannedVehicle<'_> {
     /// Returns the corners of its box at a centre and a heading (unit vector), metres; none if they may leave the
     /// road.
     pub(super) fn kept_corners(&self, centre: Vec2, axis: Vec2) -> impl Iterator<Item = Vec2> + use<> {
-        let (ahead, aside) = (axis * self.extent.length, left(axis) * self.extent.width);
-        let signs: &[(f64, f64)] =
-            if self.keeps_corners { &[(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] } else { &[] };
-        signs.iter().map(move |(a, b)| centre + ahead * *a + aside * *b)
+        let Extent { length, width } = self.extent;
+        let around = OrientedBox { center: centre, axis, half_length: length, half_width: width };
+        self.keeps_corners.then(|| around.corners()).into_iter().flatten()
     }
 }

@@ -9,7 +9,7 @@
 use rand_chacha::rand_core::Rng;
 use reactsim_rollout::{Purpose, stream};
 
-use super::statistics::{Estimate, MIN_FOR_INTERVAL, RESAMPLES, TAIL, quantile};
+use super::statistics::{Estimate, MIN_FOR_INTERVAL, RESAMPLES, interval};
 
 /// Number of consecutive scenarios in a block.
 pub(super) const BLOCK: usize = 512;
@@ -89,15 +89,9 @@ impl Sample {
         let mean = self.sum / self.count as f64;
         // A resample in which no block counts has no mean.
         let drawn = self.resampled.iter().filter(|(_, n)| *n > 0.0);
-        let mut means: Vec<f64> = drawn.map(|(sum, n)| sum / n).collect();
-        means.sort_by(f64::total_cmp);
-        let (low, high) = if self.count < MIN_FOR_INTERVAL || means.is_empty() {
-            (None, None)
-        } else if self.equal {
-            (Some(mean), Some(mean))
-        } else {
-            (Some(quantile(&means, TAIL)), Some(quantile(&means, 1.0 - TAIL)))
-        };
+        let found = interval(drawn.map(|(sum, n)| sum / n).collect());
+        let found = found.filter(|_| self.count >= MIN_FOR_INTERVAL);
+        let (low, high) = found.map(|found| if self.equal { (mean, mean) } else { found }).unzip();
         Estimate { mean: Some(mean), low, high, scenarios: self.count }
     }
 }

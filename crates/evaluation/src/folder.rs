@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use parking_lot::Mutex;
 use reactsim_files::{self as files, FolderLock};
 use reactsim_metrics::{Event, METRICS, Score};
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use super::EvaluationError;
 use super::provenance::Provenance;
@@ -569,6 +569,24 @@ pub(super) fn replace(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), EvaluationError> {
     files::replace(path, write).map_err(cannot_write(path))
+}
+
+/// Writes a value as a JSON file.
+pub(super) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), EvaluationError> {
+    replace(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, value)?;
+        out.write_all(b"\n")
+    })
+}
+
+/// Reads a JSON file; `None` if there is none.
+pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, EvaluationError> {
+    let text = match fs::read_to_string(path) {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        other => other.map_err(cannot_read(path))?,
+    };
+    let value = serde_json::from_str(&text);
+    value.map(Some).map_err(|source| EvaluationError::Damaged { path: path.to_owned(), source })
 }
 
 pub(super) fn cannot_read(path: &Path) -> impl Fn(io::Error) -> EvaluationError + use<> {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Number of bootstrap resamples.
 pub(super) const RESAMPLES: usize = 2000;
 /// Probability below a 95 % interval, and above it.
-pub(super) const TAIL: f64 = 0.025;
+const TAIL: f64 = 0.025;
 
 /// Number of scenarios below which an estimate has no interval: the resampled means of so few values say
 /// nothing about other scenarios.
@@ -41,17 +41,15 @@ impl Estimate {
             return Self { mean: Some(mean), low: None, high: None, scenarios: values.len() };
         }
         // If all values are equal, all resampled means are equal up to rounding.
-        let (low, high) = if values.iter().all(|v| *v == values[0]) {
-            (mean, mean)
+        let interval = if values.iter().all(|v| *v == values[0]) {
+            Some((mean, mean))
         } else {
             let mut random = stream(seed, metric, 0, Purpose::Bootstrap);
-            let mut means: Vec<f64> = (0..RESAMPLES)
-                .map(|_| values.iter().map(|_| values[below(&mut random, values.len())]).sum::<f64>() / n)
-                .collect();
-            means.sort_by(f64::total_cmp);
-            (quantile(&means, TAIL), quantile(&means, 1.0 - TAIL))
+            let mut draw = || values[below(&mut random, values.len())];
+            interval((0..RESAMPLES).map(|_| values.iter().map(|_| draw()).sum::<f64>() / n).collect())
         };
-        Self { mean: Some(mean), low: Some(low), high: Some(high), scenarios: values.len() }
+        let (low, high) = interval.unzip();
+        Self { mean: Some(mean), low, high, scenarios: values.len() }
     }
 }
 
@@ -66,8 +64,14 @@ pub(super) fn below(random: &mut Stream, n: usize) -> usize {
     ((u128::from(random.next_u64()) * n as u128) >> 64) as usize
 }
 
+/// Returns the 95 % percentile interval of the values of resamples, in any order; `None` without values.
+pub(super) fn interval(mut resampled: Vec<f64>) -> Option<(f64, f64)> {
+    resampled.sort_by(f64::total_cmp);
+    (!resampled.is_empty()).then(|| (quantile(&resampled, TAIL), quantile(&resampled, 1.0 - TAIL)))
+}
+
 /// Returns a quantile of sorted values, interpolated linearly.
-pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
+fn quantile(sorted: &[f64], q: f64) -> f64 {
     let at = q * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
     low + (high - low) * (at - at.floor())

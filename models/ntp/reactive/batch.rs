@@ -49,7 +49,7 @@ pub(crate) fn map_tensors(scenes: &[&LinkedPlaces], config: &Config, device: &De
     let mut base = 0;
     for scene in scenes {
         scene.places.all.iter().for_each(|p| features.extend_from_slice(&p.features));
-        links.append(&scene.links, base);
+        links.append(&scene.links, |place| base + place);
         base += scene.places.all.len();
     }
     MapTensors {
@@ -71,23 +71,19 @@ pub(crate) fn node_tensors(
     let mut base = 0;
     for (steps, at) in scenes {
         for step in *steps {
-            past.append(&step.past, at.earlier);
-            places.append(&step.places, at.places);
-            if step.standing == 0 {
-                agents.append(&step.agents, base);
-            } else {
-                let (nodes, standing) =
-                    (base..base + step.slots.len(), at.standing..at.standing + step.standing);
-                let rows: Vec<u32> = nodes.chain(standing).map(|row| row as u32).collect();
-                let mut links = step.agents.clone();
-                links.renumber(&rows);
-                agents.append(&links, 0);
-            }
+            let nodes = step.slots.len();
+            past.append(&step.past, |node| at.earlier + node);
+            places.append(&step.places, |place| at.places + place);
+            // Agents that stand follow the nodes.
+            agents.append(&step.agents, |agent| match agent.checked_sub(nodes) {
+                None => base + agent,
+                Some(standing) => at.standing + standing,
+            });
             bodies.extend_from_slice(&step.bodies);
             for (row, class) in step.classes.iter().enumerate() {
                 rows.entry(*class).or_default().push(base + row);
             }
-            base += step.slots.len();
+            base += nodes;
         }
     }
     NodeTensors {

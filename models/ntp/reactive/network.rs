@@ -104,7 +104,7 @@ impl Network {
     }
 
     /// Encodes the nodes of some steps, given the encoded places. `standing` are features, for each block, of
-    /// agents to which the nodes attend as well; their rows follow those of the nodes.
+    /// agents without a node, to which nodes attend as well; their rows follow the rows of the nodes.
     pub(crate) fn encode(
         &self,
         nodes: &NodeTensors,

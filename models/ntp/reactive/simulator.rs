@@ -66,8 +66,6 @@ struct DecodingState<'e, 'a> {
     steps: Vec<StepGraph>,
     /// Bodies of the nodes of the newest step.
     bodies: Vec<Body>,
-    /// Rows of the newest step whose agents stand from the end of the executed steps on.
-    stood: Vec<usize>,
     /// Agents that stand throughout the outlook.
     standing: Standing,
     /// Remembered nodes, if the newest step continues from them.
@@ -112,7 +110,6 @@ impl Simulator for ReactiveSimulator {
                 tracks,
                 steps: Vec::new(),
                 bodies: Vec::new(),
-                stood: Vec::new(),
                 standing: Standing::default(),
                 earlier: Vec::new(),
                 observed: Vec::new(),
@@ -165,8 +162,8 @@ impl ReactiveSimulator {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
                 let first = row + rows - newest;
-                p.move_agents(self, &tokens[first..first + newest], token, executor);
-                p.stand(&encoded.meeting, first);
+                let stood = p.move_agents(self, &tokens[first..first + newest], token, executor);
+                p.stand(&stood, &encoded.meeting, first);
                 p.remember(&mut entering, token, &self.policy.config);
                 row += rows;
             }
@@ -252,16 +249,18 @@ impl DecodingState<'_, '_> {
         self.steps.iter_mut().for_each(|step| step.past.renumber(&rows));
     }
 
-    /// Draws a token for every agent of the newest step and executes it.
+    /// Draws a token for every agent of the newest step and executes it. Returns the rows of the step whose agents
+    /// stand from here on; none unless this is the last executed half second.
     fn move_agents(
         &mut self,
         simulator: &ReactiveSimulator,
         logits: &[Vec<f32>],
         token: usize,
         executor: &mut Executor,
-    ) {
+    ) -> Vec<usize> {
+        let mut stood = Vec::new();
         let from = self.episode.seen.frame() + token * TOKEN_FRAMES;
-        let Some(newest) = self.steps.last() else { return };
+        let Some(newest) = self.steps.last() else { return stood };
         let agents = &self.episode.seen.start().agents;
         let av_next = self.episode.seen.av_next().filter(|_| token == 0);
         let traffic = simulator.driving.keep_clear.then(|| Traffic::at(agents, &self.tracks, from, av_next));
@@ -283,9 +282,9 @@ impl DecodingState<'_, '_> {
                     executor.execute_clear(agent, slot, class, tokens, traffic.as_ref(), track);
                     let departs = |token| sets_off(poses(token)[TOKEN_FRAMES].position.norm());
                     let departure = || simulator.driving.sampling.probability(logits, &order, departs);
-                    // What the AV does is always shown in full.
+                    // The AV keeps its tokens: others react to them.
                     if last_executed && slot != 0 && stands(track, departure) {
-                        self.stood.push(row);
+                        stood.push(row);
                     }
                 }
                 None => {
@@ -300,6 +299,7 @@ impl DecodingState<'_, '_> {
             track.resize(from + 1 + TOKEN_FRAMES, None);
             shown.extend_from_slice(&track[shown.len()..]);
         }
+        stood
     }
 
     /// Returns whether the outlook of the plan begins after its `token`-th half second.
@@ -309,12 +309,11 @@ impl DecodingState<'_, '_> {
         (executed..executed + TOKEN_FRAMES).contains(&end) && end < self.episode.plan.steps()
     }
 
-    /// Takes the agents that stood to stand from here on. The newest step begins at row `first` of the features
-    /// `meeting`.
-    fn stand(&mut self, meeting: &[Tensor<2>], first: usize) {
-        if let Some(newest) = self.steps.last().filter(|_| !self.stood.is_empty()) {
-            self.standing = Standing::of(&self.stood, &newest.slots, &self.bodies, meeting, first);
-            self.stood.clear();
+    /// Takes agents to stand from here on, given by rows of the newest step, which begins at row `first` of the
+    /// features `meeting`.
+    fn stand(&mut self, stood: &[usize], meeting: &[Tensor<2>], first: usize) {
+        if let Some(newest) = self.steps.last().filter(|_| !stood.is_empty()) {
+            self.standing = Standing::of(stood, &newest.slots, &self.bodies, meeting, first);
         }
     }
 

@@ -30,9 +30,6 @@ impl Standing {
         meeting: &[Tensor<2>],
         first: usize,
     ) -> Self {
-        if rows.is_empty() {
-            return Self::default();
-        }
         let index: Vec<i32> = rows.iter().map(|row| (first + row) as i32).collect();
         let select = |features: &Tensor<2>| {
             let index = TensorData::new(index.clone(), [index.len()]);

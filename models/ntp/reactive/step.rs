@@ -43,8 +43,6 @@ pub(crate) struct StepGraph {
     pub places: Links,
     /// Links to other agents: indices of nodes of this step, then of the agents that stand.
     pub agents: Links,
-    /// Number of agents that stand and are not nodes.
-    pub standing: usize,
     /// The nodes as later steps attend to them.
     pub here: Vec<EarlierNode>,
 }
@@ -70,7 +68,7 @@ impl StepGraph {
         earlier: &[EarlierNode],
         config: &Config,
     ) -> (Self, Vec<Body>) {
-        let mut step = Self { frame: view.now, standing: standing.len(), ..Self::default() };
+        let mut step = Self { frame: view.now, ..Self::default() };
         let (mut bodies, mut paths) = (Vec::new(), Vec::new());
         let moves = |slot: &usize| standing.iter().all(|(other, _)| other != slot);
         for slot in (0..view.agents.len()).filter(moves) {

@@ -105,7 +105,7 @@ impl LineBatch {
     pub(crate) fn of(maps: &[&LineNodes], config: &Config, device: &Device) -> Self {
         let (mut links, mut first) = (Links::default(), 0);
         for map in maps {
-            links.append(&map.links, first);
+            links.append(&map.links, |place| first + place);
             first += map.count;
         }
         let points = maps.iter().map(|map| &map.points);
@@ -302,8 +302,8 @@ fn scene_input(
             }
         }
         if let Some(nodes) = group.nodes {
-            to_lines.append(&nodes.to_lines, first_line);
-            to_agents.append(&nodes.to_agents, first_agent);
+            to_lines.append(&nodes.to_lines, |line| first_line + line);
+            to_agents.append(&nodes.to_agents, |agent| first_agent + agent);
             first_agent += nodes.slots.len();
         }
         first_line += group.lines.map_or(0, |lines| lines.count);

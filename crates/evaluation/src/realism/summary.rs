@@ -1,14 +1,12 @@
 //! The aggregates of a leaderboard for each simulator of a study, as a file.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::RealismScores;
-use crate::folder::{cannot_read, replace};
+use crate::folder::{read_json, write_json};
 use crate::{Estimate, EvaluationError};
 
 /// Name of the file with the realism metrics of the simulators of a study.
@@ -54,10 +52,7 @@ impl RealismSummary {
     /// # Errors
     /// [`EvaluationError`] if the file cannot be written.
     pub fn write_all(summaries: &[Self], study: &Path) -> Result<(), EvaluationError> {
-        replace(&study.join(REALISM_SUMMARY), |out| {
-            serde_json::to_writer_pretty(&mut *out, summaries)?;
-            out.write_all(b"\n")
-        })
+        write_json(&study.join(REALISM_SUMMARY), &summaries)
     }
 
     /// Reads the summaries in the folder of a study; none if it has none.
@@ -65,13 +60,6 @@ impl RealismSummary {
     /// # Errors
     /// [`EvaluationError`] if the file cannot be read or is damaged.
     pub fn read_all(study: &Path) -> Result<Vec<Self>, EvaluationError> {
-        let path = study.join(REALISM_SUMMARY);
-        match fs::read_to_string(&path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
-            Err(e) => Err(cannot_read(&path)(e)),
-            Ok(text) => {
-                serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
-            }
-        }
+        Ok(read_json(&study.join(REALISM_SUMMARY))?.unwrap_or_default())
     }
 }

@@ -1,8 +1,6 @@
 //! Displacements from the log, by what agents do in it.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::Path;
 
 use reactsim_geometry::{Vec2, direction, into_frame, wrap};
@@ -11,8 +9,8 @@ use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Scenario};
 use serde::{Deserialize, Serialize};
 
 use super::read_study;
-use crate::folder::{cannot_read, replace};
-use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, TAIL, below, quantile};
+use crate::folder::{read_json, write_json};
+use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, below, interval};
 use crate::{EvaluationError, FinishedRun, Source};
 
 /// Name of the file with the displacements of a study of errors.
@@ -59,7 +57,7 @@ pub struct SimulatorErrors {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorGroup {
-    /// What agents are grouped by: `all`, `class`, `situation`, `speed`, `distance` or `time`.
+    /// The property of agents that the groups differ in: `all`, `class`, `situation`, `speed`, `distance` or `time`.
     pub by: String,
     /// Name of the group, such as `turns`.
     pub group: String,
@@ -79,7 +77,7 @@ pub struct ErrorGroup {
     pub share: Option<f64>,
 }
 
-/// What an agent does in the log. The first that applies counts.
+/// Motion of an agent in the log: the first of these that describes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Situation {
     /// It stands until the end.
@@ -181,8 +179,32 @@ fn crosses(tracks: &[Vec<Frame>], slot: usize) -> bool {
     others.any(|other| frames(CURRENT, FRAMES).any(|f| meets(other, f)))
 }
 
-/// Key of a group: its order among all groups, what it is by, and its name.
-type Key = (usize, &'static str, String);
+/// Property by which agents are grouped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Property {
+    All,
+    Class,
+    Situation,
+    Speed,
+    Distance,
+    Time,
+}
+
+impl Property {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::All => "all",
+            Self::Class => "class",
+            Self::Situation => "situation",
+            Self::Speed => "speed",
+            Self::Distance => "distance",
+            Self::Time => "time",
+        }
+    }
+}
+
+/// Key of a group: the property, the place of the group among all groups by this property, and its name.
+type Key = (Property, usize, String);
 
 /// Returns the groups of an agent, but for those by time.
 fn groups(scenario: &Scenario, tracks: &[Vec<Frame>], slot: usize) -> Option<Vec<Key>> {
@@ -207,11 +229,11 @@ fn groups(scenario: &Scenario, tracks: &[Vec<Frame>], slot: usize) -> Option<Vec
         d if d >= 50.0 => Some((2, "50 m and more")),
         _ => None,
     };
-    let mut keys = vec![(0, "all", "all".to_owned())];
-    keys.push((10 + class.0, "class", class.1.to_owned()));
-    keys.push((20 + situation as usize, "situation", situation.name().to_owned()));
-    keys.push((30 + speed.0, "speed", speed.1.to_owned()));
-    keys.extend(distance.map(|(i, name)| (40 + i, "distance", name.to_owned())));
+    let mut keys = vec![(Property::All, 0, "all".to_owned())];
+    keys.push((Property::Class, class.0, class.1.to_owned()));
+    keys.push((Property::Situation, situation as usize, situation.name().to_owned()));
+    keys.push((Property::Speed, speed.0, speed.1.to_owned()));
+    keys.extend(distance.map(|(i, name)| (Property::Distance, i, name.to_owned())));
     Some(keys)
 }
 
@@ -280,7 +302,7 @@ impl Collected {
                 keys.iter().for_each(|key| here.entry(key.clone()).or_default().add(means));
                 for seconds in TIMES {
                     if let Some(error) = at(CURRENT + 10 * seconds) {
-                        here.entry((50 + seconds, "time", format!("after {seconds} s")))
+                        here.entry((Property::Time, seconds, format!("after {seconds} s")))
                             .or_default()
                             .add(error);
                     }
@@ -294,21 +316,21 @@ impl Collected {
 
     fn finish(self, id: &str, seed: u64) -> SimulatorErrors {
         let total = |sums: &[Sums]| sums.iter().map(|s| s.displacement).sum::<f64>();
-        let all =
-            self.groups.iter().find(|((_, by, _), _)| *by == "all").map_or(0.0, |(_, sums)| total(sums));
-        let group = |((_, by, group), sums): ((usize, &'static str, String), Vec<Sums>)| {
+        let all = self.groups.iter().find(|((by, ..), _)| *by == Property::All);
+        let all = all.map_or(0.0, |(_, sums)| total(sums));
+        let group = |((by, _, group), sums): (Key, Vec<Sums>)| {
             let agents: usize = sums.iter().map(|s| s.agents).sum();
             let mean = |of: fn(&Sums) -> f64| sums.iter().map(of).sum::<f64>() / agents as f64;
-            let (low, high) = interval(&sums, seed, &format!("{by} {group}")).unzip();
+            let (low, high) = displacement_interval(&sums, seed, &format!("{} {group}", by.name())).unzip();
             ErrorGroup {
-                by: by.to_owned(),
+                by: by.name().to_owned(),
                 agents,
                 displacement: mean(|s| s.displacement),
                 low,
                 high,
                 ahead: mean(|s| s.ahead),
                 aside: mean(|s| s.aside),
-                share: (by != "time" && all > 0.0).then(|| total(&sums) / all),
+                share: (by != Property::Time && all > 0.0).then(|| total(&sums) / all),
                 group,
             }
         };
@@ -317,24 +339,21 @@ impl Collected {
 }
 
 /// Returns the 95 % interval of the mean displacement over resampled scenarios; `None` with too few of them.
-fn interval(sums: &[Sums], seed: u64, group: &str) -> Option<(f64, f64)> {
+fn displacement_interval(sums: &[Sums], seed: u64, group: &str) -> Option<(f64, f64)> {
     if sums.len() < MIN_FOR_INTERVAL {
         return None;
     }
     let mut random = stream(seed, group, 0, Purpose::Bootstrap);
-    let mut means: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            let (mut displacement, mut agents) = (0.0, 0);
-            for _ in sums {
-                let drawn = &sums[below(&mut random, sums.len())];
-                displacement += drawn.displacement;
-                agents += drawn.agents;
-            }
-            displacement / agents as f64
-        })
-        .collect();
-    means.sort_by(f64::total_cmp);
-    Some((quantile(&means, TAIL), quantile(&means, 1.0 - TAIL)))
+    let resampled = (0..RESAMPLES).map(|_| {
+        let (mut displacement, mut agents) = (0.0, 0);
+        for _ in sums {
+            let drawn = &sums[below(&mut random, sums.len())];
+            displacement += drawn.displacement;
+            agents += drawn.agents;
+        }
+        displacement / agents as f64
+    });
+    interval(resampled.collect())
 }
 
 impl LogErrors {
@@ -372,10 +391,7 @@ impl LogErrors {
     /// # Errors
     /// [`EvaluationError`] if the file cannot be written.
     pub fn write(&self, study: &Path) -> Result<(), EvaluationError> {
-        replace(&study.join(LOG_ERRORS), |out| {
-            serde_json::to_writer_pretty(&mut *out, self)?;
-            out.write_all(b"\n")
-        })
+        write_json(&study.join(LOG_ERRORS), self)
     }
 
     /// Reads the displacements in the folder of a study; `None` if there are none.
@@ -383,13 +399,7 @@ impl LogErrors {
     /// # Errors
     /// [`EvaluationError`] if the file cannot be read or is damaged.
     pub fn read(study: &Path) -> Result<Option<Self>, EvaluationError> {
-        let path = study.join(LOG_ERRORS);
-        let text = match fs::read_to_string(&path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            other => other.map_err(cannot_read(&path))?,
-        };
-        let errors = serde_json::from_str(&text);
-        errors.map(Some).map_err(|source| EvaluationError::Damaged { path, source })
+        read_json(&study.join(LOG_ERRORS))
     }
 }
 

@@ -3,8 +3,6 @@
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::Path;
 
 use reactsim_formats::rollouts::RolloutRecord;
@@ -12,8 +10,8 @@ use reactsim_rollout::{Purpose, stream};
 use serde::{Deserialize, Serialize};
 
 use super::{Member, read_study};
-use crate::folder::{cannot_read, replace};
-use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, TAIL, below, quantile};
+use crate::folder::{read_json, write_json};
+use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, below, interval};
 use crate::{Entry, EvaluationError, FinishedRun, Tally};
 
 /// Name of the file with the ranks of the planners of a study.
@@ -132,10 +130,7 @@ impl PlannerRanks {
     /// # Errors
     /// [`EvaluationError`] if the file cannot be written.
     pub fn write(&self, study: &Path) -> Result<(), EvaluationError> {
-        replace(&study.join(PLANNER_RANKS), |out| {
-            serde_json::to_writer_pretty(&mut *out, self)?;
-            out.write_all(b"\n")
-        })
+        write_json(&study.join(PLANNER_RANKS), self)
     }
 
     /// Reads the ranks in the folder of a study; `None` if there are none.
@@ -143,13 +138,7 @@ impl PlannerRanks {
     /// # Errors
     /// [`EvaluationError`] if the file cannot be read or is damaged.
     pub fn read(study: &Path) -> Result<Option<Self>, EvaluationError> {
-        let path = study.join(PLANNER_RANKS);
-        let text = match fs::read_to_string(&path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            other => other.map_err(cannot_read(&path))?,
-        };
-        let ranks = serde_json::from_str(&text);
-        ranks.map(Some).map_err(|source| EvaluationError::Damaged { path, source })
+        read_json(&study.join(PLANNER_RANKS))
     }
 
     /// Ranks the planners of these runs. One of them may have fixed AVs and no planner.
@@ -261,15 +250,14 @@ impl<'a> Common<'a> {
                 }
             }
         }
-        let of_pair = |(&(i, j), mut taus): (&(usize, usize), Vec<f64>)| {
-            taus.sort_by(f64::total_cmp);
-            let percentile = |q| (!taus.is_empty()).then(|| quantile(&taus, q));
+        let of_pair = |(&(i, j), taus): (&(usize, usize), Vec<f64>)| {
+            let (low, high) = interval(taus).unzip();
             Agreement {
                 first: ids[i].clone(),
                 second: ids[j].clone(),
                 tau: kendall(&means[i], &means[j]),
-                low: percentile(TAIL),
-                high: percentile(1.0 - TAIL),
+                low,
+                high,
             }
         };
         pairs.iter().zip(resampled).map(of_pair).collect()
