@@ -543,8 +543,9 @@ fn studies_have_their_tables_and_figures() {
     let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
     let (vocabulary, of_vocabulary) = study("vocabulary", &[]);
     let (planners, of_planners) = study("planners", &["--models", "log-replay,idm", "--planners", "idm"]);
+    let (errors, of_errors) = study("errors", &["--models", "constant-velocity,idm"]);
     let path = at("page.html");
-    let folders = [&replan, &realism, &guards, &vocabulary, &planners].map(|path| text(path));
+    let folders = [&replan, &realism, &guards, &vocabulary, &planners, &errors].map(|path| text(path));
     said(&[&["report"], &folders[..], &["--format", "html", "--out", text(&path)]].concat(), 0);
     let mut page = Browser::new(&chromium);
     open(&mut page, &format!("file://{}", path.display()));
@@ -556,6 +557,7 @@ fn studies_have_their_tables_and_figures() {
         ("guards", &of_guards),
         ("vocabulary", &of_vocabulary),
         ("planners", &of_planners),
+        ("errors", &of_errors),
     ] {
         let shown = page.evaluate(&format!(
             "[...document.querySelectorAll('[data-study=\"{kind}\"] td[data-mean]')].map(c => Number(c.dataset.mean))"
@@ -572,6 +574,10 @@ fn studies_have_their_tables_and_figures() {
         for simulator in numbers["realism"].as_array().into_iter().flatten() {
             let aggregates = simulator["aggregates"].as_object().unwrap().values();
             expected.extend(aggregates.filter_map(|e| e["mean"].as_f64()));
+        }
+        for simulator in numbers["errors"]["simulators"].as_array().into_iter().flatten() {
+            let groups = simulator["groups"].as_array().unwrap();
+            expected.extend(groups.iter().filter_map(|group| group["displacement"].as_f64()));
         }
         shown.sort_by(f64::total_cmp);
         expected.sort_by(f64::total_cmp);

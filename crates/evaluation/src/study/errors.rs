@@ -447,13 +447,13 @@ mod tests {
     fn shares_add_up_and_intervals_contain_the_mean() {
         let mut collected = Collected::default();
         for scenario in 0..6 {
-            for (order, by, group, displacement) in [
-                (0, "all", "all", 2.0),
-                (10, "class", "vehicle", 2.0 + f64::from(scenario)),
-                (11, "class", "cyclist", 1.0),
+            for (property, place, group, displacement) in [
+                (Property::All, 0, "all", 2.0),
+                (Property::Class, 0, "vehicle", 2.0 + f64::from(scenario)),
+                (Property::Class, 1, "cyclist", 1.0),
             ] {
                 let sums = Sums { agents: 2, displacement, ahead: -1.0, aside: 0.5 };
-                collected.groups.entry((order, by, group.to_owned())).or_default().push(sums);
+                collected.groups.entry((property, place, group.to_owned())).or_default().push(sums);
             }
         }
         let found = collected.finish("idm", 0);

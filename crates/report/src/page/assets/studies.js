@@ -1,4 +1,4 @@
-// Studies: replan interval, protocols, ablations, motion tokens, planners.
+// Studies: replan interval, protocols, ablations, motion tokens, planners, errors.
 
 import { data, metric, runs } from "./data.js";
 import { $, el } from "./dom.js";
@@ -10,10 +10,17 @@ const ABOUT = {
   guards: ["Ablation", "The same simulators with parts removed or added, and with the AV's next step visible or not."],
   vocabulary: ["Motion tokens", "The log, and its replay by the tokens of several vocabularies."],
   planners: ["Planners", "Columns: planner of the AV. Rows: simulator of the other agents."],
+  errors: ["Displacements from the log", "Means over agents, with 95 % intervals over scenarios. Ahead is the mean offset along the logged heading, aside the mean distance across it. An agent belongs to the first of these situations that applies: stands, sets off, turns, halts, follows, crosses, drives freely."],
+};
+
+/** Properties by which the study of errors groups agents. */
+const PROPERTIES = {
+  all: "All agents", class: "By class", situation: "By what agents do in the log", speed: "By speed at the current frame",
+  distance: "By distance from the AV at the current frame", time: "By time",
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
-const TEXTS = ["Method", "Variant"];
+const TEXTS = ["Method", "Variant", "Agents"];
 const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n) => el("th", { scope: "col", class: TEXTS.includes(n) ? null : "number" }, n))));
 const method = (s) => el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null);
 
@@ -104,9 +111,23 @@ function planners({ members, planners: found }) {
   ].filter((part) => part !== null);
 }
 
+/** The table of the run, and displacements by each property of the agents. */
+function errors({ members, errors: found }) {
+  const run = realism({ members });
+  if (!found) return run;
+  const metres = (v) => el("td", { class: "number" }, v.toFixed(2));
+  const row = (s, g) => el("tr", {}, method(find(members[0], s.id) ?? { title: s.id }), el("td", {}, g.group), el("td", { class: "number" }, g.agents),
+    el("td", { class: "number", "data-mean": g.displacement }, g.displacement.toFixed(2), el("small", {}, g.low === null ? null : ` ${g.low.toFixed(2)} to ${g.high.toFixed(2)}`)),
+    metres(g.ahead), metres(g.aside), el("td", { class: "number" }, g.share === null ? "–" : `${(100 * g.share).toFixed(0)} %`));
+  return [...run, ...Object.entries(PROPERTIES).flatMap(([property, title]) => {
+    const rows = found.simulators.flatMap((s) => s.groups.filter(({ by }) => by === property).map((g) => row(s, g)));
+    return rows.length ? [el("h4", {}, title), wide(head("Method", "Agents", "Number", "Displacement (m)", "Ahead (m)", "Aside (m)", "Share"), el("tbody", {}, ...rows))] : [];
+  })];
+}
+
 /** Shows the tables of all studies. */
 export function studies() {
-  const draw = { replan, realism, guards, vocabulary: guards, planners };
+  const draw = { replan, realism, guards, vocabulary: guards, planners, errors };
   $("studies").hidden = $("nav-studies").hidden = !data.studies.length;
   $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
     const [title, about] = ABOUT[numbers.study];
