@@ -259,9 +259,9 @@ impl PathProgram {
     }
 }
 
-/// Returns bounds at the stations of a path, narrowed by the bounds of the path before. A path that satisfies bounds
-/// has no reason for them any more; without them, the next one would return to where they were needed. Bounds that
-/// contradict them stay.
+/// Returns bounds at the stations of a path, narrowed by the bounds of the path before. A path that satisfies
+/// bounds has no reason for them any more; without them, the next one would return to where they were
+/// needed. Bounds that contradict them stay.
 fn narrowed_by(bounds: &LateralBounds, path: &Path, kept: &LateralBounds, before: &Path) -> LateralBounds {
     std::array::from_fn(|side| {
         let j = station_of_bound(side);

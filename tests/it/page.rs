@@ -584,6 +584,8 @@ fn studies_have_their_tables_and_figures() {
         assert!(expected.len() >= 8, "{kind}: {numbers}");
         assert_eq!(shown, expected, "{kind}");
     }
+    let body = page.evaluate("document.getElementById('studies').textContent");
+    assert!(!body.as_str().unwrap().contains("undefined"), "{body}");
     // The case in which the difference of two planners changes most is a link to both, side by side.
     let case = of_planners["planners"]["change"]["scenario"].as_str().unwrap();
     let links = page.evaluate(

@@ -249,8 +249,8 @@ impl DecodingState<'_, '_> {
         self.steps.iter_mut().for_each(|step| step.past.renumber(&rows));
     }
 
-    /// Draws a token for every agent of the newest step and executes it. Returns the rows of the step whose agents
-    /// stand from here on; none unless this is the last executed half second.
+    /// Draws a token for every agent of the newest step and executes it. Returns the rows of the step whose
+    /// agents stand from here on; none unless this is the last executed half second.
     fn move_agents(
         &mut self,
         simulator: &ReactiveSimulator,
@@ -309,8 +309,8 @@ impl DecodingState<'_, '_> {
         (executed..executed + TOKEN_FRAMES).contains(&end) && end < self.episode.plan.steps()
     }
 
-    /// Takes agents to stand from here on, given by rows of the newest step, which begins at row `first` of the
-    /// features `meeting`.
+    /// Takes agents to stand from here on, given by rows of the newest step, which begins at row `first` of
+    /// the features `meeting`.
     fn stand(&mut self, stood: &[usize], meeting: &[Tensor<2>], first: usize) {
         if let Some(newest) = self.steps.last().filter(|_| !stood.is_empty()) {
             self.standing = Standing::of(stood, &newest.slots, &self.bodies, meeting, first);

@@ -57,7 +57,8 @@ pub struct SimulatorErrors {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorGroup {
-    /// The property of agents that the groups differ in: `all`, `class`, `situation`, `speed`, `distance` or `time`.
+    /// The property of agents that the groups differ in: `all`, `class`, `situation`, `speed`, `distance` or
+    /// `time`.
     pub by: String,
     /// Name of the group, such as `turns`.
     pub group: String,

@@ -133,6 +133,7 @@ impl<'c> Tracker<'c> {
         self.lists.clear();
         for f in run.clone() {
             let p = case.motion.position(agent, f);
+            // At rest, the hits of the last look-up hold.
             let before = self.hit_ranges.last().filter(|_| case.motion.rests(agent, f)).cloned();
             let hits = before.unwrap_or_else(|| {
                 self.road = case.road_under(agent, f);

@@ -50,11 +50,11 @@ function replan({ members }) {
   ]);
 }
 
-/** One table: simulators by metrics of both protocols; below it the metrics of the Sim Agents challenge, if there are any. */
+/** One table: simulators by metrics of all members, with the protocol where members differ in it; below it the metrics of the Sim Agents challenge, if there are any. */
 function realism({ members, realism: scores = [] }) {
   const columns = members.flatMap((member) => Object.keys(member.simulators[0]?.metrics ?? {}).map((id) => [member, metric(id)]));
   columns.sort((a, b) => members.indexOf(a[0]) - members.indexOf(b[0]) || data.metrics.indexOf(a[1]) - data.metrics.indexOf(b[1]));
-  const protocols = wide(head("Method", ...columns.map(([member, m]) => `${member.protocol}: ${arrow(m)}`)),
+  const protocols = wide(head("Method", ...columns.map(([member, m]) => (member.protocol ? `${member.protocol}: ${arrow(m)}` : arrow(m)))),
     el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...columns.map(([member, m]) => cell(m, find(member, s.id)?.metrics[m.id]))))));
   if (!scores.length) return [protocols];
   return [protocols, el("h4", {}, `Realism metrics of the Sim Agents challenge ${scores[0].config}`),
