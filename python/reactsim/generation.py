@@ -45,7 +45,8 @@ def generate(
         out: File to write (Parquet). The preset "bench" writes candidates to a second file next to
             it.
         count: Number of scenarios.
-        preset: "bench", a benchmark with deviated AVs, or "train", logs to train on.
+        preset: "bench", a benchmark with deviated AVs; "train", logs to train on; or "sensed",
+            logs to train on as sensors record them.
         seed: Seed of all random choices.
         maps: Map types; all but a few by default. `catalog("maps")` names them.
         density: Traffic volume as a multiple of the usual one; drawn for each scenario by default.

@@ -15,7 +15,8 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-The preset train writes scenarios as they are generated. The preset bench curates them and keeps
+The presets train and sensed write scenarios as they are generated; those of sensed look as
+sensors record them, with noise and hidden agents. The preset bench curates scenarios and keeps
 those with a deviated AV until the quotas of all categories and map types are filled. It writes
 the candidates, as `curate` does, to a second file next to FILE.
 

@@ -11,6 +11,7 @@ mod layout;
 pub mod maps;
 pub mod realism;
 mod scenario;
+mod sensor;
 mod settings;
 pub mod traffic;
 

@@ -4,13 +4,14 @@
 use reactsim_geometry::{rounded_distance, wrap};
 use reactsim_rollout::{Purpose, Stream, stream};
 use reactsim_scene::{
-    CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
+    Agent, CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
 };
 
 use super::heights::on_different_levels;
 use super::maps::MapType;
+use super::maps::build::mph;
 use super::traffic::Recording;
-use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, traffic};
+use super::{Draw, GenerationError, GenerationSettings, Layout, Preset, sensor, traffic};
 
 /// Maximum number of draws of map and traffic until a driver can be the AV and nobody has an accident or
 /// runs a red light.
@@ -30,6 +31,10 @@ const CENTRAL_DISTANCE: f64 = 60.0;
 const TURN_ANGLE: f64 = 0.5;
 /// Minimum displacement of the AV of a benchmark, metres.
 const MIN_DISPLACEMENT: f64 = 10.0;
+/// Weights of speed limits that are raised by 0, 5 and 10 mph.
+const RAISE_WEIGHTS: [f64; 3] = [0.25, 0.35, 0.4];
+/// Speed limits of streets, m/s: 25 to 45 mph. Aisles of car parks and motorways have others.
+const STREET_LIMITS: std::ops::Range<f64> = mph(24.9)..mph(45.0);
 /// Resolution of positions, metres: a power of two, finer than any sensor, which keeps files small.
 const POSITION_STEP: f64 = 1.0 / 8192.0;
 /// Resolution of heights, metres: like that of positions.
@@ -47,12 +52,17 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
         let (kind, layout) = draw_layout(settings, number, &mut rng);
         let density = settings.density.unwrap_or_else(|| draw_density(settings.preset, &mut rng));
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
-        let recording = traffic::record(&layout, density, &mut rng);
+        let recording = traffic::record(&layout, density, settings.preset.manner(), &mut rng);
         if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
             let selected = select_agents(&recording, av);
             let lawful = !selected.iter().any(|i| recording.offenders.contains(i));
             if lawful && is_free_of_contacts(&recording, &selected) {
-                return Ok(Scenario::assemble(parts(id, kind, layout, &recording, &selected))?);
+                let mut parts = parts(id, kind, layout, &recording, &selected);
+                if settings.preset == Preset::Sensed {
+                    sensor::record(&mut parts.agents, &mut parts.map, &mut rng);
+                }
+                parts.agents.iter_mut().for_each(round);
+                return Ok(Scenario::assemble(parts)?);
             }
         }
     }
@@ -66,8 +76,24 @@ fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> 
     let which = match settings.preset {
         Preset::Bench => (number % allowed.len() as u64) as usize,
         Preset::Train => rng.weighted(&allowed.iter().map(|m| m.weight).collect::<Vec<_>>()),
+        Preset::Sensed => rng.weighted(&allowed.iter().map(|m| m.sensed_weight).collect::<Vec<_>>()),
     };
-    (allowed[which], allowed[which].layout(rng))
+    let mut layout = allowed[which].layout(rng);
+    if settings.preset == Preset::Sensed {
+        raise_limits(&mut layout, rng);
+    }
+    (allowed[which], layout)
+}
+
+/// Raises the speed limits of streets by up to 10 mph, to at most 45 mph. Half of the vehicles of recordings that
+/// are on lanes with a known limit are on roads of 45 mph.
+fn raise_limits(layout: &mut Layout, rng: &mut Stream) {
+    let raise = mph([0.0, 5.0, 10.0][rng.weighted(&RAISE_WEIGHTS)]);
+    for lane in &mut layout.map.lanes {
+        if let Some(limit) = lane.speed_limit.as_mut().filter(|limit| STREET_LIMITS.contains(limit)) {
+            *limit = (*limit + raise).min(STREET_LIMITS.end);
+        }
+    }
 }
 
 /// Draws the traffic density, from almost nobody to a growing queue; benchmarks are never empty.
@@ -75,6 +101,7 @@ fn draw_density(preset: Preset, rng: &mut Stream) -> f64 {
     match preset {
         Preset::Bench => rng.uniform(0.5, 1.5),
         Preset::Train => rng.uniform(0.1, 1.6),
+        Preset::Sensed => rng.uniform(0.2, 2.0),
     }
 }
 
@@ -100,7 +127,7 @@ fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<
         match preset {
             Preset::Bench if displacement < MIN_DISPLACEMENT => 0.0,
             Preset::Bench => others * middle * lively,
-            Preset::Train => (1.0 + others) * middle * lively,
+            Preset::Train | Preset::Sensed => (1.0 + others) * middle * lively,
         }
     };
     let weights: Vec<f64> = recording.drivers.iter().map(weight).collect();
@@ -121,7 +148,7 @@ fn parts(
         origin: None,
         timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
         av: 0,
-        agents: selected.iter().map(|&i| rounded(&recording.agents[i], &recording.heights[i])).collect(),
+        agents: selected.iter().map(|&i| logged(&recording.agents[i], &recording.heights[i])).collect(),
         lights: lights
             .map(|(plan, states)| LightParts {
                 lane: plan.lane.clone(),
@@ -182,18 +209,21 @@ fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
     true
 }
 
-fn rounded((agent, track): &(reactsim_scene::Agent, Vec<Frame>), heights: &[Option<f64>]) -> LoggedAgent {
+fn logged((agent, track): &(Agent, Vec<Frame>), heights: &[Option<f64>]) -> LoggedAgent {
+    LoggedAgent { agent: agent.clone(), track: track.clone(), heights: heights.to_vec() }
+}
+
+/// Rounds states and heights to their resolutions.
+fn round(agent: &mut LoggedAgent) {
     let to = |value: f64, step: f64| (value / step).round() * step;
-    let round = |state: &Frame| {
-        state.map(|mut s| {
-            (s.x, s.y) = (to(s.x, POSITION_STEP), to(s.y, POSITION_STEP));
-            s.heading = to(s.heading, HEADING_STEP);
-            (s.vx, s.vy) = (to(s.vx, VELOCITY_STEP), to(s.vy, VELOCITY_STEP));
-            s
-        })
-    };
-    let heights = heights.iter().map(|height| height.map(|z| to(z, HEIGHT_STEP))).collect();
-    LoggedAgent { agent: agent.clone(), track: track.iter().map(round).collect(), heights }
+    for s in agent.track.iter_mut().flatten() {
+        (s.x, s.y) = (to(s.x, POSITION_STEP), to(s.y, POSITION_STEP));
+        s.heading = to(s.heading, HEADING_STEP);
+        (s.vx, s.vy) = (to(s.vx, VELOCITY_STEP), to(s.vy, VELOCITY_STEP));
+    }
+    for z in agent.heights.iter_mut().flatten() {
+        *z = to(*z, HEIGHT_STEP);
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Settings of the generator.
 
 use super::maps::{self, MAP_TYPES, MapType};
+use super::traffic::Manner;
 
 /// Intended use of generated scenarios. Each preset has its own seed space: its name is part of the key of
 /// every random stream and of every scenario id, so that presets never share a scenario.
@@ -10,17 +11,29 @@ pub enum Preset {
     Bench,
     /// Training scenarios: map types and traffic are about as frequent as in recordings.
     Train,
+    /// Training scenarios as the sensors of a vehicle record them, with the speed limits, accelerations and
+    /// junctions of recordings.
+    Sensed,
 }
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Self; 2] = [Self::Bench, Self::Train];
+    pub const ALL: [Self; 3] = [Self::Bench, Self::Train, Self::Sensed];
 
     /// Name on the command line and in ids.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Bench => "bench",
             Self::Train => "train",
+            Self::Sensed => "sensed",
+        }
+    }
+
+    /// How drivers drive.
+    pub(super) const fn manner(self) -> Manner {
+        match self {
+            Self::Bench | Self::Train => Manner::CALM,
+            Self::Sensed => Manner::BRISK,
         }
     }
 

@@ -91,7 +91,7 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
     let progress = Progress::new();
     let job = Job { settings, wanted, jobs, out, progress: &progress, stop: &stop };
     let generated = match settings.preset {
-        Preset::Train => train(job),
+        Preset::Train | Preset::Sensed => train(job),
         Preset::Bench => bench(job, (0, std::iter::empty())),
     };
     progress.end();

@@ -89,7 +89,7 @@ impl Sharded for GenerateArgs {
         let args = self.made()?;
         let (settings, wanted) = (args.settings()?, args.wanted()?);
         let numbers = match settings.preset {
-            Preset::Train => wanted as usize,
+            Preset::Train | Preset::Sensed => wanted as usize,
             Preset::Bench => TRIED_PER_SCENARIO * wanted as usize,
         };
         Ok(ShardPlan::divide(arguments, &GenerationSubject::of(&settings, wanted), &[numbers], records)?)
@@ -121,7 +121,7 @@ impl Sharded for GenerateArgs {
         let args = self.made()?;
         let (out, wanted, settings) = (args.out()?, args.wanted()?, args.settings()?);
         let generated = match settings.preset {
-            Preset::Train => merge_train(units, out, progress),
+            Preset::Train | Preset::Sensed => merge_train(units, out, progress),
             Preset::Bench => {
                 plan.check(&GenerationSubject::of(&settings, wanted))?;
                 let tried = (plan.records() as u64, read_tried(&units.units));
@@ -230,7 +230,7 @@ impl Work for GenerationWork<'_> {
 
     fn carry_out(&self, unit: &Unit, folder: &Path) -> Result<Option<UnitResults>, ShardError> {
         match self.generation.preset {
-            Preset::Train => self.train(unit.range, folder),
+            Preset::Train | Preset::Sensed => self.train(unit.range, folder),
             Preset::Bench => self.bench(unit.range, folder).map_err(ShardError::work),
         }
     }

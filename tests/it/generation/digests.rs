@@ -5,7 +5,7 @@ use reactsim::generation::{GenerationSettings, Generator, Preset, VERSION};
 
 /// Scenarios by preset, seed and number, with the beginnings of their digests; for this version of the
 /// generator.
-const GOLDEN: (u32, [(&str, &str); 8]) = (
+const GOLDEN: (u32, [(&str, &str); 10]) = (
     2,
     [
         ("bench-0-000000", "d2c8f3f1a25309a9"),
@@ -16,6 +16,8 @@ const GOLDEN: (u32, [(&str, &str); 8]) = (
         ("train-0-000001", "80342a9b103648b1"),
         ("train-0-000002", "9ade4c60c187264a"),
         ("train-7-123456", "674900d15bafbff5"),
+        ("sensed-7-000000", "9da0fdc6ae5a7e69"),
+        ("sensed-7-000005", "f16d57a44199912a"),
     ],
 );
 

@@ -29,6 +29,8 @@ pub struct MapType {
     /// chosen so that junctions and motorways are about as frequent as in recordings (the train split of the
     /// Waymo Open Motion Dataset kept outside this repository: 8 of 196 scenes with motorway lanes).
     pub weight: f64,
+    /// The same weight for the preset `sensed`, which has more junctions close to one another.
+    pub sensed_weight: f64,
     /// Draws the road map. The result depends only on the stream.
     pub draw: fn(&mut Stream) -> Layout,
 }
@@ -51,51 +53,51 @@ impl MapType {
 #[rustfmt::skip]
 pub const MAP_TYPES: &[MapType] = &[
     MapType { id: "straight-road", title: "straight road of several lanes",
-        weight: 2.0, draw: plain::straight },
-    MapType { id: "curved-road", title: "winding road of several lanes", weight: 2.0, draw: plain::curved },
+        weight: 2.0, sensed_weight: 4.0, draw: plain::straight },
+    MapType { id: "curved-road", title: "winding road of several lanes", weight: 2.0, sensed_weight: 3.0, draw: plain::curved },
     MapType { id: "narrow-street", title: "narrow street between parked cars",
-        weight: 3.0, draw: plain::narrow },
+        weight: 3.0, sensed_weight: 2.0, draw: plain::narrow },
     MapType { id: "lane-drop", title: "road on which the rightmost lane ends",
-        weight: 0.4, draw: lanes::dropped },
+        weight: 0.4, sensed_weight: 0.5, draw: lanes::dropped },
     MapType { id: "lane-addition", title: "road on which a lane begins on the right",
-        weight: 0.4, draw: lanes::added },
+        weight: 0.4, sensed_weight: 0.5, draw: lanes::added },
     MapType { id: "on-ramp", title: "on-ramp with an acceleration lane",
-        weight: 0.3, draw: motorway::on_ramp },
+        weight: 0.3, sensed_weight: 0.15, draw: motorway::on_ramp },
     MapType { id: "off-ramp", title: "off-ramp with a deceleration lane",
-        weight: 0.3, draw: motorway::off_ramp },
+        weight: 0.3, sensed_weight: 0.15, draw: motorway::off_ramp },
     MapType { id: "weaving", title: "weaving section between two ramps",
-        weight: 0.2, draw: motorway::weaving },
+        weight: 0.2, sensed_weight: 0.1, draw: motorway::weaving },
     MapType { id: "mid-block-crosswalk", title: "street with a crosswalk away from junctions",
-        weight: 2.0, draw: crosswalk::mid_block },
-    MapType { id: "driveways", title: "street with driveways", weight: 3.0, draw: driveways::driveways },
+        weight: 2.0, sensed_weight: 2.0, draw: crosswalk::mid_block },
+    MapType { id: "driveways", title: "street with driveways", weight: 3.0, sensed_weight: 4.0, draw: driveways::driveways },
     MapType { id: "car-park-exit", title: "aisle of a car park that joins a street",
-        weight: 4.0, draw: driveways::car_park },
+        weight: 4.0, sensed_weight: 3.0, draw: driveways::car_park },
     MapType { id: "signalised-protected", title: "four arms, lights, left turns with a phase of their own",
-        weight: 5.0, draw: junctions::signalised_protected },
+        weight: 5.0, sensed_weight: 3.0, draw: junctions::signalised_protected },
     MapType { id: "signalised-permissive", title: "four arms, lights, left turns give way",
-        weight: 5.0, draw: junctions::signalised_permissive },
-    MapType { id: "signalised-t", title: "three arms, lights", weight: 3.0, draw: junctions::signalised_t },
+        weight: 5.0, sensed_weight: 3.0, draw: junctions::signalised_permissive },
+    MapType { id: "signalised-t", title: "three arms, lights", weight: 3.0, sensed_weight: 3.0, draw: junctions::signalised_t },
     MapType { id: "priority-t", title: "three arms, the minor road stops or gives way",
-        weight: 4.0, draw: junctions::priority_t },
+        weight: 4.0, sensed_weight: 4.0, draw: junctions::priority_t },
     MapType { id: "priority-four-way", title: "four arms, the minor road stops or gives way",
-        weight: 4.0, draw: junctions::priority_four_way },
-    MapType { id: "all-way-stop", title: "everybody stops", weight: 4.0, draw: junctions::all_way_stop },
+        weight: 4.0, sensed_weight: 4.0, draw: junctions::priority_four_way },
+    MapType { id: "all-way-stop", title: "everybody stops", weight: 4.0, sensed_weight: 2.0, draw: junctions::all_way_stop },
     MapType { id: "roundabout-1", title: "a roundabout with one lane",
-        weight: 0.5, draw: junctions::roundabout_one_lane },
+        weight: 0.5, sensed_weight: 0.5, draw: junctions::roundabout_one_lane },
     MapType { id: "roundabout-2", title: "a roundabout with two lanes",
-        weight: 0.3, draw: junctions::roundabout_two_lanes },
+        weight: 0.3, sensed_weight: 0.3, draw: junctions::roundabout_two_lanes },
     MapType { id: "signalised-pair", title: "two junctions with coordinated lights",
-        weight: 2.5, draw: junctions::signalised_pair },
+        weight: 2.5, sensed_weight: 4.0, draw: junctions::signalised_pair },
     MapType { id: "signalised-and-t",
         title: "a junction with lights, and one of three arms with a sign nearby",
-        weight: 2.0, draw: junctions::signalised_and_t },
+        weight: 2.0, sensed_weight: 4.0, draw: junctions::signalised_and_t },
 ];
 
 /// The map types that are drawn only if they are requested by id.
 #[rustfmt::skip]
 pub const ON_REQUEST: &[MapType] = &[
     MapType { id: "overpass", title: "road on a bridge above another road (only if requested)",
-        weight: 1.0, draw: overpass::overpass },
+        weight: 1.0, sensed_weight: 1.0, draw: overpass::overpass },
 ];
 
 /// Returns all map types, including those on request.

@@ -2,7 +2,7 @@
 
 use reactsim_rollout::Stream;
 
-use super::driver::Driver;
+use super::driver::{Driver, Manner};
 use super::fleet::{Class, Size};
 use super::network::Network;
 use super::routes::Routes;
@@ -41,18 +41,25 @@ struct Gate {
 /// Generator of arriving vehicles.
 pub(super) struct Arrivals {
     gates: Vec<Gate>,
+    manner: Manner,
     next_id: u32,
 }
 
 impl Arrivals {
     /// Creates the entries of a layout, with `density` times their flow.
-    pub(super) fn new(network: &Network, layout: &Layout, density: f64, rng: &mut Stream) -> Self {
+    pub(super) fn new(
+        network: &Network,
+        layout: &Layout,
+        density: f64,
+        manner: Manner,
+        rng: &mut Stream,
+    ) -> Self {
         let gates = layout.entries.iter().filter_map(|entry| {
             let rate = density * entry.flow / 3600.0;
             let next = interval(rate, rng);
             Some(Gate { lane: network.find(&entry.lane)?, rate, next, waiting: 0 })
         });
-        Self { gates: gates.collect(), next_id: 0 }
+        Self { gates: gates.collect(), manner, next_id: 0 }
     }
 
     /// Places vehicles on a random route from each entry through the map, spaced according to its flow.
@@ -156,6 +163,7 @@ impl Arrivals {
         };
         let driver =
             if bicycle { Driver::of_bicycle(rng) } else { Driver::of_car(size.acceleration_factor(), rng) };
+        let driver = driver.with(&self.manner);
         let body = Body::of(&size);
         let bend = driver.in_bend(network.lanes[lane].curvature_at(s));
         // A vehicle placed near a junction must still be able to turn and stop.

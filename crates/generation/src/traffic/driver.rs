@@ -51,7 +51,44 @@ pub(super) struct Driver {
     pub(super) preview_time: f64,
 }
 
+/// Factors on the parameters of drivers.
+#[derive(Clone, Copy, Debug)]
+pub struct Manner {
+    /// Factor of the desired speed.
+    haste: f64,
+    /// Factor of the comfortable acceleration.
+    acceleration: f64,
+    /// Factor of the reaction time.
+    reaction: f64,
+    /// Factor of the distance to a standing leader.
+    gap: f64,
+    /// Factor of the lateral acceleration accepted in bends.
+    lateral: f64,
+    /// Factor of the preferred lateral position in the lane.
+    bias: f64,
+}
+
+impl Manner {
+    /// Drivers as they are drawn.
+    pub const CALM: Self =
+        Self { haste: 1.0, acceleration: 1.0, reaction: 1.0, gap: 1.0, lateral: 1.0, bias: 1.0 };
+    /// Drivers with the speeds, accelerations and gaps of recordings.
+    pub const BRISK: Self =
+        Self { haste: 1.2, acceleration: 1.2, reaction: 0.75, gap: 0.85, lateral: 1.1, bias: 1.2 };
+}
+
 impl Driver {
+    /// Returns the driver with a manner.
+    pub(super) fn with(mut self, manner: &Manner) -> Self {
+        self.haste *= manner.haste;
+        self.acceleration *= manner.acceleration;
+        self.reaction *= manner.reaction;
+        self.gap *= manner.gap;
+        self.lateral *= manner.lateral;
+        self.bias *= manner.bias;
+        self
+    }
+
     /// Returns the desired speed under this limit, m/s. Drivers are more alike on motorways.
     pub(super) fn wanted(&self, limit: f64) -> f64 {
         let haste = if limit > MOTORWAY_LIMIT { 0.5 * (self.haste + 1.0) } else { self.haste };

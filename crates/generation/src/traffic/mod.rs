@@ -19,4 +19,5 @@ mod vehicle;
 mod world;
 mod yielding;
 
+pub use driver::Manner;
 pub use recording::{Recording, record};

@@ -4,6 +4,7 @@ use rand_chacha::rand_core::SeedableRng;
 use reactsim_rollout::Stream;
 use reactsim_scene::{Agent, AgentKind, AgentState, FRAMES, Frame, LightState};
 
+use super::driver::Manner;
 use super::parked;
 use super::vehicle::Vehicle;
 use super::world::World;
@@ -34,10 +35,10 @@ pub struct Recording {
 /// Simulates traffic on a map until it has settled, then records it.
 ///
 /// `density` multiplies the flows of the entries. The result depends only on the arguments.
-pub fn record(layout: &Layout, density: f64, rng: &mut Stream) -> Recording {
+pub fn record(layout: &Layout, density: f64, manner: Manner, rng: &mut Stream) -> Recording {
     let warm_up = rng.uniform(WARM_UP_MIN, WARM_UP_MAX);
     let parked = parked::park(&[layout.parking.as_slice(), &layout.yards].concat(), rng);
-    let mut world = World::new(layout, density, Stream::from_rng(rng));
+    let mut world = World::new(layout, density, manner, Stream::from_rng(rng));
     while world.time < warm_up {
         world.step();
     }

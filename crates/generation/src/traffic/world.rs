@@ -5,6 +5,7 @@ use reactsim_scene::{DT, LightState};
 
 use super::arrivals::{self, Arrivals};
 use super::changing::{self, LaneChangeIntent};
+use super::driver::Manner;
 use super::encounters::Encounters;
 use super::following::Leader;
 use super::free_road::free_acceleration;
@@ -53,10 +54,10 @@ struct Decision {
 
 impl<'a> World<'a> {
     /// Creates a map with vehicles on it.
-    pub(super) fn new(layout: &'a Layout, density: f64, mut rng: Stream) -> Self {
+    pub(super) fn new(layout: &'a Layout, density: f64, manner: Manner, mut rng: Stream) -> Self {
         let network = Network::new(layout);
         let routes = Routes::new(&network);
-        let mut arrivals = Arrivals::new(&network, layout, density, &mut rng);
+        let mut arrivals = Arrivals::new(&network, layout, density, manner, &mut rng);
         let vehicles = arrivals.fill(&network, &routes, &mut rng);
         let crowd = Crowd::new(layout, density, &mut rng);
         let encounters = Encounters::new(layout, &network, crowd);
@@ -287,9 +288,9 @@ mod tests {
     #[test]
     fn drivers_stay_in_their_lanes() {
         for kind in maps::all() {
-            for seed in 0..4 {
+            for (seed, manner) in (0..4).flat_map(|seed| [(seed, Manner::CALM), (seed, Manner::BRISK)]) {
                 let layout = kind.layout(&mut stream(seed, kind.id, 0, Purpose::Map));
-                let mut world = World::new(&layout, 1.0, stream(seed, kind.id, 0, Purpose::Traffic));
+                let mut world = World::new(&layout, 1.0, manner, stream(seed, kind.id, 0, Purpose::Traffic));
                 for _ in 0..900 {
                     world.step();
                     for v in &world.vehicles {

@@ -35,6 +35,6 @@ pub const MARGIN: f64 = 0.5;
 pub const OVERHANG: f64 = 8.0;
 
 /// Converts miles per hour to metres per second.
-pub fn mph(value: f64) -> f64 {
+pub const fn mph(value: f64) -> f64 {
     value * 0.44704
 }
