@@ -59,7 +59,7 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
             if lawful && is_free_of_contacts(&recording, &selected) {
                 let mut parts = parts(id, kind, layout, &recording, &selected);
                 if settings.preset == Preset::Sensed {
-                    sensor::record(&mut parts.agents, &mut parts.map, &mut rng);
+                    sensor::record(&mut parts, &mut rng);
                 }
                 parts.agents.iter_mut().for_each(round);
                 return Ok(Scenario::assemble(parts)?);

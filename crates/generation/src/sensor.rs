@@ -1,19 +1,28 @@
-//! How a vehicle's sensors record a scenario: noise of tracks, frames in which agents are hidden, and a map
-//! without speed limits.
+//! How a vehicle's sensors record a scenario: noise of tracks, frames in which agents and lights are hidden, and a
+//! map with less content than the generator draws.
 //!
 //! The constants are aggregates of the Waymo Open Motion Dataset (417 windows of the train split, kept outside
-//! this repository). Half a second of a track of a moving agent has the third differences of independent errors;
-//! parked vehicles have none. 38 % of the windows have no speed limits. Of the agents that are present at the
-//! current frame, 86 % of the vehicles are seen in all frames before it, and 44 % in all frames after it.
+//! this repository). Tracks of moving agents have the third differences of independent errors; parked vehicles
+//! have none. Of the vehicles that are present at the current frame, 86 % are seen in all frames before it, and
+//! 44 % in all frames after it. 38 % of the windows have no speed limits. Where lights are recorded, 28 % of them
+//! are known in all frames, 12 % in none, and all together in 55 % of the frames. Its maps do not tell junctions
+//! from other lanes, and have neither give-way lines nor drivable areas.
 
 use reactsim_geometry::{Vec2, direction, left, math, wrap};
 use reactsim_rollout::Stream;
-use reactsim_scene::{AgentKind, DT, Frame, LoggedAgent, MapParts};
+use reactsim_scene::{
+    AgentKind, DT, Frame, LANE_HALF_WIDTH, LaneArea, LaneKind, LightParts, LoggedAgent, MapParts,
+    ScenarioParts, StopKind,
+};
 
 use super::Draw;
 
 /// Share of scenarios whose map has no speed limits.
 const UNLIMITED_SHARE: f64 = 0.38;
+/// Share of scenarios in which no light is recorded.
+const UNLIT_SHARE: f64 = 0.25;
+/// Weights of lights that are known in all frames, in none, and in a part of the frames.
+const LIGHT_WEIGHTS: [f64; 3] = [0.28, 0.12, 0.6];
 /// Distance in metres beyond which agents are hidden: bounds of a uniform draw per scenario.
 const RANGE: [f64; 2] = [70.0, 85.0];
 /// Rate at which visible agents become hidden at [`RATE_DISTANCE`], per second; it grows with the square of the
@@ -47,20 +56,60 @@ impl Noise {
     }
 }
 
-/// Replaces tracks and map by what the sensors of the first agent record. Agents that are never visible are
-/// removed.
-pub(super) fn record(agents: &mut Vec<LoggedAgent>, map: &mut MapParts, rng: &mut Stream) {
-    if rng.chance(UNLIMITED_SHARE) {
-        map.lanes.iter_mut().for_each(|lane| lane.speed_limit = None);
-    }
-    let Some((av, others)) = agents.split_first_mut() else { return };
+/// Reduces a scenario to what the sensors of its first agent record. Agents that are never visible are removed.
+pub(super) fn record(parts: &mut ScenarioParts, rng: &mut Stream) {
+    hide_lights(&mut parts.lights, rng);
+    let is_lit = |lane: &str| parts.lights.iter().any(|light| light.lane == lane);
+    reduce(&mut parts.map, is_lit, rng.chance(UNLIMITED_SHARE));
+    let Some((av, others)) = parts.agents.split_first_mut() else { return };
     let range = rng.uniform(RANGE[0], RANGE[1]);
     for agent in others {
         add_noise(agent, rng);
         hide(agent, &av.track, range, rng);
         set_velocities(&mut agent.track);
     }
-    agents.retain(|agent| agent.track.iter().any(Option::is_some));
+    parts.agents.retain(|agent| agent.track.iter().any(Option::is_some));
+}
+
+/// Removes all lights, or the states of some lights in some frames.
+fn hide_lights(lights: &mut Vec<LightParts>, rng: &mut Stream) {
+    if rng.chance(UNLIT_SHARE) {
+        lights.clear();
+    }
+    for light in lights {
+        let frames = light.states.len();
+        let known = match rng.weighted(&LIGHT_WEIGHTS) {
+            0 => 0..frames,
+            1 => 0..0,
+            _ => {
+                let (a, b) = (rng.count(0, frames), rng.count(0, frames));
+                a.min(b)..a.max(b)
+            }
+        };
+        let hidden = (0..frames).filter(|frame| !known.contains(frame));
+        hidden.for_each(|frame| light.states[frame] = None);
+    }
+}
+
+/// Removes from the map what recordings do not contain: the difference between junctions and other lanes, outlines
+/// of lanes, junctions and drivable ground, give-way lines, lines of lights that are not recorded, and, where
+/// `unlimited`, speed limits.
+fn reduce(map: &mut MapParts, is_lit: impl Fn(&str) -> bool, unlimited: bool) {
+    for lane in &mut map.lanes {
+        lane.kind = LaneKind::Connector;
+        lane.area = LaneArea::Corridor { half_width: LANE_HALF_WIDTH };
+        if unlimited {
+            lane.speed_limit = None;
+        }
+    }
+    map.stop_lines.retain(|line| match line.kind {
+        StopKind::Light => is_lit(&line.lane),
+        StopKind::Sign => true,
+        StopKind::Yield => false,
+    });
+    map.intersections.clear();
+    map.drivable_area = None;
+    map.heights.drivable_area.clear();
 }
 
 /// Adds independent errors to the poses of all frames in which the agent moves.
@@ -124,13 +173,16 @@ fn set_velocities(track: &mut [Frame]) {
 #[cfg(test)]
 mod tests {
     use reactsim_rollout::{Purpose, stream};
-    use reactsim_scene::{Agent, AgentState, CURRENT, FRAMES, HISTORY, LaneArea, LaneClass, LaneKind, LaneParts};
+    use reactsim_scene::{
+        Agent, AgentState, CURRENT, FRAMES, HISTORY, LaneClass, LaneParts, LightState, StopLineParts,
+    };
 
     use super::*;
 
     /// Returns an agent that drives along x from `x` at `speed`, m/s, at this distance beside the origin.
     fn agent(id: usize, speed: f64, x: f64, y: f64) -> LoggedAgent {
-        let state = |f: usize| AgentState { x: x + speed * DT * f as f64, y, heading: 0.0, vx: speed, vy: 0.0 };
+        let state =
+            |f: usize| AgentState { x: x + speed * DT * f as f64, y, heading: 0.0, vx: speed, vy: 0.0 };
         let agent = Agent { id: id.to_string(), kind: AgentKind::Vehicle, length: 4.6, width: 2.0 };
         LoggedAgent { agent, track: (0..FRAMES).map(|f| Some(state(f))).collect(), heights: Vec::new() }
     }
@@ -138,9 +190,10 @@ mod tests {
     /// Returns what the AV records of vehicles at this distance beside it.
     fn recorded(distance: f64, speed: f64, draw: u32) -> Vec<LoggedAgent> {
         let others = (1..40).map(|id| agent(id, speed, 0.0, distance));
-        let mut agents: Vec<LoggedAgent> = std::iter::once(agent(0, speed, 0.0, 0.0)).chain(others).collect();
-        record(&mut agents, &mut MapParts::default(), &mut stream(0, "sensor", draw, Purpose::Traffic));
-        agents
+        let agents: Vec<LoggedAgent> = std::iter::once(agent(0, speed, 0.0, 0.0)).chain(others).collect();
+        let mut parts = ScenarioParts { agents, ..ScenarioParts::default() };
+        record(&mut parts, &mut stream(0, "sensor", draw, Purpose::Traffic));
+        parts.agents
     }
 
     /// Returns the median standard deviation of y among the agents other than the AV, metres.
@@ -184,31 +237,56 @@ mod tests {
     fn far_agents_are_hidden_more_often_than_near_ones() {
         let [near, far] = [visible(10.0), visible(50.0)];
         assert!(near[0] > 0.98 && near[1] > 0.92, "{near:?}");
-        assert!((0.85..0.95).contains(&far[0]) && (0.3..0.55).contains(&far[1]), "{far:?}");
+        assert!((0.78..0.92).contains(&far[0]) && (0.25..0.45).contains(&far[1]), "{far:?}");
         let beyond = recorded(RANGE[1] + 1.0, 10.0, 0);
         assert_eq!(beyond.len(), 1, "agents out of range are recorded");
     }
 
-    #[test]
-    fn some_maps_have_no_speed_limits() {
+    /// Returns a scenario with a light, as it is recorded.
+    fn lit(draw: u32) -> ScenarioParts {
         let lane = LaneParts {
             id: "lane".to_owned(),
             kind: LaneKind::Lane,
             class: LaneClass::SurfaceStreet,
             speed_limit: Some(15.0),
             points: Vec::new(),
-            area: LaneArea::Corridor { half_width: 1.7 },
+            area: LaneArea::Polygon(Vec::new()),
             successors: Vec::new(),
             predecessors: Vec::new(),
             left: Vec::new(),
             right: Vec::new(),
         };
-        let lacks = |draw: &u32| {
-            let mut map = MapParts { lanes: vec![lane.clone()], ..MapParts::default() };
-            record(&mut Vec::new(), &mut map, &mut stream(0, "limits", *draw, Purpose::Traffic));
-            map.lanes[0].speed_limit.is_none()
-        };
-        let share = (0..1000).filter(lacks).count() as f64 / 1000.0;
-        assert!((share - UNLIMITED_SHARE).abs() < 0.05, "{share}");
+        let states = vec![Some(LightState::Stop); FRAMES];
+        let light = LightParts { lane: "lane".to_owned(), stop_point: Vec2::zeros(), states };
+        let line = |kind| StopLineParts { kind, lane: "lane".to_owned(), at: Vec2::zeros() };
+        let stop_lines = [StopKind::Light, StopKind::Sign, StopKind::Yield].map(line).to_vec();
+        let drivable_area = Some(Vec::new());
+        let map = MapParts { lanes: vec![lane], stop_lines, drivable_area, ..MapParts::default() };
+        let mut parts = ScenarioParts { map, lights: vec![light], ..ScenarioParts::default() };
+        record(&mut parts, &mut stream(0, "map", draw, Purpose::Traffic));
+        parts
+    }
+
+    #[test]
+    fn maps_and_lights_are_recorded_in_part() {
+        const DRAWS: u32 = 2000;
+        let (mut unlimited, mut unlit, mut known) = (0, 0, 0);
+        for parts in (0..DRAWS).map(lit) {
+            let lane = &parts.map.lanes[0];
+            assert_eq!((lane.kind, &parts.map.drivable_area), (LaneKind::Connector, &None));
+            let kinds: Vec<StopKind> = parts.map.stop_lines.iter().map(|line| line.kind).collect();
+            assert_eq!(kinds.contains(&StopKind::Light), !parts.lights.is_empty());
+            assert!(kinds.contains(&StopKind::Sign) && !kinds.contains(&StopKind::Yield));
+            unlimited += u32::from(lane.speed_limit.is_none());
+            unlit += u32::from(parts.lights.is_empty());
+            known += parts.lights.iter().flat_map(|light| &light.states).flatten().count();
+        }
+        let share = |count: u32| f64::from(count) / f64::from(DRAWS);
+        assert!((share(unlimited) - UNLIMITED_SHARE).abs() < 0.04, "{unlimited}");
+        assert!((share(unlit) - UNLIT_SHARE).abs() < 0.04, "{unlit}");
+        // A third of the frames of lights that are known in a part of them.
+        let frames = f64::from(DRAWS - unlit) * FRAMES as f64;
+        let expected = LIGHT_WEIGHTS[0] + LIGHT_WEIGHTS[2] / 3.0;
+        assert!((known as f64 / frames - expected).abs() < 0.04, "{}", known as f64 / frames);
     }
 }
