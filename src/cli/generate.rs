@@ -15,10 +15,10 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-The presets train and sensed write scenarios as they are generated; those of sensed look as
-sensors record them, with noise and hidden agents. The preset bench curates scenarios and keeps
-those with a deviated AV until the quotas of all categories and map types are filled. It writes
-the candidates, as `curate` does, to a second file next to FILE.
+The preset train writes scenarios as they are generated. The preset sensed makes traffic with the
+speeds of recordings, and adds the noise and the gaps of sensors. The preset bench curates
+scenarios and keeps those with a deviated AV until the quotas of all categories and map types are
+filled. It writes the candidates, as `curate` does, to a second file next to FILE.
 
 Examples:
   reactsim generate --preset bench --count 150 --out bench.parquet

@@ -34,7 +34,7 @@ const MIN_DISPLACEMENT: f64 = 10.0;
 /// Weights of speed limits that are raised by 0, 5 and 10 mph.
 const RAISE_WEIGHTS: [f64; 3] = [0.25, 0.35, 0.4];
 /// Speed limits of streets, m/s: 25 to 45 mph. Aisles of car parks and motorways have others.
-const STREET_LIMITS: std::ops::Range<f64> = mph(24.9)..mph(45.0);
+const STREET_LIMITS: std::ops::Range<f64> = mph(25.0)..mph(45.0);
 /// Resolution of positions, metres: a power of two, finer than any sensor, which keeps files small.
 const POSITION_STEP: f64 = 1.0 / 8192.0;
 /// Resolution of heights, metres: like that of positions.
@@ -85,8 +85,8 @@ fn draw_layout(settings: &GenerationSettings, number: u64, rng: &mut Stream) -> 
     (allowed[which], layout)
 }
 
-/// Raises the speed limits of streets by up to 10 mph, to at most 45 mph. Half of the vehicles of recordings that
-/// are on lanes with a known limit are on roads of 45 mph.
+/// Raises the speed limits of streets by up to 10 mph, to at most 45 mph. Half of the vehicles of recordings
+/// that are on lanes with a known limit are on roads of 45 mph.
 fn raise_limits(layout: &mut Layout, rng: &mut Stream) {
     let raise = mph([0.0, 5.0, 10.0][rng.weighted(&RAISE_WEIGHTS)]);
     for lane in &mut layout.map.lanes {

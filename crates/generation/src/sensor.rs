@@ -1,12 +1,12 @@
-//! How a vehicle's sensors record a scenario: noise of tracks, frames in which agents and lights are hidden, and a
-//! map with less content than the generator draws.
+//! How a vehicle's sensors record a scenario: noise of tracks, frames in which agents and lights are hidden,
+//! and a map with less content than the generator draws.
 //!
-//! The constants are aggregates of the Waymo Open Motion Dataset (417 windows of the train split, kept outside
-//! this repository). Tracks of moving agents have the third differences of independent errors; parked vehicles
-//! have none. Of the vehicles that are present at the current frame, 86 % are seen in all frames before it, and
-//! 44 % in all frames after it. 38 % of the windows have no speed limits. Where lights are recorded, 28 % of them
-//! are known in all frames, 12 % in none, and all together in 55 % of the frames. Its maps do not tell junctions
-//! from other lanes, and have neither give-way lines nor drivable areas.
+//! The constants are aggregates of the Waymo Open Motion Dataset (417 windows of the training set, kept
+//! outside this repository). Tracks of moving agents have the third differences of independent errors; parked
+//! vehicles have none. Of the vehicles that are present at the current frame, 86 % are seen in all frames
+//! before it, and 44 % in all frames after it. 38 % of the windows have no speed limits. Where lights are
+//! recorded, 28 % of them are known in all frames, 12 % in none, and all together in 55 % of the frames. Its
+//! maps do not tell junctions from other lanes, and have neither give-way lines nor drivable areas.
 
 use reactsim_geometry::{Vec2, direction, left, math, wrap};
 use reactsim_rollout::Stream;
@@ -25,8 +25,8 @@ const UNLIT_SHARE: f64 = 0.25;
 const LIGHT_WEIGHTS: [f64; 3] = [0.28, 0.12, 0.6];
 /// Distance in metres beyond which agents are hidden: bounds of a uniform draw per scenario.
 const RANGE: [f64; 2] = [70.0, 85.0];
-/// Rate at which visible agents become hidden at [`RATE_DISTANCE`], per second; it grows with the square of the
-/// distance.
+/// Rate at which visible agents become hidden at [`RATE_DISTANCE`], per second; it grows with the square of
+/// the distance.
 const LOSS_RATE: f64 = 0.12;
 /// Distance at which [`LOSS_RATE`] applies, metres.
 const RATE_DISTANCE: f64 = 45.0;
@@ -56,7 +56,8 @@ impl Noise {
     }
 }
 
-/// Reduces a scenario to what the sensors of its first agent record. Agents that are never visible are removed.
+/// Reduces a scenario to what the sensors of its first agent record. Agents that are never visible are
+/// removed.
 pub(super) fn record(parts: &mut ScenarioParts, rng: &mut Stream) {
     hide_lights(&mut parts.lights, rng);
     let is_lit = |lane: &str| parts.lights.iter().any(|light| light.lane == lane);
@@ -91,9 +92,9 @@ fn hide_lights(lights: &mut Vec<LightParts>, rng: &mut Stream) {
     }
 }
 
-/// Removes from the map what recordings do not contain: the difference between junctions and other lanes, outlines
-/// of lanes, junctions and drivable ground, give-way lines, lines of lights that are not recorded, and, where
-/// `unlimited`, speed limits.
+/// Removes from the map what recordings do not contain: the difference between junctions and other lanes,
+/// outlines of lanes, junctions and drivable ground, give-way lines, lines of lights that are not recorded,
+/// and, where `unlimited`, speed limits.
 fn reduce(map: &mut MapParts, is_lit: impl Fn(&str) -> bool, unlimited: bool) {
     for lane in &mut map.lanes {
         lane.kind = LaneKind::Connector;
@@ -126,8 +127,8 @@ fn add_noise(agent: &mut LoggedAgent, rng: &mut Stream) {
     }
 }
 
-/// Removes the frames in which the agent is hidden from the AV: a process with two states whose rates depend on
-/// their distance.
+/// Removes the frames in which the agent is hidden from the AV: a process with two states whose rates depend
+/// on their distance.
 fn hide(agent: &mut LoggedAgent, av: &[Frame], range: f64, rng: &mut Stream) {
     let factor = DT * math::exp(RATE_SPREAD * rng.normal());
     let mut visible = None;
@@ -135,16 +136,18 @@ fn hide(agent: &mut LoggedAgent, av: &[Frame], range: f64, rng: &mut Stream) {
         let (Some(state), Some(av)) = (&frame, av) else { continue };
         let distance = (state.position() - av.position()).norm();
         let loss = LOSS_RATE * (distance / RATE_DISTANCE) * (distance / RATE_DISTANCE);
-        let stays = match visible {
+        let chance = match visible {
             None => RETURN_RATE / (RETURN_RATE + loss),
             Some(true) => 1.0 - factor * loss,
             Some(false) => factor * RETURN_RATE,
         };
-        let seen = rng.chance(stays) && distance <= range;
+        let seen = rng.chance(chance) && distance <= range;
         visible = Some(seen);
         if !seen {
             *frame = None;
-            agent.heights.get_mut(f).into_iter().for_each(|height| *height = None);
+            if let Some(height) = agent.heights.get_mut(f) {
+                *height = None;
+            }
         }
     }
 }
@@ -179,18 +182,17 @@ mod tests {
 
     use super::*;
 
-    /// Returns an agent that drives along x from `x` at `speed`, m/s, at this distance beside the origin.
-    fn agent(id: usize, speed: f64, x: f64, y: f64) -> LoggedAgent {
-        let state =
-            |f: usize| AgentState { x: x + speed * DT * f as f64, y, heading: 0.0, vx: speed, vy: 0.0 };
+    /// Returns an agent that drives along the x axis at `speed`, m/s, at this distance beside it.
+    fn agent(id: usize, speed: f64, y: f64) -> LoggedAgent {
+        let state = |f: usize| AgentState { x: speed * DT * f as f64, y, heading: 0.0, vx: speed, vy: 0.0 };
         let agent = Agent { id: id.to_string(), kind: AgentKind::Vehicle, length: 4.6, width: 2.0 };
         LoggedAgent { agent, track: (0..FRAMES).map(|f| Some(state(f))).collect(), heights: Vec::new() }
     }
 
     /// Returns what the AV records of vehicles at this distance beside it.
     fn recorded(distance: f64, speed: f64, draw: u32) -> Vec<LoggedAgent> {
-        let others = (1..40).map(|id| agent(id, speed, 0.0, distance));
-        let agents: Vec<LoggedAgent> = std::iter::once(agent(0, speed, 0.0, 0.0)).chain(others).collect();
+        let others = (1..40).map(|id| agent(id, speed, distance));
+        let agents: Vec<LoggedAgent> = std::iter::once(agent(0, speed, 0.0)).chain(others).collect();
         let mut parts = ScenarioParts { agents, ..ScenarioParts::default() };
         record(&mut parts, &mut stream(0, "sensor", draw, Purpose::Traffic));
         parts.agents
@@ -210,7 +212,7 @@ mod tests {
     #[test]
     fn moving_agents_have_noise_and_the_av_has_none() {
         let agents = recorded(5.0, 10.0, 0);
-        assert_eq!(agents[0].track, agent(0, 10.0, 0.0, 0.0).track);
+        assert_eq!(agents[0].track, agent(0, 10.0, 0.0).track);
         let across = noise(&agents, 5.0);
         assert!((0.002..0.005).contains(&across), "{across}");
         for agent in &agents[1..] {
@@ -222,8 +224,8 @@ mod tests {
         assert!(noise(&recorded(5.0, 0.0, 0), 5.0) == 0.0, "parked vehicles have noise");
     }
 
-    /// Shares of the agents present at the current frame that are visible throughout the history, and throughout
-    /// the future.
+    /// Returns the shares of the agents present at the current frame that are visible throughout the history,
+    /// and throughout the future.
     fn visible(distance: f64) -> [f64; 2] {
         let all: Vec<LoggedAgent> = (0..30).flat_map(|d| recorded(distance, 10.0, d).split_off(1)).collect();
         let now: Vec<&LoggedAgent> = all.iter().filter(|a| a.track[CURRENT].is_some()).collect();
