@@ -51,8 +51,11 @@ const INTENTIONS: &str = "intentions";
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let recipe: Recipe = setup.recipe()?;
     recipe.network.check().map_err(|e| TaskError::values(ID, e))?;
-    let parent = setup.parent(Policy::read, |policy| policy.config == recipe.network)?;
-    let (parent, own) = parent.map(|(policy, digest)| ((policy.network, digest), policy.intentions)).unzip();
+    let parent = setup.parent(Policy::read, |policy| policy.config.holds(&recipe.network))?;
+    let layers = recipe.network.decoder_layers;
+    let parent = parent
+        .map(|(policy, digest)| ((policy.network.with_decoder_layers(layers), digest), policy.intentions));
+    let (parent, own) = parent.unzip();
     let intentions = setup.input(INTENTIONS, Intentions::read, own)?.unwrap_or_else(Intentions::fan);
     let origin = Origin::new(&setup.device, parent);
     Ok(Box::new(Regression { origin, ..Regression::new(recipe, intentions, &setup.device) }))

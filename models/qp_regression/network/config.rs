@@ -188,6 +188,29 @@ impl Config {
         self.agents + self.lines
     }
 
+    /// Returns whether a network with these sizes holds one with the others: at least as many layers of the
+    /// decoder, and no difference but in sizes that no weights depend on.
+    pub(crate) fn holds(&self, other: &Self) -> bool {
+        // Without scene-centric encoding its sizes mean nothing; files from before it have none.
+        let unused = if self.encoding == Encoding::SceneCentric { self } else { other };
+        let same = Self {
+            agents: other.agents,
+            lines: other.lines,
+            radius: other.radius,
+            neighbours: other.neighbours,
+            line_neighbours: other.line_neighbours,
+            map_layers: unused.map_layers,
+            relation_width: unused.relation_width,
+            base_lines: other.base_lines,
+            way_lines: other.way_lines,
+            modes: other.modes,
+            apart: other.apart,
+            decoder_layers: other.decoder_layers,
+            ..*self
+        };
+        self.decoder_layers >= other.decoder_layers && same == *other
+    }
+
     /// Returns the times from now to each predicted state, seconds.
     pub(crate) fn times(&self) -> impl Iterator<Item = f64> + Clone + use<> {
         let step = self.step as f64 * reactsim_scene::DT;
@@ -264,8 +287,8 @@ impl Default for Config {
             outlook: true,
             output_units: OutputUnits::Fixed,
             step: 5,
-            agents: 16,
-            lines: 64,
+            agents: 12,
+            lines: 24,
             points: 10,
             spacing: 2.0,
             radius: 120.0,
@@ -282,9 +305,9 @@ impl Default for Config {
             widening: 2,
             decoder_width: 64,
             map_width: 64,
-            decoder_layers: 2,
-            base_lines: 24,
-            way_lines: 16,
+            decoder_layers: 1,
+            base_lines: 16,
+            way_lines: 12,
             modes: 6,
             apart: 2.5,
         }

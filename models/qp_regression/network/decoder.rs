@@ -74,6 +74,16 @@ impl MotionDecoder {
         }
     }
 
+    /// Removes all layers but the first `count`.
+    pub(crate) fn truncate(&mut self, count: usize) {
+        self.obj_decoder_layers.truncate(count);
+        self.map_decoder_layers.truncate(count);
+        self.map_query_content_mlps.truncate(count);
+        self.query_feature_fusion_layers.truncate(count);
+        self.motion_reg_heads.truncate(count);
+        self.motion_cls_heads.truncate(count);
+    }
+
     pub(crate) fn forward(
         &self,
         tokens: Tokens,

@@ -30,6 +30,12 @@ impl Network {
         }
     }
 
+    /// Removes layers of the decoder, the last ones first.
+    pub(crate) fn with_decoder_layers(mut self, count: usize) -> Self {
+        self.motion_decoder.truncate(count);
+        self
+    }
+
     /// Encodes lines for [`Batch::of`]; `None` if the network encodes the surroundings of every agent.
     pub(crate) fn encode_lines(&self, lines: &LineBatch) -> Option<Tensor<2>> {
         self.scene_encoder.as_ref().map(|encoder| encoder.encode_lines(lines, &mut None))
