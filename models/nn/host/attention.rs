@@ -3,7 +3,8 @@
 use burn::tensor::{Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::softmax::weights;
+use super::rows::totals;
+use super::softmax::partial_weights;
 use super::{LANES, Numbers};
 
 /// Queries that are computed together, so that keys and values are read once for all of them.
@@ -140,12 +141,13 @@ impl WithSimd for Pass<'_> {
                     let count = TOGETHER.min(m - first);
                     self.read_queries(scene * m + first, count, h, &mut head.queries);
                     score(simd, &head.queries, &head.keys, &mut head.scores);
-                    let mut factors = [0.0; TOGETHER];
-                    for (i, factor) in factors.iter_mut().enumerate().take(count) {
+                    let mut sums = [[0.0; LANES]; TOGETHER];
+                    for (i, sums) in sums.iter_mut().enumerate().take(count) {
                         let scores = head.scores.row_mut(i);
                         self.close(scene, first + i, scores);
-                        *factor = 1.0 / weights(scores);
+                        *sums = partial_weights(scores);
                     }
+                    let factors = totals(&sums).map(|sum| 1.0 / sum);
                     for block in (0..v).step_by(LANES) {
                         let sums = mix(simd, &head.scores, &head.values, block, n);
                         for i in 0..count {

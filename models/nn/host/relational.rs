@@ -3,7 +3,8 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::softmax::weights;
+use super::rows::totals;
+use super::softmax::partial_weights;
 use super::{LANES, Numbers, slice};
 
 /// Slots of the neighbours of N destinations: K per destination, of which some are open.
@@ -140,12 +141,13 @@ impl Pass<'_> {
                 scores[head * width + i] = simd.reduce_sum_f32s(sums[head]) + tails[head];
             }
         }
-        let mut factors = [0.0; H];
+        let mut sums = [[0.0; LANES]; H];
         for head in 0..H {
             let scores = &mut scores[head * width..][..width];
             scores[open.len()..].fill(f32::NEG_INFINITY);
-            factors[head] = 1.0 / weights(scores);
+            sums[head] = partial_weights(scores);
         }
+        let factors = totals(&sums).map(|sum| 1.0 / sum);
         for (part, out) in self.parts.into_iter().zip(&mut self.out) {
             let out = &mut out[row * part.width..];
             mix::<S, H>(simd, &part, open, scores, width, factors, (out, count * part.width));

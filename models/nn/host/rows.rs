@@ -6,6 +6,9 @@ use pulp::{Arch, Simd, WithSimd};
 use super::product::{BLOCK_ROWS, Product, Weights};
 use super::{LANES, Numbers};
 
+/// Rows that are normalised together, so that the processor adds up several at once.
+const TOGETHER: usize = 4;
+
 /// Operations on each row of a matrix, in this order.
 #[derive(Default)]
 pub(crate) struct RowPass {
@@ -142,16 +145,20 @@ impl Follow<'_> {
     #[inline(always)]
     fn apply(&self, first: usize, rows: &mut [f32]) {
         let width = self.finish.width;
-        for (i, row) in rows.chunks_exact_mut(width).enumerate() {
-            let i = first + i;
-            for added in self.added {
-                add(row, &added[(i * width) % added.len()..][..width]);
+        for (group, rows) in rows.chunks_mut(TOGETHER * width).enumerate() {
+            let numbers = first + group * TOGETHER..;
+            for (i, row) in numbers.clone().zip(rows.chunks_exact_mut(width)) {
+                for added in self.added {
+                    add(row, &added[(i * width) % added.len()..][..width]);
+                }
             }
-            self.finish.apply(row);
+            self.finish.apply(rows);
             if let Some(factors) = self.factors {
-                let factor = factors[i];
-                for x in row {
-                    *x *= factor;
+                for (i, row) in numbers.zip(rows.chunks_exact_mut(width)) {
+                    let factor = factors[i];
+                    for x in row {
+                        *x *= factor;
+                    }
                 }
             }
         }
@@ -170,19 +177,24 @@ impl Finish<'_> {
         }
     }
 
+    /// Applies the operations to at most [`TOGETHER`] rows.
     #[inline(always)]
-    fn apply(&self, row: &mut [f32]) {
+    fn apply(&self, rows: &mut [f32]) {
         if let Some(bias) = self.bias {
-            add(row, bias);
+            for row in rows.chunks_exact_mut(self.width) {
+                add(row, bias);
+            }
         }
         if let Some(norm) = &self.norm {
-            normalize(row, norm.gain, norm.epsilon);
+            normalize(rows, norm.gain, norm.epsilon);
             if let Some(shift) = norm.shift {
-                add(row, shift);
+                for row in rows.chunks_exact_mut(self.width) {
+                    add(row, shift);
+                }
             }
         }
         if self.relu {
-            for x in row {
+            for x in rows {
                 // NaN stays.
                 *x = if *x < 0.0 { 0.0 } else { *x };
             }
@@ -198,21 +210,35 @@ fn add(row: &mut [f32], other: &[f32]) {
     }
 }
 
+/// Normalises at most [`TOGETHER`] rows as wide as the gain.
 #[inline(always)]
-fn normalize(row: &mut [f32], gain: &[f32], epsilon: f32) {
-    let share = 1.0 / row.len() as f32;
-    let mean = sum(row, |x| x) * share;
-    let variance = sum(row, |x| (x - mean) * (x - mean)) * share;
-    let factor = 1.0 / (variance + epsilon).sqrt();
-    let gain = &gain[..row.len()];
-    for i in 0..row.len() {
-        row[i] = (row[i] - mean) * factor * gain[i];
+fn normalize(rows: &mut [f32], gain: &[f32], epsilon: f32) {
+    let share = 1.0 / gain.len() as f32;
+    let mut sums = [[0.0; LANES]; TOGETHER];
+    for (row, sums) in rows.chunks_exact(gain.len()).zip(&mut sums) {
+        *sums = partial_sums(row, |x| x);
+    }
+    let means = totals(&sums).map(|sum| sum * share);
+    for (i, row) in rows.chunks_exact(gain.len()).enumerate() {
+        sums[i] = partial_sums(row, |x| (x - means[i]) * (x - means[i]));
+    }
+    let factors = totals(&sums).map(|sum| 1.0 / (sum * share + epsilon).sqrt());
+    for (i, row) in rows.chunks_exact_mut(gain.len()).enumerate() {
+        for k in 0..row.len() {
+            row[k] = (row[k] - means[i]) * factors[i] * gain[k];
+        }
     }
 }
 
 /// Adds up the terms of a row, each [`LANES`]-th in a sum of its own.
 #[inline(always)]
 pub(super) fn sum(row: &[f32], term: impl Fn(f32) -> f32) -> f32 {
+    totals(&[partial_sums(row, term)])[0]
+}
+
+/// Returns sums of the terms of a row, each of every [`LANES`]-th term.
+#[inline(always)]
+fn partial_sums(row: &[f32], term: impl Fn(f32) -> f32) -> [f32; LANES] {
     let mut sums = [0.0; LANES];
     let (blocks, rest) = row.as_chunks::<LANES>();
     for block in blocks {
@@ -223,7 +249,20 @@ pub(super) fn sum(row: &[f32], term: impl Fn(f32) -> f32) -> f32 {
     for i in 0..rest.len() {
         sums[i] += term(rest[i]);
     }
-    sums.into_iter().sum()
+    sums
+}
+
+/// Adds up N times [`LANES`] numbers. The additions of one sum wait for one another, but not for those of the
+/// other sums.
+#[inline(always)]
+pub(super) fn totals<const N: usize>(parts: &[[f32; LANES]; N]) -> [f32; N] {
+    let mut totals = [0.0; N];
+    for lane in 0..LANES {
+        for i in 0..N {
+            totals[i] += parts[i][lane];
+        }
+    }
+    totals
 }
 
 /// Returns the element-wise maximum of `count` blocks of rows of equal height.

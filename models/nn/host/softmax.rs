@@ -8,19 +8,26 @@ use super::LANES;
 /// slow.
 const LEAST: f32 = -80.0;
 
-/// Replaces scores, whole blocks of [`LANES`], by weights e^(score - largest), and returns their sum.
+/// Replaces scores, whole blocks of [`LANES`], by weights e^(score - largest). Returns sums of the weights, each
+/// of every [`LANES`]-th weight.
 #[inline(always)]
-pub(super) fn weights(scores: &mut [f32]) -> f32 {
+pub(super) fn partial_weights(scores: &mut [f32]) -> [f32; LANES] {
     let (blocks, _) = scores.as_chunks_mut::<LANES>();
     let mut largest = [f32::NEG_INFINITY; LANES];
     for block in blocks.iter() {
         for i in 0..LANES {
-            largest[i] = if block[i] > largest[i] { block[i] } else { largest[i] };
+            largest[i] = larger(block[i], largest[i]);
         }
     }
-    let largest = largest.into_iter().fold(f32::NEG_INFINITY, f32::max);
+    let mut half = LANES / 2;
+    while half > 0 {
+        for i in 0..half {
+            largest[i] = larger(largest[i + half], largest[i]);
+        }
+        half /= 2;
+    }
     for score in blocks.as_flattened_mut() {
-        *score = exp(*score - largest);
+        *score = exp(*score - largest[0]);
     }
     let mut sums = [0.0; LANES];
     for block in blocks.iter() {
@@ -28,7 +35,13 @@ pub(super) fn weights(scores: &mut [f32]) -> f32 {
             sums[i] += block[i];
         }
     }
-    sums.into_iter().sum()
+    sums
+}
+
+/// Returns the larger number; the second one if the first is NaN.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 /// Returns eˣ for x at most 0, to 2e-7 of its value; 0 below [`LEAST`]; NaN for NaN. It has no branches, so
@@ -69,11 +82,11 @@ mod tests {
         let mut row = [-1e9; 2 * LANES];
         row[0] = 3.0;
         row[LANES + 7] = 3.0 - std::f32::consts::LN_2;
-        let sum = weights(&mut row);
+        let sum: f32 = partial_weights(&mut row).into_iter().sum();
         assert!((sum - 1.5).abs() < 1e-6);
         assert_eq!((row[0], row[1]), (1.0, 0.0));
         assert!((row[LANES + 7] - 0.5).abs() < 1e-6);
         // If all are closed, all count alike, as in a softmax of equal scores.
-        assert_eq!(weights(&mut [-1e9; LANES]), 16.0);
+        assert_eq!(partial_weights(&mut [-1e9; LANES]), [1.0; LANES]);
     }
 }
