@@ -43,7 +43,9 @@ impl Sampling {
     /// equal logits, the lower index counts as likelier. `None` as for [`Self::draw`].
     pub(crate) fn draw_first(&self, logits: &[f32], stream: &mut Stream) -> Option<Vec<usize>> {
         let u: f64 = stream.random();
-        if logits.is_empty() || logits.iter().any(|l| l.is_nan() || *l == f32::INFINITY) {
+        // Without a branch, so that several logits are compared at once.
+        let all_below_infinity = logits.iter().fold(true, |all, l| all & (*l < f32::INFINITY));
+        if logits.is_empty() || !all_below_infinity {
             return None;
         }
         let k = if self.top_k == 0 { logits.len() } else { self.top_k.min(logits.len()) };
@@ -94,15 +96,18 @@ fn likeliest(logits: &[f32], k: usize) -> Vec<u32> {
         return order;
     }
     let mut order: Vec<u32> = Vec::with_capacity(k + 1);
-    for token in 0..logits.len() as u32 {
-        let full = order.len() == k;
-        if full && order.last().is_some_and(|last| likelier(last, &token).is_lt()) {
-            continue;
-        }
-        if full {
+    let mut least = f32::NEG_INFINITY;
+    for (token, logit) in logits.iter().enumerate() {
+        if order.len() == k {
+            // Most tokens end here. A later token of an equal logit counts as less likely.
+            if logit.total_cmp(&least).is_le() {
+                continue;
+            }
             order.pop();
         }
+        let token = token as u32;
         order.insert(order.partition_point(|kept| likelier(kept, &token).is_lt()), token);
+        least = order.last().map_or(least, |last| logits[*last as usize]);
     }
     order
 }
