@@ -291,7 +291,7 @@ fn sizes_are_those_that_are_told() {
         all.shapes().filter(|(n, _)| own(n)).map(|(_, s)| s.iter().product::<usize>()).sum::<usize>()
     };
     let small = count(Config::default());
-    assert!((400_000..1_000_000).contains(&small), "{small}");
+    assert!((300_000..500_000).contains(&small), "{small}");
     assert!(bytes(Config::default()).len() <= 4 << 20);
     let mtr: usize = published(&Config::mtr())
         .iter()

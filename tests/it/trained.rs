@@ -7,6 +7,7 @@ use std::process::Output;
 use reactsim::formats;
 use reactsim::formats::rollouts;
 use reactsim::models::TASKS;
+use reactsim::models::nn::Tensors;
 use reactsim::scene::CURRENT;
 use serde_json::Value;
 
@@ -181,6 +182,22 @@ fn a_motion_predictor_is_trained_and_drives() {
     let after = String::from_utf8_lossy(&after.stdout).into_owned();
     assert!((ade(&after) - ade(&judged)).abs() < 0.01, "{judged}{after}");
 
+    // The numbers of lines and agents have no weights, and of two decoder layers the first one is kept.
+    let fewer = folder.path().join("fewer");
+    let sizes =
+        ["--set", "network.decoder_layers=1", "--set", "network.lines=9", "--set", "network.agents=5"];
+    let slow = ["--set", "learning.epochs=1", "--set", "learning.learning_rate=1e-6"];
+    let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(&fewer)];
+    done(&[&base[..], &["--from", &first], &sizes, &slow].concat());
+    let (parent, kept) = (file(&one), file(&fewer));
+    let (parent, kept) = (Tensors::read(&parent).unwrap(), Tensors::read(&kept).unwrap());
+    assert!(parent.shapes().any(|(name, _)| name.contains("decoder_layers.1.")));
+    assert!(!kept.shapes().any(|(name, _)| name.contains("decoder_layers.1.")));
+    for (name, _) in kept.shapes() {
+        let pairs = parent.floats(name).unwrap().1.into_iter().zip(kept.floats(name).unwrap().1);
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-3), "{name} is not the parent's");
+    }
+
     let refused = |arguments: &[&str]| {
         let no = folder.path().join("no");
         let base = ["train", "qp-regression", text(&few), "--out", text(&no)];
@@ -192,6 +209,8 @@ fn a_motion_predictor_is_trained_and_drives() {
     assert!(refused(&["--input", &input(&recipe)]).contains("not safetensors"));
     assert!(refused(&["--from", text(&recipe)]).contains("cannot use the weights"));
     assert!(refused(&["--from", &first]).contains("other sizes than the recipe"));
+    let deeper = ["--recipe", text(&recipe), "--from", &first, "--set", "network.decoder_layers=3"];
+    assert!(refused(&deeper).contains("other sizes than the recipe"));
     let sizes = ["--recipe", text(&recipe), "--from", &first];
     let fan = folder.path().join("fan.safetensors");
     done(&["train", "intentions", BENCH, "--points", "3", "--out", text(&fan)]);

@@ -25,7 +25,7 @@ use super::sample::{Augmentation, Sample, sample};
 pub const TASK: TrainingTask = TrainingTask {
     id: ID,
     also: &[],
-    title: "Motion prediction in the manner of MTR, 0.6 million weights by default",
+    title: "Motion prediction in the manner of MTR, 0.4 million weights by default",
     simulators: &[ID, "regression"],
     defaults: || recipe_values(&Recipe::default(), &Settings::default()),
     ranges: include_str!("ranges.toml"),
