@@ -38,6 +38,7 @@ def workloads(home):
         "idm, 8 shipped scenarios": [*run, "--models", "idm", "--limit", "8"],
         "log-replay, 8 shipped scenarios": [*run, "--models", "log-replay", "--limit", "8"],
         "ntp-reactive, 1 shipped scenario": [*run, "--models", "ntp-reactive", "--limit", "1"],
+        "ntp-guarded, 1 shipped scenario": [*run, "--models", "ntp-guarded", "--limit", "1"],
         "qp-regression, 1 shipped scenario": [*run, "--models", "qp-regression", "--limit", "1"],
         "generate, 2 logs": [
             "generate",
