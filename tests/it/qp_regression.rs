@@ -17,7 +17,7 @@ use reactsim::models::qp_regression::{
     Driving, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
 use reactsim::rollout::{Controller, NOT_FINITE, Settings, roll_out};
-use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
+use reactsim::scene::{AgentKind, CURRENT, DT, Frame, LANE_HALF_WIDTH, MapParts, Scenario};
 use reactsim::training::{Task, View};
 
 use crate::model_weights::{check_refusals, replaced};
@@ -405,9 +405,13 @@ fn modes_begin_with_the_present_velocity() {
     let scenario = scenarios(1).remove(0);
     for prediction in predictions(&policy, &scenario, &tracks(&scenario), 20) {
         for mode in &prediction.modes {
-            let first = mode.points[0].position - prediction.pose.position;
-            let apart = (first - prediction.velocity * DT).norm();
-            assert!(apart < 0.1, "{apart}");
+            // The distance from constant velocity grows with the square of time at least: a motion that had
+            // another velocity at once would have a fifth of it after a fifth of the time.
+            let apart = |k: usize| {
+                let moved = mode.points[k - 1].position - prediction.pose.position;
+                (moved - prediction.velocity * (DT * k as f64)).norm()
+            };
+            assert!(apart(1) < 0.08 * apart(5) + 0.005, "{} after {}", apart(5), apart(1));
             assert!(mode.points[0].deviation(direction(0.3)) < mode.points[79].deviation(direction(0.3)));
         }
     }
@@ -523,7 +527,7 @@ fn what_ships_follows_a_bend() {
     assert!(at(79).y > 10.0, "{}", at(79));
     for p in (0..80).map(at).filter(|p| p.x > 0.0 && p.y < 23.0) {
         let aside = (p - Vec2::new(0.0, 25.0)).norm() - 25.0;
-        assert!(aside.abs() < 1.5, "{p}: {aside} m aside");
+        assert!(aside.abs() < LANE_HALF_WIDTH, "{p}: {aside} m aside");
     }
 }
 
