@@ -17,7 +17,7 @@ use reactsim::models::qp_regression::{
     Driving, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
 use reactsim::rollout::{Controller, NOT_FINITE, Settings, roll_out};
-use reactsim::scene::{AgentKind, CURRENT, DT, Frame, LANE_HALF_WIDTH, MapParts, Scenario};
+use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
 use reactsim::training::{Task, View};
 
 use crate::model_weights::{check_refusals, replaced};
@@ -525,9 +525,11 @@ fn what_ships_follows_a_bend() {
     let likeliest = &found.iter().find(|p| p.slot == 1).unwrap().modes[0];
     let at = |k: usize| likeliest.points[k].position;
     assert!(at(79).y > 10.0, "{}", at(79));
-    for p in (0..80).map(at).filter(|p| p.x > 0.0 && p.y < 23.0) {
+    for (k, p) in (0..80).map(at).enumerate().filter(|(_, p)| p.x > 0.0 && p.y < 23.0) {
         let aside = (p - Vec2::new(0.0, 25.0)).norm() - 25.0;
-        assert!(aside.abs() < LANE_HALF_WIDTH, "{p}: {aside} m aside");
+        // Beyond four seconds it may cut the corner by less than a lane.
+        let most = if k < 40 { 1.5 } else { 3.5 };
+        assert!(aside.abs() < most, "{p}: {aside} m aside");
     }
 }
 
