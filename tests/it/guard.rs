@@ -67,7 +67,9 @@ fn a_corner_that_leaves_the_road_changes_the_plan() {
     let map = MapParts { drivable_area: Some(vec![Polygon { exterior, holes: Vec::new() }]), ..straight() };
     let scenario = scene("drifts", vec![bystander(), car("drifts", 0.0, 0.0, 0.02, 8.0)], map);
     let driven = |corners: bool| {
-        let guard = guarded(constant_velocity(), GuardSettings { corners, ..settings() }).unwrap();
+        // With a long proposal the corner is seen to leave the road before the centre is.
+        let settings = GuardSettings { corners, steps: 20, ..settings() };
+        let guard = guarded(constant_velocity(), settings).unwrap();
         let rollout = run(&guard, &scenario);
         check_limits(&scenario, &rollout);
         let boxes = rollout.tracks[1].iter().flatten().map(|s| s.footprint(&scenario.start.agents[1]));
@@ -75,7 +77,7 @@ fn a_corner_that_leaves_the_road_changes_the_plan() {
         (rollout.outcomes["qp-as-proposed"], farthest - edge)
     };
     let ((centre, beyond), (corners, inside)) = (driven(false), driven(true));
-    assert!(corners <= centre && centre < 16, "of 16 plans {corners} and {centre} are as proposed");
+    assert!(corners < centre && centre < 16, "of 16 plans {corners} and {centre} are as proposed");
     assert!(beyond > 0.1 && inside < 0.02, "corners are {beyond} and {inside} m off the road");
 }
 

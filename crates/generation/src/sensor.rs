@@ -152,8 +152,8 @@ fn hide(agent: &mut LoggedAgent, av: &[Frame], range: f64, rng: &mut Stream) {
     }
 }
 
-/// Sets velocities to the differences of recorded positions, as recordings have them. They state one at the first
-/// frame of a track, too, where the assembly of a scenario would leave it unknown.
+/// Sets velocities to the differences of recorded positions, as recordings have them. Recordings state a velocity
+/// even at the first frame of a track; `Scenario::assemble` would leave it unknown if it is the current one.
 fn set_velocities(track: &mut [Frame]) {
     let position = |frame: Option<&Frame>| frame.copied().flatten().map(|state| state.position());
     let velocities: Vec<Option<Vec2>> = (0..track.len())

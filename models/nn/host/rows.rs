@@ -252,8 +252,8 @@ fn partial_sums(row: &[f32], term: impl Fn(f32) -> f32) -> [f32; LANES] {
     sums
 }
 
-/// Adds up N times [`LANES`] numbers. The additions of one sum wait for one another, but not for those of the
-/// other sums.
+/// Returns N sums of [`LANES`] numbers each. Additions of one sum wait for one another; other sums go on
+/// meanwhile.
 #[inline(always)]
 pub(super) fn totals<const N: usize>(parts: &[[f32; LANES]; N]) -> [f32; N] {
     let mut totals = [0.0; N];
