@@ -8,8 +8,8 @@ use super::LANES;
 /// slow.
 const LEAST: f32 = -80.0;
 
-/// Replaces scores, whole blocks of [`LANES`], by weights e^(score - largest). Returns sums of the weights, each
-/// of every [`LANES`]-th weight.
+/// Replaces scores, whole blocks of [`LANES`], by weights e^(score - largest). Returns sums of the weights,
+/// each of every [`LANES`]-th weight.
 #[inline(always)]
 pub(super) fn partial_weights(scores: &mut [f32]) -> [f32; LANES] {
     let (blocks, _) = scores.as_chunks_mut::<LANES>();
