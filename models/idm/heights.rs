@@ -58,8 +58,13 @@ pub(super) fn follow(road: &Road<'_>, actors: &mut [Actor]) {
 pub(super) fn forecast(road: &Road<'_>, actors: &[Actor], forecasts: &mut [Forecast]) {
     for forecast in forecasts {
         let mut height = actors[forecast.actor].height;
+        // Half of all agents stand: the same question has the same answer.
+        let mut last: Option<(Vec2, f64)> = None;
         for sample in &mut forecast.samples {
-            height = road.ground_height(sample.center, height);
+            if last != Some((sample.center, height)) {
+                last = Some((sample.center, height));
+                height = road.ground_height(sample.center, height);
+            }
             sample.height = height;
         }
     }

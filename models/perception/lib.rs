@@ -41,7 +41,7 @@ pub use known_map::{KnownMap, Stop};
 pub use known_motion::KnownMotion;
 pub use map_pieces::MAX_LINE_LENGTH;
 pub use map_pieces::{MapPiece, PIECE_POINTS, PieceKind, map_pieces};
-pub use nearest::Nearest;
+pub use nearest::{Nearest, millionths};
 pub use place::{PLACE_FEATURES, Place, Role};
 pub use places::Places;
 pub use point_index::PointIndex;

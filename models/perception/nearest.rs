@@ -50,6 +50,13 @@ impl Nearest {
     }
 }
 
+/// Returns a value, at least 0, in whole millionths. [`Nearest`] counts values as equal if these are.
+pub fn millionths(value: f64) -> u64 {
+    let value = value * 1e6;
+    let whole = value as u64;
+    whole + u64::from(value - whole as f64 >= 0.5)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -66,6 +73,13 @@ mod tests {
             values.iter().enumerate().for_each(|(i, v)| nearest.offer(*v, i));
             let wanted: Vec<usize> = wanted.into_iter().take(k).map(|(_, i)| i).collect();
             assert_eq!(nearest.found().collect::<Vec<_>>(), wanted);
+        }
+    }
+
+    #[test]
+    fn millionths_are_rounded() {
+        for value in [0.0, 0.49e-6, 0.5e-6, 2.5e-6, 1.4999e-6, 123.456_789_5, 9.0e8] {
+            assert_eq!(millionths(value) as f64, (value * 1e6).round(), "{value}");
         }
     }
 }

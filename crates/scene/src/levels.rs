@@ -5,7 +5,7 @@
 //! one place; every other scenario is flat, and all of its objects are on one level.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use reactsim_geometry::{Projection, Vec2};
 
@@ -201,7 +201,7 @@ fn count_shifted(samples: &[(Vec2, f64)], shift: f64) -> usize {
         |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
     // Most maps are flat, so that the range of heights at each place decides. Successive points mostly share
     // a place.
-    let mut ranges: BTreeMap<(i64, i64), (f64, f64)> = BTreeMap::new();
+    let mut ranges: HashMap<(i64, i64), (f64, f64)> = HashMap::new();
     for same in samples.chunk_by(|a, b| place(a.0) == place(b.0)) {
         let range = ranges.entry(place(same[0].0)).or_insert((f64::INFINITY, f64::NEG_INFINITY));
         *range = same.iter().fold(*range, |(low, high), (_, z)| (low.min(*z), high.max(*z)));

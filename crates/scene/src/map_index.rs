@@ -146,7 +146,14 @@ impl<'a> Road<'a> {
         self.index.piece_grid.visit(&around, |i| {
             let Piece { lane, first, last } = self.index.pieces[i as usize];
             let line = &self.map.lanes[lane as usize].baseline;
-            let at = line.project_between(p, first as usize, last as usize);
+            let (first, last) = (first as usize, last as usize);
+            // No point of a piece is farther from its beginning than the piece is long.
+            let length = line.arc()[last] - line.arc()[first];
+            let reach = (radius + length) * (1.0 + 1e-9);
+            if (p - line.points()[first]).norm_squared() > reach * reach {
+                return;
+            }
+            let at = line.project_between(p, first, last);
             if at.distance <= radius {
                 see(at.distance, self.map.heights.of_lane(lane as usize, &at));
             }

@@ -4,12 +4,12 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim_geometry::Vec2;
 use reactsim_learning::Intentions;
 use reactsim_nn::{CLOSED, LinkTensors, Links};
-use reactsim_perception::{Class, Nearest};
+use reactsim_perception::{Class, millionths};
 use reactsim_scene::HISTORY;
 
 use super::STATE;
 use super::config::{Config, Encoding};
-use super::guide::reference_states;
+use super::guide::References;
 use crate::inputs::{
     AGENT_FEATURES, Content, LINE_FEATURES, LineNodes, OUTLOOK, POSE_FEATURES, PolylineFeatures, SceneNodes,
     SeenNodes, Surroundings, agent_numbers, point_numbers,
@@ -377,22 +377,25 @@ pub(super) fn nearest_tokens(
 ) -> Tensor<4> {
     let tokens = config.tokens();
     let mut closed = vec![CLOSED; scenes.len() * tokens * tokens];
-    let mut nearest = Nearest::new(config.neighbours);
+    let others = config.neighbours - 1;
+    let mut by_distance: Vec<(u64, usize)> = Vec::with_capacity(tokens);
     for (all, block) in scenes.iter().zip(closed.chunks_exact_mut(tokens * tokens)) {
         for i in 0..tokens {
             block[i * tokens + i] = 0.0;
         }
         for &(i, a) in all {
-            nearest.clear();
-            // An agent at the position of another one counts itself first.
-            nearest.offer(-1.0, i);
-            for &(j, b) in all {
-                if i != j {
-                    let away = |k: usize| f64::from(a[k] - b[k]);
-                    nearest.offer(away(0) * away(0) + away(1) * away(1) + away(2) * away(2), j);
-                }
+            let squared = |b: [f32; 3]| {
+                let away = |k: usize| f64::from(a[k] - b[k]);
+                away(0) * away(0) + away(1) * away(1) + away(2) * away(2)
+            };
+            // An agent at the position of another one still counts itself first.
+            by_distance.clear();
+            by_distance.extend(all.iter().filter(|b| b.0 != i).map(|&(j, b)| (millionths(squared(b)), j)));
+            if by_distance.len() > others {
+                by_distance.select_nth_unstable(others);
+                by_distance.truncate(others);
             }
-            nearest.found().for_each(|j| block[i * tokens + j] = 0.0);
+            by_distance.iter().for_each(|&(_, j)| block[i * tokens + j] = 0.0);
         }
     }
     tensor4(closed, [scenes.len(), 1, tokens, tokens], device)
@@ -409,12 +412,13 @@ fn mode_guide(
     config: &Config,
     device: &Device,
 ) -> Tensor<3> {
+    let references = References::new(config);
     let mut values = Vec::new();
     for scene in scenes {
         let paths = scene.outlook.as_ref().map_or(&[][..], |o| &o.paths);
         for goal in intentions.of(scene.class) {
             // Straight motion to a point far ahead says less about the next half second than the velocity.
-            reference_states(scene.velocity(), config.outlook.then_some(*goal), paths, config, &mut values);
+            references.append(scene.velocity(), config.outlook.then_some(*goal), paths, &mut values);
         }
     }
     reference_tensor(values, config, device)
@@ -432,16 +436,12 @@ fn outlook(scenes: &[&Surroundings], device: &Device) -> Tensor<2> {
 }
 
 fn dense_guide(scenes: &[&Surroundings], config: &Config, device: &Device) -> Tensor<3> {
+    let references = References::new(config);
     let mut values = Vec::new();
     for scene in scenes {
         for i in 0..config.agents {
-            reference_states(
-                scene.velocities.get(i).copied().unwrap_or_default(),
-                None,
-                &[],
-                config,
-                &mut values,
-            );
+            let velocity = scene.velocities.get(i).copied().unwrap_or_default();
+            references.append(velocity, None, &[], &mut values);
         }
     }
     reference_tensor(values, config, device)

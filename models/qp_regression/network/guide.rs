@@ -21,27 +21,44 @@ const ON_PATH_OFFSET: f64 = 1.75;
 /// Time in seconds until the final lateral offset is reached.
 const SETTLING_TIME: f64 = 4.0;
 
-/// Appends the states of an agent that starts at the origin with this velocity and reaches `goal` by
-/// the end, along one of `paths` if it leads there, otherwise straight. Without a goal it keeps its
-/// velocity. States are appended one by one in the layout of predictions, with growing deviations.
-pub(crate) fn reference_states(
-    velocity: Vec2,
-    goal: Option<Vec2>,
-    paths: &[Vec<(Vec2, Vec2)>],
-    config: &Config,
-    out: &mut Vec<f32>,
-) {
-    let end = config.states() as f64 * config.step as f64 * DT;
-    let along = goal.and_then(|goal| Along::of(paths, velocity, goal));
-    for t in config.times() {
-        let (at, v) = match (&along, goal) {
-            (Some(along), _) => along.at(t, end),
-            (None, Some(goal)) => straight(velocity, goal, t, end),
-            (None, None) => (velocity * t, velocity),
-        };
-        let deviation = math::ln(0.15 + 0.4 * t * t.sqrt().sqrt());
-        let state = [at.x, at.y, deviation, deviation, 0.0, v.x, v.y];
-        out.extend(state.map(|value| value as f32));
+/// Reference motions in the layout of predictions.
+pub(crate) struct References {
+    /// Times of the states, s, and the logarithms of their deviations, which grow.
+    states: Vec<(f64, f64)>,
+    /// Time of the last state, s.
+    end: f64,
+}
+
+impl References {
+    /// Prepares motions of a network with this configuration.
+    pub(crate) fn new(config: &Config) -> Self {
+        let state = |t: f64| (t, math::ln(0.15 + 0.4 * t * t.sqrt().sqrt()));
+        Self {
+            states: config.times().map(state).collect(),
+            end: config.states() as f64 * config.step as f64 * DT,
+        }
+    }
+
+    /// Appends the states of an agent that starts at the origin with this velocity and reaches `goal` by
+    /// the end, along one of `paths` if it leads there, otherwise straight. Without a goal it keeps its
+    /// velocity.
+    pub(crate) fn append(
+        &self,
+        velocity: Vec2,
+        goal: Option<Vec2>,
+        paths: &[Vec<(Vec2, Vec2)>],
+        out: &mut Vec<f32>,
+    ) {
+        let along = goal.and_then(|goal| Along::of(paths, velocity, goal));
+        for &(t, deviation) in &self.states {
+            let (at, v) = match (&along, goal) {
+                (Some(along), _) => along.at(t, self.end),
+                (None, Some(goal)) => straight(velocity, goal, t, self.end),
+                (None, None) => (velocity * t, velocity),
+            };
+            let state = [at.x, at.y, deviation, deviation, 0.0, v.x, v.y];
+            out.extend(state.map(|value| value as f32));
+        }
     }
 }
 
@@ -158,7 +175,7 @@ mod tests {
 
     fn reference(velocity: Vec2, goal: Vec2, paths: &[Vec<(Vec2, Vec2)>]) -> Vec<Vec2> {
         let mut out = Vec::new();
-        reference_states(velocity, Some(goal), paths, &Config::default(), &mut out);
+        References::new(&Config::default()).append(velocity, Some(goal), paths, &mut out);
         out.chunks_exact(STATE).map(|s| Vec2::new(f64::from(s[0]), f64::from(s[1]))).collect()
     }
 
