@@ -95,6 +95,17 @@ impl LinkTensors {
         relation: &Relations,
     ) -> Tensor<2> {
         let sources = layer.sources(sources.unwrap_or_else(|| nodes.clone()));
+        self.attend_to(layer, nodes, sources, relation)
+    }
+
+    /// Applies an attention layer to nodes, `[n, width]`, with sources from [`RelationalAttention::sources`].
+    pub fn attend_to(
+        &self,
+        layer: &RelationalAttention,
+        nodes: Tensor<2>,
+        sources: Tensor<2>,
+        relation: &Relations,
+    ) -> Tensor<2> {
         layer.forward_with(nodes, sources, &self.neighbors, relation, &mut Noise::none())
     }
 }

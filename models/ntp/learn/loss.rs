@@ -29,7 +29,7 @@ pub(crate) fn loss(
         nodes += sample.steps.iter().map(|s| s.slots.len()).sum::<usize>();
     }
     let nodes = node_tensors(&scenes, config, device);
-    let encoded = network.encode(&nodes, network.encode_map(&map), &PastNodes::Here, None);
+    let encoded = network.encode(&nodes, &network.encode_map(&map), &PastNodes::Here, None);
     token_loss(&targets, distributions, device, |class, rows| {
         network.logits(class, encoded.nodes.clone().select(0, rows))
     })

@@ -41,7 +41,7 @@ pub struct Network {
 pub(crate) enum PastNodes<'a> {
     /// Earlier nodes are among those that are computed now.
     Here,
-    /// Cached input features of earlier nodes for each block, `[m, hidden]`.
+    /// Cached [`Encoding::entering`] of earlier nodes, `[m, hidden]`.
     Cached(&'a [Tensor<2>]),
 }
 
@@ -50,9 +50,9 @@ pub(crate) enum PastNodes<'a> {
 pub(crate) struct Encoding {
     /// Input of the heads, `[n, hidden]`.
     pub nodes: Tensor<2>,
-    /// Input features of the nodes for each block, which later steps attend to.
+    /// For each block, the nodes as later steps attend to them.
     pub entering: Vec<Tensor<2>>,
-    /// Features of the nodes to which other agents attend, for each block.
+    /// For each block, the nodes as other agents attend to them.
     pub meeting: Vec<Tensor<2>>,
 }
 
@@ -92,23 +92,23 @@ impl Network {
         }
     }
 
-    /// Encodes the places of the map, `[p, hidden]`. The result holds for a whole rollout: everything
-    /// that changes enters with relations.
-    pub(crate) fn encode_map(&self, map: &MapTensors) -> Tensor<2> {
+    /// Encodes the places of the map: as agents attend to them, `[p, hidden]` for each block. The result holds
+    /// for a whole rollout: everything that changes enters with relations.
+    pub(crate) fn encode_map(&self, map: &MapTensors) -> Vec<Tensor<2>> {
         let relation = map.links.embed(&self.place_pair);
         let mut x = self.place.forward(map.places.clone());
         for layer in &self.map {
             x = map.links.attend(layer, x, None, &relation);
         }
-        x
+        self.blocks.iter().map(|block| block.places.sources(x.clone())).collect()
     }
 
-    /// Encodes the nodes of some steps, given the encoded places. `standing` are features, for each block, of
-    /// agents without a node, to which nodes attend as well; their rows follow the rows of the nodes.
+    /// Encodes the nodes of some steps, given the encoded places. `standing` are agents without a node, to which
+    /// nodes attend as well, as [`Encoding::meeting`]; their rows follow the rows of the nodes.
     pub(crate) fn encode(
         &self,
         nodes: &NodeTensors,
-        places: Tensor<2>,
+        places: &[Tensor<2>],
         past: &PastNodes<'_>,
         standing: Option<&[Tensor<2>]>,
     ) -> Encoding {
@@ -119,16 +119,19 @@ impl Network {
         let mut entering = Vec::with_capacity(self.blocks.len());
         let mut meeting = Vec::with_capacity(self.blocks.len());
         for (i, block) in self.blocks.iter().enumerate() {
-            entering.push(x.clone());
+            entering.push(block.past.sources(x.clone()));
             let earlier = match past {
-                PastNodes::Here => x.clone(),
+                PastNodes::Here => entering[i].clone(),
                 PastNodes::Cached(cached) => cached[i].clone(),
             };
-            x = nodes.past.attend(&block.past, x, Some(earlier), &to_past);
-            x = nodes.places.attend(&block.places, x, Some(places.clone()), &to_places);
-            meeting.push(x.clone());
-            let others = standing.map(|standing| Tensor::cat(vec![x.clone(), standing[i].clone()], 0));
-            x = nodes.agents.attend(&block.agents, x, others, &to_agents);
+            x = nodes.past.attend_to(&block.past, x, earlier, &to_past);
+            x = nodes.places.attend_to(&block.places, x, places[i].clone(), &to_places);
+            meeting.push(block.agents.sources(x.clone()));
+            let others = match standing {
+                Some(standing) => Tensor::cat(vec![meeting[i].clone(), standing[i].clone()], 0),
+                None => meeting[i].clone(),
+            };
+            x = nodes.agents.attend_to(&block.agents, x, others, &to_agents);
         }
         Encoding { nodes: x, entering, meeting }
     }

@@ -12,6 +12,7 @@ use super::super::haste::Haste;
 use super::super::sampling::Driving;
 use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
 use super::batch::{NodeTensors, SceneRows, map_tensors, node_tensors};
+use super::choice::{Chooser, Surroundings};
 use super::config::Config;
 use super::linked_places::LinkedPlaces;
 use super::network::{Encoding, PastNodes};
@@ -47,7 +48,8 @@ impl ReactiveSimulator {
 /// Memory of an episode between plans.
 struct EpisodeMemory {
     linked: LinkedPlaces,
-    /// Encoded places, `[p, hidden]`.
+    chooser: Chooser,
+    /// Encoded places, as each block attends to them.
     map: SharedRows,
     /// Latest steps, oldest first.
     remembered: Vec<StepMemory>,
@@ -83,11 +85,12 @@ impl Simulator for ReactiveSimulator {
         let together = if is_host(&self.device) { 1 } else { places.len().max(1) };
         let maps = places.chunks(together).flat_map(|places| {
             let maps = self.policy.network.encode_map(&map_tensors(places, config, &self.device));
-            SharedRows::divide(vec![maps], places.iter().map(|l| l.places.all.len()))
+            SharedRows::divide(maps, places.iter().map(|l| l.places.all.len()))
         });
         let maps: Vec<SharedRows> = maps.collect();
         for ((episode, linked), map) in batch.iter_mut().zip(linked).zip(maps) {
-            let memory = EpisodeMemory { linked, map, remembered: Vec::new(), next_frame: usize::MAX };
+            let (chooser, remembered) = (Chooser::new(config), Vec::new());
+            let memory = EpisodeMemory { linked, chooser, map, remembered, next_frame: usize::MAX };
             episode.memory = Memory::new(Some(memory));
         }
         Ok(())
@@ -201,10 +204,11 @@ impl ReactiveSimulator {
             (stand > nodes).then(|| standing.into_iter().map(|all| Tensor::cat(all, 0)).collect());
         let nodes = node_tensors(&scenes, config, &self.device);
         let empty = || Tensor::zeros([0, config.hidden], &self.device);
-        let maps = maps.joined().and_then(|maps| maps.into_iter().next()).unwrap_or_else(empty);
-        let past = past.joined().unwrap_or_else(|| vec![empty(); config.agent_layers]);
+        let none = || vec![empty(); config.agent_layers];
+        let maps = maps.joined().unwrap_or_else(none);
+        let past = past.joined().unwrap_or_else(none);
         let past = if cached { PastNodes::Cached(&past) } else { PastNodes::Here };
-        let encoded = self.policy.network.encode(&nodes, maps, &past, standing.as_deref());
+        let encoded = self.policy.network.encode(&nodes, &maps, &past, standing.as_deref());
         (nodes, encoded)
     }
 }
@@ -215,27 +219,28 @@ impl DecodingState<'_, '_> {
     fn prepare_steps(&mut self, token: usize, config: &Config) {
         let now = self.episode.seen.frame() + token * TOKEN_FRAMES;
         let frames = earlier_frames(now, config.past);
-        let known: Vec<usize> = self.memory.remembered.iter().map(|r| r.frame).collect();
-        let fresh = token > 0 || self.memory.next_frame == now;
+        let EpisodeMemory { linked, chooser, remembered, next_frame, .. } = &mut self.memory;
+        let around = &mut Surroundings { places: &linked.places, chooser };
+        let known: Vec<usize> = remembered.iter().map(|r| r.frame).collect();
+        let fresh = token > 0 || *next_frame == now;
         if fresh && known == frames {
-            self.earlier = self.memory.remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
+            self.earlier = remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
             let (step, bodies) = step_at(
                 &self.standing.bodies,
                 &self.episode.seen,
                 &self.shown,
                 now,
-                &self.memory.linked.places,
+                around,
                 &self.earlier,
                 config,
             );
             (self.steps, self.bodies) = (vec![step], bodies);
         } else {
-            self.memory.remembered.clear();
+            remembered.clear();
             self.earlier.clear();
             let all: Vec<usize> = frames.into_iter().chain([now]).collect();
             self.standing = Standing::default();
-            (self.steps, self.bodies) =
-                observed_steps(&self.episode.seen, &self.shown, &all, &self.memory.linked.places, config);
+            (self.steps, self.bodies) = observed_steps(&self.episode.seen, &self.shown, &all, around, config);
         }
     }
 

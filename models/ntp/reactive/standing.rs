@@ -16,7 +16,7 @@ const MAX_DEPARTURE: f64 = 0.01;
 pub(crate) struct Standing {
     /// Slots and bodies at the last executed step.
     pub bodies: Vec<(usize, Body)>,
-    /// Features to which other agents attend, `[agents, hidden]` for each block.
+    /// For each block, the agents as others attend to them, `[agents, hidden]`.
     pub features: Vec<Tensor<2>>,
 }
 

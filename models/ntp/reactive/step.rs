@@ -5,7 +5,7 @@ use reactsim_nn::Links;
 use reactsim_perception::{Body, Class, Nearest, Places, SceneView, corridor, put};
 use reactsim_scene::LightState;
 
-use super::choice::Chooser;
+use super::choice::{Chooser, Surroundings};
 use super::config::Config;
 use super::pair::{PAIR_FEATURES, relate};
 use super::place_relations::{TO_PLACE_FEATURES, relate_to_agent};
@@ -56,7 +56,8 @@ impl StepGraph {
         earlier: &[EarlierNode],
         config: &Config,
     ) -> Self {
-        Self::around(&[], view, places, earlier, config).0
+        let around = &mut Surroundings { places, chooser: &mut Chooser::new(config) };
+        Self::around(&[], view, around, earlier, config).0
     }
 
     /// Builds the network input, as [`Self::of`], with agents that stand: these are no nodes, but others
@@ -64,10 +65,11 @@ impl StepGraph {
     pub(crate) fn around(
         standing: &[(usize, Body)],
         view: &SceneView<'_>,
-        places: &Places,
+        around: &mut Surroundings<'_>,
         earlier: &[EarlierNode],
         config: &Config,
     ) -> (Self, Vec<Body>) {
+        let places = around.places;
         let mut step = Self { frame: view.now, ..Self::default() };
         let (mut bodies, mut paths) = (Vec::new(), Vec::new());
         let moves = |slot: &usize| standing.iter().all(|(other, _)| other != slot);
@@ -88,7 +90,7 @@ impl StepGraph {
             step.bodies.extend_from_slice(&features);
         }
         step.link_past(earlier, view.now, config);
-        step.link_places(&bodies[..nodes], places, view.lights, config);
+        step.link_places(&bodies[..nodes], around, view.lights, config);
         step.link_agents(&bodies, config);
         bodies.truncate(nodes);
         (step, bodies)
@@ -124,16 +126,14 @@ impl StepGraph {
     fn link_places(
         &mut self,
         bodies: &[Body],
-        places: &Places,
+        around: &mut Surroundings<'_>,
         lights: &[Option<LightState>],
         config: &Config,
     ) {
-        let mut chooser = Chooser::new(config);
-        let mut chosen = Vec::new();
-        for body in bodies {
-            chooser.choose(body, places, &mut chosen);
-            self.places.push(config.places(), TO_PLACE_FEATURES, &chosen, |i, out| {
-                let place = &places.all[i];
+        for (&slot, body) in self.slots.iter().zip(bodies) {
+            let chosen = around.chooser.choose(slot, body, around.places);
+            self.places.push(config.places(), TO_PLACE_FEATURES, chosen, |i, out| {
+                let place = &around.places.all[i];
                 let light = place.light.and_then(|l| lights.get(l).copied().flatten());
                 relate_to_agent(place, body, light, out);
             });

@@ -1,22 +1,23 @@
 //! Memory of computed steps between plans.
 
 use reactsim_nn::SharedRows;
-use reactsim_perception::{Body, Places, SceneView};
+use reactsim_perception::{Body, SceneView};
 use reactsim_rollout::Observation;
 use reactsim_scene::Frame;
 
 use super::super::tokens::TOKEN_FRAMES;
+use super::choice::Surroundings;
 use super::config::Config;
 use super::step::{EarlierNode, StepGraph};
 
-/// A computed step: its nodes and their input features for each block.
+/// A computed step.
 #[derive(Clone, Debug)]
 pub(crate) struct StepMemory {
     /// Frame of the step.
     pub frame: usize,
     /// Nodes of the step.
     pub nodes: Vec<EarlierNode>,
-    /// Input features for each block, `[n, hidden]`, in tensors that the episodes of a batch share.
+    /// For each block, the nodes as later steps attend to them, in tensors that the episodes of a batch share.
     pub entering: SharedRows,
 }
 
@@ -34,7 +35,7 @@ pub(crate) fn observed_steps(
     seen: &Observation<'_>,
     tracks: &[Vec<Frame>],
     frames: &[usize],
-    places: &Places,
+    around: &mut Surroundings<'_>,
     config: &Config,
 ) -> (Vec<StepGraph>, Vec<Body>) {
     let mut earlier = Vec::new();
@@ -42,7 +43,7 @@ pub(crate) fn observed_steps(
     let mut bodies = Vec::new();
     for &now in frames {
         let step;
-        (step, bodies) = step_at(&[], seen, tracks, now, places, &earlier, config);
+        (step, bodies) = step_at(&[], seen, tracks, now, around, &earlier, config);
         earlier.extend_from_slice(&step.here);
         steps.push(step);
     }
@@ -56,7 +57,7 @@ pub(crate) fn step_at(
     seen: &Observation<'_>,
     tracks: &[Vec<Frame>],
     now: usize,
-    places: &Places,
+    around: &mut Surroundings<'_>,
     earlier: &[EarlierNode],
     config: &Config,
 ) -> (StepGraph, Vec<Body>) {
@@ -76,5 +77,5 @@ pub(crate) fn step_at(
         lights: &lights,
         start: Some(seen.start()),
     };
-    StepGraph::around(standing, &view, places, earlier, config)
+    StepGraph::around(standing, &view, around, earlier, config)
 }
