@@ -142,6 +142,26 @@ fn agents_that_stand_do_so_in_the_outlook() {
 }
 
 #[test]
+fn a_cached_step_is_the_last_of_all_steps() {
+    let device = device();
+    let policy = policy(&device);
+    let scenario = &scenarios(1)[0];
+    let (tracks, lights) = (tracks(scenario), lights(scenario));
+    let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let all = logits_of(&policy, scenario, &tracks, &device);
+    let last: Vec<Logits> = all.into_iter().filter(|l| l.frame == STEPS[4]).collect();
+    let step = policy.cached_step(&known, &STEPS, &device).unwrap();
+    let found = last.iter().zip(step.logits());
+    let found: Vec<Logits> = found.map(|(l, values)| Logits { values, ..l.clone() }).collect();
+    assert!(found.len() > 10 && found.len() == step.classes().len());
+    assert!(largest_difference(&last, &found) < 1e-4);
+    let input = step.input();
+    assert_eq!(input["bodies"].dims()[0], found.len());
+    assert_eq!(input["agents.sources"].dims(), [found.len(), policy.config.agents]);
+    assert!(policy.cached_step(&known, &[], &device).is_none());
+}
+
+#[test]
 fn what_is_computed_step_by_step_is_what_one_pass_gives() {
     let device = device();
     let policy = policy(&device);

@@ -6,6 +6,7 @@
 //! features, not as a token; light states enter with the relation to the places that they control.
 
 pub(crate) mod batch;
+mod cached_step;
 mod choice;
 mod config;
 mod error;
@@ -20,6 +21,7 @@ mod standing;
 pub(crate) mod step;
 mod window;
 
+pub use cached_step::CachedStep;
 pub use config::Config;
 pub use error::PolicyError;
 pub use network::Network;

@@ -1,10 +1,11 @@
 //! Scores of known motion, all steps in one pass.
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use reactsim_perception::{KnownMotion, denoised};
 use reactsim_scene::CURRENT;
 
 use super::batch::{SceneRows, map_tensors, node_tensors};
+use super::cached_step::CachedStep;
 use super::linked_places::LinkedPlaces;
 use super::network::PastNodes;
 use super::policy::Policy;
@@ -26,6 +27,36 @@ impl Policy {
     /// and slot. Every step attends to those before it, as in a rollout that is computed step by step.
     pub fn logits(&self, known: &KnownMotion<'_>, frames: &[usize], device: &Device) -> Vec<Logits> {
         let config = &self.config;
+        let (steps, map) = self.steps(known, frames, device);
+        let nodes = node_tensors(&[(steps.as_slice(), SceneRows::default())], config, device);
+        let encoded = self.network.encode(&nodes, &map, &PastNodes::Here, None);
+        let mut logits = self.network.all_logits(&nodes, &encoded).into_iter();
+        let nodes = steps.iter().flat_map(|s| s.slots.iter().map(|&slot| (s.frame, slot)));
+        nodes.zip(&mut logits).map(|((frame, slot), values)| Logits { frame, slot, values }).collect()
+    }
+
+    /// Returns the last of these steps (frames, ascending) with what it attends to; `None` without frames.
+    pub fn cached_step(
+        &self,
+        known: &KnownMotion<'_>,
+        frames: &[usize],
+        device: &Device,
+    ) -> Option<CachedStep<'_>> {
+        let (mut steps, map) = self.steps(known, frames, device);
+        let last = steps.pop()?;
+        let nodes = node_tensors(&[(steps.as_slice(), SceneRows::default())], &self.config, device);
+        let past = self.network.encode(&nodes, &map, &PastNodes::Here, None).entering;
+        Some(CachedStep::new(&self.network, self.config, last, map, past, device))
+    }
+
+    /// Returns the steps at these frames, each of which attends to those before it, and the encoded places.
+    fn steps(
+        &self,
+        known: &KnownMotion<'_>,
+        frames: &[usize],
+        device: &Device,
+    ) -> (Vec<StepGraph>, Vec<Tensor<2>>) {
+        let config = &self.config;
         let linked = LinkedPlaces::known(known.start, config);
         let tracks = denoised(known.tracks, CURRENT);
         let known = KnownMotion { tracks: &tracks, ..*known };
@@ -36,11 +67,6 @@ impl Policy {
             earlier.extend_from_slice(&step.here);
             steps.push(step);
         }
-        let map = self.network.encode_map(&map_tensors(&[&linked], config, device));
-        let nodes = node_tensors(&[(steps.as_slice(), SceneRows::default())], config, device);
-        let encoded = self.network.encode(&nodes, map, &PastNodes::Here, None);
-        let mut logits = self.network.all_logits(&nodes, &encoded).into_iter();
-        let nodes = steps.iter().flat_map(|s| s.slots.iter().map(|&slot| (s.frame, slot)));
-        nodes.zip(&mut logits).map(|((frame, slot), values)| Logits { frame, slot, values }).collect()
+        (steps, self.network.encode_map(&map_tensors(&[&linked], config, device)))
     }
 }
