@@ -147,7 +147,7 @@ impl<'a> Road<'a> {
             let Piece { lane, first, last } = self.index.pieces[i as usize];
             let line = &self.map.lanes[lane as usize].baseline;
             let (first, last) = (first as usize, last as usize);
-            // No point of a piece is farther from its beginning than the piece is long.
+            // No point of a piece is farther from its beginning than the piece is long, but for rounding.
             let length = line.arc()[last] - line.arc()[first];
             let reach = (radius + length) * (1.0 + 1e-9);
             if (p - line.points()[first]).norm_squared() > reach * reach {
