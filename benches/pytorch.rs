@@ -1,5 +1,5 @@
-//! The network's part of a plan of `ntp-reactive`, for a comparison with PyTorch: `benches/pytorch.py` runs this
-//! program, `cargo bench --bench pytorch -- FILE`, which writes the input, the output and its own times.
+//! The network's part of a plan of `ntp-reactive`, for a comparison with PyTorch: `benches/pytorch.py` runs
+//! this program, `cargo bench --bench pytorch -- FILE`, which writes the input, the output and its own times.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -46,9 +46,9 @@ impl Chooser {
         }
     }
 
-    /// Chooses the places for the agent in a slot, always of the same map: the pieces nearest to it; other lane
-    /// pieces, not against its heading, nearest to its position in 2 s (8 to 35 m ahead); and the nearest stops
-    /// ahead.
+    /// Chooses the places for the agent in a slot, always of the same map: the pieces nearest to it; other
+    /// lane pieces, not against its heading, nearest to its position in 2 s (8 to 35 m ahead); and the
+    /// nearest stops ahead.
     pub(crate) fn choose(&mut self, slot: usize, me: &Body, places: &Places) -> &[usize] {
         if self.last.len() <= slot {
             self.last.resize_with(slot + 1, Choice::default);

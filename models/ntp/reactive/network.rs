@@ -92,8 +92,8 @@ impl Network {
         }
     }
 
-    /// Encodes the places of the map: as agents attend to them, `[p, hidden]` for each block. The result holds
-    /// for a whole rollout: everything that changes enters with relations.
+    /// Encodes the places of the map: as agents attend to them, `[p, hidden]` for each block. The result
+    /// holds for a whole rollout: everything that changes enters with relations.
     pub(crate) fn encode_map(&self, map: &MapTensors) -> Vec<Tensor<2>> {
         let relation = map.links.embed(&self.place_pair);
         let mut x = self.place.forward(map.places.clone());
@@ -103,8 +103,8 @@ impl Network {
         self.blocks.iter().map(|block| block.places.sources(x.clone())).collect()
     }
 
-    /// Encodes the nodes of some steps, given the encoded places. `standing` are agents without a node, to which
-    /// nodes attend as well, as [`Encoding::meeting`]; their rows follow the rows of the nodes.
+    /// Encodes the nodes of some steps, given the encoded places. `standing` are agents without a node, to
+    /// which nodes attend as well, as [`Encoding::meeting`]; their rows follow the rows of the nodes.
     pub(crate) fn encode(
         &self,
         nodes: &NodeTensors,

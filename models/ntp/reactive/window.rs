@@ -17,7 +17,8 @@ pub(crate) struct StepMemory {
     pub frame: usize,
     /// Nodes of the step.
     pub nodes: Vec<EarlierNode>,
-    /// For each block, the nodes as later steps attend to them, in tensors that the episodes of a batch share.
+    /// For each block, the nodes as later steps attend to them, in tensors that the episodes of a batch
+    /// share.
     pub entering: SharedRows,
 }
 
