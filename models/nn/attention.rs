@@ -3,12 +3,13 @@
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
-use burn::tensor::activation::{sigmoid, softmax};
+use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
 use super::host::attend_to_neighbors;
 use super::relations::RelationVectors;
+use super::rows::gated;
 use super::{FeedForwardConfig, Initializer, Neighbors, Noise, Perceptron, Relations, Rows, linear};
 
 /// Largest ratio of sources to slots at which products are computed with all sources instead of
@@ -134,8 +135,8 @@ impl RelationalAttention {
         let own_norm = self.attn_prenorm_x_dst.as_ref().unwrap_or(&self.attn_prenorm_x_src);
         let own = Rows::of(destinations.clone()).norm(own_norm).done();
         let message = self.attend(own.clone(), sources, neighbors, relations, noise);
-        let gate = sigmoid(linear(&self.to_g, Tensor::cat(vec![message.clone(), own.clone()], 1)));
-        let mixed = message.clone() + gate * (linear(&self.to_s, own) - message);
+        let gate = linear(&self.to_g, Tensor::cat(vec![message.clone(), own.clone()], 1));
+        let mixed = gated(gate, linear(&self.to_s, own), message);
         let x = destinations + Rows::linear(&self.to_out, mixed).norm(&self.attn_postnorm).done();
         let inner = Rows::of(x.clone()).norm(&self.ff_prenorm).done();
         let ff = self.ff_mlp.forward_dropping(inner, |hidden| noise.drop(hidden, self.hidden_dropout));

@@ -148,6 +148,14 @@ pub fn gelu(x: Tensor<2>) -> Tensor<2> {
     if is_host(&x.device()) { host::gelu(x) } else { activation::gelu(x) }
 }
 
+/// Returns m + σ(g) (o - m) of each logit g of a gate, own number o and message m, with the logistic function σ.
+pub(super) fn gated(logits: Tensor<2>, own: Tensor<2>, message: Tensor<2>) -> Tensor<2> {
+    if is_host(&logits.device()) {
+        return host::gate(logits, own, message);
+    }
+    message.clone() + activation::sigmoid(logits) * (own - message)
+}
+
 /// Normalizes the last axis to zero mean and unit variance, without gain and bias. Relations go
 /// through this once, before all layers.
 pub fn normalize<const D: usize>(x: Tensor<D>) -> Tensor<D> {

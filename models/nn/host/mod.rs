@@ -12,6 +12,7 @@
 )]
 
 mod attention;
+mod gate;
 mod gelu;
 mod learned_rows;
 mod numbers;
@@ -25,6 +26,7 @@ use burn::tensor::{Device, TensorData};
 use super::device::is_gpu;
 
 pub(crate) use attention::{Attention, attend};
+pub(crate) use gate::gate;
 pub(crate) use gelu::gelu;
 pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
 use numbers::Numbers;
