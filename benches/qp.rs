@@ -14,7 +14,7 @@ use reactsim::formats;
 use reactsim::metrics::{Case, Options, score_case};
 use reactsim::models::nn::device;
 use reactsim::models::qp::{self, Ending, Endings, Stage};
-use reactsim::models::qp_regression::{Ground, PlanningParameters, Policy, QpRegressionSimulator};
+use reactsim::models::qp_regression::{EpisodeMemory, PlanningParameters, Policy, QpRegressionSimulator};
 use reactsim::models::{find, weights};
 use reactsim::rollout::{
     Controller, DeviatedAv, PlanError, Planning, Request, Settings, SingleEpisode, Stream, roll_out,
@@ -82,14 +82,14 @@ struct Timed {
 }
 
 impl SingleEpisode for Timed {
-    type Memory = Option<(Ground, Stage)>;
+    type Memory = Option<(EpisodeMemory, Stage)>;
 
     fn id(&self) -> &'static str {
         "timed"
     }
 
     fn begin(&self, start: &Start, _: &mut Stream) -> Self::Memory {
-        Some((self.inner.ground(start), self.inner.stage()?))
+        Some((self.inner.memory(start), self.inner.stage()?))
     }
 
     fn plan_one(&self, kept: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {

@@ -14,5 +14,5 @@ mod smoothed;
 
 pub use policy::{Ground, Policy, PolicyError};
 pub use predict::{Mode, ModePoint, Prediction};
-pub use simulator::{Driving, RegressionSimulator, predicted_slots};
+pub use simulator::{Driving, EpisodeMemory, RegressionSimulator, predicted_slots};
 pub use smoothed::{PlanningParameters, QpRegressionSimulator};

@@ -37,6 +37,10 @@ pub struct RegressionSimulator {
 const MIN_HEADING_SPEED: f64 = 0.5;
 /// Distance in metres: a standing agent stays if its prediction for the next second is shorter.
 const SET_OFF_DISTANCE: f64 = 0.2;
+/// Index of the point of a mode after that second.
+const SET_OFF_STEP: usize = 9;
+/// Longest time, in steps, for which an agent that stands is not predicted again.
+const MAX_REST: usize = 5;
 /// Displacement in metres since the first frame below which an agent counts as parked.
 const PARKED_DISPLACEMENT: f64 = 0.1;
 /// Distance handicap in metres: parked agents are predicted after others that are up to this much farther
@@ -72,23 +76,72 @@ pub fn predicted_slots(seen: &Observation<'_>, moves_av: bool, most: usize) -> V
     slots
 }
 
+/// Memory of an episode.
+#[derive(Debug)]
+pub struct EpisodeMemory {
+    ground: Ground,
+    /// For each slot, the last frame at which the agent rests and is not predicted.
+    resting: Vec<usize>,
+}
+
+impl EpisodeMemory {
+    /// Creates the memory of an episode that begins.
+    pub(super) fn new(ground: Ground) -> Self {
+        Self { ground, resting: Vec::new() }
+    }
+
+    /// Predicts the agents of these slots, except agents that rest.
+    pub(super) fn predict(
+        &mut self,
+        policy: &Policy,
+        seen: &Observation<'_>,
+        slots: &[usize],
+        device: &Device,
+    ) -> Vec<Prediction> {
+        let now = seen.frame();
+        self.resting.resize(seen.start().agents.len(), 0);
+        let mut asked = slots.to_vec();
+        asked.retain(|&slot| now > self.resting[slot] || !stands(seen, slot));
+        let predictions = policy.predict(seen, &self.ground, &asked, device);
+        for p in predictions.iter().filter(|p| stands(seen, p.slot)) {
+            self.resting[p.slot] = now + p.modes.first().map_or(0, |mode| rest(mode, p));
+        }
+        predictions
+    }
+}
+
+/// Returns whether an agent stands now.
+fn stands(seen: &Observation<'_>, slot: usize) -> bool {
+    seen.state(slot).and_then(|s| s.velocity()).is_some_and(|v| v.norm() < STANDSTILL_SPEED)
+}
+
+/// Returns for how many steps, at most [`MAX_REST`], [`execute`] would have an agent stay if it followed this mode.
+fn rest(mode: &Mode, prediction: &Prediction) -> usize {
+    let stays = |steps: &usize| {
+        let point = mode.points.get(steps + SET_OFF_STEP).or(mode.points.last());
+        point.is_some_and(|p| (p.position - prediction.pose.position).norm() < SET_OFF_DISTANCE)
+    };
+    (1..=MAX_REST).take_while(stays).count()
+}
+
 impl SingleEpisode for RegressionSimulator {
-    type Memory = Ground;
+    type Memory = EpisodeMemory;
 
     fn id(&self) -> &'static str {
         "regression"
     }
 
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> Ground {
-        self.policy.ground(start, &self.device)
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> EpisodeMemory {
+        EpisodeMemory::new(self.policy.ground(start, &self.device))
     }
 
     // One episode at a time: a dozen agents are enough for matrix products of a good size, and the
     // result does not depend on the rest of a batch.
-    fn plan_one(&self, ground: &mut Ground, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+    fn plan_one(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.driving.agents);
-        let mut predictions = self.policy.predict(&seen, ground, &slots, &self.device).into_iter().peekable();
+        let mut predictions =
+            memory.predict(&self.policy, &seen, &slots, &self.device).into_iter().peekable();
         let steps = episode.plan.steps();
         for slot in 0..episode.plan.agents() {
             let prediction = predictions.next_if(|p| p.slot == slot);
@@ -128,7 +181,7 @@ impl RegressionSimulator {
 /// Returns the states of an agent that follows a mode.
 pub(super) fn execute(mode: &Mode, kind: AgentKind, now: AgentState, steps: usize) -> Vec<AgentState> {
     let stands = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
-    let soon = mode.points.get(9).or(mode.points.last());
+    let soon = mode.points.get(SET_OFF_STEP).or(mode.points.last());
     if stands && soon.is_none_or(|p| (p.position - now.position()).norm() < SET_OFF_DISTANCE) {
         return vec![AgentState { vx: 0.0, vy: 0.0, ..now }; steps];
     }
@@ -150,4 +203,28 @@ pub(super) fn execute(mode: &Mode, kind: AgentKind, now: AgentState, steps: usiz
         states.push(last);
     }
     states
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_dynamics::Pose;
+    use reactsim_geometry::Vec2;
+
+    use super::super::predict::ModePoint;
+    use super::*;
+
+    #[test]
+    fn agents_rest_until_they_are_to_set_off() {
+        // Stays for `frames` frames, then leaves at 5 m/s.
+        let rest_before_leaving_at = |frames: usize| {
+            let x = |k: usize| 0.5 * (k + 1).saturating_sub(frames) as f64;
+            let point = |k| ModePoint { position: Vec2::new(3.0 + x(k), 4.0), covariance: [0.0; 3] };
+            let mode = Mode { probability: 1.0, points: (0..80).map(point).collect() };
+            let pose = Pose { position: Vec2::new(3.0, 4.0), heading: 0.0 };
+            let prediction = Prediction { slot: 1, pose, velocity: Vec2::zeros(), modes: vec![mode.clone()] };
+            rest(&mode, &prediction)
+        };
+        let found = [0, 10, 11, 12, 15, 16, 80].map(rest_before_leaving_at);
+        assert_eq!(found, [0, 0, 1, 2, 5, 5, 5]);
+    }
 }

@@ -7,9 +7,9 @@ use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
-use super::policy::{Ground, Policy};
+use super::policy::Policy;
 use super::predict::Prediction;
-use super::simulator::{execute, predicted_slots};
+use super::simulator::{EpisodeMemory, execute, predicted_slots};
 
 /// Parameters of planning along predictions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,16 +47,16 @@ impl QpRegressionSimulator {
         Stage::new(&self.settings, keep_clear)
     }
 
-    /// Returns the map features of a scenario, for [`Self::intents`].
-    pub fn ground(&self, start: &Start) -> Ground {
-        self.policy.ground(start, &self.device)
+    /// Returns the memory of an episode that begins, for [`Self::intents`].
+    pub fn memory(&self, start: &Start) -> EpisodeMemory {
+        EpisodeMemory::new(self.policy.ground(start, &self.device))
     }
 
     /// Returns the intent of every agent from now on, one entry per slot.
-    pub fn intents(&self, ground: &Ground, episode: &mut Planning<'_, '_>) -> Vec<Intent> {
+    pub fn intents(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Vec<Intent> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.parameters.agents);
-        let predictions = self.policy.predict(&seen, ground, &slots, &self.device);
+        let predictions = memory.predict(&self.policy, &seen, &slots, &self.device);
         let mut predictions = predictions.into_iter().peekable();
         let agents = &seen.start().agents;
         let steps = episode.plan.steps().max(STEPS);
@@ -83,26 +83,26 @@ impl QpRegressionSimulator {
     }
 }
 
-/// Memory of an episode.
-pub struct EpisodeMemory {
-    ground: Ground,
+/// Memory of an episode, and the stage that plans for it.
+pub struct StagedMemory {
+    memory: EpisodeMemory,
     stage: Option<Stage>,
 }
 
 impl SingleEpisode for QpRegressionSimulator {
-    type Memory = EpisodeMemory;
+    type Memory = StagedMemory;
 
     fn id(&self) -> &'static str {
         "qp-regression"
     }
 
-    fn begin(&self, start: &Start, _stream: &mut Stream) -> EpisodeMemory {
-        EpisodeMemory { ground: self.policy.ground(start, &self.device), stage: self.stage() }
+    fn begin(&self, start: &Start, _stream: &mut Stream) -> StagedMemory {
+        StagedMemory { memory: self.memory(start), stage: self.stage() }
     }
 
-    fn plan_one(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+    fn plan_one(&self, memory: &mut StagedMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let Some(stage) = &mut memory.stage else { return Err(PlanError::Failed(REFUSED.to_owned())) };
-        let intents = self.intents(&memory.ground, episode);
+        let intents = self.intents(&mut memory.memory, episode);
         let plans = stage.plan(&episode.seen, &intents, episode.plan.steps());
         for (slot, plan) in plans.into_iter().enumerate() {
             for (k, state) in plan.into_iter().flatten().take(episode.plan.steps()).enumerate() {

@@ -167,8 +167,8 @@ fn what_is_computed_step_by_step_is_what_one_pass_gives() {
     let policy = policy(&device);
     // The most probable token is always taken.
     let driving = Driving { keep_clear: false, ..greedy() };
-    let controller =
-        Controller::Fair(Box::new(ReactiveSimulator::new(policy.clone(), driving, device.clone())));
+    let simulator = ReactiveSimulator::new(policy.clone(), driving, device.clone()).without_rests();
+    let controller = Controller::Fair(Box::new(simulator));
     for scenario in &scenarios(3) {
         let rollout = &run(&controller, &[scenario], &Settings::default())[0];
         let lights = lights(scenario);
@@ -203,6 +203,39 @@ fn what_is_computed_step_by_step_is_what_one_pass_gives() {
         }
         assert!(checked > 0 || scenario.start.agents.iter().all(|a| a.kind == AgentKind::Vehicle));
     }
+}
+
+#[test]
+fn agents_that_stand_rest_for_a_plan() {
+    let device = device();
+    let weights = concat!(env!("CARGO_MANIFEST_DIR"), "/weights/ntp-reactive.safetensors");
+    let policy = Policy::read(&std::fs::read(weights).unwrap(), &device).unwrap();
+    let driving = Driving { sampling: Sampling { top_k: 8, temperature: 0.5 }, ..greedy() };
+    let simulator = || ReactiveSimulator::new(policy.clone(), driving, device.clone());
+    let run = |simulator: ReactiveSimulator, scenario: &Scenario| {
+        run(&Controller::Fair(Box::new(simulator)), &[scenario], &Settings::default()).remove(0)
+    };
+    let (mut differ, mut stand, mut set_off) = (0, [0, 0], [0, 0]);
+    for scenario in &scenarios(40) {
+        let rollouts = [run(simulator(), scenario), run(simulator().without_rests(), scenario)];
+        differ += usize::from(rollouts[0].tracks != rollouts[1].tracks);
+        for (i, rollout) in rollouts.iter().enumerate() {
+            for track in &rollout.tracks[1..] {
+                let moved = |from: usize| {
+                    let at = |frame: usize| track[frame].map(|s| s.position());
+                    Some((at(from + 5)? - at(from)?).norm())
+                };
+                for frame in (CURRENT..FRAMES - 10).step_by(5) {
+                    let stands = moved(frame).is_some_and(|distance| distance < 0.05);
+                    stand[i] += u32::from(stands);
+                    set_off[i] += u32::from(stands && moved(frame + 5).is_some_and(|d| d > 0.1));
+                }
+            }
+        }
+    }
+    assert!(differ > 0, "nobody rests");
+    // Agents that may set off do not rest, and others rest for no more than a plan.
+    assert!(stand[0] > 1000 && 2 * set_off[0] > set_off[1], "{set_off:?} of {stand:?} set off");
 }
 
 #[test]

@@ -29,13 +29,21 @@ pub struct ReactiveSimulator {
     policy: Policy,
     driving: Driving,
     haste: Option<Haste>,
+    rests: bool,
     device: Device,
 }
 
 impl ReactiveSimulator {
     /// Builds a simulator of this policy, whose weights are on this device.
     pub fn new(policy: Policy, driving: Driving, device: Device) -> Self {
-        Self { policy, driving, haste: None, device }
+        Self { policy, driving, haste: None, rests: true, device }
+    }
+
+    /// Asks the network about every agent at every plan. Otherwise an agent that stands, and almost surely does not
+    /// set off, stands in the next plan as well.
+    #[must_use]
+    pub fn without_rests(self) -> Self {
+        Self { rests: false, ..self }
     }
 
     /// Makes faster tokens of vehicles likelier.
@@ -53,6 +61,9 @@ struct EpisodeMemory {
     map: SharedRows,
     /// Latest steps, oldest first.
     remembered: Vec<StepMemory>,
+    /// Agents that stand in the executed part of the next plan as well. Longer rests cost reactions
+    /// (docs/experiments/guard.md).
+    resting: Standing,
     /// Frame at which the next plan can continue from the remembered steps.
     next_frame: usize,
 }
@@ -68,7 +79,7 @@ struct DecodingState<'e, 'a> {
     steps: Vec<StepGraph>,
     /// Bodies of the nodes of the newest step.
     bodies: Vec<Body>,
-    /// Agents that stand throughout the outlook.
+    /// Agents that stand from here on, and are no nodes.
     standing: Standing,
     /// Remembered nodes, if the newest step continues from them.
     earlier: Vec<EarlierNode>,
@@ -90,7 +101,8 @@ impl Simulator for ReactiveSimulator {
         let maps: Vec<SharedRows> = maps.collect();
         for ((episode, linked), map) in batch.iter_mut().zip(linked).zip(maps) {
             let (chooser, remembered) = (Chooser::new(config), Vec::new());
-            let memory = EpisodeMemory { linked, chooser, map, remembered, next_frame: usize::MAX };
+            let (resting, next_frame) = (Standing::default(), usize::MAX);
+            let memory = EpisodeMemory { linked, chooser, map, remembered, resting, next_frame };
             episode.memory = Memory::new(Some(memory));
         }
         Ok(())
@@ -166,7 +178,7 @@ impl ReactiveSimulator {
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
                 let first = row + rows - newest;
                 let stood = p.move_agents(self, &tokens[first..first + newest], token, executor);
-                p.stand(&stood, &encoded.meeting, first);
+                p.stand(&stood, &encoded.meeting, first, self.rests);
                 p.remember(&mut entering, token, &self.policy.config);
                 row += rows;
             }
@@ -219,11 +231,15 @@ impl DecodingState<'_, '_> {
     fn prepare_steps(&mut self, token: usize, config: &Config) {
         let now = self.episode.seen.frame() + token * TOKEN_FRAMES;
         let frames = earlier_frames(now, config.past);
-        let EpisodeMemory { linked, chooser, remembered, next_frame, .. } = &mut self.memory;
+        let EpisodeMemory { linked, chooser, remembered, resting, next_frame, .. } = &mut self.memory;
         let around = &mut Surroundings { places: &linked.places, chooser };
         let known: Vec<usize> = remembered.iter().map(|r| r.frame).collect();
         let fresh = token > 0 || *next_frame == now;
         if fresh && known == frames {
+            if token == 0 {
+                self.standing = std::mem::take(resting);
+                self.standing.retain_standing(&self.tracks);
+            }
             self.earlier = remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
             let (step, bodies) = step_at(
                 &self.standing.bodies,
@@ -236,6 +252,7 @@ impl DecodingState<'_, '_> {
             );
             (self.steps, self.bodies) = (vec![step], bodies);
         } else {
+            *resting = Standing::default();
             remembered.clear();
             self.earlier.clear();
             let all: Vec<usize> = frames.into_iter().chain([now]).collect();
@@ -269,7 +286,7 @@ impl DecodingState<'_, '_> {
         let agents = &self.episode.seen.start().agents;
         let av_next = self.episode.seen.av_next().filter(|_| token == 0);
         let traffic = simulator.driving.keep_clear.then(|| Traffic::at(agents, &self.tracks, from, av_next));
-        let last_executed = self.precedes_outlook(token);
+        let last_executed = self.is_last_executed(token);
         for (row, ((&slot, &class), logits)) in
             newest.slots.iter().zip(&newest.classes).zip(logits).enumerate()
         {
@@ -307,18 +324,21 @@ impl DecodingState<'_, '_> {
         stood
     }
 
-    /// Returns whether the outlook of the plan begins after its `token`-th half second.
-    fn precedes_outlook(&self, token: usize) -> bool {
-        let end = (token + 1) * TOKEN_FRAMES;
+    /// Returns whether the plan is executed up to the end of its `token`-th half second.
+    fn is_last_executed(&self, token: usize) -> bool {
         let executed = self.episode.plan.executed();
-        (executed..executed + TOKEN_FRAMES).contains(&end) && end < self.episode.plan.steps()
+        (executed..executed + TOKEN_FRAMES).contains(&((token + 1) * TOKEN_FRAMES))
     }
 
-    /// Takes agents to stand from here on, given by rows of the newest step, which begins at row `first` of
-    /// the features `meeting`.
-    fn stand(&mut self, stood: &[usize], meeting: &[Tensor<2>], first: usize) {
+    /// Takes agents to stand from here on, and in the next plan if they rest, given by rows of the newest step, which
+    /// begins at row `first` of the features `meeting`.
+    fn stand(&mut self, stood: &[usize], meeting: &[Tensor<2>], first: usize, rest: bool) {
         if let Some(newest) = self.steps.last().filter(|_| !stood.is_empty()) {
-            self.standing = Standing::of(stood, &newest.slots, &self.bodies, meeting, first);
+            let stands = Standing::of(stood, &newest.slots, &self.bodies, meeting, first);
+            self.standing.extend(&stands);
+            if rest {
+                self.memory.resting = stands;
+            }
         }
     }
 

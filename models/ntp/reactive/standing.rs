@@ -1,4 +1,5 @@
-//! Agents that stand throughout the outlook of a plan: most of a scene, on which the network spends no more work.
+//! Agents that stand, and on which the network spends no work: throughout the outlook of a plan, and in the next
+//! plan. These are most of a scene.
 
 use burn::tensor::{Int, Tensor, TensorData};
 use reactsim_perception::Body;
@@ -12,7 +13,7 @@ const MAX_DISPLACEMENT: f64 = 0.05;
 const MAX_DEPARTURE: f64 = 0.01;
 
 /// Agents that stand, and how others perceive them.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Standing {
     /// Slots and bodies at the last executed step.
     pub bodies: Vec<(usize, Body)>,
@@ -31,13 +32,33 @@ impl Standing {
         first: usize,
     ) -> Self {
         let index: Vec<i32> = rows.iter().map(|row| (first + row) as i32).collect();
-        let select = |features: &Tensor<2>| {
-            let index = TensorData::new(index.clone(), [index.len()]);
-            features.clone().select(0, Tensor::<1, Int>::from_data(index, &features.device()))
-        };
         Self {
             bodies: rows.iter().map(|&row| (slots[row], bodies[row])).collect(),
-            features: meeting.iter().map(select).collect(),
+            features: meeting.iter().map(|features| select(features, &index)).collect(),
+        }
+    }
+
+    /// Keeps the agents that stood in the last half second of their tracks.
+    pub(crate) fn retain_standing(&mut self, tracks: &[Vec<Frame>]) {
+        let kept: Vec<usize> = (0..self.bodies.len()).filter(|&i| stood(&tracks[self.bodies[i].0])).collect();
+        if kept.is_empty() {
+            *self = Self::default();
+        } else if kept.len() < self.bodies.len() {
+            let rows: Vec<i32> = kept.iter().map(|&i| i as i32).collect();
+            self.bodies = kept.iter().map(|&i| self.bodies[i]).collect();
+            self.features.iter_mut().for_each(|features| *features = select(features, &rows));
+        }
+    }
+
+    /// Adds further agents.
+    pub(crate) fn extend(&mut self, other: &Self) {
+        if self.bodies.is_empty() {
+            self.clone_from(other);
+        } else if !other.bodies.is_empty() {
+            self.bodies.extend_from_slice(&other.bodies);
+            for (own, more) in self.features.iter_mut().zip(&other.features) {
+                *own = Tensor::cat(vec![own.clone(), more.clone()], 0);
+            }
         }
     }
 
@@ -51,12 +72,23 @@ impl Standing {
     }
 }
 
+/// Returns these rows of features.
+fn select(features: &Tensor<2>, rows: &[i32]) -> Tensor<2> {
+    let index = TensorData::new(rows.to_vec(), [rows.len()]);
+    features.clone().select(0, Tensor::<1, Int>::from_data(index, &features.device()))
+}
+
+/// Returns whether an agent stood in the last half second of its track.
+fn stood(track: &[Frame]) -> bool {
+    let back = track.len().checked_sub(TOKEN_FRAMES + 1).and_then(|frame| track[frame]);
+    let (Some(from), Some(Some(to))) = (back, track.last()) else { return false };
+    (to.position() - from.position()).norm() < MAX_DISPLACEMENT
+}
+
 /// Returns whether an agent stood in the last half second of its track, and does not set off with a probability
 /// that counts. `departure` is evaluated only for agents that stood.
 pub(crate) fn stands(track: &[Frame], departure: impl FnOnce() -> f64) -> bool {
-    let back = track.len().checked_sub(TOKEN_FRAMES + 1).and_then(|frame| track[frame]);
-    let (Some(from), Some(Some(to))) = (back, track.last()) else { return false };
-    (to.position() - from.position()).norm() < MAX_DISPLACEMENT && departure() < MAX_DEPARTURE
+    stood(track) && departure() < MAX_DEPARTURE
 }
 
 /// Returns whether a token, of this displacement in metres, sets off.
