@@ -21,7 +21,7 @@ use reactsim::metrics::{Case, Options, score_case};
 use reactsim::models::ctg::learn::{CtgLearning, Recipe as CtgRecipe};
 use reactsim::models::ctg::{CtgParameters, CtgSimulator, Rules};
 use reactsim::models::learning::Intentions;
-use reactsim::models::nn::{Initializer, Noise, device};
+use reactsim::models::nn::{Initializer, Noise, Tensors, device};
 use reactsim::models::ntp::learn::{NextToken, Recipe};
 use reactsim::models::ntp::reactive::{Policy, ReactiveSimulator};
 use reactsim::models::ntp::smart::{
@@ -35,7 +35,7 @@ use reactsim::models::qp_regression::learn::{Recipe as RegressionRecipe, Regress
 use reactsim::models::vbd::learn::{Denoising, Recipe as VbdRecipe};
 use reactsim::models::vbd::{VbdParameters, VbdSimulator};
 use reactsim::rollout::{Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
-use reactsim::scene::{CURRENT, Scenario};
+use reactsim::scene::{CURRENT, Frame, LightState, Scenario};
 use reactsim::training::Task;
 
 /// Number of rounds of every measurement.
@@ -67,9 +67,9 @@ fn measure() -> Result<()> {
     let peak = products(&device);
     published(&device, peak, "7 M", TINY, "60 ms")?;
     published(&device, peak, "1 M", SMALL, "5 ms")?;
-    reactive(&device)?;
+    reactive(&device, peak)?;
     guarded()?;
-    regression(&device)?;
+    regression(&device, peak)?;
     diffusion(&device)
 }
 
@@ -194,6 +194,27 @@ fn operations(config: &SmartConfig, pairs: [usize; 3]) -> f64 {
     2.0 * (embeddings + blocks + AGENTS * (h * h + h * tokens)) as f64
 }
 
+/// Prints the rate of a network whose products have this many additions and multiplications.
+fn print_rate(operations: f64, cpu: f64, peak: f64) {
+    let rate = operations / cpu * 1e-9;
+    println!(
+        "| – {:.0} MFLOP in its products: {rate:.0} GFLOP/s, {:.0} % of the best product | | | | |",
+        operations * 1e-6,
+        100.0 * rate / peak
+    );
+}
+
+/// Returns the additions and multiplications of the products with the weights of a file, given how many rows go
+/// through the weights of this name.
+fn products_with_weights(file: &[u8], rows: impl Fn(&str) -> f64) -> Result<f64> {
+    let tensors = Tensors::read(file)?;
+    let of = |(name, shape): (&str, &[usize])| match shape {
+        [outputs, inputs] => 2.0 * (outputs * inputs) as f64 * rows(name),
+        _ => 0.0,
+    };
+    Ok(tensors.shapes().map(of).sum())
+}
+
 /// Measures the published network with random weights, of a size and with this aim for one replan.
 fn published(device: &Device, peak: f64, size: &str, config: &str, aim: &'static str) -> Result<()> {
     let config = SmartConfig::from_json(config)?;
@@ -228,11 +249,7 @@ fn published(device: &Device, peak: f64, size: &str, config: &str, aim: &'static
         std::hint::black_box(logits.into_data());
     });
     let cpu = row(&format!("{name}: one replan, {pairs:?} pairs"), &times, aim, milliseconds);
-    let rate = operations(&config, pairs) / cpu * 1e-9;
-    println!(
-        "| – its products alone: {rate:.0} GFLOP/s, {:.0} % of the best product | | | | |",
-        100.0 * rate / peak
-    );
+    print_rate(operations(&config, pairs), cpu, peak);
 
     let embeddings = network.agent_encoder().relation_embeddings();
     for (what, edges, embedding) in [
@@ -276,8 +293,9 @@ fn rolled(scenario: &Scenario, controller: &Controller, count: usize) -> Result<
 
 /// Measures the reactive network with random weights, on the shipped scenario with the most agents: 16 plans
 /// and 80 steps.
-fn reactive(device: &Device) -> Result<()> {
+fn reactive(device: &Device, peak: f64) -> Result<()> {
     let scenario = crowded()?;
+    reactive_step(&scenario, device, peak)?;
     let task = NextToken::new(Recipe::default(), Kinematic::default().build()?, device);
     let file = task.file(&task.init(0), &BTreeMap::new()).context("weights can be written")?;
     let driving =
@@ -305,6 +323,52 @@ fn reactive(device: &Device) -> Result<()> {
     Ok(())
 }
 
+/// Measures the network's part of a plan of the shipped reactive network, of which map and earlier steps are cached.
+fn reactive_step(scenario: &Scenario, device: &Device, peak: f64) -> Result<()> {
+    let file = fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/weights/ntp-reactive.safetensors"))?;
+    let policy = Policy::read(&file, device)?;
+    let config = &policy.config;
+    let (tracks, lights) = logged(scenario);
+    let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
+    let step = policy.cached_step(&known, &[20, 25, 30, 35, 40], device).context("a step")?;
+    let input = step.input();
+    let classes = step.classes();
+    let of_class =
+        |class: char| classes.iter().filter(|c| class.to_digit(10) == Some(c.index() as u32)).count() as f64;
+    let nodes = classes.len() as f64;
+    let rows = |name: &str| {
+        let slots = |kind: &str| input[&format!("{kind}.relations")].dims()[0] as f64;
+        match name.split('.').next().unwrap_or_default() {
+            "past" => slots("past"),
+            "to_place" => slots("places"),
+            "pair" => slots("agents"),
+            "heads" => name.chars().nth(6).map_or(0.0, of_class),
+            "body" | "blocks" => nodes,
+            // Encoded once per rollout.
+            _ => 0.0,
+        }
+    };
+    let open = |kind: &str| {
+        let open = input[&format!("{kind}.open")].clone().into_data();
+        open.iter::<f32>().map(f64::from).sum::<f64>()
+    };
+    let pairs = open("past") + open("places") + open("agents");
+    let attention = 4 * config.agent_layers * config.heads * (config.hidden + config.relation);
+    let operations = products_with_weights(&file, rows)? + pairs * attention as f64;
+    let times = measured(|| drop(std::hint::black_box(step.logits())));
+    let what = format!("reactive: the network for {nodes} agents, {pairs} pairs");
+    let cpu = row(&what, &times, "-", milliseconds);
+    print_rate(operations, cpu, peak);
+    Ok(())
+}
+
+/// Returns the logged states of all agents and lights.
+fn logged(scenario: &Scenario) -> (Vec<Vec<Frame>>, Vec<Vec<Option<LightState>>>) {
+    let tracks = (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect();
+    let lights = (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect();
+    (tracks, lights)
+}
+
 /// Measures the shipped network with its guard, on the shipped scenario with the most agents: 16 plans and 80
 /// steps.
 fn guarded() -> Result<()> {
@@ -318,22 +382,58 @@ fn guarded() -> Result<()> {
     Ok(())
 }
 
-/// Measures the motion predictor: modes of the agents nearest to the AV.
-fn regression(device: &Device) -> Result<()> {
+/// Measures the motion predictor: modes of the agents nearest to the AV, with the input.
+fn regression(device: &Device, peak: f64) -> Result<()> {
     let scenario = crowded()?;
     let task = Regression::new(RegressionRecipe::default(), Intentions::fan(), device);
     let file = task.file(&task.init(0), &BTreeMap::new()).context("weights can be written")?;
     let policy = Predictor::read(&file, device)?;
-    let tracks: Vec<_> = (0..scenario.start.agents.len()).map(|a| scenario.logged(a)).collect();
-    let lights: Vec<_> = (0..scenario.start.lights.len()).map(|l| scenario.light_states(l)).collect();
+    let (tracks, lights) = logged(&scenario);
     let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
     for (count, aim) in [(1, "-"), (12, "20 ms"), (32, "-")] {
         let slots: Vec<usize> = (1..=count).collect();
         let times =
             measured(|| drop(std::hint::black_box(policy.predict_known(&known, CURRENT, &slots, device))));
-        row(&format!("regression: modes of {count} agents, map included"), &times, aim, milliseconds);
+        let what = format!("regression: modes of {count} agents, map included");
+        let cpu = row(&what, &times, aim, milliseconds);
+        print_rate(count as f64 * prediction_operations(&file, &policy)?, cpu, peak);
     }
     Ok(())
+}
+
+/// Returns the additions and multiplications of the predictor for one agent, without intention queries, which agents
+/// share.
+fn prediction_operations(file: &[u8], policy: &Predictor) -> Result<f64> {
+    let config = &policy.config;
+    let [agents, lines, queries] = [config.agents, config.lines, policy.intentions.count()].map(|n| n as f64);
+    let frames = (CURRENT + 1) as f64;
+    let (agent_rows, line_rows) = (agents * frames, lines * config.points as f64);
+    let rows = |name: &str| {
+        let has = |part: &str| name.contains(part);
+        let (one_by_one, points) =
+            if has("agent_polyline") { (agents, agent_rows) } else { (lines, line_rows) };
+        match name {
+            _ if has("out_mlps") => one_by_one,
+            // Half of these weights are applied to pooled values.
+            _ if has("polyline_encoder.mlps.0") => 0.5 * (points + one_by_one),
+            _ if has("polyline") => points,
+            _ if has("self_attn_layers") => agents + lines,
+            _ if has("in_proj_map") => lines,
+            _ if has("obj_decoder") && (has("ca_k") || has("ca_v")) => agents,
+            _ if has("map_decoder") && (has("ca_k") || has("ca_v")) => lines,
+            _ if has("_decoder_layers") || has("fusion_layers") || has("_heads.") || has("guess") => queries,
+            _ if has("outlook") => 1.0,
+            _ if has("intention") => 0.0,
+            _ => agents,
+        }
+    };
+    let tokens = agents + lines;
+    let encoder = (config.encoder_layers * config.width) as f64 * 4.0 * tokens * tokens;
+    let decoder = |tokens: f64, width: usize| {
+        (config.decoder_layers * width) as f64 * queries * (4.0 * queries + 6.0 * tokens)
+    };
+    let attention = encoder + decoder(agents, config.decoder_width) + decoder(lines, config.map_width);
+    Ok(products_with_weights(file, rows)? + attention)
 }
 
 /// Measures networks of diffusion with random weights, on the shipped scenario with the most agents.

@@ -17,6 +17,15 @@ pub struct Links {
 }
 
 impl Links {
+    /// Reserves memory for this many slots, with this many numbers per relation.
+    pub fn with_capacity(slots: usize, features: usize) -> Self {
+        Self {
+            index: Vec::with_capacity(slots),
+            open: Vec::with_capacity(slots),
+            relation: Vec::with_capacity(slots * features),
+        }
+    }
+
     /// Appends a node with its sources, at most `k`, nearest first.
     pub fn push(
         &mut self,

@@ -65,8 +65,11 @@ pub(crate) fn node_tensors(
     config: &Config,
     device: &Device,
 ) -> NodeTensors {
-    let (mut past, mut places, mut agents) = (Links::default(), Links::default(), Links::default());
-    let mut bodies = Vec::new();
+    let nodes: usize = scenes.iter().flat_map(|(steps, _)| *steps).map(|step| step.slots.len()).sum();
+    let mut past = Links::with_capacity(nodes * config.past, PAST_FEATURES);
+    let mut places = Links::with_capacity(nodes * config.places(), TO_PLACE_FEATURES);
+    let mut agents = Links::with_capacity(nodes * config.agents, PAIR_FEATURES);
+    let mut bodies = Vec::with_capacity(nodes * BODY_FEATURES);
     let mut rows: BTreeMap<Class, Vec<usize>> = BTreeMap::new();
     let mut base = 0;
     for (steps, at) in scenes {

@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{Vec2, into_frame};
 use reactsim_nn::Links;
-use reactsim_perception::{Body, Class, Nearest, Places, SceneView, corridor, put};
+use reactsim_perception::{BODY_FEATURES, Body, Class, Nearest, Places, SceneView, corridor, put};
 use reactsim_scene::LightState;
 
 use super::choice::{Chooser, Surroundings};
@@ -82,6 +82,10 @@ impl StepGraph {
             bodies.push(body);
         }
         let nodes = bodies.len();
+        step.bodies.reserve_exact(nodes * BODY_FEATURES);
+        step.past = Links::with_capacity(nodes * config.past, PAST_FEATURES);
+        step.places = Links::with_capacity(nodes * config.places(), TO_PLACE_FEATURES);
+        step.agents = Links::with_capacity(nodes * config.agents, PAIR_FEATURES);
         bodies.extend(standing.iter().map(|(_, body)| *body));
         for (i, paths) in paths.iter().enumerate() {
             let mut features = bodies[i].features;
