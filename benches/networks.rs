@@ -204,8 +204,8 @@ fn print_rate(operations: f64, time: f64, peak: f64) {
     );
 }
 
-/// Returns the additions and multiplications of the products with the weights of a file, given how many rows go
-/// through the weights of this name.
+/// Returns the additions and multiplications of the products with the weights of a file, given how many rows
+/// go through the weights of this name.
 fn products_with_weights(file: &[u8], rows: impl Fn(&str) -> f64) -> Result<f64> {
     let tensors = Tensors::read(file)?;
     let of = |(name, shape): (&str, &[usize])| match shape {
@@ -323,7 +323,8 @@ fn reactive(device: &Device, peak: f64) -> Result<()> {
     Ok(())
 }
 
-/// Measures the network's part of a plan of the shipped reactive network, of which map and earlier steps are cached.
+/// Measures the network's part of a plan of the shipped reactive network, of which map and earlier steps are
+/// cached.
 fn reactive_step(scenario: &Scenario, device: &Device, peak: f64) -> Result<()> {
     let file = fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/weights/ntp-reactive.safetensors"))?;
     let policy = Policy::read(&file, device)?;
@@ -401,8 +402,8 @@ fn regression(device: &Device, peak: f64) -> Result<()> {
     Ok(())
 }
 
-/// Returns the additions and multiplications of the predictor for one agent, without intention queries, which agents
-/// share.
+/// Returns the additions and multiplications of the predictor for one agent, without intention queries, which
+/// agents share.
 fn prediction_operations(file: &[u8], policy: &Predictor) -> Result<f64> {
     let config = &policy.config;
     let [agents, lines, queries] = [config.agents, config.lines, policy.intentions.count()].map(|n| n as f64);

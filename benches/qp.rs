@@ -94,9 +94,9 @@ impl SingleEpisode for Timed {
 
     fn plan_one(&self, kept: &mut Self::Memory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let failed = || PlanError::Failed("no stage".to_owned());
-        let (ground, stage) = kept.as_mut().ok_or_else(failed)?;
+        let (memory, stage) = kept.as_mut().ok_or_else(failed)?;
         let begun = now();
-        let intents = self.inner.intents(ground, episode);
+        let intents = self.inner.intents(memory, episode);
         let asked = now();
         let plans = stage.plan(&episode.seen, &intents, episode.plan.steps());
         let ended = now();

@@ -148,7 +148,8 @@ pub fn gelu(x: Tensor<2>) -> Tensor<2> {
     if is_host(&x.device()) { host::gelu(x) } else { activation::gelu(x) }
 }
 
-/// Returns m + σ(g) (o - m) of each logit g of a gate, own number o and message m, with the logistic function σ.
+/// Returns m + σ(g) (o - m) of each logit g of a gate, own number o and message m, with the logistic function
+/// σ.
 pub(super) fn gated(logits: Tensor<2>, own: Tensor<2>, message: Tensor<2>) -> Tensor<2> {
     if is_host(&logits.device()) {
         return host::gate(logits, own, message);

@@ -115,7 +115,8 @@ fn stands(seen: &Observation<'_>, slot: usize) -> bool {
     seen.state(slot).and_then(|s| s.velocity()).is_some_and(|v| v.norm() < STANDSTILL_SPEED)
 }
 
-/// Returns for how many steps, at most [`MAX_REST`], [`execute`] would have an agent stay if it followed this mode.
+/// Returns for how many steps, at most [`MAX_REST`], [`execute`] would have an agent stay if it followed this
+/// mode.
 fn rest(mode: &Mode, prediction: &Prediction) -> usize {
     let stays = |steps: &usize| {
         let point = mode.points.get(steps + SET_OFF_STEP).or(mode.points.last());

@@ -6,8 +6,8 @@ use pulp::{Arch, Simd, WithSimd};
 use super::Numbers;
 use super::softmax::exp;
 
-/// Returns m + σ(g) (o - m) of each logit g of a gate, own number o and message m, with the logistic function σ to
-/// 3e-7.
+/// Returns m + σ(g) (o - m) of each logit g of a gate, own number o and message m, with the logistic function
+/// σ to 3e-7.
 ///
 /// # Panics
 /// If the matrices are not of the same shape.

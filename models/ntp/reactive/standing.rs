@@ -1,5 +1,5 @@
-//! Agents that stand, and on which the network spends no work: throughout the outlook of a plan, and in the next
-//! plan. These are most of a scene.
+//! Agents that stand, and on which the network spends no work: throughout the outlook of a plan, and in the
+//! next plan. These are most of a scene.
 
 use burn::tensor::{Int, Tensor, TensorData};
 use reactsim_perception::Body;
