@@ -29,7 +29,7 @@ class ProgramProcess:
     def __init__(self) -> None:
         self.path = find_program()
         self._program = start(
-            [self.path, "session"],
+            [self.path, "session", "--parent", str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

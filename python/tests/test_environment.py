@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -392,6 +394,14 @@ def test_the_process_ends_with_its_parent(tmp_path: Path) -> None:
         time.sleep(0.1)
     os.kill(child, signal.SIGKILL)
     assert not is_running(pid)
+
+
+def test_the_process_ends_with_a_parent_that_ended_before_it_started() -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    command = [reactsim.find_program(), "session", "--parent", str(ended.pid)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+        assert program.wait(15.0) == 0
 
 
 def test_threads_share_the_process_of_scores(results: Any) -> None:

@@ -122,7 +122,7 @@ enum Command {
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
     /// Answer requests of the Python package over standard input and output
-    Session,
+    Session(session::SessionArgs),
     /// Create AV trajectories that leave the log (deviated AVs), review and analyse them
     Curate(curate::CurateArgs),
     /// Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
@@ -198,7 +198,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Study(args) => study::study(&args),
         Command::Score(args) => score::score(&args),
-        Command::Session => session::session(),
+        Command::Session(args) => session::session(&args),
         Command::Curate(args) => curate::curate(&args),
         Command::Generate(args) => generate::generate(&args),
         Command::Convert(args) => convert::convert(&args),
