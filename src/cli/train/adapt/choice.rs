@@ -13,9 +13,9 @@ use crate::evaluation::{Adjustments, PlannedSimulator, weights_file};
 /// Parameter that is chosen.
 pub(super) const HASTE: &str = "haste.weight";
 /// Values that are tried, in ascending order.
-const TRIED: [&str; 4] = ["0", "1", "3", "5"];
-/// Largest displacement, relative to the smallest one.
-const MOST_ADE: f64 = 1.15;
+const TRIED: [&str; 6] = ["0", "1", "2", "3", "4", "5"];
+/// Rollouts of each scenario.
+const ROLLOUTS: u32 = 2;
 
 /// What a simulator does on the scenarios.
 struct Behavior {
@@ -25,9 +25,9 @@ struct Behavior {
     ade: f64,
 }
 
-/// Chooses the largest haste that is as safe as the safest one, up to one scenario, and hardly farther from the
-/// log, on the first `most` scenarios of a file. Warns if the adapted network is less safe than the shipped one.
-/// `None` if there are no scenarios, if the model has no haste, or if it was stopped.
+/// Chooses the haste on the first `most` scenarios of a file, as [`largest_no_worse`] says. Warns if the adapted
+/// network is less safe than the shipped one. `None` if there are no scenarios, if the model has no haste, or if
+/// it was stopped.
 pub(super) fn choose(
     model: &AdaptableModel,
     (shipped, adapted): (&Path, &Path),
@@ -36,7 +36,7 @@ pub(super) fn choose(
     jobs: usize,
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<&'static str>> {
-    let Some(scenarios) = ClosedLoop::of_file(tuning, most, 1)? else { return Ok(None) };
+    let Some(scenarios) = ClosedLoop::of_file(tuning, most, ROLLOUTS)? else { return Ok(None) };
     let one = 1.0 / scenarios.ids().count() as f64 + 1e-9;
     let measure = |weights: &Path, haste: Option<&str>| -> anyhow::Result<Behavior> {
         let parameter = |value: &str| (model.id.to_owned(), HASTE.to_owned(), value.to_owned());
@@ -60,22 +60,25 @@ pub(super) fn choose(
         warn(&before, &measure(adapted, None)?, one);
         return Ok(None);
     }
-    let mut found = Vec::new();
+    let mut tried = Vec::new();
     for value in TRIED {
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        found.push((value, measure(adapted, Some(value))?));
+        tried.push(measure(adapted, Some(value))?);
     }
-    let least =
-        |value: fn(&Behavior) -> f64| found.iter().map(|(_, b)| value(b)).fold(f64::INFINITY, f64::min);
-    let (danger, ade) = (least(|b| b.danger), least(|b| b.ade));
-    let fits = |(_, b): &&(_, Behavior)| b.danger <= danger + one && b.ade <= MOST_ADE * ade;
-    let chosen = found.iter().rev().find(fits).or_else(|| found.first());
-    Ok(chosen.map(|(value, after)| {
-        warn(&before, after, one);
-        *value
-    }))
+    let chosen = largest_no_worse(&before, &tried, one);
+    warn(&before, &tried[chosen], one);
+    Ok(Some(TRIED[chosen]))
+}
+
+/// Returns the index of the last behaviour that is as safe as the one before, up to `one`, and no farther from the
+/// log: the larger the haste, the more of the progress and the less of the over-reaction that adaptation to slower
+/// traffic costs are regained. If there is none, returns the index of the safest one.
+fn largest_no_worse(before: &Behavior, tried: &[Behavior], one: f64) -> usize {
+    let fits = |b: &Behavior| b.danger <= before.danger + one && b.ade <= before.ade;
+    let safest = || tried.iter().enumerate().min_by(|a, b| a.1.danger.total_cmp(&b.1.danger));
+    tried.iter().rposition(fits).or_else(|| safest().map(|(i, _)| i)).unwrap_or(0)
 }
 
 /// Warns of a network that is less safe than before by more than one scenario.
@@ -85,5 +88,21 @@ fn warn(before: &Behavior, after: &Behavior, one: f64) {
             "warning: the adapted network is less safe with an AV that deviates than the shipped one: give more logs \
              or other --minutes, and look at the table"
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_haste_that_is_no_worse_is_chosen() {
+        let behavior = |(danger, ade)| Behavior { danger, ade };
+        let chosen =
+            |before, tried: [(f64, f64); 3]| largest_no_worse(&behavior(before), &tried.map(behavior), 0.1);
+        assert_eq!(chosen((0.2, 2.0), [(0.0, 1.6), (0.3, 2.0), (0.2, 2.1)]), 1);
+        assert_eq!(chosen((0.2, 2.0), [(0.0, 1.6), (0.4, 1.8), (0.1, 1.9)]), 2);
+        // Nothing is as good as before.
+        assert_eq!(chosen((0.2, 2.0), [(0.5, 2.5), (0.4, 1.8), (0.2, 2.1)]), 2);
     }
 }

@@ -71,7 +71,8 @@ const AFTER: &str = "\
    certificate of the deviated AV says.
 3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as
    --minutes allow, and keeps the network with the lowest validation loss.
-4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from.
+4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the largest one with
+   which it is no worse than before.
 5. Prints the table of the part to judge by: before, after, `idm` and constant velocity, in both
    protocols.
 
