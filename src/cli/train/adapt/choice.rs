@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::anyhow;
 
+use super::ROLLOUTS;
 use super::model::AdaptableModel;
 use crate::cli::say;
 use crate::cli::train::closed_loop::ClosedLoop;
@@ -14,8 +15,6 @@ use crate::evaluation::{Adjustments, PlannedSimulator, weights_file};
 pub(super) const HASTE: &str = "haste.weight";
 /// Values that are tried, in ascending order.
 const TRIED: [&str; 6] = ["0", "1", "2", "3", "4", "5"];
-/// Rollouts of each scenario.
-const ROLLOUTS: u32 = 2;
 
 /// What a simulator does on the scenarios.
 struct Behavior {

@@ -53,6 +53,8 @@ const MOST_DEVIATED: f64 = 60.0;
 const MOST_JUDGED: f64 = 15.0;
 /// Largest number of scenarios by which haste is chosen, per minute.
 const MOST_TRIED: f64 = 4.0;
+/// Rollouts of each scenario for the choice of haste and for the table.
+const ROLLOUTS: u32 = 2;
 /// Name of the file with the arguments in the folder.
 const ARGUMENTS: &str = "adapt.json";
 /// Name of the recipe in the folder.
@@ -350,6 +352,7 @@ fn table(
         line.extend(arguments.iter().map(OsString::from));
         line.extend(["--out".into(), folder.clone().into_os_string(), "--keep-rollouts".into()]);
         line.extend(["--columns".into(), COLUMNS.into()]);
+        line.extend(["--rollouts".into(), ROLLOUTS.to_string().into()]);
         if args.resume && folder.exists() {
             line.push("--resume".into());
         }
