@@ -52,7 +52,7 @@ const MOST_DEVIATED: f64 = 60.0;
 /// Largest number of scenarios to judge by, per minute.
 const MOST_JUDGED: f64 = 15.0;
 /// Largest number of scenarios by which haste is chosen, per minute.
-const MOST_TRIED: f64 = 4.0;
+const MOST_TRIED: f64 = 6.0;
 /// Rollouts of each scenario for the choice of haste and for the table.
 const ROLLOUTS: u32 = 2;
 /// Name of the file with the arguments in the folder.
