@@ -330,8 +330,8 @@ impl DecodingState<'_, '_> {
         (executed..executed + TOKEN_FRAMES).contains(&((token + 1) * TOKEN_FRAMES))
     }
 
-    /// Takes agents to stand from here on, and in the next plan if they rest, given by rows of the newest step,
-    /// which begins at row `first` of the features `meeting`.
+    /// Takes agents to stand from here on, and in the next plan if they rest, given by rows of the newest
+    /// step, which begins at row `first` of the features `meeting`.
     fn stand(&mut self, stood: &[usize], meeting: &[Tensor<2>], first: usize, rest: bool) {
         if let Some(newest) = self.steps.last().filter(|_| !stood.is_empty()) {
             let stands = Standing::of(stood, &newest.slots, &self.bodies, meeting, first);

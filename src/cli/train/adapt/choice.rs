@@ -24,9 +24,16 @@ struct Behavior {
     ade: f64,
 }
 
-/// Chooses the haste on the first `most` scenarios of a file, as [`largest_no_worse`] says. Warns if the adapted
-/// network is less safe than the shipped one. `None` if there are no scenarios, if the model has no haste, or if
-/// it was stopped.
+impl Behavior {
+    /// Returns whether this is as safe as an earlier behaviour, up to `one`, the share of one scenario.
+    fn is_as_safe_as(&self, before: &Self, one: f64) -> bool {
+        self.danger <= before.danger + one
+    }
+}
+
+/// Chooses the haste on the first `most` scenarios of a file, as [`largest_no_worse`] says. Warns if the
+/// adapted network is less safe than the shipped one. `None` if there are no scenarios, if the model has no
+/// haste, or if it was stopped.
 pub(super) fn choose(
     model: &AdaptableModel,
     (shipped, adapted): (&Path, &Path),
@@ -71,18 +78,18 @@ pub(super) fn choose(
     Ok(Some(TRIED[chosen]))
 }
 
-/// Returns the index of the last behaviour that is as safe as the one before, up to `one`, and no farther from the
-/// log: the larger the haste, the more of the progress and the less of the over-reaction that adaptation to slower
-/// traffic costs are regained. If there is none, returns the index of the safest one.
+/// Returns the index of the last behaviour that is as safe as the one before and no farther from the log:
+/// adaptation can cost progress and add over-reaction, and a larger haste makes up for both. If there is
+/// none, returns the index of the safest one.
 fn largest_no_worse(before: &Behavior, tried: &[Behavior], one: f64) -> usize {
-    let fits = |b: &Behavior| b.danger <= before.danger + one && b.ade <= before.ade;
+    let fits = |b: &Behavior| b.is_as_safe_as(before, one) && b.ade <= before.ade;
     let safest = || tried.iter().enumerate().min_by(|a, b| a.1.danger.total_cmp(&b.1.danger));
     tried.iter().rposition(fits).or_else(|| safest().map(|(i, _)| i)).unwrap_or(0)
 }
 
 /// Warns of a network that is less safe than before by more than one scenario.
 fn warn(before: &Behavior, after: &Behavior, one: f64) {
-    if after.danger > before.danger + one {
+    if !after.is_as_safe_as(before, one) {
         say(format_args!(
             "warning: the adapted network is less safe with an AV that deviates than the shipped one: give more logs \
              or other --minutes, and look at the table"
