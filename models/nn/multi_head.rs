@@ -1,7 +1,5 @@
 //! Multi-head attention with one matrix for queries, keys and values, as in PyTorch.
 
-use std::ops::{Range, RangeInclusive};
-
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::Tensor;
@@ -29,11 +27,6 @@ pub enum Part {
     Value,
 }
 
-/// Returns the columns of consecutive parts.
-const fn columns(parts: &RangeInclusive<Part>, width: usize) -> Range<usize> {
-    *parts.start() as usize * width..(*parts.end() as usize + 1) * width
-}
-
 impl MultiHeadAttention {
     /// Creates the layers.
     pub fn init(width: usize, heads: usize, init: &mut Initializer) -> Self {
@@ -47,29 +40,22 @@ impl MultiHeadAttention {
         }
     }
 
-    /// Multiplies rows `[n, width]` with the matrices of consecutive parts, without their biases.
-    fn product(&self, parts: RangeInclusive<Part>, x: Tensor<2>) -> Rows {
-        let width = x.dims()[1];
-        let weight = self.in_proj_weight.val().transpose();
-        Rows::product(x, weight.slice([0..width, columns(&parts, width)]))
-    }
-
-    /// Projects rows `[n, width]` to consecutive parts at once, `[n, parts * width]`.
-    pub fn parts(&self, parts: RangeInclusive<Part>, x: Tensor<2>) -> Tensor<2> {
-        let columns = columns(&parts, x.dims()[1]);
-        let bias = self.in_proj_bias.val().unsqueeze_dim::<2>(0).slice([0..1, columns]);
-        self.product(parts, x).plus(bias).done()
-    }
-
     /// Projects rows `[n, width]` to a part.
     pub fn part(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
-        self.parts(part..=part, x)
+        let width = x.dims()[1];
+        let bias = self.in_proj_bias.val().narrow(0, part as usize * width, width);
+        self.product(part, x).plus(bias.unsqueeze_dim::<2>(0)).done()
     }
 
     /// Projects rows `[n, width]` to a part, without its bias: what a summand contributes to the part of a
     /// sum.
     pub fn summand(&self, part: Part, x: Tensor<2>) -> Tensor<2> {
-        self.product(part..=part, x).done()
+        self.product(part, x).done()
+    }
+
+    fn product(&self, part: Part, x: Tensor<2>) -> Rows {
+        let width = x.dims()[1];
+        Rows::product(x, self.in_proj_weight.val().narrow(0, part as usize * width, width).transpose())
     }
 
     /// Attends with parts that are projected already, as [`dense_attention`]: what queries take, before the

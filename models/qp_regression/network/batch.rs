@@ -378,7 +378,8 @@ pub(super) fn nearest_tokens(
     let tokens = config.tokens();
     let mut closed = vec![CLOSED; scenes.len() * tokens * tokens];
     let others = config.neighbours - 1;
-    let mut by_distance: Vec<(u64, usize)> = Vec::with_capacity(tokens);
+    // Distances and, in the lower half, rows: single numbers are selected faster than pairs.
+    let mut by_distance: Vec<u128> = Vec::with_capacity(tokens);
     for (all, block) in scenes.iter().zip(closed.chunks_exact_mut(tokens * tokens)) {
         for i in 0..tokens {
             block[i * tokens + i] = 0.0;
@@ -390,12 +391,13 @@ pub(super) fn nearest_tokens(
             };
             // An agent at the position of another one still counts itself first.
             by_distance.clear();
-            by_distance.extend(all.iter().filter(|b| b.0 != i).map(|&(j, b)| (millionths(squared(b)), j)));
+            let key = |&(j, b): &(usize, [f32; 3])| u128::from(millionths(squared(b))) << 64 | j as u128;
+            by_distance.extend(all.iter().filter(|b| b.0 != i).map(key));
             if by_distance.len() > others {
                 by_distance.select_nth_unstable(others);
                 by_distance.truncate(others);
             }
-            by_distance.iter().for_each(|&(_, j)| block[i * tokens + j] = 0.0);
+            by_distance.iter().for_each(|&key| block[i * tokens + key as u64 as usize] = 0.0);
         }
     }
     tensor4(closed, [scenes.len(), 1, tokens, tokens], device)
@@ -416,9 +418,12 @@ fn mode_guide(
     let mut values = Vec::new();
     for scene in scenes {
         let paths = scene.outlook.as_ref().map_or(&[][..], |o| &o.paths);
-        for goal in intentions.of(scene.class) {
+        let goals = intentions.of(scene.class);
+        if config.outlook {
+            references.append_towards(goals, scene.velocity(), paths, &mut values);
+        } else {
             // Straight motion to a point far ahead says less about the next half second than the velocity.
-            references.append(scene.velocity(), config.outlook.then_some(*goal), paths, &mut values);
+            goals.iter().for_each(|_| references.append_constant(scene.velocity(), &mut values));
         }
     }
     reference_tensor(values, config, device)
@@ -441,7 +446,7 @@ fn dense_guide(scenes: &[&Surroundings], config: &Config, device: &Device) -> Te
     for scene in scenes {
         for i in 0..config.agents {
             let velocity = scene.velocities.get(i).copied().unwrap_or_default();
-            references.append(velocity, None, &[], &mut values);
+            references.append_constant(velocity, &mut values);
         }
     }
     reference_tensor(values, config, device)

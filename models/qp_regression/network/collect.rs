@@ -18,7 +18,10 @@ pub(crate) fn collected(
 ) -> Tensor<4> {
     let (lines, queries) = (config.lines, batch.queries);
     let mut closed = vec![CLOSED; batch.scenes * queries * lines];
-    let mut distances: Vec<(f32, usize)> = Vec::with_capacity(lines);
+    // Squares of the distances, which are not negative, so that their bits are in the same order; lines that are
+    // as far away as others come in their order.
+    let mut distances: Vec<f32> = Vec::with_capacity(lines);
+    let mut order: Vec<u64> = Vec::with_capacity(lines);
     for (row, trajectory) in trajectories.chunks_exact(points * 2).enumerate() {
         let scene = row / queries;
         let out = &mut closed[row * lines..(row + 1) * lines];
@@ -29,19 +32,20 @@ pub(crate) fn collected(
             }
         }
         distances.clear();
-        distances.extend(places.iter().enumerate().map(|(i, place)| {
-            let d2 = |p: &[f32]| {
-                let (x, y) = (p[0] - place[0], p[1] - place[1]);
-                x * x + y * y
-            };
-            (trajectory.as_chunks::<2>().0.iter().map(|p| d2(p)).fold(f32::INFINITY, f32::min), i)
-        }));
-        if distances.len() > config.way_lines {
-            distances
-                .select_nth_unstable_by(config.way_lines - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            distances.truncate(config.way_lines);
+        distances.resize(places.len(), f32::INFINITY);
+        for point in trajectory.as_chunks::<2>().0 {
+            for (distance, place) in distances.iter_mut().zip(places) {
+                let (x, y) = (point[0] - place[0], point[1] - place[1]);
+                *distance = distance.min(x * x + y * y);
+            }
         }
-        distances.iter().for_each(|d| out[d.1] = 0.0);
+        order.clear();
+        order.extend((0..).zip(&distances).map(|(i, d)| u64::from(d.to_bits()) << 32 | i));
+        if order.len() > config.way_lines {
+            order.select_nth_unstable(config.way_lines - 1);
+            order.truncate(config.way_lines);
+        }
+        order.iter().for_each(|line| out[(line & u64::from(u32::MAX)) as usize] = 0.0);
     }
     Tensor::from_data(TensorData::new(closed, [batch.scenes, 1, queries, lines]), device)
 }

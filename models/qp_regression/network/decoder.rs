@@ -10,7 +10,7 @@ use super::STATE;
 use super::batch::Batch;
 use super::collect::collected;
 use super::config::Config;
-use super::decoder_layer::{AttentionInput, DecoderLayer, Queries};
+use super::decoder_layer::{AttentionInput, Chosen, DecoderLayer, Queries};
 use super::dense::Dense;
 use super::encoder::Tokens;
 use super::guide;
@@ -108,11 +108,17 @@ impl MotionDecoder {
             self.dense.forward(self.in_proj_obj.forward(tokens.agents), batch, config, observed);
         let lines = self.in_proj_map.forward(tokens.lines);
 
+        // Intention points are a table of the classes, of which every scene has the rows of one class.
+        let points_of = |&class: &usize| (class * queries..(class + 1) * queries).map(|row| row as i32);
+        let chosen: Vec<i32> = batch.classes.iter().flat_map(points_of).collect();
+        let chosen = Tensor::<1, Int>::from_data(TensorData::new(chosen, [rows]), &device);
+        let of_table = |table: Tensor<2>| Chosen { table, rows: Some(chosen.clone()) };
         let intention = self.intentions(batch, d, observed);
         let narrow_intention = match &self.map_query_embed_mlps {
             Some(narrow) => narrow.forward(intention.clone()),
             None => intention.clone(),
         };
+        let (intention, narrow_intention) = (of_table(intention), of_table(narrow_intention));
         let any = Tensor::ones([rows, 1], &device);
         let to_agents = AttentionInput {
             tokens: agents,
@@ -122,8 +128,8 @@ impl MotionDecoder {
         };
         let line_positions = sine(batch.lines.positions.clone(), m);
 
-        let goals = TensorData::new(batch.goals.clone(), [rows, 2]);
-        let mut center = Tensor::<2>::from_data(goals, &device);
+        // The first layer searches at the intention points, later ones where the prediction ends.
+        let mut center = None;
         let (mut trajectories, mut points) = (batch.goals.clone(), 1);
         let mut content = Tensor::zeros([rows, d], &device);
         if let (Some(mlp), Some(reference)) = (&self.guess_mlp, &batch.mode_guide) {
@@ -136,11 +142,12 @@ impl MotionDecoder {
         }
         let mut layers = Vec::with_capacity(config.decoder_layers);
         for i in 0..config.decoder_layers {
-            let queries_of = |content, intention, width| Queries {
-                content,
-                intention,
-                searching: sine(center.clone(), width),
+            let searching = |width| match &center {
+                None => of_table(sine(batch.table.clone(), width)),
+                Some(ends) => Chosen { table: sine(Tensor::clone(ends), width), rows: None },
             };
+            let queries_of =
+                |content, intention, width| Queries { content, intention, searching: searching(width) };
             let about = queries_of(content.clone(), intention.clone(), d);
             let of_agents = self.obj_decoder_layers[i].forward(about, &to_agents, i == 0, scenes);
             let to_lines = AttentionInput {
@@ -171,7 +178,7 @@ impl MotionDecoder {
                 // The search position carries no gradient: the shortest wavelength is a metre, so its
                 // slope is useless.
                 let places = places.detach();
-                center = places.clone().narrow(1, config.states() - 1, 1).reshape([rows, 2]);
+                center = Some(places.clone().narrow(1, config.states() - 1, 1).reshape([rows, 2]));
                 trajectories = places.into_data().iter::<f32>().collect();
                 points = config.states();
             }
@@ -180,21 +187,14 @@ impl MotionDecoder {
         (layers, dense)
     }
 
-    /// Returns the static intention queries, `[scenes * queries, width]`, of the class of each
-    /// predicted agent.
+    /// Returns the static intention queries of all classes, `[3 * queries, width]`.
     fn intentions(&self, batch: &Batch, width: usize, observed: &mut Observed) -> Tensor<2> {
-        let device = batch.table.device();
-        let q = batch.queries;
         // The points of a class count as often as there are predicted agents of it.
-        let agents = |row: usize| batch.classes.iter().filter(|class| **class == row / q).count() as f32;
+        let agents =
+            |row: usize| batch.classes.iter().filter(|class| **class == row / batch.queries).count() as f32;
         let points = batch.table.dims()[0];
         let weights: Vec<f32> = (0..points).map(agents).collect();
-        let weights = Tensor::from_data(TensorData::new(weights, [points, 1]), &device);
-        let all =
-            self.intention_query_mlps.forward(sine(batch.table.clone(), width), Some(&weights), observed);
-        let rows: Vec<i32> =
-            batch.classes.iter().flat_map(|&c| (c * q..(c + 1) * q).map(|row| row as i32)).collect();
-        let count = rows.len();
-        all.select(0, Tensor::<1, Int>::from_data(TensorData::new(rows, [count]), &device))
+        let weights = Tensor::from_data(TensorData::new(weights, [points, 1]), &batch.table.device());
+        self.intention_query_mlps.forward(sine(batch.table.clone(), width), Some(&weights), observed)
     }
 }

@@ -2,7 +2,7 @@
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
-use burn::tensor::Tensor;
+use burn::tensor::{Int, Tensor};
 use reactsim_nn::{Initializer, Rows, dense_attention, linear};
 
 /// Output projection of an attention whose input projections are separate fields.
@@ -54,11 +54,30 @@ pub(crate) struct AttentionInput {
 pub(crate) struct Queries {
     /// `[scenes * queries, width]`: their content.
     pub content: Tensor<2>,
-    /// `[scenes * queries, width]`: their intention points, encoded (static intention queries).
-    pub intention: Tensor<2>,
-    /// `[scenes * queries, width]`: sine embeddings of their search positions (dynamic searching
-    /// queries).
-    pub searching: Tensor<2>,
+    /// Their intention points, encoded (static intention queries).
+    pub intention: Chosen,
+    /// Sine embeddings of their search positions (dynamic searching queries).
+    pub searching: Chosen,
+}
+
+/// Rows of a table, one per query. Queries share rows, so layers are applied to the table.
+#[derive(Clone, Debug)]
+pub(crate) struct Chosen {
+    /// `[n, width]`: the table.
+    pub table: Tensor<2>,
+    /// `[scenes * queries]`: rows of the table; `None` for all of them, in order.
+    pub rows: Option<Tensor<1, Int>>,
+}
+
+impl Chosen {
+    /// Returns the output of a linear layer for the chosen rows.
+    fn through(&self, layer: &Linear) -> Tensor<2> {
+        let table = linear(layer, self.table.clone());
+        match &self.rows {
+            Some(rows) => table.select(0, rows.clone()),
+            None => table,
+        }
+    }
 }
 
 impl DecoderLayer {
@@ -103,10 +122,8 @@ impl DecoderLayer {
         scenes: usize,
     ) -> Tensor<2> {
         let Queries { content, intention, searching } = queries;
-        let q =
-            linear(&self.sa_qcontent_proj, content.clone()) + linear(&self.sa_qpos_proj, intention.clone());
-        let k =
-            linear(&self.sa_kcontent_proj, content.clone()) + linear(&self.sa_kpos_proj, intention.clone());
+        let q = linear(&self.sa_qcontent_proj, content.clone()) + intention.through(&self.sa_qpos_proj);
+        let k = linear(&self.sa_kcontent_proj, content.clone()) + intention.through(&self.sa_kpos_proj);
         let v = linear(&self.sa_v_proj, content.clone());
         let all_open = Tensor::zeros([1, 1, 1, 1], &content.device());
         let taken = dense_attention(scenes, self.heads, vec![(q, k)], v, all_open);
@@ -117,10 +134,10 @@ impl DecoderLayer {
         let v = linear(&self.ca_v_proj, attended.tokens.clone());
         let k_position = linear(&self.ca_kpos_proj, attended.positions.clone());
         if first {
-            q = q + linear(&self.ca_qpos_proj, intention);
+            q = q + intention.through(&self.ca_qpos_proj);
             k = k + k_position.clone();
         }
-        let sought = linear(&self.ca_qpos_sine_proj, searching);
+        let sought = searching.through(&self.ca_qpos_sine_proj);
         let products = vec![(q, k), (sought, k_position)];
         let taken =
             dense_attention(scenes, self.heads, products, v, attended.closed.clone()) * attended.any.clone();

@@ -35,10 +35,10 @@ impl EncoderLayer {
 
     fn forward(&self, x: Tensor<2>, positions: Tensor<2>, closed: Tensor<4>) -> Tensor<2> {
         let attention = &self.self_attn;
-        let (scenes, width) = (closed.dims()[0], x.dims()[1]);
-        // Values do not know where tokens are.
-        let both = attention.parts(Part::Query..=Part::Key, x.clone() + positions);
-        let (queries, keys) = (both.clone().narrow(1, 0, width), both.narrow(1, width, width));
+        let scenes = closed.dims()[0];
+        // Values do not contain positions.
+        let placed = x.clone() + positions;
+        let [queries, keys] = [Part::Query, Part::Key].map(|part| attention.part(part, placed.clone()));
         let values = attention.part(Part::Value, x.clone());
         let taken = attention.take(scenes, queries, keys, values, closed);
         let x = attention.output(taken).plus(x).norm(&self.norm1).done();

@@ -39,23 +39,33 @@ impl References {
         }
     }
 
-    /// Appends the states of an agent that starts at the origin with this velocity and reaches `goal` by
-    /// the end, along one of `paths` if it leads there, otherwise straight. Without a goal it keeps its
-    /// velocity.
-    pub(crate) fn append(
+    /// Appends the states of an agent that starts at the origin with this velocity and keeps it.
+    pub(crate) fn append_constant(&self, velocity: Vec2, out: &mut Vec<f32>) {
+        self.append(out, |t| (velocity * t, velocity));
+    }
+
+    /// Appends, for each goal, the states of an agent that starts at the origin with this velocity and reaches
+    /// the goal by the end, along one of `paths` if it leads there, otherwise straight.
+    pub(crate) fn append_towards(
         &self,
+        goals: &[Vec2],
         velocity: Vec2,
-        goal: Option<Vec2>,
         paths: &[Vec<(Vec2, Vec2)>],
         out: &mut Vec<f32>,
     ) {
-        let along = goal.and_then(|goal| Along::of(paths, velocity, goal));
+        let ways: Vec<Way<'_>> = paths.iter().filter_map(|path| Way::of(path, velocity)).collect();
+        for &goal in goals {
+            match Along::of(&ways, goal) {
+                Some(along) => self.append(out, |t| along.at(t, self.end)),
+                None => self.append(out, |t| straight(velocity, goal, t, self.end)),
+            }
+        }
+    }
+
+    /// Appends states with these positions and velocities.
+    fn append(&self, out: &mut Vec<f32>, motion: impl Fn(f64) -> (Vec2, Vec2)) {
         for &(t, deviation) in &self.states {
-            let (at, v) = match (&along, goal) {
-                (Some(along), _) => along.at(t, self.end),
-                (None, Some(goal)) => straight(velocity, goal, t, self.end),
-                (None, None) => (velocity * t, velocity),
-            };
+            let (at, v) = motion(t);
             let state = [at.x, at.y, deviation, deviation, 0.0, v.x, v.y];
             out.extend(state.map(|value| value as f32));
         }
@@ -86,17 +96,30 @@ fn straight(velocity: Vec2, goal: Vec2, t: f64, end: f64) -> (Vec2, Vec2) {
     (ahead * distance + aside * (t * (1.0 - u)), ahead * speed + aside * (1.0 - 2.0 * u))
 }
 
+/// A path, and where the agent is on it now.
+struct Way<'a> {
+    path: &'a LanePath,
+    /// Speed along the path, m/s.
+    speed: f64,
+    /// Arc length, metres.
+    from: f64,
+    /// Lateral offset, metres, left positive.
+    offset: f64,
+}
+
+impl<'a> Way<'a> {
+    /// Returns an agent at the origin on a path; `None` if the path is empty.
+    fn of(path: &'a LanePath, velocity: Vec2) -> Option<Self> {
+        let (from, offset) = nearest(path, Vec2::zeros())?;
+        Some(Self { path, speed: velocity.dot(&path[0].1), from, offset })
+    }
+}
+
 /// Motion along a path.
 struct Along<'a> {
-    path: &'a LanePath,
-    /// Present speed along the path, m/s.
-    speed: f64,
-    /// Arc length now, metres.
-    from: f64,
+    way: &'a Way<'a>,
     /// Arc length at the end, metres.
     to: f64,
-    /// Lateral offset now, metres, left positive.
-    first_offset: f64,
     /// Lateral offset at the end, metres, left positive.
     last_offset: f64,
 }
@@ -104,23 +127,23 @@ struct Along<'a> {
 impl<'a> Along<'a> {
     /// Returns the motion along the path that passes nearest to the goal; `None` if all paths are too
     /// far from the goal or it is behind.
-    fn of(paths: &'a [Vec<(Vec2, Vec2)>], velocity: Vec2, goal: Vec2) -> Option<Self> {
-        let found = paths.iter().filter_map(|path| Some((path, nearest(path, goal)?)));
-        let (path, (to, aside)) = found.min_by(|a, b| a.1.1.abs().total_cmp(&b.1.1.abs()))?;
-        let (from, first_offset) = nearest(path, Vec2::zeros())?;
-        if aside.abs() > MAX_OFFSET || to < from {
+    fn of(ways: &'a [Way<'_>], goal: Vec2) -> Option<Self> {
+        let found = ways.iter().filter_map(|way| Some((way, nearest(way.path, goal)?)));
+        let (way, (to, aside)) = found.min_by(|a, b| a.1.1.abs().total_cmp(&b.1.1.abs()))?;
+        if aside.abs() > MAX_OFFSET || to < way.from {
             return None;
         }
-        let aside = if aside.abs() < ON_PATH_OFFSET { 0.0 } else { aside };
-        Some(Self { path, speed: velocity.dot(&path[0].1), from, to, first_offset, last_offset: aside })
+        Some(Self { way, to, last_offset: if aside.abs() < ON_PATH_OFFSET { 0.0 } else { aside } })
     }
 
     fn at(&self, t: f64, end: f64) -> (Vec2, Vec2) {
-        let (s, speed) = travelled(self.speed, self.to - self.from, t, end);
-        let (at, ahead) = point(self.path, self.from + s);
+        let Way { path, speed, from, offset } = *self.way;
+        let length = self.to - from;
+        let (s, speed) = travelled(speed, length, t, end);
+        let (at, ahead) = point(path, from + s);
         // An agent that does not move keeps its offset.
-        let settled = smooth_step(t / SETTLING_TIME) * if self.to - self.from > 0.5 { 1.0 } else { 0.0 };
-        let aside = self.first_offset + (self.last_offset - self.first_offset) * settled;
+        let settled = smooth_step(t / SETTLING_TIME) * if length > 0.5 { 1.0 } else { 0.0 };
+        let aside = offset + (self.last_offset - offset) * settled;
         (at + left(ahead) * aside, ahead * speed)
     }
 }
@@ -128,9 +151,10 @@ impl<'a> Along<'a> {
 /// Returns arc length and lateral offset of a point, metres. The path continues straight beyond its end
 /// and before its beginning.
 fn nearest(path: &LanePath, p: Vec2) -> Option<(f64, f64)> {
-    let far = |at: &(Vec2, Vec2)| (at.0 - p).norm_squared();
-    let (i, (at, ahead)) = path.iter().enumerate().min_by(|a, b| far(a.1).total_cmp(&far(b.1)))?;
-    let local = into_frame(*ahead, p - at);
+    let far = |(at, _): &(Vec2, Vec2)| (at - p).norm_squared();
+    let (i, _) = path.iter().map(far).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (at, ahead) = path[i];
+    let local = into_frame(ahead, p - at);
     Some((i as f64 * lane::SPACING + local.x, local.y))
 }
 
@@ -175,7 +199,7 @@ mod tests {
 
     fn reference(velocity: Vec2, goal: Vec2, paths: &[Vec<(Vec2, Vec2)>]) -> Vec<Vec2> {
         let mut out = Vec::new();
-        References::new(&Config::default()).append(velocity, Some(goal), paths, &mut out);
+        References::new(&Config::default()).append_towards(&[goal], velocity, paths, &mut out);
         out.chunks_exact(STATE).map(|s| Vec2::new(f64::from(s[0]), f64::from(s[1]))).collect()
     }
 
