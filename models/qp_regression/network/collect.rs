@@ -18,8 +18,8 @@ pub(crate) fn collected(
 ) -> Tensor<4> {
     let (lines, queries) = (config.lines, batch.queries);
     let mut closed = vec![CLOSED; batch.scenes * queries * lines];
-    // Squares of the distances, which are not negative, so that their bits are in the same order; lines that are
-    // as far away as others come in their order.
+    // Squares of distances are not negative, so that their bits are in the same order. Lines at the same
+    // distance come in their order.
     let mut distances: Vec<f32> = Vec::with_capacity(lines);
     let mut order: Vec<u64> = Vec::with_capacity(lines);
     for (row, trajectory) in trajectories.chunks_exact(points * 2).enumerate() {

@@ -44,8 +44,8 @@ impl References {
         self.append(out, |t| (velocity * t, velocity));
     }
 
-    /// Appends, for each goal, the states of an agent that starts at the origin with this velocity and reaches
-    /// the goal by the end, along one of `paths` if it leads there, otherwise straight.
+    /// Appends, for each goal, the states of an agent that starts at the origin with this velocity and
+    /// reaches the goal by the end, along one of `paths` if it leads there, otherwise straight.
     pub(crate) fn append_towards(
         &self,
         goals: &[Vec2],
