@@ -32,6 +32,11 @@ impl<M: Clone> Origin<M> {
         }
     }
 
+    /// Returns whether the network was trained before.
+    pub fn is_trained(&self) -> bool {
+        self.parent.is_some()
+    }
+
     /// Adds the digest of the parent's file to the description of a training, if there is one.
     pub fn describe(&self, mut all: serde_json::Value) -> serde_json::Value {
         if let Some((_, digest)) = &self.parent {

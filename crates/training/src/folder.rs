@@ -98,10 +98,11 @@ impl Folder {
                 })?)
             }
         };
-        let step = checkpoint.as_ref().map_or(0, |c| c.progress.step);
         let log = path.join(LOG);
         if log.exists() {
-            let kept = read_log(&log)?.into_iter().filter(|row| row.step() <= step);
+            // Without a checkpoint even the validation before the first step is repeated.
+            let is_done = |row: &Row| checkpoint.as_ref().is_some_and(|c| row.step() <= c.progress.step);
+            let kept = read_log(&log)?.into_iter().filter(is_done);
             replace(&log, kept.map(|row| row.line()).collect::<String>().as_bytes())?;
         }
         let folder = Self::open(path, lock, identity)?;

@@ -156,7 +156,11 @@ where
             learned: false,
         };
         self.find_weights(&run)?;
+        self.observer.begun(run.state.progress.step, run.steps);
         if begins {
+            if self.task.begins_trained() {
+                self.validate(&mut run)?;
+            }
             // Detect a folder that cannot hold a checkpoint before the first step.
             self.checkpoint(&mut run)?;
         }
@@ -165,7 +169,6 @@ where
 
     fn run(&self, run: &mut Run<'_, T, S>, stop: &AtomicBool) -> Result<Outcome<T::Model>, TrainingError> {
         let settings = &self.settings;
-        self.observer.begun(run.state.progress.step, run.steps);
         let first = run.state.progress.step;
         let (mut kept, mut kept_at) = (first, Instant::now());
         let ending = loop {

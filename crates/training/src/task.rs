@@ -102,10 +102,16 @@ pub trait Task: Sync {
     /// [`Average`](super::Average) follows [`Output::averages`].
     type Model: Module;
 
-    /// Returns the untrained network, on a device with autodiff. The same seed must give the same
+    /// Returns the network before the first step, on a device with autodiff. The same seed must give the same
     /// network. Burn's random numbers are shared by all threads: redraw parameters with
     /// [`draw_parameters`](super::draw_parameters).
     fn init(&self, seed: u64) -> Self::Model;
+
+    /// Returns whether that network was trained before. If it was, it is validated before the first step, and is
+    /// the best network until a later one is better. By default it was not.
+    fn begins_trained(&self) -> bool {
+        false
+    }
 
     /// Prepares a sample of an example; `None` if there is nothing to learn from it.
     fn prepare(&self, example: &Self::Example, view: View<'_>) -> Option<Self::Sample>;

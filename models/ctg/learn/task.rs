@@ -86,6 +86,10 @@ impl Task for CtgLearning {
         self.origin.network(seed, |init| Ctg::init(&self.recipe.network, &self.recipe.sight, init))
     }
 
+    fn begins_trained(&self) -> bool {
+        self.origin.is_trained()
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         sample(scenario, &self.recipe, view.stream())
     }

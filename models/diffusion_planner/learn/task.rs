@@ -72,6 +72,10 @@ impl Task for Planning {
         self.origin.network(seed, |init| DiffusionPlanner::init(&self.recipe.network, init))
     }
 
+    fn begins_trained(&self) -> bool {
+        self.origin.is_trained()
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         sample(scenario, &self.recipe, view.stream())
     }

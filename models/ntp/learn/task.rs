@@ -133,6 +133,10 @@ impl Task for NextToken {
         self.origin.network(seed, |init| Network::init(&self.recipe.network, tokens, init))
     }
 
+    fn begins_trained(&self) -> bool {
+        self.origin.is_trained()
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let scene =
             LearningScene::of(scenario, KnownMap::of(&scenario.start, self.recipe.network.map_radius));

@@ -127,6 +127,10 @@ impl Task for Regression {
         self.origin.network(seed, |init| Network::init(&self.recipe.network, init))
     }
 
+    fn begins_trained(&self) -> bool {
+        self.origin.is_trained()
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let config = &self.recipe.network;
         let scene = LearningScene::of(scenario, Survey::of(&scenario.start, config));

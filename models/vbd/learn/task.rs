@@ -92,6 +92,10 @@ impl Task for Denoising {
         self.origin.network(seed, |init| Vbd::init(&self.recipe.network, init))
     }
 
+    fn begins_trained(&self) -> bool {
+        self.origin.is_trained()
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         sample(scenario, &self.recipe, &self.anchors, view.stream())
     }

@@ -141,6 +141,9 @@ pub(super) fn train(
         format!("; lowest {what} {:.4} after step {}", best.value, best.step)
     });
     say(format_args!("trained {steps} steps, {:.1} scenarios/s{best}", progress.per_second()));
+    if outcome.best.is_some_and(|best| best.step == 0) {
+        say(format_args!("warning: nothing was gained: the weights are those that the training began with"));
+    }
     say(format_args!("weights: {folder}/{WEIGHTS}; curves: {folder}/{CURVES}"));
     Ok(ExitStatus::Done)
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use reactsim_training::{Ending, Observer, Row, Settings, TrainingError};
 
-use super::toy::{Curve, Trial, left, settings};
+use super::toy::{Curve, Toy, Trial, left, settings};
 
 #[test]
 fn a_toy_is_learned() {
@@ -51,6 +51,27 @@ fn a_training_that_gets_no_better_ends() {
     // The training stays ended.
     let again = trial.learn(folder.path(), true).unwrap();
     assert_eq!((again.ending, again.steps), (Ending::NoImprovement, outcome.steps));
+}
+
+#[test]
+fn a_trained_network_stays_the_best_until_a_later_one_is_better() {
+    let learned = |trained: bool, learning_rate: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let trial = Trial {
+            task: Toy { trained },
+            settings: Settings { learning_rate, ..settings() },
+            ..Trial::default()
+        };
+        let best = trial.learn(folder.path(), false).unwrap().best.unwrap();
+        let (rows, weights) = left(folder.path());
+        assert_eq!(weights.about["step"], best.step);
+        (best.step, rows[0].step(), weights.about["validation_loss"].as_f64().unwrap())
+    };
+    let (step, first, worse) = learned(false, 100.0);
+    assert!(step > 0 && first == 1, "{step} {first}");
+    let (step, first, kept) = learned(true, 100.0);
+    assert!((step, first) == (0, 0) && kept < worse, "{step} {first} {kept} {worse}");
+    assert!(learned(true, 0.02).0 > 0);
 }
 
 #[test]

@@ -64,16 +64,16 @@ impl Task for Counting {
     type Model = Net;
 
     fn init(&self, seed: u64) -> Net {
-        Toy.init(seed)
+        Toy::default().init(seed)
     }
 
     fn prepare(&self, example: &Self::Example, view: View<'_>) -> Option<Self::Sample> {
-        Some((Toy.prepare(&example.0, view)?, Counted::new(&self.0)))
+        Some((Toy::default().prepare(&example.0, view)?, Counted::new(&self.0)))
     }
 
     fn loss(&self, model: &Net, samples: &[Self::Sample], stream: Option<&mut Stream>) -> Output {
         let samples: Vec<(f32, f32)> = samples.iter().map(|s| s.0).collect();
-        Toy.loss(model, &samples, stream)
+        Toy::default().loss(model, &samples, stream)
     }
 }
 

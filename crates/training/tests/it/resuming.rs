@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use reactsim_training::{Ending, LOG, NamedTensors, Observer, Row, Settings, TrainingError, WEIGHTS};
 
-use super::toy::{Curve, Trial, checkpoints, left, settings};
+use super::toy::{Curve, Toy, Trial, checkpoints, left, settings};
 
 /// Stops a training at a step.
 struct StopAt<'a>(u64, &'a AtomicBool);
@@ -60,6 +60,27 @@ fn what_is_resumed_comes_out_as_if_it_had_never_ended() {
         assert!(left(folder.path()) == expected, "resumed at {step}");
         assert_eq!(checkpoints(folder.path()).len(), 2);
         assert!(!half.exists());
+    }
+}
+
+#[test]
+fn the_validation_before_the_first_step_is_kept_or_repeated() {
+    let trial = || Trial {
+        task: Toy { trained: true },
+        settings: Settings { learning_rate: 100.0, ..settings() },
+        ..Trial::default()
+    };
+    let whole = tempfile::tempdir().unwrap();
+    trial().learn(whole.path(), false).unwrap();
+    for is_kept in [true, false] {
+        let folder = tempfile::tempdir().unwrap();
+        let stop = AtomicBool::new(false);
+        Trial { observer: &StopAt(1, &stop), ..trial() }.learn_until(folder.path(), false, &stop).unwrap();
+        if !is_kept {
+            checkpoints(folder.path()).iter().for_each(|path| fs::remove_file(path).unwrap());
+        }
+        trial().learn(folder.path(), true).unwrap();
+        assert!(left(folder.path()) == left(whole.path()), "kept: {is_kept}");
     }
 }
 

@@ -66,7 +66,11 @@ pub(super) struct Net {
 }
 
 /// Learns sin(6x), with inputs that are varied a little.
-pub(super) struct Toy;
+#[derive(Default)]
+pub(super) struct Toy {
+    /// Whether the first network counts as trained.
+    pub(super) trained: bool,
+}
 
 impl Task for Toy {
     type Example = f32;
@@ -77,6 +81,10 @@ impl Task for Toy {
         let device = Device::flex().autodiff();
         let linear = |i, o| LinearConfig::new(i, o).init(&device);
         draw_parameters(Net { first: linear(1, 32), second: linear(32, 1), unused: linear(2, 2) }, seed, 1.0)
+    }
+
+    fn begins_trained(&self) -> bool {
+        self.trained
     }
 
     fn prepare(&self, example: &f32, view: View<'_>) -> Option<(f32, f32)> {
@@ -125,6 +133,7 @@ pub(super) fn settings() -> Settings {
 
 /// A training of the toy network.
 pub(super) struct Trial<'a> {
+    pub(super) task: Toy,
     pub(super) source: Curve,
     pub(super) settings: Settings,
     pub(super) jobs: usize,
@@ -135,6 +144,7 @@ pub(super) struct Trial<'a> {
 impl Default for Trial<'_> {
     fn default() -> Self {
         Self {
+            task: Toy::default(),
             source: Curve::of(64),
             settings: settings(),
             jobs: 2,
@@ -161,7 +171,7 @@ impl Trial<'_> {
         closed_loop: Option<&ClosedLoop<'_, Net>>,
     ) -> Learned {
         let learner = Learner {
-            task: &Toy,
+            task: &self.task,
             source: &self.source,
             settings: self.settings.clone(),
             execution: Execution { jobs: self.jobs, checkpoint_every: self.checkpoint_every },

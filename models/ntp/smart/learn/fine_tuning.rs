@@ -76,6 +76,10 @@ impl<R: ClosedLoopRecipe> Task for FineTuning<R> {
         self.parent.clone().with_frozen_embeddings()
     }
 
+    fn begins_trained(&self) -> bool {
+        true
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<ClosedLoopSample> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
         sample(scenario, self.recipe.excerpt(), vocabulary, map_vocabulary, view.stream())

@@ -127,6 +127,10 @@ impl Task for NextSmartToken {
             .network(seed, |init| Smart::init(&self.config, init).expect("the configuration was checked"))
     }
 
+    fn begins_trained(&self) -> bool {
+        self.origin.is_trained()
+    }
+
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
         sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream())
