@@ -107,8 +107,8 @@ pub trait Task: Sync {
     /// [`draw_parameters`](super::draw_parameters).
     fn init(&self, seed: u64) -> Self::Model;
 
-    /// Returns whether that network was trained before. If it was, it is validated before the first step, and is
-    /// the best network until a later one is better. By default it was not.
+    /// Returns whether that network was trained before. If it was, it is validated before the first step, and
+    /// is the best network until a later one is better. By default it was not.
     fn begins_trained(&self) -> bool {
         false
     }

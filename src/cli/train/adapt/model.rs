@@ -39,11 +39,12 @@ const TRAJTOK: &[(&str, &str)] = &[
     ("augmentation.near_tokens", "4"),
     ("augmentation.temperature", "0.05"),
 ];
-/// Peak learning rate with which the weights of `ntp-guarded` were trained, and a lower one for the other networks.
+/// Peak learning rate with which the weights of `ntp-guarded` were trained, and a lower one for the other
+/// networks.
 const REACTIVE_RATE: f64 = 6e-4;
 const OTHER_RATE: f64 = 2e-4;
-/// Steps from which on a training reaches the full rate. In a shorter one the rate is lower in proportion: the first
-/// steps at the full rate take a network farther from the logs, and there would be no time to return.
+/// Steps from which on a training reaches the full rate. In a shorter one the rate is lower in proportion: the
+/// first steps at the full rate take a network farther from the logs, and there would be no time to return.
 const FULL_RATE_STEPS: u64 = 60;
 
 const fn model(
