@@ -5,10 +5,21 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, io};
 
-/// Files and folders that decide the numbers of the program: a change in one of them after the commit is
-/// marked with `+`.
-const DECIDING: [&str; 8] =
-    ["build.rs", "Cargo.toml", "Cargo.lock", "crates", "models", "scenarios", "src", "weights"];
+/// Files and folders that decide the numbers of the program, and what decides nothing in them, as patterns of
+/// git: a change of what decides is marked with `+` if it comes after the commit.
+const DECIDING: [&str; 11] = [
+    "build.rs",
+    "Cargo.toml",
+    "Cargo.lock",
+    "crates",
+    "models",
+    "scenarios",
+    "src",
+    "weights",
+    ":(exclude,glob)**/tests/**",
+    ":(exclude,glob)**/benches/**",
+    ":(exclude,glob)**/*.md",
+];
 
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
@@ -17,12 +28,15 @@ fn git(arguments: &[&str]) -> Option<String> {
 }
 
 fn main() -> io::Result<()> {
-    for path in DECIDING {
-        println!("cargo:rerun-if-changed={path}");
-    }
+    println!("cargo:rerun-if-changed=build.rs");
     let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
     note_commit(&here);
     Ok(())
+}
+
+/// Runs a command of git for what decides the numbers.
+fn git_of_deciding(arguments: &[&str]) -> Option<String> {
+    git(&[arguments, &["--"], &DECIDING].concat())
 }
 
 fn note_commit(here: &Path) {
@@ -38,9 +52,12 @@ fn note_commit(here: &Path) {
             println!("cargo:rerun-if-changed={path}");
         }
     }
+    // Files, not their folders, so that an edit of a test or a document compiles nothing.
+    for file in git_of_deciding(&["ls-files"]).unwrap_or_default().lines() {
+        println!("cargo:rerun-if-changed={file}");
+    }
     if let Some(commit) = git(&["rev-parse", "HEAD"]) {
-        let status: Vec<&str> = ["status", "--porcelain", "--"].into_iter().chain(DECIDING).collect();
-        let changed = git(&status).is_some_and(|files| !files.is_empty());
+        let changed = git_of_deciding(&["status", "--porcelain"]).is_some_and(|files| !files.is_empty());
         println!("cargo:rustc-env=REACTSIM_COMMIT={commit}{}", if changed { "+" } else { "" });
     }
 }
