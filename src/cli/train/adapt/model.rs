@@ -43,7 +43,7 @@ const TRAJTOK: &[(&str, &str)] = &[
 /// networks.
 const REACTIVE_RATE: f64 = 6e-4;
 const OTHER_RATE: f64 = 2e-4;
-/// Steps from which on a training reaches the full rate. In a shorter one the rate is lower in proportion: the
+/// Steps from which on a training reaches the full rate. A shorter one has a lower rate, in proportion: the
 /// first steps at the full rate take a network farther from the logs, and there would be no time to return.
 const FULL_RATE_STEPS: u64 = 60;
 
