@@ -17,10 +17,10 @@ Examples:
   reactsim compare runs/all runs/all --models idm,qp-regression
   reactsim compare runs/before runs/after --worse aav-collision=0.05 --worse offroad=0.5
 
-Bounds are in the units of the tables (percent for rates). The last command exits with code 1 if
+Bounds are in the units of the tables (percent for rates). The last command exits with code 1 if \
 a metric got worse by more than its bound in any comparison.
 
-Runs are refused if they differ in a setting on which the numbers depend, unless --despite names
+Runs are refused if they differ in a setting on which the numbers depend, unless --despite names \
 it: protocol, av, av-lookahead, deviations, replan, rollouts, metric-options.";
 
 /// Arguments of `compare`.

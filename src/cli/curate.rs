@@ -13,8 +13,8 @@ use clap::{Args, Subcommand};
 use super::{ExitStatus, ReadingArgs};
 
 const AFTER: &str = "\
-Step 1 keeps scenarios with vehicles around the AV. Step 2 proposes candidates. Step 3 drops
-candidates that are infeasible, do not pressure any agent or cannot be avoided. Step 4 chooses at
+Step 1 keeps scenarios with vehicles around the AV. Step 2 proposes candidates. Step 3 drops \
+candidates that are infeasible, do not pressure any agent or cannot be avoided. Step 4 chooses at \
 most one candidate per scenario.
 
 Examples:

@@ -15,9 +15,9 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-The preset train writes scenarios as they are generated. The preset sensed makes traffic with the
-speeds of recordings, and adds the noise and the gaps of sensors. The preset bench curates
-scenarios and keeps those with a deviated AV until the quotas of all categories and map types are
+The preset train writes scenarios as they are generated. The preset sensed makes traffic with the \
+speeds of recordings, and adds the noise and the gaps of sensors. The preset bench curates \
+scenarios and keeps those with a deviated AV until the quotas of all categories and map types are \
 filled. It writes the candidates, as `curate` does, to a second file next to FILE.
 
 Examples:

@@ -38,9 +38,13 @@ pub(super) fn template(command: &clap::Command) -> String {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::fs;
+
+    use clap::error::ErrorKind;
+    use reactsim_test_support::documents;
 
     use super::{COMMAND_WIDTH, TASKS};
-    use crate::cli::command_line;
+    use crate::cli::{HELP_WIDTH, command_line};
 
     #[test]
     fn every_command_belongs_to_a_task() {
@@ -77,8 +81,15 @@ mod tests {
 
     #[test]
     fn options_that_commands_share_have_the_same_help() {
-        let mut texts = BTreeMap::new();
-        collect(&command_line(), "", &mut texts);
+        // Commands by text by name of the option.
+        let mut texts: BTreeMap<String, BTreeMap<String, Vec<String>>> = BTreeMap::new();
+        for_each_command(&command_line(), "", &mut |path, command| {
+            for argument in command.get_arguments() {
+                let Some(option) = argument.get_long() else { continue };
+                let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+                texts.entry(option.to_owned()).or_default().entry(help).or_default().push(path.to_owned());
+            }
+        });
         let mut differing = Vec::new();
         for (option, by_text) in &texts {
             if by_text.len() > 1 && !DIFFERENT.contains(&option.as_str()) {
@@ -88,20 +99,70 @@ mod tests {
         assert!(differing.is_empty(), "{}", differing.join("\n"));
     }
 
-    /// Adds the options of a command and of those below it: commands by text by name of the option.
-    fn collect(
-        command: &clap::Command,
-        above: &str,
-        texts: &mut BTreeMap<String, BTreeMap<String, Vec<String>>>,
-    ) {
-        let path = format!("{above} {}", command.get_name());
-        for argument in command.get_arguments() {
-            let Some(option) = argument.get_long() else { continue };
-            let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
-            texts.entry(option.to_owned()).or_default().entry(help).or_default().push(path.clone());
+    #[test]
+    fn texts_below_the_options_wrap_at_any_width() {
+        for_each_command(&command_line(), "", &mut |path, command| {
+            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let lines: Vec<&str> = text.lines().collect();
+            let is_prose = |line: &str| !line.is_empty() && !line.starts_with(' ');
+            let is_item = |line: &str| line.starts_with(|c: char| c.is_ascii_digit());
+            for pair in lines.windows(2) {
+                let is_broken = is_prose(pair[0]) && is_prose(pair[1]) && !is_item(pair[1]);
+                assert!(!is_broken, "{path}: a paragraph is one line:\n{}\n{}", pair[0], pair[1]);
+            }
+            // Examples can be copied only if they are not wrapped.
+            for line in lines.iter().filter(|line| !is_prose(line)) {
+                assert!(line.len() <= HELP_WIDTH, "{path}: longer than {HELP_WIDTH} columns:\n{line}");
+            }
+        });
+    }
+
+    #[test]
+    fn commands_in_help_and_documents_are_accepted() {
+        let mut texts = Vec::new();
+        for_each_command(&command_line(), "", &mut |path, command| {
+            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            texts.push((format!("help of{path}"), text));
+        });
+        for document in documents::all() {
+            let text = fs::read_to_string(&document).unwrap();
+            for block in text.split("```sh\n").skip(1) {
+                texts.push((document.display().to_string(), block.split("```").next().unwrap().to_owned()));
+            }
         }
+        let commands =
+            texts.iter().flat_map(|(place, text)| commands(text).into_iter().map(move |c| (place, c)));
+        let rejected: Vec<String> = commands
+            .filter_map(|(place, command)| Some(format!("{place}: {command}\n{}", rejection(&command)?)))
+            .collect();
+        assert!(rejected.is_empty(), "{}", rejected.join("\n"));
+        assert!(rejection("reactsim run --modles idm").is_some());
+    }
+
+    /// Returns the commands of a text that begin a line, with their continuation lines.
+    fn commands(text: &str) -> Vec<String> {
+        let text = text.lines().map(str::trim).collect::<Vec<_>>().join("\n").replace("\\\n", "");
+        text.lines().filter(|line| line.starts_with("reactsim ")).map(str::to_owned).collect()
+    }
+
+    /// Returns the error message with which the program rejects the words of a command, if it does.
+    fn rejection(command: &str) -> Option<String> {
+        // Examples in help have explanations, two columns apart.
+        let command = command.split("  ").next().unwrap_or_default();
+        let Some(words) = shlex::split(command) else { return Some("quotes are not closed".to_owned()) };
+        let words = words.into_iter().take_while(|word| !matches!(word.as_str(), "|" | ">" | "&&" | "&"));
+        let error = command_line().try_get_matches_from(words).err()?;
+        // Which backends exist depends on the features of the build.
+        let is_fine = error.kind() == ErrorKind::DisplayHelp || error.to_string().contains("build it with");
+        (!is_fine).then(|| error.to_string())
+    }
+
+    /// Calls a function for a command and all commands below it, with the words that lead to them.
+    fn for_each_command(command: &clap::Command, above: &str, visit: &mut impl FnMut(&str, &clap::Command)) {
+        let path = format!("{above} {}", command.get_name());
+        visit(&path, command);
         for inner in command.get_subcommands() {
-            collect(inner, &path, texts);
+            for_each_command(inner, &path, visit);
         }
     }
 }

@@ -62,9 +62,12 @@ use crate::models::{self, MODELS, ModelError};
 use crate::report::terminal::plain;
 use crate::training::TrainingError;
 
+/// Largest width of help, columns.
+const HELP_WIDTH: usize = 98;
+
 /// Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
 #[derive(Debug, Parser)]
-#[command(name = "reactsim", version, max_term_width = 98, after_help = AFTER)]
+#[command(name = "reactsim", version, max_term_width = HELP_WIDTH, after_help = AFTER)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,

@@ -77,8 +77,8 @@ Markers in the files:
   <!-- table references/NAME columns=aav-collision,ade models=idm,stop difficulty=hard -->
   <!-- end -->
 
-columns, models, category and difficulty are optional; give at most one of the last two. Folders
-of references are relative to the current directory. For the reference of a study, all its tables
+columns, models, category and difficulty are optional; give at most one of the last two. Folders \
+of references are relative to the current directory. For the reference of a study, all its tables \
 are written.";
 
 pub(super) fn reference(args: &ReferenceArgs) -> anyhow::Result<ExitStatus> {

@@ -28,8 +28,8 @@ Examples:
   reactsim report studies/replan --format latex --bold
   reactsim report studies/replan studies/guards --format html --out studies.html
 
-The page is one self-contained HTML file. It shows the scenes of runs that kept their rollouts
-(--keep-rollouts). Give the scenarios of the runs with --scenarios, except for the shipped
+The page is one self-contained HTML file. It shows the scenes of runs that kept their rollouts \
+(--keep-rollouts). Give the scenarios of the runs with --scenarios, except for the shipped \
 benchmark.";
 
 /// Arguments of `report`.

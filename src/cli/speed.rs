@@ -25,20 +25,21 @@ use crate::scene::{FUTURE, Scenario};
 use crate::work::available_threads;
 
 const AFTER: &str = "\
-For every size of --batches, that many episodes are rolled out at once: 8 s, replanned at 2 Hz, with the
-recorded AV, without metrics. A processor divides them among threads; a graphics processor plans all of
-them together, from one thread. Times are by the wall clock. The first round contains the compilation
-of kernels; the speed is that of the best of the other rounds. \"In the network\" is the share of
+For every size of --batches, that many episodes are rolled out at once: 8 s, replanned at 2 Hz, with the \
+recorded AV, without metrics. A processor divides them among threads; a graphics processor plans all of \
+them together, from one thread. Times are by the wall clock. The first round contains the compilation \
+of kernels; the speed is that of the best of the other rounds. \"In the network\" is the share of \
 the threads' time in which the simulator plans; the rest is the protocol's.
 
-The last columns compare the rollouts of each other backend with the rollouts of the first: positions of all
-agents at all steps, agents at all steps, and the largest distances. The exit code is 1 if less than
+The last columns compare the rollouts of each other backend with the rollouts of the first: positions of all \
+agents at all steps, agents at all steps, and the largest distances. The exit code is 1 if less than \
 --agreement of the positions are within 1 mm.
 
 Examples:
   reactsim speed
   reactsim speed --backends flex,cuda --batches 1,16,256
-  reactsim speed --backends flex,cuda --models smart --model-weights smart=training/weights.safetensors";
+  reactsim speed --backends flex,cuda --models smart \\
+      --model-weights smart=training/weights.safetensors";
 
 const HEADER: &str = "\
 | Network | Backend | Threads | Batch | Agents | First round (s) | Best round (s) | In the network \

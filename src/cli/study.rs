@@ -28,8 +28,8 @@ Examples:
   reactsim study planners --models log-replay,idm --out studies/planners
   reactsim study errors --models ntp-reactive,idm --out studies/errors
 
-The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim
-report` and `reactsim compare`. To continue an interrupted study, repeat the command with
+The folder holds study.json, the table (study.md) and a run folder per member, for `reactsim \
+report` and `reactsim compare`. To continue an interrupted study, repeat the command with \
 --resume.";
 
 /// Formats of the tables of studies.

@@ -22,10 +22,10 @@ Examples:
   reactsim verify --quick
   reactsim verify references/bench-v2-full --scenarios bench-v2-full.parquet
 
-Exit codes: 0 equal; 1 something differs; 2 the reference is damaged, or for another program or
+Exit codes: 0 equal; 1 something differs; 2 the reference is damaged, or for another program or \
 benchmark.
 
-Simulators without a network must agree bit for bit. So must networks on the processor class and
+Simulators without a network must agree bit for bit. So must networks on the processor class and \
 backend of the reference; elsewhere, their mean paired differences must stay within its bounds.";
 
 /// Arguments of `verify`.

@@ -2,37 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-
-/// Folders with documents, and folders that are passed over in them.
-const FOLDERS: [&str; 7] = ["crates", "docs", "fuzz", "models", "python", "scenarios", "src"];
-const PASSED_OVER: [&str; 3] = ["target", "node_modules", "__pycache__"];
-
-/// Returns all Markdown files below a folder.
-fn documents(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_str().unwrap();
-        if path.is_dir() && !PASSED_OVER.contains(&name) && !name.starts_with('.') {
-            documents(&path, found);
-        } else if name.ends_with(".md") {
-            found.push(path);
-        }
-    }
-}
-
-fn all_documents() -> Vec<PathBuf> {
-    let root = Path::new(ROOT);
-    let mut found: Vec<PathBuf> =
-        ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root.join(name)).into();
-    for folder in FOLDERS {
-        documents(&root.join(folder), &mut found);
-    }
-    found.sort();
-    found
-}
+use reactsim_test_support::documents::{ROOT, all};
 
 /// Returns the lines of a document outside code blocks.
 fn prose(text: &str) -> impl Iterator<Item = (usize, &str)> {
@@ -69,7 +41,7 @@ fn anchors(text: &str) -> Vec<String> {
 #[test]
 fn links_lead_to_files_and_headings() {
     let mut broken = Vec::new();
-    for path in all_documents() {
+    for path in all() {
         let text = fs::read_to_string(&path).unwrap();
         for (number, line) in prose(&text) {
             for link in links(line) {
@@ -98,10 +70,9 @@ fn file_is_markdown(path: &Path) -> bool {
 fn every_page_is_in_the_book_and_links_the_glossary() {
     let book = Path::new(ROOT).join("docs");
     let summary = fs::read_to_string(book.join("SUMMARY.md")).unwrap();
-    let mut pages = Vec::new();
-    documents(&book, &mut pages);
-    for path in pages {
-        let page = path.strip_prefix(&book).unwrap().to_str().unwrap().replace('\\', "/");
+    for path in all() {
+        let Ok(page) = path.strip_prefix(&book) else { continue };
+        let page = page.to_str().unwrap().replace('\\', "/");
         if page == "SUMMARY.md" {
             continue;
         }

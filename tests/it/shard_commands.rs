@@ -211,3 +211,10 @@ fn commands_that_cannot_be_divided_are_named() {
     refuses(&["study", "replan", "--out", "x", "--resume"], "--resume has no effect on work in units");
     refuses(&["generate", "--preset", "train", "--count", "3", "--out", "x", "--density", "9"], "density 9");
 }
+
+#[test]
+fn help_of_the_command_to_divide_is_printed() {
+    let help = reactsim(&["shard", "plan", "units", "run", "--help"]);
+    assert_eq!(help.status.code(), Some(0), "{}", String::from_utf8_lossy(&help.stderr));
+    assert!(String::from_utf8_lossy(&help.stdout).contains("Usage: reactsim run"));
+}

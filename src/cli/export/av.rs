@@ -13,8 +13,8 @@ use crate::files;
 use crate::scene::{AgentState, DeviatedTrack, Deviation, Scenario};
 
 const AFTER: &str = "\
-Together with `reactsim convert --history-only`, this gives others what a simulation needs and nothing of
-the recorded future: certificates, which contain motions of the other agents, are left out. The rollouts
+Together with `reactsim convert --history-only`, this gives others what a simulation needs and nothing of \
+the recorded future: certificates, which contain motions of the other agents, are left out. The rollouts \
 are scored with `reactsim score`.
 
 Example:

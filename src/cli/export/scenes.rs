@@ -11,8 +11,8 @@ use crate::external::{FrameWriter, SceneExtras, scene_frame};
 use crate::scene::Scenario;
 
 const AFTER: &str = "\
-Writes one message of type `scene` per scenario and a final `bye` to standard output; the Python
-package reads them (`reactsim.scenarios`). Without --future, nothing after the current frame is
+Writes one message of type `scene` per scenario and a final `bye` to standard output; the Python \
+package reads them (`reactsim.scenarios`). Without --future, nothing after the current frame is \
 written. The protocol is described in docs/external-protocol.md.";
 
 /// Arguments of `export scenes`.

@@ -4,11 +4,11 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use clap::{Args, Parser};
+use clap::{Args, FromArgMatches};
 
 use super::estimate::Estimate;
 use crate::cli::sharded::Sharded;
-use crate::cli::{Cli, Command, ExitStatus, count, note, say};
+use crate::cli::{Cli, Command, ExitStatus, command_line, count, end, note, say};
 use crate::shards::ShardPlan;
 
 /// Arguments of `shard plan`.
@@ -56,7 +56,9 @@ pub(super) fn plan(args: &PlanArgs) -> anyhow::Result<ExitStatus> {
 /// Parses a command that is to be divided.
 fn parse(command: &[String]) -> anyhow::Result<Box<dyn Sharded>> {
     let all = std::iter::once("reactsim").chain(command.iter().map(String::as_str));
-    let command: Box<dyn Sharded> = match Cli::try_parse_from(all)?.command {
+    let matches = command_line().try_get_matches_from(all);
+    let matches = matches.or_else(|error| if error.use_stderr() { Err(error) } else { end(&error) })?;
+    let command: Box<dyn Sharded> = match Cli::from_arg_matches(&matches)?.command {
         Some(Command::Run(run)) => Box::new(run),
         Some(Command::Study(study)) => Box::new(study),
         Some(Command::Curate(curate)) => Box::new(curate),

@@ -8,10 +8,10 @@ use crate::evaluation::{AvChoice, PlanRequest, Source, StudyPlan};
 use crate::external::RunOutline;
 
 const AFTER: &str = "\
-The AV follows the log, so that agents have no reason to do anything else. The tables show the
-distance of agents from where the log has them, by class, by what they do in the log (stand, set
-off, turn, halt, follow, cross, drive freely), by speed, by distance from the AV and by time, and
-how far they are ahead of the log. A simulator whose agents are ahead where they turn takes its
+The AV follows the log, so that agents have no reason to do anything else. The tables show the \
+distance of agents from where the log has them, by class, by what they do in the log (stand, set \
+off, turn, halt, follow, cross, drive freely), by speed, by distance from the AV and by time, and \
+how far they are ahead of the log. A simulator whose agents are ahead where they turn takes its \
 turns too fast.
 
 Examples:

@@ -7,8 +7,8 @@ use crate::evaluation::{Source, StudyPlan};
 use crate::external::RunOutline;
 
 const AFTER: &str = "\
-The parameters projection and keep_clear of a simulator's card are inverted, one at a time. The
-stage `qp` is added to simulators that accept it; `qp-regression` includes it and becomes
+The parameters projection and keep_clear of a simulator's card are inverted, one at a time. The \
+stage `qp` is added to simulators that accept it; `qp-regression` includes it and becomes \
 `regression` without it. Every variant runs with AV look-ahead 1 and 0.";
 
 /// Arguments of `study guards`.

@@ -10,10 +10,10 @@ use crate::planning::tracking::Controller;
 use crate::rollout::Replan;
 
 const AFTER: &str = "\
-Every planner drives the AV of every scenario under every simulator and is judged by nuPlan's
-closed-loop metrics. The tables show the score of each planner, its rank under each simulator,
-Kendall's tau between simulators, and which collisions exist because agents ignored the AV or
-vanish because they froze. The log always takes part: agents are compared with their motion
+Every planner drives the AV of every scenario under every simulator and is judged by nuPlan's \
+closed-loop metrics. The tables show the score of each planner, its rank under each simulator, \
+Kendall's tau between simulators, and which collisions exist because agents ignored the AV or \
+vanish because they froze. The log always takes part: agents are compared with their motion \
 around it. Scenarios with deviated AVs also run with these, for over-reaction.
 
 Examples:

@@ -13,9 +13,9 @@ use crate::models::weights;
 use crate::rollout::Settings;
 
 const AFTER: &str = "\
-Every agent follows its log by the nearest tokens of a vocabulary (`token-replay`), whatever the AV
-does. The metrics describe the resulting motion, next to the motion of the log itself, and do not
-depend on the AV. A vocabulary is a file of `train vocabulary`, or the weights of a token
+Every agent follows its log by the nearest tokens of a vocabulary (`token-replay`), whatever the AV \
+does. The metrics describe the resulting motion, next to the motion of the log itself, and do not \
+depend on the AV. A vocabulary is a file of `train vocabulary`, or the weights of a token \
 network, which contain one.
 
 Examples:

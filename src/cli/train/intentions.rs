@@ -16,12 +16,12 @@ use crate::models::learning::EndPoints;
 use crate::models::perception::Class;
 
 const AFTER: &str = "\
-Points are k-means centres of recorded positions in the frame of an agent; left mirrors right.
+Points are k-means centres of recorded positions in the frame of an agent; left mirrors right. \
 Standing agents are left out: they have a point of their own.
 
 Examples:
   reactsim train intentions train.parquet --out intentions.safetensors
-  reactsim train qp-regression train.parquet --intentions intentions.safetensors --out regression
+  reactsim train qp-regression train.parquet --input intentions=intentions.safetensors --out mtr
 
 The manifest entry of the file is printed to stdout (TOML).";
 

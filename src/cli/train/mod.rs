@@ -23,8 +23,8 @@ use clap::{Args, Subcommand};
 use super::ExitStatus;
 
 const AFTER: &str = "\
-`reactsim list tasks` names tasks, their recipes and the files that they can be given. A recipe is a
-TOML file that states what differs from the defaults; --print-recipe prints all values with units and
+`reactsim list tasks` names tasks, their recipes and the files that they can be given. A recipe is a \
+TOML file that states what differs from the defaults; --print-recipe prints all values with units and \
 ranges.
 
 Scenarios of known benchmarks are refused.

@@ -18,9 +18,9 @@ use crate::models::weights;
 use crate::training::{Sums, Task, View};
 
 const AFTER: &str = "\
-All agents within 80 m of the AV that are not parked are predicted from the current frame on.
-minADE and minFDE: mean and final displacement of the best of six modes over 8 s, in metres.
-Miss rate: fraction of agents whose best mode ends outside the bounds of the Waymo Open Motion
+All agents within 80 m of the AV that are not parked are predicted from the current frame on. \
+minADE and minFDE: mean and final displacement of the best of six modes over 8 s, in metres. \
+Miss rate: fraction of agents whose best mode ends outside the bounds of the Waymo Open Motion \
 challenge at 8 s.
 
 Examples:

@@ -17,7 +17,7 @@ use crate::scene::Scenario;
 use crate::training::{leading_bits, unit_interval};
 
 const AFTER: &str = "\
-The part of a scenario depends only on its content and the seed: it stays the same when other
+The part of a scenario depends only on its content and the seed: it stays the same when other \
 scenarios are added, and scenarios with the same content are in the same part.
 
 Example:

@@ -17,15 +17,15 @@ use crate::models::ntp::tokens::{
 };
 
 const AFTER: &str = "\
-k-disks draws recorded motions that are not close to each other. trajtok creates a token for
-every cell in which motions end. kinematic is a grid of speeds and curvatures; it needs no
+k-disks draws recorded motions that are not close to each other. trajtok creates a token for \
+every cell in which motions end. kinematic is a grid of speeds and curvatures; it needs no \
 scenarios, and those given only serve to measure its fit.
 
 Examples:
   reactsim generate --preset train --count 200 --out train.parquet
   reactsim train vocabulary train.parquet --method k-disks --out vocab.safetensors
 
-The manifest entry of the files is printed to stdout (TOML). Its errors are distances between the
+The manifest entry of the files is printed to stdout (TOML). Its errors are distances between the \
 corners of tokenised and recorded boxes in metres: mean, median and 99th percentile.";
 
 /// Arguments of `train vocabulary`.

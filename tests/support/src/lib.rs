@@ -7,6 +7,7 @@ use std::panic::Location;
 use std::path::{Path, PathBuf};
 use std::thread;
 
+pub mod documents;
 #[cfg(feature = "nuplan")]
 pub mod nuplan;
 pub mod proto;

@@ -69,13 +69,13 @@ const HASTE: &str = "haste.txt";
 
 const AFTER: &str = "\
 1. Divides the logs by their recordings: four fifths are learned from, the others are judged by.
-2. Lets the AV deviate in both; in the first part, other agents react as `idm` does, and as the
+2. Lets the AV deviate in both; in the first part, other agents react as `idm` does, and as the \
    certificate of the deviated AV says.
-3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as
+3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as \
    --minutes allow, and keeps the network with the lowest validation loss.
-4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the largest one with
+4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the largest one with \
    which it is no worse than before.
-5. Prints the table of the part to judge by: before, after, `idm` and constant velocity, in both
+5. Prints the table of the part to judge by: before, after, `idm` and constant velocity, in both \
    protocols.
 
 The files in --out are the files of `generate`, `train` and `run`.

@@ -28,7 +28,7 @@ const AFTER: &str = "\
 2. Trains a reactive network of 0.2 million weights on them.
 3. Runs it on the shipped benchmark next to the baselines.
 
-The files in --out are the files of `generate`, `train` and `run`, so that every step can be repeated
+The files in --out are the files of `generate`, `train` and `run`, so that every step can be repeated \
 and changed; the guide on training continues from there.";
 
 /// Arguments of `train quick`.
