@@ -327,16 +327,17 @@ impl Road<'_> {
         if heights.is_empty() {
             return last;
         }
+        // Without a height, all levels around are looked for, else the nearest ground.
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut nearest = Ground { distance: f64::INFINITY, height: last };
         let mut see = |distance: f64, height: f64| {
-            if height.is_nan() || apart(height, last, 0.0) {
-                return;
+            if !height.is_nan() && !apart(height, last, 0.0) {
+                (low, high) = (low.min(height), high.max(height));
+                if distance < nearest.distance {
+                    nearest = Ground { distance, height };
+                }
             }
-            (low, high) = (low.min(height), high.max(height));
-            if distance < nearest.distance {
-                nearest = Ground { distance, height };
-            }
+            if last.is_nan() { GROUND_DISTANCE } else { nearest.distance.min(GROUND_DISTANCE) }
         };
         self.visit_heights(p, GROUND_DISTANCE, &mut see);
         if last.is_nan() && high - low > LEVEL_GAP { f64::NAN } else { nearest.height }

@@ -140,8 +140,9 @@ impl<'a> Road<'a> {
     }
 
     /// Calls `see` with distance and height, metres, of each piece of a lane within `radius` metres of `p`,
-    /// and of the nearest edge on each level there. Heights that are not known are NaN.
-    pub(super) fn visit_heights(&self, p: Vec2, radius: f64, see: &mut impl FnMut(f64, f64)) {
+    /// and of the nearest edge on each level there, as long as they are within the radius that the last call
+    /// returned. Heights that are not known are NaN.
+    pub(super) fn visit_heights(&self, p: Vec2, mut radius: f64, see: &mut impl FnMut(f64, f64) -> f64) {
         let around = Bounds::around(p, radius);
         self.index.piece_grid.visit(&around, |i| {
             let Piece { lane, first, last } = self.index.pieces[i as usize];
@@ -155,13 +156,13 @@ impl<'a> Road<'a> {
             }
             let at = line.project_between(p, first, last);
             if at.distance <= radius {
-                see(at.distance, self.map.heights.of_lane(lane as usize, &at));
+                radius = see(at.distance, self.map.heights.of_lane(lane as usize, &at));
             }
         });
         self.index.edges.visit(&around, |i, t, distance| {
             if distance <= radius {
                 let [a, b] = self.index.edge_heights[i as usize];
-                see(distance, a + (b - a) * t);
+                radius = see(distance, a + (b - a) * t);
             }
         });
     }
