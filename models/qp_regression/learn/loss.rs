@@ -1,6 +1,6 @@
 //! The loss, as in MTR. For the mode whose intention point is nearest to the end of the true
-//! trajectory: the likelihood of the true states, the error of the velocity, and the score. The same,
-//! without scores, for the dense prediction.
+//! trajectory: the likelihood of the true states, the error of the velocity, and the score. In training
+//! the same, without scores, for the dense prediction.
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -56,10 +56,23 @@ pub(super) fn loss(
         }
     }
 
-    // Other agents in the input, weighted by the inverse of their number per target.
+    // Simulators do not execute the dense prediction. In a validation on recordings, the few agents in it that
+    // set off would decide which network is the best.
+    if training {
+        total = total + dense_loss(predicted.dense, &targets, config, device);
+    }
+    (
+        Output { loss: total, items: count as f64, metrics, averages: predicted.averages },
+        predicted.layers.pop(),
+    )
+}
+
+/// Returns the loss of the dense prediction: of the other agents in the input, weighted by the inverse of
+/// their number per target.
+fn dense_loss(predicted: Tensor<3>, targets: &[&Target], config: &Config, device: &Device) -> Tensor<1> {
     let (mut truths, mut weights) = (Vec::new(), Vec::new());
     let nobody = Truth { states: vec![0.0; config.states() * TRUTH_SIZE], known: vec![0.0; config.states()] };
-    for target in &targets {
+    for target in targets {
         let is_known = |t: &Truth| t.known.contains(&1.0);
         let with = target.others.iter().filter(|t| is_known(t)).count().max(1);
         for i in 0..config.agents {
@@ -68,9 +81,8 @@ pub(super) fn loss(
         }
     }
     let (truth, weight) = truth_tensors(&truths, &weights, config, device);
-    let (likelihood, velocity) = state_losses(predicted.dense.clone(), truth, weight);
-    let (loss, averages) = (total + likelihood + velocity, predicted.averages);
-    (Output { loss, items: count as f64, metrics, averages }, predicted.layers.pop())
+    let (likelihood, velocity) = state_losses(predicted, truth, weight);
+    likelihood + velocity
 }
 
 fn scalar(value: Tensor<1>) -> f64 {
