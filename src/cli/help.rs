@@ -40,7 +40,6 @@ mod tests {
     use std::collections::BTreeMap;
     use std::fs;
 
-    use clap::error::ErrorKind;
     use reactsim_test_support::documents;
 
     use super::{COMMAND_WIDTH, TASKS};
@@ -101,29 +100,24 @@ mod tests {
 
     #[test]
     fn texts_below_the_options_wrap_at_any_width() {
-        for_each_command(&command_line(), "", &mut |path, command| {
-            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let is_prose = |line: &str| !line.is_empty() && !line.starts_with(' ');
+        let is_item = |line: &str| line.starts_with(|c: char| c.is_ascii_digit());
+        for (place, text) in texts_below_options() {
             let lines: Vec<&str> = text.lines().collect();
-            let is_prose = |line: &str| !line.is_empty() && !line.starts_with(' ');
-            let is_item = |line: &str| line.starts_with(|c: char| c.is_ascii_digit());
             for pair in lines.windows(2) {
                 let is_broken = is_prose(pair[0]) && is_prose(pair[1]) && !is_item(pair[1]);
-                assert!(!is_broken, "{path}: a paragraph is one line:\n{}\n{}", pair[0], pair[1]);
+                assert!(!is_broken, "{place}: a paragraph is one line:\n{}\n{}", pair[0], pair[1]);
             }
             // Examples can be copied only if they are not wrapped.
             for line in lines.iter().filter(|line| !is_prose(line)) {
-                assert!(line.len() <= HELP_WIDTH, "{path}: longer than {HELP_WIDTH} columns:\n{line}");
+                assert!(line.len() <= HELP_WIDTH, "{place}: longer than {HELP_WIDTH} columns:\n{line}");
             }
-        });
+        }
     }
 
     #[test]
     fn commands_in_help_and_documents_are_accepted() {
-        let mut texts = Vec::new();
-        for_each_command(&command_line(), "", &mut |path, command| {
-            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-            texts.push((format!("help of{path}"), text));
-        });
+        let mut texts = texts_below_options();
         for document in documents::all() {
             let text = fs::read_to_string(&document).unwrap();
             for block in text.split("```sh\n").skip(1) {
@@ -153,8 +147,16 @@ mod tests {
         let words = words.into_iter().take_while(|word| !matches!(word.as_str(), "|" | ">" | "&&" | "&"));
         let error = command_line().try_get_matches_from(words).err()?;
         // Which backends exist depends on the features of the build.
-        let is_fine = error.kind() == ErrorKind::DisplayHelp || error.to_string().contains("build it with");
-        (!is_fine).then(|| error.to_string())
+        (error.use_stderr() && !error.to_string().contains("build it with")).then(|| error.to_string())
+    }
+
+    /// Returns the text below the options of every command that has one, with its place.
+    fn texts_below_options() -> Vec<(String, String)> {
+        let mut texts = Vec::new();
+        for_each_command(&command_line(), "", &mut |path, command| {
+            texts.extend(command.get_after_help().map(|text| (format!("help of{path}"), text.to_string())));
+        });
+        texts
     }
 
     /// Calls a function for a command and all commands below it, with the words that lead to them.

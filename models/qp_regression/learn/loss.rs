@@ -56,8 +56,8 @@ pub(super) fn loss(
         }
     }
 
-    // Simulators do not execute the dense prediction. In a validation on recordings, the few agents in it that
-    // set off would decide which network is the best.
+    // Simulators do not execute the dense prediction. In a validation on recordings, the few agents in it
+    // that set off would decide which network is the best.
     if training {
         total = total + dense_loss(predicted.dense, &targets, config, device);
     }
