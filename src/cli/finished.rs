@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::{count, note, say};
-use crate::evaluation::{EVENTS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
+use crate::evaluation::{EVENTS, ROUTE_ENDS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
 use crate::models::qp::FAILED_SOLVES;
 use crate::report::{Run, TableStyle, exporter, markdown_text};
 use crate::rollout::{NOT_FINITE, PLANNED_ALONE};
@@ -65,6 +65,11 @@ pub(super) fn report_problems(summary: &Summary) {
             if let Some(n) = simulator.outcomes.get(outcome) {
                 say(format_args!("warning: {id}: {n} {meaning}"));
             }
+        }
+        let mut ends = simulator.outcomes.keys().filter(|outcome| outcome.starts_with(ROUTE_ENDS));
+        if let Some(first) = ends.next() {
+            let n = count(1 + ends.count(), "place");
+            say(format_args!("warning: {id}: the AV brakes where its route ends, at {n} (first {first})"));
         }
     }
 }

@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
 use reactsim_metrics::{AvScores, Event, Options};
-use reactsim_planning::from_scene::{SceneHistory, SceneHistoryError};
+use reactsim_planning::from_scene::{RouteEnd, SceneHistory, SceneHistoryError};
 use reactsim_planning::metrics::{
     ClosedLoopScore, FirstContact, HistoryError, Label, MetricValue, PlannerMetric, PlannerScores,
     UndefinedReason,
@@ -13,6 +13,9 @@ use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
 use super::navsim::ReferenceDrives;
+
+/// Outcome of a rollout at whose end the AV brakes or stands because its route ends; the place follows.
+pub const ROUTE_ENDS: &str = "route-ends";
 
 /// The scores of the AV, and what they lack.
 pub(super) struct JudgedAv {
@@ -78,6 +81,11 @@ impl AvJudge {
             }
         }
         let events = events(scenario, &judged);
+        if let Some(end) = history.route_end(scenario) {
+            let RouteEnd { lane, position, .. } = end;
+            let place = format!("{ROUTE_ENDS}: lane `{lane}` at ({:.1}, {:.1})", position.x, position.y);
+            outcomes.insert(place, 1);
+        }
         Ok(JudgedAv { scores: AvScores { values, events }, outcomes })
     }
 }

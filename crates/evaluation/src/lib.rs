@@ -70,6 +70,7 @@ mod tally;
 
 pub use access::{Access, Mark, Standing};
 pub use av::{AV_CHOICES, AvChoice, AvDriver, ParseAvError, PlannedAv};
+pub use av_scores::ROUTE_ENDS;
 pub use benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use case_study::{CASE_STUDIES, CaseStudy};
 pub use comparison::{Comparison, PairedDifference};

@@ -1,10 +1,10 @@
-//! Breadth-first search by layers, with the results of searches that visit nodes again.
+//! Searches among lanes and roadblocks: breadth-first search by layers, with the results of searches that visit nodes again.
 //!
 //! The searches of nuPlan and tuplan_garage enter a node once per path that leads to it, and keep the
 //! last parent of each node and depth. Layers without repetitions give the same paths if they remember
 //! the orders of first and last visits.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 /// The nodes at one depth of a search.
 #[derive(Debug, Default)]
@@ -50,6 +50,34 @@ impl Layer {
         }
         next
     }
+}
+
+/// Length in metres of the lanes between two lanes up to which the first one leads to the second one.
+const MAX_BETWEEN: f64 = 30.0;
+
+/// Returns the lanes to which a lane leads, directly or through [`MAX_BETWEEN`] metres of other lanes, each with the
+/// lanes between in driving order: the fewest, the first ones among equals.
+pub(crate) fn led_to<'a>(
+    lane: usize,
+    successors: impl Fn(usize) -> &'a [usize],
+    length: impl Fn(usize) -> f64,
+) -> BTreeMap<usize, Vec<usize>> {
+    let mut found: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    let mut open: VecDeque<(usize, Vec<usize>, f64)> = VecDeque::from([(lane, Vec::new(), 0.0)]);
+    while let Some((from, between, way)) = open.pop_front() {
+        for &next in successors(from) {
+            if found.contains_key(&next) {
+                continue;
+            }
+            found.insert(next, between.clone());
+            let way = way + length(next);
+            if way <= MAX_BETWEEN {
+                let between = between.iter().copied().chain([next]).collect();
+                open.push_back((next, between, way));
+            }
+        }
+    }
+    found
 }
 
 /// Returns the nodes from the first layer to `node` in the last one.

@@ -1,5 +1,7 @@
 //! Planners that plan in another process.
 
+use std::collections::BTreeSet;
+
 use reactsim_external::PlannerEpisode;
 use reactsim_planning::Trajectory;
 use reactsim_planning::from_scene::planning_lanes;
@@ -20,7 +22,9 @@ impl Planner for RemotePlanner {
         let seen = input.seen.ok_or_else(|| PlannerError::Failed("it plans in rollouts only".to_owned()))?;
         let route = self.route.get_or_insert_with(|| {
             let lanes = planning_lanes(&seen.start().map);
-            input.route.lanes(input.map).into_iter().map(|lane| lanes[lane]).collect()
+            let mut passed = BTreeSet::new();
+            let route = input.route.lanes(input.map).into_iter().map(|lane| lanes[lane]);
+            route.filter(|&lane| passed.insert(lane)).collect()
         });
         let steps = self.steps.min(FUTURE - seen.step());
         let poses = self.episode.plan(&seen, steps, route).map_err(PlannerError::Failed)?;

@@ -14,7 +14,7 @@ use reactsim_scene::{
 
 use super::*;
 use crate::closed_loop::{Drive, EpisodeStart, Replay, Surroundings};
-use crate::fixtures::scenes::{agent, lane, parts, scenario, straight_track, track};
+use crate::fixtures::scenes::{agent, beside, lane, parts, scenario, straight_track, track};
 use crate::from_scene::rollout_objects;
 use crate::planner::{Light, LightState, PlannerError, PlannerInput};
 use crate::tracking::Controller;
@@ -114,6 +114,33 @@ fn planners_drive_along_a_free_road() {
         }
         // Plans are kept in between.
         assert_ne!(driven(&free, planner, 1), driven(&free, planner, 5));
+    }
+}
+
+#[test]
+fn a_lane_beside_that_is_cut_elsewhere_changes_nothing() {
+    let road = |cut: bool, linked: bool| {
+        let mut lanes = vec![
+            lane("a1", &[(-100.0, 0.0), (30.0, 0.0)], &["a2"]),
+            lane("a2", &[(30.0, 0.0), (400.0, 0.0)], &[]),
+        ];
+        if cut {
+            lanes.push(lane("b1", &[(-100.0, 3.5), (30.0, 3.5)], &["b2"]));
+            lanes.push(lane("b2", &[(30.0, 3.5), (400.0, 3.5)], &[]));
+        } else {
+            lanes.push(lane("b1", &[(-100.0, 3.5), (400.0, 3.5)], &[]));
+        }
+        if linked {
+            lanes[0].left.push(beside("b1"));
+            lanes[1].left.push(beside(if cut { "b2" } else { "b1" }));
+        }
+        scenario(vec![car("av", straight_track(0.0, 0.0, 10.0))], lanes)
+    };
+    for planner in PlannerChoice::ALL {
+        let whole = driven(&road(false, true), planner, 1);
+        assert!(whole[80].x > 75.0, "{planner:?}: {:?}", whole[80]);
+        assert_eq!(whole, driven(&road(true, true), planner, 1), "{planner:?}");
+        assert_eq!(whole, driven(&road(false, false), planner, 1), "{planner:?}");
     }
 }
 

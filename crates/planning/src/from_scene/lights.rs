@@ -1,5 +1,6 @@
 //! The traffic lights of a scenario as planners observe them.
 
+use std::iter::repeat;
 use std::ops::Range;
 
 use reactsim_rollout::Observation;
@@ -9,14 +10,18 @@ use crate::planner::{Light, LightState};
 
 use super::planning_lanes;
 
-/// The lane of the planning map that each light of a scenario controls; `None` if the map leaves it out.
+/// The lanes of the planning map that each light of a scenario controls: none if the map leaves its lane out, all
+/// parts of a lane that is cut.
 #[derive(Clone, Debug)]
-pub(crate) struct LightLanes(Vec<Option<usize>>);
+pub(crate) struct LightLanes(Vec<Range<usize>>);
 
 impl LightLanes {
     pub(crate) fn new(start: &Start) -> Self {
         let lanes = planning_lanes(&start.map);
-        Self(start.lights.iter().map(|light| lanes.binary_search(&light.lane).ok()).collect())
+        let parts = |lane: usize| {
+            lanes.partition_point(|&origin| origin < lane)..lanes.partition_point(|&origin| origin <= lane)
+        };
+        Self(start.lights.iter().map(|light| parts(light.lane)).collect())
     }
 
     /// Returns the present states, in the order of the scenario.
@@ -32,8 +37,8 @@ impl LightLanes {
     }
 
     fn lights(&self, states: impl IntoIterator<Item = Option<SceneLight>>) -> Vec<Light> {
-        let states = self.0.iter().zip(states);
-        states.filter_map(|(&lane, state)| Some(Light { lane: lane?, state: planner_light(state) })).collect()
+        let lanes = self.0.iter().zip(states).flat_map(|(lanes, state)| lanes.clone().zip(repeat(state)));
+        lanes.map(|(lane, state)| Light { lane, state: planner_light(state) }).collect()
     }
 }
 

@@ -1,19 +1,20 @@
 //! The planning map of a scenario.
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{Lane, LaneArea, LaneClass, LaneKind, RoadMap, Scenario};
+use reactsim_scene::{Lane, LaneArea, LaneKind, RoadMap, Scenario};
 
 use crate::map::{
     Area, AreaError, Areas, DrivableArea, Intersections, PlanningLane, PlanningMap, PlanningMapParts,
 };
 
 use super::SceneHistoryError;
+use super::pieces::Pieces;
 use super::roadblocks::{Roadblocks, roadblocks};
 
 /// Creates the map that planners and metrics of a scenario use.
 ///
-/// Lanes for bicycles only are left out, as in the maps of nuPlan. Roadblocks are groups of neighbouring
-/// lanes. Without outlines, intersections are where connectors are, or unknown if all lanes are connectors.
+/// Lanes for bicycles only are left out, as in the maps of nuPlan. A lane is cut where a lane beside it begins or
+/// ends, as the lanes of those maps are; roadblocks are groups of lanes side by side. Without outlines, intersections are where connectors are, or unknown if all lanes are connectors.
 /// Without drivable polygons, the left side of road edges and the driveways are drivable.
 ///
 /// # Errors
@@ -21,9 +22,9 @@ use super::roadblocks::{Roadblocks, roadblocks};
 pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryError> {
     let id = &scenario.id;
     let map = &scenario.start.map;
-    let kept = planning_lanes(map);
-    let lanes = kept_lanes(map, &kept);
-    let Roadblocks { list, of_lane } = roadblocks(&lanes);
+    let pieces = Pieces::of(map);
+    let Roadblocks { list, of_lane } = roadblocks(&pieces);
+    let lanes = &pieces.lanes;
     let parts = PlanningMapParts {
         lanes: lanes
             .iter()
@@ -31,38 +32,16 @@ pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryErro
             .map(|(lane, roadblock)| Ok((planning_lane(lane, roadblock), lane_area(id, lane)?)))
             .collect::<Result<_, SceneHistoryError>>()?,
         roadblocks: list,
-        intersections: intersections(id, map, &lanes)?,
+        intersections: intersections(id, map, lanes)?,
         drivable: drivable(id, map)?,
     };
     PlanningMap::new(parts).map_err(|source| SceneHistoryError::Map { scenario: id.clone(), source })
 }
 
-/// Returns the lanes of a scenario that its planning map has, as indices in increasing order: lane `i` of the
-/// planning map is the `i`-th of them.
+/// Returns the lane of the scenario for each lane of its planning map, as indices. A lane that is cut has several
+/// lanes in the planning map, one after the other; lanes for bicycles only have none.
 pub fn planning_lanes(map: &RoadMap) -> Vec<usize> {
-    (0..map.lanes.len()).filter(|&i| map.lanes[i].class != LaneClass::Bike).collect()
-}
-
-/// Returns the kept lanes, with the links among them.
-fn kept_lanes(map: &RoadMap, kept: &[usize]) -> Vec<Lane> {
-    let renumbered =
-        |links: &[usize]| links.iter().filter_map(|link| kept.binary_search(link).ok()).collect();
-    let lane = |&i: &usize| {
-        let mut lane = map.lanes[i].clone();
-        lane.predecessors = renumbered(&lane.predecessors);
-        lane.successors = renumbered(&lane.successors);
-        for neighbors in [&mut lane.left, &mut lane.right] {
-            neighbors.retain_mut(|neighbor| match kept.binary_search(&neighbor.lane) {
-                Ok(lane) => {
-                    neighbor.lane = lane;
-                    true
-                }
-                Err(_) => false,
-            });
-        }
-        lane
-    };
-    kept.iter().map(lane).collect()
+    Pieces::of(map).origins
 }
 
 fn planning_lane(lane: &Lane, roadblock: usize) -> PlanningLane {

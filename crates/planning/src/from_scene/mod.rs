@@ -8,6 +8,7 @@ mod lights;
 mod map;
 mod navsim;
 mod objects;
+mod pieces;
 mod roadblocks;
 mod route;
 
@@ -24,7 +25,7 @@ pub(crate) use lights::LightLanes;
 pub use map::{planning_lanes, planning_map};
 pub(crate) use objects::{Differences, ObjectFrame};
 pub use objects::{ObjectIds, rollout_objects};
-pub use route::logged_route;
+pub use route::{RouteEnd, logged_route, route_end};
 
 /// Number of samples: the current frame and the frames after it.
 pub const SAMPLES: usize = FRAMES - CURRENT;
@@ -166,6 +167,11 @@ impl SceneHistory {
         let mut scores = judge(&self.history())?;
         scores.labels.extend(&self.labels);
         Ok(scores)
+    }
+
+    /// Returns the end of the route of the scenario, if ego has to brake for it in the last sample ([`route_end`]).
+    pub fn route_end(&self, scenario: &Scenario) -> Option<RouteEnd> {
+        route_end(scenario, &self.map, &self.shape, self.ego.last()?)
     }
 
     fn history(&self) -> History<'_> {

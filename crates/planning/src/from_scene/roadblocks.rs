@@ -5,6 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_scene::{Lane, LaneKind};
 
 use crate::map::Roadblock;
+use crate::search::led_to;
+
+use super::pieces::Pieces;
+
+/// Distance in metres between the first points of two lanes up to which they are the branches of a fork.
+const SAME_POINT: f64 = 1.75;
 
 /// Roadblocks, and the roadblock of each lane.
 pub(super) struct Roadblocks {
@@ -22,19 +28,20 @@ enum Group {
 /// Groups of the lanes before and after a connector.
 type Ends = (BTreeSet<Group>, BTreeSet<Group>);
 
-/// Groups lanes: lanes that are connected by links to neighbours of the same direction; connectors between
+/// Groups lanes: lanes that are side by side, none of which leads to another or forks from it; connectors between
 /// the same groups. Without lanes between intersections, connectors are grouped as lanes are.
-pub(super) fn roadblocks(lanes: &[Lane]) -> Roadblocks {
+pub(super) fn roadblocks(pieces: &Pieces) -> Roadblocks {
+    let lanes = &pieces.lanes;
     let has_lanes = lanes.iter().any(|lane| lane.kind == LaneKind::Lane);
     let is_connector = |lane: usize| has_lanes && lanes[lane].kind == LaneKind::Connector;
-    let neighbors = connected_neighbors(lanes, &is_connector);
+    let parallel = parallel_lanes(pieces);
     let group = |lane: usize| {
-        if is_connector(lane) { Group::Connector(lane) } else { Group::Lanes(neighbors[lane]) }
+        if is_connector(lane) { Group::Connector(lane) } else { Group::Lanes(parallel[lane]) }
     };
     let mut first_between: BTreeMap<Ends, usize> = BTreeMap::new();
     let representative = |lane: usize| {
         if !is_connector(lane) {
-            return neighbors[lane];
+            return parallel[lane];
         }
         let groups = |links: &[usize]| -> BTreeSet<Group> { links.iter().map(|&link| group(link)).collect() };
         let ends = (groups(&lanes[lane].predecessors), groups(&lanes[lane].successors));
@@ -43,26 +50,31 @@ pub(super) fn roadblocks(lanes: &[Lane]) -> Roadblocks {
     numbered(lanes, (0..lanes.len()).map(representative).collect())
 }
 
-/// Returns the smallest index among the lanes that are connected to each lane by links to neighbours.
-/// Connectors stay on their own.
-fn connected_neighbors(lanes: &[Lane], is_connector: &impl Fn(usize) -> bool) -> Vec<usize> {
-    let mut parents: Vec<usize> = (0..lanes.len()).collect();
-    for (i, lane) in lanes.iter().enumerate() {
-        for neighbor in lane.left.iter().chain(&lane.right) {
-            if neighbor.lane < lanes.len() && !is_connector(i) && !is_connector(neighbor.lane) {
-                let (a, b) = (root(&parents, i), root(&parents, neighbor.lane));
-                parents[a.max(b)] = a.min(b);
-            }
+/// Returns the smallest index among the lanes side by side with each lane. Lanes that share most of their length
+/// are joined first, and only if no lane of one group leads to a lane of the other or begins where one does.
+fn parallel_lanes(pieces: &Pieces) -> Vec<usize> {
+    let lanes = &pieces.lanes;
+    let next = |lane| led_to(lane, |lane| &lanes[lane].successors, |lane| lanes[lane].baseline.length());
+    let next: Vec<BTreeMap<usize, Vec<usize>>> = (0..lanes.len()).map(next).collect();
+    let start = |lane: usize| lanes[lane].baseline.points()[0];
+    let excludes = |a: usize, b: usize| {
+        let is_fork = (start(a) - start(b)).norm() < SAME_POINT;
+        is_fork || next[a].contains_key(&b) || next[b].contains_key(&a)
+    };
+    let mut groups: Vec<usize> = (0..lanes.len()).collect();
+    let mut members: Vec<Vec<usize>> = groups.iter().map(|&lane| vec![lane]).collect();
+    let mut pairs = pieces.beside.clone();
+    pairs.sort_by(|a, b| b.2.total_cmp(&a.2).then((a.0, a.1).cmp(&(b.0, b.1))));
+    for (a, b, _) in pairs {
+        let (a, b) = (groups[a].min(groups[b]), groups[a].max(groups[b]));
+        if a == b || members[a].iter().any(|&lane| members[b].iter().any(|&other| excludes(lane, other))) {
+            continue;
         }
+        let joined = std::mem::take(&mut members[b]);
+        joined.iter().for_each(|&lane| groups[lane] = a);
+        members[a].extend(joined);
     }
-    (0..lanes.len()).map(|lane| root(&parents, lane)).collect()
-}
-
-fn root(parents: &[usize], mut lane: usize) -> usize {
-    while parents[lane] != lane {
-        lane = parents[lane];
-    }
-    lane
+    groups
 }
 
 /// Numbers the groups in the order of their first lanes, which name them.

@@ -1,5 +1,7 @@
 //! The route of the logged AV, extended beyond the end of its log.
 
+use std::collections::BTreeSet;
+
 use reactsim_geometry::{Vec2, direction, wrap};
 use reactsim_scene::{AgentState, CURRENT, Scenario};
 
@@ -16,6 +18,14 @@ const LENGTH_AHEAD: f64 = 200.0;
 /// Length in metres of the beginning of a lane over which its turn is measured. Connectors begin in the
 /// direction of the lane before, and most have turned after this length.
 const TURN_LENGTH: f64 = 20.0;
+/// Time in seconds before an AV brakes for the end of its route.
+const REACTION_TIME: f64 = 1.5;
+/// Deceleration of an AV before the end of its route, m/s².
+const DECELERATION: f64 = 2.0;
+/// Speed up to which an AV stands, m/s.
+const STANDSTILL_SPEED: f64 = 0.5;
+/// Distance in metres from the front of a standing AV to the end of its route.
+const STANDING_GAP: f64 = 3.0;
 
 /// Returns the route of a planner that drives the AV of a scenario; `None` if the map has no lanes.
 ///
@@ -53,6 +63,74 @@ pub fn logged_route(scenario: &Scenario, map: &PlanningMap, shape: &EgoShape) ->
     }
     roadblocks.extend(lanes_ahead(map, last, position).into_iter().map(roadblock));
     Route::of_roadblocks(roadblocks)
+}
+
+/// The end of a route that the AV has reached: no lane of the route follows, although the route may continue
+/// elsewhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RouteEnd {
+    /// Id of the last lane in the planning map.
+    pub lane: String,
+    /// End of this lane, metres, in the coordinates of the scenario.
+    pub position: Vec2,
+    /// Distance along the lanes from the centre of the AV to this position, metres.
+    pub ahead: f64,
+}
+
+/// Returns the end of the route of the AV of a scenario if the AV has to brake for it: it cannot stop before that
+/// end with its front after a reaction time of 1.5 s with a deceleration of 2 m/s², up to a margin of 3 m, or it
+/// stands there. `ego`: present state of the AV. `None` without a route.
+pub fn route_end(
+    scenario: &Scenario,
+    map: &PlanningMap,
+    shape: &EgoShape,
+    ego: &EgoState,
+) -> Option<RouteEnd> {
+    let lanes = logged_route(scenario, map, shape)?.lanes(map);
+    let footprint = ego.footprint(shape);
+    let end_of = |lane: usize| map.lane(lane).baseline.points()[map.lane(lane).baseline.segments()];
+    let end =
+        |lane: usize, ahead: f64| RouteEnd { lane: map.lane(lane).id.clone(), position: end_of(lane), ahead };
+    let margin = 0.5 * shape.length + STANDING_GAP;
+    if ego.speed() < STANDSTILL_SPEED {
+        let distance = |&lane: &usize| (end_of(lane) - footprint.center).norm();
+        let is_last = |lane: &usize| !map.lane(*lane).successors.iter().any(|next| lanes.contains(next));
+        if let Some(&lane) = lanes.iter().find(|lane| is_last(lane) && distance(lane) < margin) {
+            return Some(end(lane, distance(&lane)));
+        }
+    }
+    let alignment = |lane: usize| {
+        let baseline = &map.lane(lane).baseline;
+        wrap(baseline.heading(baseline.project(footprint.center).segment) - ego.heading).abs()
+    };
+    let containing = lanes.iter().copied().filter(|&lane| map.lane_contains(lane, footprint.center));
+    let lane = containing.min_by(|&a, &b| alignment(a).total_cmp(&alignment(b)));
+    let lane = lane.or_else(|| map.nearest_lane(&lanes, &footprint))?;
+    let stopping = margin + ego.vx * REACTION_TIME + ego.vx * ego.vx / (2.0 * DECELERATION);
+    let baseline = &map.lane(lane).baseline;
+    let rest = baseline.length() - baseline.project(footprint.center).s;
+    let (ahead, last) = farthest(map, &lanes, lane, rest, stopping);
+    (ahead < stopping).then(|| end(last, ahead))
+}
+
+/// Returns the length of the longest sequence of the `lanes` of a route from the end of `lane`, to which
+/// `ahead` metres are left, and its last lane; of a sequence longer than `enough` metres, only the beginning.
+fn farthest(map: &PlanningMap, lanes: &[usize], lane: usize, ahead: f64, enough: f64) -> (f64, usize) {
+    let mut best = (ahead, lane);
+    let mut open = vec![(ahead, lane)];
+    let mut seen = BTreeSet::from([lane]);
+    while let Some((ahead, lane)) = open.pop().filter(|_| best.0 < enough) {
+        for &next in map.lane(lane).successors.iter().filter(|next| lanes.contains(next)) {
+            let reached = (ahead + map.lane(next).baseline.length(), next);
+            if seen.insert(next) {
+                open.push(reached);
+            }
+            if reached.0 > best.0 {
+                best = reached;
+            }
+        }
+    }
+    best
 }
 
 /// Returns a state with this pose. Passed lanes depend on poses only.
@@ -149,6 +227,29 @@ mod tests {
         ];
         let standing = agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 0.0));
         assert_eq!(route(&scenario(vec![standing], ring)).unwrap(), ["a", "b"]);
+    }
+
+    #[test]
+    fn the_end_of_a_route_is_found_before_the_av_reaches_it() {
+        let linked = scenario(vec![agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 10.0))], fork());
+        let mut cut = fork();
+        cut[0].successors.clear();
+        let cut = scenario(vec![agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 10.0))], cut);
+        let end = |scenario: &Scenario, x: f64, speed: f64| {
+            let (map, shape) = (planning_map(scenario).unwrap(), ego_shape(scenario).unwrap());
+            let rear_axle = Vec2::new(x - shape.rear_axle_to_center, 0.0);
+            let ego = EgoState { vx: speed, ..EgoState::standing(rear_axle, 0.0) };
+            route_end(scenario, &map, &shape, &ego)
+        };
+        let found = end(&cut, 6.0, 0.0).unwrap();
+        assert_eq!((found.lane.as_str(), found.position), ("a", Vec2::new(10.0, 0.0)));
+        assert!((found.ahead - 4.0).abs() < 1e-9);
+        assert_eq!(end(&cut, 4.0, 0.0), None);
+        // 15 m of reaction, 25 m of braking.
+        assert!(end(&cut, -35.0, 10.0).is_some());
+        assert_eq!(end(&cut, -36.0, 10.0), None);
+        assert_eq!(end(&linked, 6.0, 10.0), None);
+        assert_eq!(end(&linked, 360.0, 10.0).unwrap().lane, "f");
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub(crate) mod comfort;
 mod context;
 mod corner_lanes;
 mod drivable_area;
+mod driven_lanes;
 mod driving_direction;
 mod history;
 mod matched_lanes;

@@ -7,7 +7,8 @@ use crate::{EgoState, PlanningMap};
 
 use super::center_lanes::center_lanes;
 use super::context::Context;
-use super::matched_lanes::{lanes_overlap, matched_lanes};
+use super::driven_lanes::driven_lanes;
+use super::matched_lanes::lanes_overlap;
 use super::{MetricValue, MissingInputs, UndefinedReason};
 
 /// Distance in metres that replaces shorter ones in the ratio, and to which ego may move backwards without
@@ -113,12 +114,11 @@ pub(crate) struct PassedLanes {
 }
 
 /// Returns the lanes that a vehicle passes: a new one whenever its lanes change to lanes of another roadblock.
-/// If lanes overlap, the lane that counts is the one of the driving direction.
+/// If lanes overlap, they are the lanes of the likeliest sequence ([`driven_lanes`]).
 pub(crate) fn passed_lanes(map: &PlanningMap, expert: &[EgoState], centers: &[Vec2]) -> PassedLanes {
     let mut lists = center_lanes(map, centers);
     if lanes_overlap(map, &lists) {
-        let matched = matched_lanes(map, &lists, expert, centers, true);
-        lists = matched.into_iter().map(Vec::from_iter).collect();
+        lists = driven_lanes(map, expert, centers).into_iter().map(|lane| vec![lane]).collect();
     }
     let last = lists.iter().rev().find_map(|lanes| lanes.first().copied());
     let mut kept: Vec<usize> = Vec::new();

@@ -182,7 +182,7 @@ pub enum Label {
     IntersectionUnknown,
     /// Driving direction and route follow the best match among overlapping lanes.
     DirectionOverlapping,
-    /// Roadblocks are groups of neighbouring lanes.
+    /// Roadblocks are groups of lanes side by side, cut where one of them is.
     RouteNeighbourGroups,
     /// Only objects ahead count for the time to collision.
     TtcAheadOnly,
