@@ -12,6 +12,8 @@ use reactsim_scene::{LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, LaneKind, RoadM
 /// Distance in metres up to which ends of lanes side by side count as the same place. Stop lines are not
 /// perpendicular to the road, so recorded ends differ by some metres.
 const SAME_PLACE: f64 = 5.0;
+/// Distance in metres between first or last points of two lanes up to which the lanes are branches: a half-width.
+const SAME_POINT: f64 = LANE_HALF_WIDTH;
 /// Largest distance in metres between the centre lines of lanes side by side: wide lanes with a median between.
 const MAX_DISTANCE: f64 = 8.0;
 /// Distance in metres between the points at which two lanes are compared.
@@ -88,7 +90,7 @@ impl Pieces {
 }
 
 /// Returns the pairs of neighbouring lanes, by index into `lanes`, the smaller one first. Connectors of maps that
-/// have other lanes too have no neighbours.
+/// have other lanes too have no neighbours, and branches are not neighbours of one another.
 fn neighbors(lanes: &[&Lane], origins: &[usize]) -> BTreeSet<(usize, usize)> {
     let has_lanes = lanes.iter().any(|lane| lane.kind == LaneKind::Lane);
     let is_cut = |lane: usize| !has_lanes || lanes[lane].kind == LaneKind::Lane;
@@ -96,8 +98,14 @@ fn neighbors(lanes: &[&Lane], origins: &[usize]) -> BTreeSet<(usize, usize)> {
         let others = lane.left.iter().chain(&lane.right);
         others.filter_map(move |other| Some((i, origins.binary_search(&other.lane).ok()?)))
     });
-    let pairs = pairs.filter(|&(a, b)| a != b && is_cut(a) && is_cut(b));
+    let pairs = pairs.filter(|&(a, b)| a != b && is_cut(a) && is_cut(b) && !branch(lanes[a], lanes[b]));
     pairs.map(|(a, b)| (a.min(b), a.max(b))).collect()
+}
+
+/// Returns whether two lanes are branches of a fork or of a merge: they begin, or end, at the same point.
+pub(super) fn branch(a: &Lane, b: &Lane) -> bool {
+    let [a, b] = [a, b].map(|lane| lane.baseline.points());
+    (a[0] - b[0]).norm() < SAME_POINT || (a[a.len() - 1] - b[b.len() - 1]).norm() < SAME_POINT
 }
 
 /// Returns the arc lengths in increasing order at which each lane is cut: where a lane beside it begins, ends or

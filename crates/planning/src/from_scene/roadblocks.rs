@@ -7,10 +7,7 @@ use reactsim_scene::{Lane, LaneKind};
 use crate::map::Roadblock;
 use crate::search::led_to;
 
-use super::pieces::Pieces;
-
-/// Distance in metres between the first points of two lanes up to which they are the branches of a fork.
-const SAME_POINT: f64 = 1.75;
+use super::pieces::{Pieces, branch};
 
 /// Roadblocks, and the roadblock of each lane.
 pub(super) struct Roadblocks {
@@ -28,7 +25,7 @@ enum Group {
 /// Groups of the lanes before and after a connector.
 type Ends = (BTreeSet<Group>, BTreeSet<Group>);
 
-/// Groups lanes: lanes that are side by side, none of which leads to another or forks from it; connectors between
+/// Groups lanes: lanes that are side by side, none of which leads to another or is a branch of it; connectors between
 /// the same groups. Without lanes between intersections, connectors are grouped as lanes are.
 pub(super) fn roadblocks(pieces: &Pieces) -> Roadblocks {
     let lanes = &pieces.lanes;
@@ -51,15 +48,13 @@ pub(super) fn roadblocks(pieces: &Pieces) -> Roadblocks {
 }
 
 /// Returns the smallest index among the lanes side by side with each lane. Lanes that share most of their length
-/// are joined first, and only if no lane of one group leads to a lane of the other or begins where one does.
+/// are joined first, and only if no lane of one group leads to a lane of the other or is a branch of it.
 fn parallel_lanes(pieces: &Pieces) -> Vec<usize> {
     let lanes = &pieces.lanes;
     let next = |lane| led_to(lane, |lane| &lanes[lane].successors, |lane| lanes[lane].baseline.length());
     let next: Vec<BTreeMap<usize, Vec<usize>>> = (0..lanes.len()).map(next).collect();
-    let start = |lane: usize| lanes[lane].baseline.points()[0];
     let excludes = |a: usize, b: usize| {
-        let is_fork = (start(a) - start(b)).norm() < SAME_POINT;
-        is_fork || next[a].contains_key(&b) || next[b].contains_key(&a)
+        branch(&lanes[a], &lanes[b]) || next[a].contains_key(&b) || next[b].contains_key(&a)
     };
     let mut groups: Vec<usize> = (0..lanes.len()).collect();
     let mut members: Vec<Vec<usize>> = groups.iter().map(|&lane| vec![lane]).collect();

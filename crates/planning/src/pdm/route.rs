@@ -147,17 +147,19 @@ pub(crate) fn without_gaps(map: &PlanningMap, route: &[usize]) -> Vec<usize> {
     filled
 }
 
-/// Returns the number of roadblocks before the first connector block that overlaps an earlier one.
+/// Returns the number of roadblocks before the first connector block that overlaps an earlier one. The block
+/// directly before, which is never a connector block in nuPlan's maps, may overlap it.
 fn loop_begin(map: &PlanningMap, route: &[usize]) -> usize {
-    let mut earlier: Vec<Vec<Polygon>> = Vec::new();
+    let mut earlier: Vec<(usize, Vec<Polygon>)> = Vec::new();
     for (i, &block) in route.iter().enumerate().filter(|&(_, &block)| is_connector_block(map, block)) {
         let outlines: Vec<Vec<Vec2>> =
             roadblock_outlines(map, block).into_iter().map(<[Vec2]>::to_vec).collect();
         let ground = union(&outlines, &[]);
-        if earlier.iter().any(|other| overlap(other, &ground) > LOOP_OVERLAP) {
+        let before = earlier.iter().filter(|(block, _)| block + 1 < i);
+        if before.map(|(_, other)| overlap(other, &ground)).any(|area| area > LOOP_OVERLAP) {
             return i;
         }
-        earlier.push(ground);
+        earlier.push((i, ground));
     }
     route.len()
 }
