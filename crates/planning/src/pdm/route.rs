@@ -30,6 +30,9 @@ const FORWARD_DEPTH: usize = 30;
 /// Number of roadblocks of the route, from its start, that a search in driving direction may reach
 /// (tuplan_garage b51d5d0).
 const REACHABLE_BLOCKS: usize = 3;
+/// Length in metres of the route between two blocks of a loop, in maps of connectors only: less than the
+/// circumference of a small roundabout.
+const LOOP_LENGTH: f64 = 30.0;
 /// Overlap of connector blocks, m², above which the route is a loop (tuplan_garage b51d5d0).
 const LOOP_OVERLAP: f64 = 1.0;
 
@@ -147,19 +150,29 @@ pub(crate) fn without_gaps(map: &PlanningMap, route: &[usize]) -> Vec<usize> {
     filled
 }
 
-/// Returns the number of roadblocks before the first connector block that overlaps an earlier one. The block
-/// directly before, which is never a connector block in nuPlan's maps, may overlap it.
+/// Returns the number of roadblocks before the first connector block that overlaps an earlier one.
+///
+/// In maps of connectors only, blocks that follow one another closely may overlap: blocks count from
+/// [`LOOP_LENGTH`] of route between them on.
 fn loop_begin(map: &PlanningMap, route: &[usize]) -> usize {
-    let mut earlier: Vec<(usize, Vec<Polygon>)> = Vec::new();
-    for (i, &block) in route.iter().enumerate().filter(|&(_, &block)| is_connector_block(map, block)) {
+    let least = if map.has_connectors_only() { LOOP_LENGTH } else { 0.0 };
+    let mut passed = 0.0;
+    let mut earlier: Vec<(f64, Vec<Polygon>)> = Vec::new();
+    for (i, &block) in route.iter().enumerate() {
+        let begin = passed;
+        let lane = map.lanes_of_roadblock(block).first();
+        passed += lane.map_or(0.0, |&lane| map.lane(lane).baseline.length());
+        if !is_connector_block(map, block) {
+            continue;
+        }
         let outlines: Vec<Vec<Vec2>> =
             roadblock_outlines(map, block).into_iter().map(<[Vec2]>::to_vec).collect();
         let ground = union(&outlines, &[]);
-        let before = earlier.iter().filter(|(block, _)| block + 1 < i);
-        if before.map(|(_, other)| overlap(other, &ground)).any(|area| area > LOOP_OVERLAP) {
+        let far = earlier.iter().filter(|(end, _)| begin - end >= least);
+        if far.map(|(_, other)| overlap(other, &ground)).any(|area| area > LOOP_OVERLAP) {
             return i;
         }
-        earlier.push((i, ground));
+        earlier.push((passed, ground));
     }
     route.len()
 }
