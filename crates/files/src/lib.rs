@@ -3,6 +3,7 @@
 
 mod digest;
 mod folder;
+mod kind;
 mod lock;
 mod new_file;
 mod regular;

@@ -3,11 +3,12 @@
 use std::ffi::OsStr;
 use std::fs::{File, TryLockError};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
 
 use super::folder::Folder;
+use super::new_file::remove_abandoned;
 
 /// Name of the file that a process locks while it writes a folder. It is never replaced, and removed only by
 /// the process that holds the lock.
@@ -18,9 +19,11 @@ const ATTEMPTS: u32 = 20;
 /// until it runs its own program: a lock that was just given up can be held for a moment.
 const PAUSE: Duration = Duration::from_millis(25);
 
-/// The lock of a folder, until it is dropped.
+/// The lock of a folder, until it is dropped. Partial files that killed processes have left in the folder are
+/// removed when it is taken and when it is dropped.
 #[derive(Debug)]
 pub struct FolderLock {
+    path: PathBuf,
     folder: Folder,
     _file: File,
 }
@@ -41,7 +44,8 @@ pub fn lock_folder(path: &Path) -> io::Result<Option<FolderLock>> {
         let is_held = matches!(file.try_lock(), Err(TryLockError::WouldBlock));
         // The holder before may have removed the file meanwhile: its lock would exclude nobody.
         if !is_held && folder.has(OsStr::new(LOCK), &file) {
-            return Ok(Some(FolderLock { folder, _file: file }));
+            remove_abandoned(path, None);
+            return Ok(Some(FolderLock { path: path.to_owned(), folder, _file: file }));
         }
     }
     Ok(None)
@@ -49,6 +53,7 @@ pub fn lock_folder(path: &Path) -> io::Result<Option<FolderLock>> {
 
 impl Drop for FolderLock {
     fn drop(&mut self) {
+        remove_abandoned(&self.path, None);
         // While the lock is held: whoever has opened the file before finds that it has no name any more.
         // Where that cannot be found out, the file stays.
         if cfg!(unix) {
@@ -102,6 +107,24 @@ mod tests {
             }
         });
         assert!(acquired.into_inner() >= 50);
+    }
+
+    #[test]
+    fn partial_files_of_killed_processes_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let [first, second] =
+            [".a.1.partial", ".b.txt.0123456789abcdef.partial"].map(|n| folder.path().join(n));
+        let abandon = |path: &Path| {
+            let file = File::create(path).unwrap();
+            file.set_modified(std::time::SystemTime::now() - Duration::from_secs(60)).unwrap();
+        };
+        abandon(&first);
+        let lock = lock_folder(folder.path()).unwrap();
+        assert!(!first.exists());
+        // One that was too new when the lock was taken.
+        abandon(&second);
+        drop(lock);
+        assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::time::Duration;
 use rand::TryRng;
 
 use super::folder::{Folder, folder_of};
+use super::kind::{HEAD, kind_at, kind_of};
 use super::regular::open_local;
 use super::url::refuse_url;
 
@@ -20,14 +21,19 @@ const DIGITS: usize = 16;
 const ATTEMPTS: u32 = 8;
 
 /// A file that is being written under a temporary name in the folder of its target. [`NewFile::finish`] gives
-/// it its name; dropped before, it is removed. An existing file of that name stays as it is until then. Its
-/// mode is kept, and a link is followed.
+/// it its name; dropped before, it is removed. An existing file of that name stays as it is until then, and for
+/// good if its content is of another kind, such as Parquet where a picture is written. Its mode is kept, and a
+/// link is followed.
 #[derive(Debug)]
 pub struct NewFile {
     path: PathBuf,
     folder: Folder,
     partial: OsString,
     file: BufWriter<File>,
+    /// Kind of the content that is replaced, if there is some.
+    old: Option<&'static str>,
+    /// First bytes of the new content.
+    head: Vec<u8>,
 }
 
 impl NewFile {
@@ -47,14 +53,15 @@ impl NewFile {
         if old.as_ref().is_some_and(|old| !old.is_file()) {
             return Err(io::Error::other("it exists and is not a regular file; choose another name"));
         }
-        remove_abandoned(&path);
+        remove_abandoned(folder_of(&path), Some(name));
         let folder = Folder::open(folder_of(&path))?;
         let (partial, file) = begin(&folder, name)?;
         // The lock shows that the file is not abandoned. On file systems without locks it stays if this
         // process is killed.
         file.try_lock().ok();
         let file = BufWriter::new(file);
-        let new = Self { path, folder, partial, file };
+        let kind = old.as_ref().and_then(|_| kind_at(&path));
+        let new = Self { path, folder, partial, file, old: kind, head: Vec::new() };
         if let Some(old) = old {
             keep_mode(&old, new.file.get_ref());
         }
@@ -82,17 +89,36 @@ impl NewFile {
     }
 
     fn finish_as(mut self, name: &OsStr) -> io::Result<()> {
+        self.refuse_other_kind()?;
         self.file.flush()?;
         self.file.get_ref().sync_all()?;
         self.folder.rename(&self.partial, name)?;
         self.folder.sync();
         Ok(())
     }
+
+    /// Refuses content of another kind than that of the file that it would replace.
+    fn refuse_other_kind(&self) -> io::Result<()> {
+        match (self.old, kind_of(&self.head)) {
+            (Some(old), Some(new)) if old != new => Err(io::Error::other(format!(
+                "it contains {old}, which {new} would replace; choose another name, or remove the file first"
+            ))),
+            _ => Ok(()),
+        }
+    }
 }
 
 impl Write for NewFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.file.write(bytes)
+        let n = self.file.write(bytes)?;
+        let missing = HEAD - self.head.len();
+        if missing > 0 {
+            self.head.extend_from_slice(&bytes[..n.min(missing)]);
+            if self.head.len() == HEAD {
+                self.refuse_other_kind()?;
+            }
+        }
+        Ok(n)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -176,12 +202,13 @@ fn keep_mode(_old: &Metadata, _new: &File) {}
 /// Age from which an unlocked partial file counts as abandoned: a new one is not yet locked.
 const MIN_AGE: Duration = Duration::from_secs(2);
 
-/// Removes partial files for this target whose processes were killed. Files that cannot be removed only take
-/// space.
-fn remove_abandoned(path: &Path) {
-    for entry in fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
+/// Removes partial files in a folder whose processes were killed: those for this target, or all of them. Files
+/// that cannot be removed only take space.
+pub(super) fn remove_abandoned(folder: &Path, target: Option<&OsStr>) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
-        if name.to_str().and_then(target_of).map(OsStr::new) != path.file_name() {
+        let Some(of) = name.to_str().and_then(target_of) else { continue };
+        if target.is_some_and(|target| target != of) {
             continue;
         }
         let is_old = |file: &File| -> io::Result<bool> {
@@ -268,6 +295,33 @@ mod tests {
         begin(&abandoned, 60);
         replace(&path, |out| out.write_all(b"three")).unwrap();
         assert!(!abandoned.exists() && other.exists());
+    }
+
+    #[test]
+    fn content_of_another_kind_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let contents: [&[u8]; 7] = [
+            b"PAR1\x15\x00\x15\x00",
+            b"GIF89a\x01\x00",
+            b"\x1f\x8b\x08\x00\x00\x00\x00\x00",
+            b"<svg></svg>",
+            b"{}",
+            b"| a |\n",
+            b"\x40\x00\x00\x00\x00\x00\x00\x00{}",
+        ];
+        for old in contents {
+            for new in contents {
+                fs::write(&path, old).unwrap();
+                let replaced = replace(&path, |out| out.write_all(new));
+                assert_eq!(replaced.is_ok(), old == new, "{old:?} by {new:?}: {replaced:?}");
+                assert_eq!(fs::read(&path).unwrap(), old);
+            }
+            fs::write(&path, "").unwrap();
+            replace(&path, |out| out.write_all(old)).unwrap();
+            replace(&path, |_| Ok(())).unwrap();
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]
