@@ -10,7 +10,7 @@ use super::certified::Certified;
 use super::futures::Futures;
 use super::progress::Progress;
 use super::scenario_args::{SelectionArgs, is_selected};
-use super::{ExitStatus, ReadingArgs, count, is_same, say};
+use super::{ExitStatus, ReadingArgs, count, nothing, say};
 use crate::curation::driver::CurationObserver;
 use crate::formats::native::Writer;
 use crate::formats::{self, FormatError, Scenarios};
@@ -48,9 +48,6 @@ pub(super) struct ConvertArgs {
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // Find all inputs before reading the first and before touching the output.
     let inputs = args.reading.find_inputs(&args.inputs)?;
-    if let Some(same) = inputs.iter().find(|i| is_same(&i.path, &args.out)) {
-        bail!("{} is both input and output; choose another --out", same.path.display());
-    }
     let mut futures = match (&args.futures, &args.model, &args.certificates) {
         (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Box::new(Futures::open(path, model)?))),
         (_, _, Some(path)) => Some(NewFutures::Certificates(Certified::open(path)?)),
@@ -124,7 +121,7 @@ fn stream(
         bail!("no scenario is selected: leave out --id, --category, --futures or --certificates");
     }
     if good == 0 {
-        bail!("no scenario could be converted: see the warnings above");
+        return Err(nothing("no scenario could be converted"));
     }
     writer.finish()?;
     Ok((good, bad))

@@ -153,7 +153,9 @@ impl Outside {
 
     /// Warns of requests that failed, although a repetition may have hidden it.
     pub(super) fn report_faults(&self, folder: Option<&Path>) {
-        for processes in self.processes() {
+        let simulators = self.simulators.iter().map(|own| (own.processes(), "a batch failed and ran again"));
+        let planners = self.planners.iter().map(|own| (own.processes(), "a request failed"));
+        for (processes, what) in simulators.chain(planners) {
             let Some((n, first)) = processes.faults() else { continue };
             let name = processes.name();
             let log = folder.map_or_else(String::new, |folder| {
@@ -162,7 +164,7 @@ impl Outside {
             let n = count(n, "time");
             // A foreign text cannot pass for another message.
             let first = first.replace('\n', "\n    ");
-            say(format_args!("warning: {name}: a batch failed and ran again ({n}), the first: {first}{log}"));
+            say(format_args!("warning: {name}: {what} ({n}), the first: {first}{log}"));
         }
     }
 }

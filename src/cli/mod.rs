@@ -2,6 +2,7 @@
 //! prints.
 
 mod also;
+mod arguments;
 mod certified;
 mod compare;
 mod convert;
@@ -51,11 +52,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow, bail};
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::suggestion::{did_you_mean, most_similar, question};
-use crate::evaluation::{EvaluationError, PROVENANCE, RUN_FILES};
-use crate::files;
+use crate::evaluation::EvaluationError;
+use crate::files::{self, FolderLock};
 use crate::formats::{self, CurrentFrames, Input};
 use crate::metrics::{OptionError, Options};
 use crate::models::{self, MODELS, ModelError};
@@ -185,14 +186,16 @@ pub fn main() -> ExitCode {
     }
     survive_file_limits();
     // Without arguments: `run` with its defaults.
-    let Cli { command, quiet, verbose } = parse();
+    let matches = parse();
+    let Cli { command, quiet, verbose } =
+        Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     QUIET.store(quiet, Ordering::Relaxed);
     VERBOSE.store(verbose, Ordering::Relaxed);
     let command = command.unwrap_or_else(|| {
         let bare = Cli::parse_from(["reactsim", "run"]).command;
         bare.expect("`run` needs no arguments")
     });
-    let result = match command {
+    let result = arguments::check(&command_line(), &matches).and_then(|()| match command {
         Command::List(args) => list::list(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::View(args) => view::view(&args),
@@ -214,7 +217,7 @@ pub fn main() -> ExitCode {
         Command::Speed(args) => speed::speed(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
-    };
+    });
     match result {
         Ok(status) => status.into(),
         Err(error) => {
@@ -271,14 +274,14 @@ fn survive_file_limits() {
 
 /// Parses the arguments. Values may begin with a minus sign, so that a negative number is refused as a value
 /// and not as an unknown option.
-fn parse() -> Cli {
+fn parse() -> ArgMatches {
     let matches = command_line().try_get_matches();
     let matches = matches.unwrap_or_else(|error| match error.kind() {
         ErrorKind::InvalidUtf8 => refuse_encoding(),
         _ => end(&error),
     });
     urls::check(&command_line(), &matches).unwrap_or_else(|error| error.exit());
-    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    matches
 }
 
 /// Prints help, the version or a wrong argument, and ends the program.
@@ -378,18 +381,35 @@ fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>)
         let mut out = BufWriter::new(File::create(path)?);
         return write(&mut out).and_then(|()| out.flush());
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let folder = path.parent().unwrap_or(Path::new(""));
-    if RUN_FILES.contains(&name.as_ref()) && folder.join(PROVENANCE).exists() {
-        return Err(io::Error::other("it is a file of a run folder; choose another name"));
-    }
     files::replace(path, write)
 }
 
+/// Whether a warning was printed.
+static WARNED: AtomicBool = AtomicBool::new(false);
+
 /// Prints a message to stderr; stdout holds only results.
 fn say(text: std::fmt::Arguments<'_>) {
+    let text = text.to_string();
+    WARNED.fetch_or(text.starts_with("warning:"), Ordering::Relaxed);
     // A closed stderr is not an error.
-    writeln!(io::stderr().lock(), "{}", plain(&text.to_string())).ok();
+    writeln!(io::stderr().lock(), "{}", plain(&text)).ok();
+}
+
+/// Returns the error of a command that found nothing to work on; its reasons are the warnings, if there are some.
+fn nothing(outcome: &str) -> anyhow::Error {
+    match WARNED.load(Ordering::Relaxed) {
+        true => anyhow!("{outcome}: see the warnings above"),
+        false => {
+            anyhow!("{outcome}: none is selected; check the files, and the options that select scenarios")
+        }
+    }
+}
+
+/// Creates a folder, if it is absent, and locks it: no other process writes it until the lock is dropped.
+fn lock_folder(path: &Path) -> anyhow::Result<FolderLock> {
+    let locked = files::create_folder(path).and_then(|()| files::lock_folder(path));
+    let locked = locked.with_context(|| format!("could not write {}", path.display()))?;
+    Ok(locked.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?)
 }
 
 /// Says where an interrupted command left the part of a file that is finished, and what is at `out`.

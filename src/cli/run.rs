@@ -15,7 +15,7 @@ use super::live_table::LiveTable;
 use super::progress::Progress;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::table_output::{TableArgs, formats};
-use super::{ExitStatus, is_verbose, note, say, stop_on_interrupt};
+use super::{ExitStatus, is_verbose, note, nothing, say, stop_on_interrupt};
 use crate::evaluation::{self, Outcome, Plan, RunFolder, Source, Summary};
 use crate::external::RunOutline;
 use crate::models::qp::Smoothing;
@@ -134,7 +134,7 @@ pub(crate) fn finish(
     report_left_out(summary);
     report_notes(summary);
     if summary.provenance.scenarios == 0 {
-        bail!("no scenario could be run: see the warnings above");
+        return Err(nothing("no scenario could be run"));
     }
     if !args.subject.external.takes_stdout() {
         let below = if is_verbose() { outcomes(summary) } else { String::new() };

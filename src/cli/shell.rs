@@ -1,13 +1,14 @@
 //! `reactsim completions` and `reactsim man`: files for shells and for `man`.
 
-use std::fs;
+use std::fs::{self, DirEntry};
+use std::io;
 use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
 use clap_complete::Shell;
 
-use super::{ExitStatus, command_line, count, say, write_result};
+use super::{ExitStatus, command_line, count, lock_folder, say, write_result};
 
 /// Arguments of `completions`.
 #[derive(Debug, Args)]
@@ -33,10 +34,13 @@ pub(super) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitStatus> 
 
 pub(super) fn man(args: &ManArgs) -> anyhow::Result<ExitStatus> {
     let folder = &args.out;
-    fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
+    let _lock = lock_folder(folder)?;
     clap_mangen::generate_to(command_line(), folder)
         .with_context(|| format!("could not write manual pages to {}", folder.display()))?;
-    let pages = fs::read_dir(folder).map_or(0, Iterator::count);
+    let is_page = |entry: &io::Result<DirEntry>| {
+        entry.as_ref().is_ok_and(|entry| entry.path().extension().is_some_and(|extension| extension == "1"))
+    };
+    let pages = fs::read_dir(folder).map_or(0, |entries| entries.filter(is_page).count());
     say(format_args!("{}: {}", folder.display(), count(pages, "page")));
     Ok(ExitStatus::Done)
 }

@@ -13,16 +13,24 @@ use crate::files::as_url;
 const READ: &[&str] =
     &["scenarios", "scenario", "inputs", "deviations", "certificates", "generated", "reference"];
 /// Id of the argument that holds the arguments of another command: `shard plan`.
-const COMMAND: &str = "command";
+pub(super) const COMMAND: &str = "command";
 
-/// Refuses URLs where a path of a file system is needed, also in the arguments of a planned run. There they
-/// would be relative paths with a folder `s3:`.
-pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> Result<(), clap::Error> {
-    let (mut command, mut matches) = (all, matches);
+/// Returns the innermost subcommand that is given, with its arguments.
+pub(super) fn leaf<'a>(
+    mut command: &'a clap::Command,
+    mut matches: &'a ArgMatches,
+) -> (&'a clap::Command, &'a ArgMatches) {
     while let Some((name, inner)) = matches.subcommand() {
         let Some(found) = command.find_subcommand(name) else { break };
         (command, matches) = (found, inner);
     }
+    (command, matches)
+}
+
+/// Refuses URLs where a path of a file system is needed, also in the arguments of a planned run. There they
+/// would be relative paths with a folder `s3:`.
+pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> Result<(), clap::Error> {
+    let (command, matches) = leaf(all, matches);
     for argument in command.get_arguments() {
         let id = argument.get_id().as_str();
         let values = matches.try_get_raw(id).ok().flatten().into_iter().flatten();
@@ -61,16 +69,21 @@ fn with_lost_slash(value: &OsStr) -> Option<(&str, &str)> {
     is_lost.then_some((scheme, rest))
 }
 
-fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
-    let name = match (argument.get_long(), argument.get_value_names()) {
+/// Returns the name of an argument as the user writes it.
+pub(super) fn name_of(argument: &clap::Arg) -> String {
+    match (argument.get_long(), argument.get_value_names()) {
         (Some(long), _) => format!("--{long}"),
         (None, Some([name, ..])) => name.to_string(),
         (None, _) => argument.get_id().to_string(),
-    };
+    }
+}
+
+fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
     let text = format!(
-        "{name} is the URL `{url}`, where a path is needed; only scenarios, deviated AVs and weights are \
+        "{} is the URL `{url}`, where a path is needed; only scenarios, deviated AVs and weights are \
          read from URLs. Results are written to file systems, and `python -m reactsim.ray --upload URL` \
-         copies finished runs to URLs\n"
+         copies finished runs to URLs\n",
+        name_of(argument)
     );
     all.clone().error(ErrorKind::ValueValidation, text)
 }

@@ -418,7 +418,7 @@ fn scenarios_are_split_by_content() {
         said(&output)
     };
     assert!(refused(&["--part", "a=0.5"]).contains("at least two parts"));
-    assert!(refused(&["--part", "a=0.5", "--part", "a=0.5"]).contains("the same name"));
+    assert!(refused(&["--part", "a=0.5", "--part", "a=0.5"]).contains("two values for `a`"));
     assert!(refused(&["--part", "a=0.5", "--part", "b=0.6"]).contains("add up to 1.1"));
     assert!(refused(&["--part", "a=1", "--part", "b=0.6"]).contains("write NAME=SHARE"));
     assert!(refused(&["--part", "../a=0.5", "--part", "b=0.5"]).contains("is not a name"));

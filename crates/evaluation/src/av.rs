@@ -1,5 +1,6 @@
 //! The AV policy of a run.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -109,6 +110,9 @@ pub enum ParseAvError {
     /// A setting of a planner is unknown or not a valid value.
     #[error("`{0}` is not a setting of a planner: write tracker=lqr, tracker=perfect or every=<steps>")]
     PlannerSetting(String),
+    /// A setting of a planner is given twice.
+    #[error("`{0}` is a setting that is given twice; give it once")]
+    RepeatedSetting(String),
     /// The interval of a planner is out of range.
     #[error(transparent)]
     PlanEvery(#[from] ParseReplanError),
@@ -151,7 +155,11 @@ impl FromStr for PlannedAv {
         };
         let mut planned =
             Self { every: driver.default_interval(), controller: Controller::LqrBicycle, driver };
+        let mut keys = BTreeSet::new();
         for setting in settings.split(',').filter(|setting| !setting.is_empty()) {
+            if !keys.insert(setting.split('=').next()) {
+                return Err(ParseAvError::RepeatedSetting(setting.to_owned()));
+            }
             if planned.driver == AvDriver::Log {
                 return Err(ParseAvError::LogSetting(setting.to_owned()));
             }
@@ -263,6 +271,8 @@ mod tests {
         assert!(text("planner:external:").contains("is not a planner"));
         assert!(text("planner:simulator:idm,tracker=lqr").contains("leave it out"));
         assert!(text("planner:idm,speed=3").contains("tracker=perfect"));
+        assert!(text("planner:idm,every=1,every=5").contains("`every=5` is a setting that is given twice"));
+        assert!(text("planner:idm,tracker=lqr,tracker=lqr").contains("given twice"));
         assert!(text("planner:idm,every=0").contains("1 to 80 steps"));
         assert!(text("planner:pdm-closed,tracker=perfect").contains("use tracker=lqr"));
         assert!(text("planner:log,every=5").contains("leave it out"));

@@ -5,7 +5,7 @@
 //! <!-- end -->
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use reactsim_evaluation::reference::{Part, Reference, ReferenceError};
@@ -97,9 +97,12 @@ fn parse(line: usize, mark: &str, at: usize) -> Result<Block, String> {
     let mut words = mark.split_whitespace();
     let reference =
         words.next().ok_or("the marker names no reference: write `<!-- table references/NAME -->`")?;
-    let mut selection = Selection::default();
+    let (mut selection, mut keys) = (Selection::default(), BTreeSet::new());
     for word in words {
         let (key, value) = word.split_once('=').ok_or_else(|| format!("`{word}` is not KEY=VALUE"))?;
+        if !keys.insert(key) {
+            return Err(format!("`{key}` is given twice"));
+        }
         match key {
             "columns" => {
                 for id in value.split(',') {

@@ -38,9 +38,6 @@ pub(super) struct ApplyArgs {
 pub(super) fn apply(args: &ApplyArgs) -> anyhow::Result<ExitStatus> {
     // Report every input error before writing anything.
     let store = Store::open(&args.file)?;
-    if is_same(&args.file, &args.out) {
-        bail!("{} is both input and output; choose another --out", args.file.display());
-    }
     let journals = journals(args)?;
     let (decisions, warnings) = Journal::read_all(&journals)?;
     for warning in warnings {

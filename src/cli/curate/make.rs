@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
 
 use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
-use crate::cli::is_same;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, ReadingArgs, count, say, say_part, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, ReadingArgs, count, nothing, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;
@@ -27,7 +26,7 @@ use crate::work::available_threads;
 pub(super) struct MakeArgs {
     /// Files, folders or URLs of scenarios
     #[arg(required = true, value_name = "SCENARIOS")]
-    scenarios: Vec<PathBuf>,
+    pub(super) scenarios: Vec<PathBuf>,
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -114,7 +113,7 @@ pub(super) fn make(args: &MakeArgs, reading: &ReadingArgs) -> anyhow::Result<Exi
     // Report every input error before the first scenario.
     let out = args.out()?;
     let source = args.source.open(args.temperature)?;
-    let found = args.find_inputs(out, reading)?;
+    let found = reading.find_inputs(&args.scenarios)?;
     // From here on there is a file to complete.
     let stop = stop_on_interrupt("writing what is finished")?;
     let mut writer = Writer::create(out)?;
@@ -141,7 +140,7 @@ pub(super) fn finish(
 ) -> anyhow::Result<ExitStatus> {
     let Curated { provenance, statistics, scenarios } = curated;
     if statistics.funnel.scenarios == 0 && !provenance.interrupted {
-        bail!("no scenario could be read: see the warnings above");
+        return Err(nothing("no scenario could be read"));
     }
     if args.limit.is_none() && !provenance.interrupted {
         source.compare(scenarios)?;
@@ -167,19 +166,6 @@ impl MakeArgs {
     /// Returns the number of threads.
     pub(super) fn jobs(&self) -> usize {
         self.jobs.map_or_else(available_threads, usize::from)
-    }
-
-    /// Finds the files of scenarios, none of which may be the file to write.
-    pub(super) fn find_inputs(
-        &self,
-        out: &Path,
-        reading: &ReadingArgs,
-    ) -> anyhow::Result<Vec<formats::Input>> {
-        let found = reading.find_inputs(&self.scenarios)?;
-        if let Some(same) = found.iter().find(|i| is_same(&i.path, out)) {
-            bail!("{} is both input and output; choose another --out", same.path.display());
-        }
-        Ok(found)
     }
 
     /// Returns the inputs with their digests. `known` may give the record of a file, by its index; other

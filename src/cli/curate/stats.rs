@@ -1,12 +1,10 @@
 //! `reactsim curate stats`: statistics of a file of candidates.
 
-use std::fs;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 
-use crate::cli::{ExitStatus, write_result};
+use crate::cli::{ExitStatus, lock_folder, write_result};
 use crate::curation::stats::Statistics;
 use crate::report::{curation_charts, curation_tables};
 
@@ -33,7 +31,7 @@ enum Format {
 pub(super) fn stats(args: &StatsArgs) -> anyhow::Result<ExitStatus> {
     let statistics = Statistics::of_file(&args.file)?;
     if let Some(folder) = &args.svg {
-        fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
+        let _lock = lock_folder(folder)?;
         for chart in curation_charts::charts(&statistics)? {
             let path = folder.join(chart.name);
             write_result(Some(&path), |out| out.write_all(chart.svg.as_bytes()))?;

@@ -40,7 +40,7 @@ impl Sharded for CurateArgs {
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
         let args = self.made()?;
-        let inputs = args.inputs(args.find_inputs(args.out()?, &self.reading)?, |_, _| None)?;
+        let inputs = args.inputs(self.reading.find_inputs(&args.scenarios)?, |_, _| None)?;
         let subject = args.provenance(&args.settings(), &self.reading, &inputs)?;
         let counts: Vec<usize> = inputs.par_iter().map(|input| count_records(&input.open)).collect();
         Ok(ShardPlan::divide(arguments, &subject, &counts, records)?)
@@ -58,7 +58,7 @@ impl Sharded for CurateArgs {
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
         let args = self.made()?;
         let planned: CurationProvenance = plan.subject()?;
-        let (used, found) = (plan.inputs_of(units)?, args.find_inputs(args.out()?, &self.reading)?);
+        let (used, found) = (plan.inputs_of(units)?, self.reading.find_inputs(&args.scenarios)?);
         if found.len() != planned.inputs.len() {
             let (now, then) = (found.len(), planned.inputs.len());
             bail!("the plan has {then} input files, and {now} are here: use the planned ones, or plan again");

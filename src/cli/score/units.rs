@@ -15,7 +15,7 @@ use super::wosac::{
 };
 use crate::cli::progress::Progress;
 use crate::cli::sharded::{Sharded, WorkSettings};
-use crate::cli::{ExitStatus, log_sources};
+use crate::cli::{ExitStatus, lock_folder, log_sources};
 use crate::evaluation::realism::{LogSource, RealismScores, SubmittedPairs, UNIT_SCORES, score_all};
 use crate::evaluation::{
     CompanionRecord, EvaluationError, FileRecord, ROLLOUTS, SUMMARY, program_commit, program_version,
@@ -140,6 +140,7 @@ impl Sharded for ScoreArgs {
 
     fn merge(&self, _: &ShardPlan, units: &FinishedUnits, progress: &Progress) -> anyhow::Result<ExitStatus> {
         let path = check(self)?;
+        let _lock = self.out.as_deref().map(lock_folder).transpose()?;
         let mut scores = RealismScores { configs: self.wosac.configs.clone(), ..RealismScores::default() };
         for unit in &units.units {
             scores.add_unit(unit)?;

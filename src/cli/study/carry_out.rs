@@ -1,12 +1,12 @@
 //! Runs the members of a study one after the other and writes the table.
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 
 use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
     self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyPlan,
     StudyResults, Summary,
@@ -68,7 +68,7 @@ pub(super) fn finish_member(
         report_notes(summary);
     }
     if summary.provenance.scenarios == 0 {
-        bail!("no scenario could be run: see the warnings above");
+        return Err(nothing("no scenario could be run"));
     }
     Ok(())
 }

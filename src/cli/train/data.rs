@@ -74,7 +74,9 @@ impl Data {
             }
             data.parts.push(((first..data.places.len()).collect(), times));
         }
-        exclusion.report();
+        if let Some(text) = exclusion.report() {
+            say(format_args!("{text}"));
+        }
         data.digest = hasher.finalize().to_hex().to_string();
         if data.places.is_empty() {
             bail!("{}: no scenario to learn from", parts.join(", "));

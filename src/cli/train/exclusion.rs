@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 
-use crate::cli::{count, find_inputs, say};
+use crate::cli::{count, find_inputs};
 use crate::evaluation::{BenchmarkRecord, FileRecord, shipped_benchmark, shipped_ids};
 use crate::formats::Input;
 use crate::formats::native::ByNumber;
@@ -61,11 +61,9 @@ impl Exclusion {
         Ok(true)
     }
 
-    /// Says how many scenarios were left out.
-    pub(super) fn report(&self) {
-        if self.left_out > 0 {
-            say(format_args!("{} left out (--exclude)", count(self.left_out, "scenario")));
-        }
+    /// Returns a text about the number of scenarios that were left out, if some were.
+    pub(super) fn report(&self) -> Option<String> {
+        (self.left_out > 0).then(|| format!("{} left out (--exclude)", count(self.left_out, "scenario")))
     }
 }
 

@@ -4,14 +4,13 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
 
 use super::reader::Reader;
 use super::tensor_file::TensorFile;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, count, find_inputs, nothing, say, stop_on_interrupt, write_result};
 use crate::models::learning::EndPoints;
 use crate::models::perception::Class;
 
@@ -85,7 +84,7 @@ pub(super) fn intentions(args: &IntentionsArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::Interrupted);
     }
     if read == 0 {
-        bail!("no scenario could be read: see the warnings above");
+        return Err(nothing("no scenario could be read"));
     }
     let intentions = ends.build(args.points.get())?;
     let written = out.finish(&intentions.write()?)?;

@@ -9,7 +9,7 @@ use clap::Args;
 
 use super::reader::Reader;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, count, find_inputs, nothing, say, stop_on_interrupt, write_result};
 use crate::files::read_regular;
 use crate::models::nn::{Backend, check_backend, device_of};
 use crate::models::qp_regression::Policy;
@@ -76,7 +76,7 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
     });
     progress.end();
     if read == 0 {
-        bail!("no scenario could be read: see the warnings above");
+        return Err(nothing("no scenario could be read"));
     }
     write_result(None, |out| {
         writeln!(

@@ -1,17 +1,18 @@
 //! `reactsim train split`: divides scenarios into parts.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::atomic::Ordering;
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::reader::Reader;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::cli::{
+    ExitStatus, count, find_inputs, is_same, lock_folder, say, stop_on_interrupt, write_result,
+};
 use crate::formats::native::Writer;
 use crate::scene::Scenario;
 use crate::training::{leading_bits, unit_interval};
@@ -67,8 +68,13 @@ impl FromStr for Part {
 pub(super) fn split(args: &SplitArgs) -> anyhow::Result<ExitStatus> {
     check(&args.parts)?;
     let inputs = find_inputs(&args.scenarios)?;
-    fs::create_dir_all(&args.out).with_context(|| format!("could not write {}", args.out.display()))?;
-    let create = |part: &Part| Writer::create(args.out.join(format!("{}.parquet", part.name)));
+    let _lock = lock_folder(&args.out)?;
+    let path = |part: &Part| args.out.join(format!("{}.parquet", part.name));
+    let is_input = |path: &PathBuf| inputs.iter().any(|input| is_same(&input.path, path));
+    if let Some(same) = args.parts.iter().map(path).find(is_input) {
+        bail!("{} is both input and output; choose another --out", same.display());
+    }
+    let create = |part: &Part| Writer::create(path(part));
     let mut writers = args.parts.iter().map(create).collect::<Result<Vec<_>, _>>()?;
     let mut counts = vec![0_usize; writers.len()];
     let (mut ids, mut repeated, mut failure) = (BTreeSet::new(), 0, None);
@@ -120,10 +126,6 @@ pub(super) fn split(args: &SplitArgs) -> anyhow::Result<ExitStatus> {
 fn check(parts: &[Part]) -> anyhow::Result<()> {
     if parts.len() < 2 {
         bail!("--part: give at least two parts, such as --part train=0.9 --part val=0.1");
-    }
-    let names: BTreeSet<&str> = parts.iter().map(|part| part.name.as_str()).collect();
-    if names.len() < parts.len() {
-        bail!("--part: two parts have the same name");
     }
     let sum: f64 = parts.iter().map(|part| part.share).sum();
     if (sum - 1.0).abs() > 1e-6 {

@@ -102,9 +102,7 @@ pub(super) fn build(
             let list = if list.is_empty() { "no files".to_owned() } else { list.join(", ") };
             bail!("--input {text}: the task `{}` takes {list}{meant}", task.id);
         };
-        if files.insert(name, file(Path::new(path))?).is_some() {
-            bail!("--input {name}: given twice");
-        }
+        files.insert(name, file(Path::new(path))?);
     }
     let from = from.map(file).transpose()?;
     Ok((task.make)(TaskSetup { recipe, inputs: files, from, device: device_of(backend) })?)

@@ -11,7 +11,7 @@ use super::reader::Reader;
 use super::tensor_file::TensorFile;
 use super::vocabulary_manifest::{Entry, Manifest};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, say, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, count, find_inputs, nothing, say, stop_on_interrupt, write_result};
 use crate::models::ntp::tokens::{
     BuildVocabulary, KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
 };
@@ -137,7 +137,7 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
     });
     if !inputs.is_empty() && read == 0 && !stop.load(Ordering::Relaxed) {
         progress.end();
-        bail!("no scenario could be read: see the warnings above");
+        return Err(nothing("no scenario could be read"));
     }
     let vocabulary = tokenizer.build_from(&segments, args.fill);
     let mut errors = MatchingErrors::default();

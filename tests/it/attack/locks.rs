@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Child, Stdio};
 
+use reactsim::files::lock_folder;
+
 use super::trainings::{prepare, train};
 use crate::program::{log_rows, program};
 use crate::small_scenarios::{scenario, write};
@@ -52,6 +54,37 @@ fn attack(times: u32) {
 #[test]
 fn of_two_processes_that_want_one_folder_one_is_refused() {
     attack(2);
+}
+
+/// Commands that write a folder; `IN` is a file of scenarios.
+const WRITERS: [&str; 8] = [
+    "run IN --models stop --out",
+    "study replan IN --models stop --out",
+    "train ntp-reactive IN --out",
+    "train adapt IN --model regression --minutes 0.05 --out",
+    "train adapt IN --model regression --minutes 0.05 --resume --out",
+    "train quick --out",
+    "train split IN --part a=0.5 --part b=0.5 --out",
+    "man --out",
+];
+
+#[test]
+fn no_command_writes_a_folder_that_another_process_has_locked() {
+    let home = tempfile::tempdir().unwrap();
+    let (input, out) = (home.path().join("in.parquet"), home.path().join("out"));
+    write(&input, (0..8).map(scenario));
+    fs::create_dir(&out).unwrap();
+    let lock = lock_folder(&out).unwrap();
+    assert!(lock.is_some());
+    for line in WRITERS {
+        let words = line.split(' ').map(|word| if word == "IN" { input.to_str().unwrap() } else { word });
+        let output = program().args(words).arg(&out).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        assert!(said.contains("another run is writing to") && said.contains("/out"), "{line}: {said}");
+        let names: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(names, [".lock"], "{line}");
+    }
 }
 
 #[test]

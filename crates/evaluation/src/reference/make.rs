@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use reactsim_files::{FolderLock, LOCK, create_folder, lock_folder};
 use reactsim_nn::cpu_class;
 
 use super::record::FORMAT;
@@ -34,12 +35,18 @@ impl MakeOptions {
     }
 }
 
-/// Creates the folder of a reference, unless it exists and is not empty.
-pub(super) fn create_empty(out: &Path) -> Result<(), ReferenceError> {
-    if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
-        return Err(ReferenceError::Exists { path: out.to_owned() });
+/// Creates the folder of a reference and locks it, unless it exists and is not empty, or another process writes it.
+pub(super) fn create_empty(out: &Path) -> Result<FolderLock, ReferenceError> {
+    let is_empty = || match fs::read_dir(out) {
+        Ok(entries) => entries.flatten().all(|entry| entry.file_name() == LOCK),
+        Err(_) => true,
+    };
+    let exists = || ReferenceError::Exists { path: out.to_owned() };
+    if !is_empty() {
+        return Err(exists());
     }
-    Ok(fs::create_dir_all(out).map_err(cannot_write(out))?)
+    let locked = create_folder(out).and_then(|()| lock_folder(out)).map_err(cannot_write(out))?;
+    locked.filter(|_| is_empty()).ok_or_else(exists)
 }
 
 /// Writes the reference of a finished run to a folder that is absent or empty, and reads it back. Must be
@@ -83,7 +90,7 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         );
     }
     check_values(&place, &provenance, &summary, rows.as_deref())?;
-    create_empty(out)?;
+    let lock = create_empty(out)?;
     for name in [PROVENANCE, SUMMARY] {
         let from = run.join(name);
         let content = fs::read(&from).map_err(cannot_read(&from))?;
@@ -115,5 +122,6 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
     };
     let text = toml::to_string_pretty(&record).expect("a reference holds text and finite numbers");
     replace(&out.join(REFERENCE_RECORD), |file| file.write_all(text.as_bytes()))?;
+    drop(lock);
     Reference::open(out)
 }

@@ -95,7 +95,7 @@ fn settings(member: &Member, reference: &Reference) -> Vec<(&'static str, String
 /// [`ReferenceError`] as for [`make`], for every member.
 pub fn make_study(study: &Path, out: &Path, options: &MakeOptions) -> Result<StudyReference, ReferenceError> {
     let found = read_study(study)?;
-    create_empty(out)?;
+    let lock = create_empty(out)?;
     for member in &found.members {
         let own = MakeOptions {
             name: format!("{}.{}", options.name, member.folder),
@@ -108,5 +108,6 @@ pub fn make_study(study: &Path, out: &Path, options: &MakeOptions) -> Result<Stu
         ranks.write(out)?;
     }
     replace(&out.join(STUDY), |file| file.write_all(found.to_json().as_bytes()))?;
+    drop(lock);
     StudyReference::open(out)
 }

@@ -1,19 +1,18 @@
 //! Training data of an adaptation: a part of the logs, their reactions and certificates, and a part to judge by.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 
 use crate::cli::progress::Progress;
 use crate::cli::train::data::recording_of;
 use crate::cli::train::deviated::{deviated, with_certificate, with_rollout};
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::reader::Reader;
-use crate::cli::{count, say};
+use crate::cli::{count, nothing, say};
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::Registrar;
 use crate::formats::Input;
@@ -64,6 +63,8 @@ impl Files {
 /// The logs, and how much is made of them.
 pub(super) struct Logs<'a> {
     pub(super) inputs: &'a [Input],
+    /// Files of scenarios that are left out.
+    pub(super) exclude: &'a [PathBuf],
     /// Largest number of scenarios that are read.
     pub(super) most: usize,
     /// Largest number of scenarios to learn from whose AV deviates.
@@ -83,7 +84,6 @@ pub(super) fn make(
     folder: &Path,
     reacting: (&str, &Controller),
 ) -> anyhow::Result<Option<Files>> {
-    fs::create_dir_all(folder).with_context(|| format!("could not write {}", folder.display()))?;
     let files = Files::of(folder);
     let is_split = files.logs.exists() && files.held_out.exists();
     if !is_split && !split(logs, &files)? {
@@ -113,7 +113,7 @@ fn split(logs: &Logs<'_>, files: &Files) -> anyhow::Result<bool> {
     let division = if first.counts.contains(&0) {
         // Few recordings: the one with the lowest place is judged by.
         let (Some(lowest), Some(highest)) = (first.places.first(), first.places.last()) else {
-            bail!("none of the logs can be read: see the warnings above");
+            return Err(nothing("none of the logs could be read"));
         };
         if lowest == highest {
             bail!(
@@ -133,6 +133,9 @@ fn split(logs: &Logs<'_>, files: &Files) -> anyhow::Result<bool> {
         count(learned, "scenario"),
         count(division.places.len(), "recording")
     ));
+    if let Some(excluded) = &division.excluded {
+        say(format_args!("{excluded}"));
+    }
     if division.repeated > 0 {
         let repeated = count(division.repeated, "scenario");
         say(format_args!("warning: {repeated} left out: earlier ones have their ids"));
@@ -159,13 +162,15 @@ struct Division {
     repeated: usize,
     /// Places of the recordings in [0, 1), as bits.
     places: BTreeSet<u64>,
+    /// Text about scenarios that were left out because `--exclude` names them.
+    excluded: Option<String>,
 }
 
 /// Divides the logs: recordings with places below `bound` are judged by. `None` if it was stopped.
 fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<Division>> {
     let mut writers = [Writer::create(&files.logs)?, Writer::create(&files.held_out)?];
-    let (mut division, mut ids, mut failure) = (Division::default(), BTreeSet::new(), None);
-    let (mut registrar, exclusion) = (Registrar::default(), Exclusion::read(&[])?);
+    let (mut division, mut ids, mut failure) = (Division::default(), BTreeSet::new(), None::<anyhow::Error>);
+    let (mut registrar, mut exclusion) = (Registrar::default(), Exclusion::read(logs.exclude)?);
     let progress = Progress::new();
     for input in logs.inputs {
         let read = division.counts.iter().sum::<usize>();
@@ -178,6 +183,14 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
             if failure.is_some() {
                 return;
             }
+            match exclusion.admits(&scenario.id, &input.path.display().to_string()) {
+                Ok(true) => {}
+                Ok(false) => return,
+                Err(error) => {
+                    failure = Some(error);
+                    return;
+                }
+            }
             if !ids.insert(scenario.id.clone()) {
                 division.repeated += 1;
                 return;
@@ -186,7 +199,7 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
             let part = usize::from(place < bound);
             match writers[part].write(scenario) {
                 Ok(()) => division.counts[part] += 1,
-                Err(error) => failure = Some(error),
+                Err(error) => failure = Some(error.into()),
             }
             division.places.insert(place.to_bits());
         });
@@ -194,7 +207,7 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
     }
     progress.end();
     if let Some(error) = failure {
-        return Err(error.into());
+        return Err(error);
     }
     if logs.stop.load(Ordering::Relaxed) {
         return Ok(None);
@@ -202,6 +215,7 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
     for writer in writers {
         writer.finish()?;
     }
+    division.excluded = exclusion.report();
     Ok(Some(division))
 }
 

@@ -23,8 +23,8 @@ use super::recipe::RecipeArgs;
 use super::session::{self, SessionArgs};
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
-use crate::cli::{Command, ExitStatus, ReadingArgs, command_line, run, say, stop_on_interrupt};
-use crate::files::{read_regular, replace};
+use crate::cli::{Command, ExitStatus, ReadingArgs, command_line, lock_folder, run, say, stop_on_interrupt};
+use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
 use crate::models;
 use crate::models::learning::{Trainable, Training, learning_settings, recipe_document};
@@ -96,6 +96,9 @@ pub(super) struct AdaptArgs {
     /// Time for everything, minutes; the number of epochs follows from it and the speed of the machine
     #[arg(long, default_value_t = 10.0, value_name = "M")]
     minutes: f64,
+    /// Files or folders of scenarios that are left out, even if they are among the logs; may be repeated
+    #[arg(long, value_name = "SCENARIOS")]
+    exclude: Vec<PathBuf>,
     /// Folder to write: scenarios, training, runs
     #[arg(long, default_value = "adapted", value_name = "FOLDER")]
     out: PathBuf,
@@ -124,7 +127,7 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
         let name = input.path.file_name().unwrap_or_default().to_string_lossy();
         data::place(&name, args.seed).to_bits()
     });
-    check_folder(args)?;
+    let _lock = claim_folder(args)?;
     let stop = stop_on_interrupt("keeping what is finished")?;
     let mut session = SessionArgs::within(&args.out, args.seed, args.resume, args.jobs);
     let jobs = session.jobs();
@@ -136,6 +139,7 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let of_minutes = |count: f64, least: f64| (args.minutes * count).max(least) as usize;
     let logs = Logs {
         inputs: &inputs,
+        exclude: &args.exclude,
         most: of_minutes(MOST_LOGS, 100.0),
         most_deviated: of_minutes(MOST_DEVIATED, 40.0),
         most_judged: of_minutes(MOST_JUDGED, 20.0),
@@ -170,10 +174,24 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     Ok(status)
 }
 
-/// Refuses a folder of other files, or of an adaptation with other arguments, and writes the arguments.
-fn check_folder(args: &AdaptArgs) -> anyhow::Result<()> {
+/// Locks the folder and writes the arguments. Refuses a folder of other files, or of an adaptation with other
+/// arguments.
+fn claim_folder(args: &AdaptArgs) -> anyhow::Result<FolderLock> {
+    // A refused folder is not written to; only the check with the lock is certain.
+    check_folder(args)?;
+    let lock = lock_folder(&args.out)?;
+    if let Some(text) = check_folder(args)? {
+        let path = args.out.join(ARGUMENTS);
+        replace(&path, |file| writeln!(file, "{text}"))
+            .with_context(|| format!("could not write {}", path.display()))?;
+    }
+    Ok(lock)
+}
+
+/// Refuses a folder as [`claim_folder`] does. Returns the arguments to write, unless they are there.
+fn check_folder(args: &AdaptArgs) -> anyhow::Result<Option<Value>> {
     let (path, out) = (args.out.join(ARGUMENTS), args.out.display());
-    let wanted = json!({
+    let mut wanted = json!({
         "logs": args.logs,
         "frames": format!("{:?}", args.reading.frames()),
         "all_agents": args.reading.all_agents,
@@ -181,6 +199,9 @@ fn check_folder(args: &AdaptArgs) -> anyhow::Result<()> {
         "minutes": args.minutes,
         "seed": args.seed,
     });
+    if !args.exclude.is_empty() {
+        wanted["exclude"] = json!(args.exclude);
+    }
     if path.exists() && args.resume {
         let found: Value = serde_json::from_slice(&read_regular(&path)?)
             .with_context(|| format!("{} is damaged: give another --out", path.display()))?;
@@ -189,16 +210,18 @@ fn check_folder(args: &AdaptArgs) -> anyhow::Result<()> {
                 "{out} was begun with other arguments ({found}): repeat these with --resume, or give another --out"
             );
         }
-        return Ok(());
+        return Ok(None);
     }
     // A command that was refused may be repeated.
-    let is_other = |entry: io::Result<DirEntry>| entry.map_or(true, |entry| entry.file_name() != ARGUMENTS);
-    if args.out.exists() && fs::read_dir(&args.out)?.any(is_other) {
+    let is_own = |name: &str| name == ARGUMENTS || name == LOCK || target_of(name) == Some(ARGUMENTS);
+    let is_other = |entry: io::Result<DirEntry>| {
+        entry.map_or(true, |entry| !entry.file_name().to_str().is_some_and(is_own))
+    };
+    let read = || format!("could not read {out}");
+    if args.out.exists() && fs::read_dir(&args.out).with_context(read)?.any(is_other) {
         bail!("{out} has files already: give another --out, or --resume");
     }
-    fs::create_dir_all(&args.out).with_context(|| format!("could not create {out}"))?;
-    replace(&path, |file| writeln!(file, "{wanted}"))
-        .with_context(|| format!("could not write {}", path.display()))
+    Ok(Some(wanted))
 }
 
 /// Returns the scenarios to learn from, with their repetitions.

@@ -1,6 +1,5 @@
 //! Training data of the quick path: logs, and scenarios in which agents react to an AV that leaves its log.
 
-use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -35,7 +34,6 @@ pub(super) struct Files {
 
 /// Writes the files that a folder does not have yet. `None` if it was stopped.
 pub(super) fn make(folder: &Path, jobs: usize, stop: &AtomicBool) -> anyhow::Result<Option<Files>> {
-    fs::create_dir_all(folder).with_context(|| format!("could not write {}", folder.display()))?;
     let files = Files { logs: folder.join("logs.parquet"), reactions: folder.join("reactions.parquet") };
     let preset = Preset::Train;
     let generator =

@@ -11,7 +11,7 @@ use clap::{Args, FromArgMatches};
 use super::recipe::RecipeArgs;
 use super::session::{self, SessionArgs};
 use super::task;
-use crate::cli::{Command, ExitStatus, command_line, note, run, say, stop_on_interrupt};
+use crate::cli::{Command, ExitStatus, command_line, lock_folder, note, run, say, stop_on_interrupt};
 use crate::models::learning::learning_settings;
 use crate::training::WEIGHTS;
 
@@ -50,6 +50,7 @@ pub(super) struct QuickArgs {
 }
 
 pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
+    let _lock = lock_folder(&args.out)?;
     let stop = stop_on_interrupt("keeping what is finished")?;
     let mut session = SessionArgs::within(&args.out, args.seed, args.resume, args.jobs);
     let Some(files) = data::make(&args.out, session.jobs(), &stop)? else {
