@@ -11,9 +11,9 @@ use clap::Args;
 use super::finished::{put_table, report_notes, show_next_steps};
 use super::subject::MotionArgs;
 use super::table_output::{TableArgs, formats as table_formats};
-use super::{ExitStatus, count, find_inputs, metric_options, say, write_result};
+use super::{ExitStatus, count, find_inputs, metric_options, nothing, say, write_result};
 use crate::evaluation::document::{check_document, score_document};
-use crate::evaluation::{Failure, RunFolder, RunObserver, Scoring};
+use crate::evaluation::{Deviations, Failure, RunFolder, RunObserver, Scoring};
 use crate::files::read_regular;
 use crate::formats;
 use crate::formats::document::Document;
@@ -29,6 +29,9 @@ pub(super) struct ScoreArgs {
     /// Scenarios of the rollouts; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
+    /// Deviated AVs with which the rollouts were made, if they are not those in the scenario files
+    #[arg(long, value_name = "FILE")]
+    deviations: Option<PathBuf>,
     #[command(flatten)]
     motion: MotionArgs,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated. `reactsim list
@@ -69,8 +72,8 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.scenarios.is_empty() {
         bail!("a rollout document holds its scenarios: leave --scenarios out");
     }
-    if !args.motion.allow.is_empty() {
-        bail!("a rollout document is scored as it is: leave --allow out");
+    if !args.motion.allow.is_empty() || args.deviations.is_some() {
+        bail!("a rollout document is scored as it is: leave --allow and --deviations out");
     }
     if !args.table.is_usual() || args.format.is_some() {
         bail!("a rollout document is scored without a table: leave the options of tables out");
@@ -104,11 +107,14 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     let options = metric_options(&args.metric_options)?;
     let inputs = find_inputs(&args.scenarios)?;
-    let scoring = Scoring::new(paths, &inputs, options, args.motion.pose)?;
+    let mut scoring = Scoring::new(paths, &inputs, options, args.motion.pose)?;
+    if let Some(path) = &args.deviations {
+        scoring = scoring.deviations(Deviations::read(path)?);
+    }
     let folder = args.out.as_ref().map(|path| RunFolder::create(path, scoring.provenance())).transpose()?;
     let scored = scoring.run(&args.motion.allow, folder.as_ref(), &Warnings).map_err(anyhow::Error::from);
     let scored = scored.and_then(|summary| match summary.provenance.scenarios {
-        0 => bail!("no rollout could be scored: see the warnings above"),
+        0 => Err(nothing("no rollout could be scored")),
         _ => Ok(summary),
     });
     let summary = match scored {

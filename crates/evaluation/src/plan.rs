@@ -67,6 +67,27 @@ impl Deviations {
         let tracks = deviations::read(path)?;
         Ok(Self { file: FileRecord::of(path, "deviations")?, tracks, pose: Pose::Centre })
     }
+
+    /// Returns the deviated trajectory of a scenario in its coordinate frame.
+    ///
+    /// # Errors
+    /// If the file has none for the scenario, or one for another scenario of this id.
+    pub fn of(&self, scenario: &Scenario) -> Result<DeviatedTrack, NoAv> {
+        let record = self.tracks.get(&scenario.id).ok_or(NoAv::Missing)?;
+        if let Some(wanted) = &record.scenario_digest {
+            let found = scenario.digest();
+            if found != *wanted {
+                let (file, wanted) = (self.file.name.clone(), wanted.clone());
+                return Err(NoAv::OtherScenario { file, wanted, found });
+            }
+        }
+        let mut track = record.track_in(scenario.origin);
+        let entry0 = record.now_in(scenario.origin).map(|given| (given, scenario.start.now(0)));
+        let converted = self.pose.to_centre(&scenario.start.agents[0], entry0, track.iter_mut());
+        converted.map_err(NoAv::Pose)?;
+        let certificate = record.certificate_in(scenario.origin);
+        Ok(DeviatedTrack { category: record.category, track, certificate })
+    }
 }
 
 /// A run: sources × simulators × rollouts.
@@ -216,23 +237,10 @@ impl Plan {
 
     /// Returns the deviated trajectory of a scenario in its coordinate frame.
     fn deviated(&self, scenario: &Scenario) -> Result<DeviatedTrack, NoAv> {
-        if let Some(deviations) = &self.deviations {
-            let record = deviations.tracks.get(&scenario.id).ok_or(NoAv::Missing)?;
-            if let Some(wanted) = &record.scenario_digest {
-                let found = scenario.digest();
-                if found != *wanted {
-                    let (file, wanted) = (deviations.file.name.clone(), wanted.clone());
-                    return Err(NoAv::OtherScenario { file, wanted, found });
-                }
-            }
-            let mut track = record.track_in(scenario.origin);
-            let entry0 = record.now_in(scenario.origin).map(|given| (given, scenario.start.now(0)));
-            let converted = deviations.pose.to_centre(&scenario.start.agents[0], entry0, track.iter_mut());
-            converted.map_err(NoAv::Pose)?;
-            let certificate = record.certificate_in(scenario.origin);
-            return Ok(DeviatedTrack { category: record.category, track, certificate });
+        match &self.deviations {
+            Some(deviations) => deviations.of(scenario),
+            None => scenario.deviation.clone().ok_or(NoAv::Missing),
         }
-        scenario.deviation.clone().ok_or(NoAv::Missing)
     }
 
     /// Checks the trajectory that the file of deviations has for a scenario, if there is one.

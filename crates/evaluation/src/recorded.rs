@@ -148,7 +148,8 @@ pub(super) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
 }
 
 /// Returns the rows of the recorded rollouts of one scenario and one simulator, in the order of the rollouts,
-/// and the events of each. `digest`: digest of the scenario. `judges_av`: whether the AV is judged, too.
+/// and the events of each. Reactions are judged if the AV is the one that the certificate is about. `digest`:
+/// digest of the scenario. `judges_av`: whether the AV is judged, too.
 pub(super) fn score_rollouts(
     place: RecordPosition,
     scenario: &Scenario,
@@ -158,7 +159,9 @@ pub(super) fn score_rollouts(
     options: Options,
     judges_av: bool,
 ) -> (Vec<Row>, Vec<Vec<Event>>) {
-    let deviation = scenario.deviation.as_ref().map(KnownDeviation::of).unwrap_or_default();
+    let is_deviated = |rollout: &Rollout| rollout_checks::other_av(scenario, &rollout.tracks).is_none();
+    let deviation = scenario.deviation.as_ref().filter(|_| rollouts.iter().all(is_deviated));
+    let deviation = deviation.map(KnownDeviation::of).unwrap_or_default();
     let template = Row::about(place, scenario, digest, simulator).with_deviation(&deviation);
     let av = judges_av.then(|| AvJudge::new(&options));
     judge(scenario, deviation.certificate.as_ref(), rollouts, options, av.as_ref()).rows(template, rollouts)

@@ -155,7 +155,8 @@ pub(super) fn check(
     failed
 }
 
-fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
+/// Returns how the AV differs from the deviated AV of the scenario, if it does.
+pub(super) fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
     let prescribed = &scenario.deviation.as_ref()?.track;
     let recorded = &tracks.first()?[HISTORY..];
     for (k, (wanted, found)) in prescribed.iter().zip(recorded).enumerate() {

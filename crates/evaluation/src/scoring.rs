@@ -13,9 +13,9 @@ use super::provenance::named_options;
 use super::recorded::{Recorded, ScoredPair};
 use super::rollouts::write_part;
 use super::{
-    BenchmarkRecord, EvaluationError, Failure, FileRecord, Pose, Provenance, RecordPosition, Registrar,
-    RolloutCheck, RunFolder, RunObserver, SettingsRecord, SimulatorRecord, Summary, Tally, program_commit,
-    program_version,
+    BenchmarkRecord, Deviations, EvaluationError, Failure, FileRecord, NoAv, Pose, Provenance,
+    RecordPosition, Registrar, RolloutCheck, RunFolder, RunObserver, SettingsRecord, SimulatorRecord,
+    Summary, Tally, program_commit, program_version,
 };
 
 /// Rollout files to be scored against their scenarios, read and described before the first scenario.
@@ -23,6 +23,8 @@ pub struct Scoring {
     recorded: Recorded,
     scenarios: Vec<Input>,
     provenance: Provenance,
+    /// Deviated AVs in place of those that the scenarios carry.
+    deviations: Option<Deviations>,
     /// Rollouts that cannot be read.
     failures: Vec<Failure>,
 }
@@ -81,7 +83,16 @@ impl Scoring {
             cpu: None,
             keep_rollouts: Some(true),
         };
-        Ok(Self { recorded, scenarios: scenarios.to_vec(), provenance, failures })
+        Ok(Self { recorded, scenarios: scenarios.to_vec(), provenance, deviations: None, failures })
+    }
+
+    /// Takes the deviated AVs from a file, as the run did that made the rollouts.
+    #[must_use]
+    pub fn deviations(mut self, deviations: Deviations) -> Self {
+        self.provenance.deviations = Some(deviations.file.clone());
+        self.provenance.benchmark = None;
+        self.deviations = Some(deviations);
+        self
     }
 
     /// Returns the provenance of the scores.
@@ -109,14 +120,26 @@ impl Scoring {
             let file = &self.provenance.inputs[input];
             for (record, scenario) in scenarios.open()?.enumerate() {
                 let place = RecordPosition { input, record };
-                let scenario = match scenario {
+                let mut scenario = match scenario {
                     Ok(scenario) => scenario,
                     Err(error) => {
                         self.failures.push(failure(place, file, error.scenario.clone(), error));
                         continue;
                     }
                 };
-                for pair in self.recorded.score(place, &scenario, || scenario.digest()) {
+                // Rows have the digest of the scenario in its file.
+                let digest = self.deviations.as_ref().map(|_| scenario.digest());
+                match self.deviations.as_ref().map(|deviations| deviations.of(&scenario)) {
+                    None => {}
+                    Some(Ok(deviated)) => scenario.deviation = Some(deviated),
+                    Some(Err(NoAv::Missing)) => scenario.deviation = None,
+                    Some(Err(error)) => {
+                        self.failures.push(failure(place, file, Some(scenario.id), error));
+                        continue;
+                    }
+                }
+                let digest = || digest.clone().unwrap_or_else(|| scenario.digest());
+                for pair in self.recorded.score(place, &scenario, digest) {
                     match pair {
                         Ok(pair) => {
                             keep(&pair, place, &scenario, folder)?;

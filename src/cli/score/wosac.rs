@@ -9,7 +9,7 @@ use clap::Args;
 
 use super::ScoreArgs;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, log_sources, note, say, write_file, write_result};
+use crate::cli::{ExitStatus, count, lock_folder, log_sources, note, nothing, say, write_file, write_result};
 use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
     LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
@@ -76,6 +76,7 @@ fn config(id: &str) -> Result<Config, String> {
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     let path = check(args)?;
+    let _lock = args.out.as_deref().map(lock_folder).transpose()?;
     let (progress, jobs) = (Progress::new(), args.wosac.jobs());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
@@ -98,8 +99,12 @@ pub(super) fn check(args: &ScoreArgs) -> anyhow::Result<&Path> {
     let [path] = args.rollouts.as_slice() else {
         bail!("give one submission or run folder with --wosac");
     };
-    if !args.metric_options.is_empty() || !args.motion.allow.is_empty() || !args.table.is_usual() {
-        bail!("--metric-option, --allow and options of tables have no effect with --wosac: leave them out");
+    let has_reactions = !args.motion.allow.is_empty() || args.deviations.is_some();
+    if !args.metric_options.is_empty() || has_reactions || !args.table.is_usual() {
+        bail!(
+            "--metric-option, --allow, --deviations and options of tables have no effect with --wosac: leave \
+             them out"
+        );
     }
     Format::of(args.format.as_deref())?;
     if !path.exists() {
@@ -208,11 +213,11 @@ impl Format {
 /// Writes scores in one form.
 type TableWriter = fn(&RealismScores, &mut dyn Write) -> io::Result<()>;
 
-/// Prints the result and writes the folder.
+/// Prints the result and writes the folder, which is locked.
 pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result<ExitStatus> {
     let format = Format::of(args.format.as_deref())?;
     if scores.rows.is_empty() {
-        bail!("no scenario could be scored: see the warnings above");
+        return Err(nothing("no scenario could be scored"));
     }
     write_result(None, |out| match format {
         Format::Markdown => wosac_tables::write_markdown(scores, out),
@@ -220,7 +225,6 @@ pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result
         Format::Csv => wosac_tables::write_csv(scores, out),
     })?;
     if let Some(folder) = &args.out {
-        fs::create_dir_all(folder).with_context(|| format!("could not create {}", folder.display()))?;
         let write = |name: &str, writer: TableWriter| {
             let path = folder.join(name);
             write_file(&path, |out: &mut dyn Write| writer(scores, out))
