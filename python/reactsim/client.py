@@ -160,6 +160,20 @@ _DTYPES: Dict[str, Any] = {
 _DTYPE_NAMES: Dict[str, str] = {dtype.str: name for name, dtype in _DTYPES.items()}
 
 
+def as_array(value: Any) -> Array:
+    """Returns an array. Masked numbers are absent, and become NaN."""
+    is_masked = isinstance(value, (list, tuple)) and any(
+        isinstance(part, np.ma.MaskedArray) for part in value
+    )
+    array: Any = np.ma.stack(value) if is_masked else value
+    if not isinstance(array, np.ma.MaskedArray):
+        return np.asarray(array)
+    # Only floating-point numbers can be absent.
+    masked: Any = array if array.dtype.kind == "f" else array.astype(np.float64)
+    filled: Array = masked.filled(np.nan)
+    return filled
+
+
 def _unique(pairs: List[Tuple[str, Any]]) -> Dict[str, Any]:
     """Returns a JSON object as a dictionary; refuses repeated keys."""
     result = dict(pairs)
@@ -969,7 +983,7 @@ class _Batch:
         if plan.states is None:
             raise _UserError("%s returned None, expected an array of shape %s" % (place, expected))
         try:
-            states = np.asarray(plan.states)
+            states = as_array(plan.states)
         except Exception as error:
             text = "%s returned a %s that is no array: %s" % (
                 place,
@@ -999,7 +1013,7 @@ class _Batch:
         bad &= (self.planned & seen.active[:, None])[:, :, None]
         if bad.any():
             states = np.where(bad[..., None], states.dtype.type(0), states)
-            given = np.asarray(plan.states)
+            given = as_array(plan.states)
             for index in np.flatnonzero(bad.any(axis=(1, 2))).tolist():
                 agent, step = np.argwhere(bad[index])[0].tolist()
                 x, y, heading = given[index, agent, step].tolist()
@@ -1029,7 +1043,7 @@ class _Drive:
         if returned is None:
             raise _UserError("%s returned None, expected %s" % (place, expected))
         try:
-            poses = np.asarray(returned)
+            poses = as_array(returned)
         except Exception as error:
             text = "%s returned a %s that is no array: %s"
             raise _UserError(text % (place, type(returned).__name__, error)) from error

@@ -33,14 +33,13 @@ out of their bounds) and `speed` (m/s). NaN is unknown.
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Callable, Union
 
 import numpy as np
 
-from .client import Array
-from .options import Sources
+from .client import Array, as_array
+from .options import Sources, whole
 from .process import ProgramProcess
 from .program import ReactsimError, text_of
 from .scenarios import Scenario, reading_of
@@ -73,6 +72,7 @@ MAX_ACCELERATION = 6.0  # m/s², the limit of the benchmark
 MAX_CURVATURE = 0.3  # 1/m, the limit of the benchmark
 MAX_PLANNED = 400.0  # metres; no AV drives farther in 8 s
 ROLLOUTS = 1 << 31  # number of rollouts of a scenario with random streams of their own
+MAX_ROLLOUT = (1 << 32) - 1  # largest index of a rollout that can be given
 
 
 class _Core:
@@ -110,24 +110,21 @@ class _Core:
         kinds = ("bicycle", "plan", "state")
         if action not in kinds:
             raise ValueError(f"`action` is {action!r}, expected one of {', '.join(kinds)}")
-        if isinstance(scenarios, Scenario):
-            reading, ids = scenarios.reading(), [scenarios.id]
-        else:
-            as_read = {"current_frame": current_frame, "window_step": window_step}
-            reading = reading_of(scenarios, **as_read, all_agents=all_agents)
+        as_read = {"current_frame": current_frame, "window_step": window_step}
+        reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
         self.reward: Reward = REWARD if reward is None else reward
         self.action_space = action_space(action, poses)
         self.process = ProgramProcess()
         arguments = {
             "reading": reading,
             "ids": list(ids),
-            "limit": limit,
+            "limit": None if limit is None else whole("limit", limit),
             "simulator": simulator,
             "weights": {key: text_of(value) for key, value in (weights or {}).items()},
             "parameters": {key: text_of(value) for key, value in (parameters or {}).items()},
             "replan": replan,
             "av_lookahead": av_lookahead,
-            "seed": seed,
+            "seed": whole("seed", seed),
             "action": {"plan": {"poses": poses}} if action == "plan" else action,
             "every": every,
             "sizes": {
@@ -143,11 +140,10 @@ class _Core:
             "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
         }
         try:
-            answer, _ = self.process.request("environment", arguments)
+            description, _ = self.process.request("environment", arguments)
         except BaseException:
             self.process.close()
             raise
-        description = json.loads(answer["description"])
         self.scenarios: list[str] = description["scenarios"]
         self.measures: list[str] = description["measures"]
         self.arrays: list[str] = [name for name, _ in description["arrays"]]
@@ -162,14 +158,7 @@ class _Core:
 
     def index(self, scenario: Any) -> int:
         """Returns the index of a scenario that is given by its id or its index."""
-        if isinstance(scenario, str):
-            if scenario not in self.scenarios:
-                raise ValueError(f"no scenario `{scenario}` in this environment")
-            return self.scenarios.index(scenario)
-        index = int(scenario)
-        if not 0 <= index < len(self.scenarios):
-            raise ValueError(f"no scenario {index}, expected 0 to {len(self.scenarios) - 1}")
-        return index
+        return index_of(scenario, self.scenarios)
 
     def episode(self, slot: int, generator: np.random.Generator, **chosen: Any) -> dict[str, int]:
         """Returns the next episode of a slot; what is not chosen is random."""
@@ -178,7 +167,7 @@ class _Core:
         return {
             "slot": slot,
             "scenario": drawn[0] if scenario is None else self.index(scenario),
-            "rollout": drawn[1] if rollout is None else int(rollout),
+            "rollout": drawn[1] if rollout is None else whole("rollout", rollout, most=MAX_ROLLOUT),
         }
 
     def reset(self, episodes: list[dict[str, int]]) -> dict[str, Array]:
@@ -192,6 +181,30 @@ class _Core:
         return arrays["states"]
 
 
+def index_of(scenario: Any, ids: Sequence[str]) -> int:
+    """Returns the index of a scenario that is given by its id or its index."""
+    if not isinstance(scenario, str):
+        return whole("scenario", scenario, most=len(ids) - 1)
+    if scenario not in ids:
+        raise ValueError(f"no scenario `{scenario}` in this environment")
+    return ids.index(scenario)
+
+
+def selected(
+    scenarios: Sources | Scenario, ids: Sequence[str], **as_read: Any
+) -> tuple[dict[str, Any], Sequence[str]]:
+    """Returns files of scenarios and how they are read, and the ids of the selected scenarios."""
+    if not isinstance(scenarios, Scenario):
+        return reading_of(scenarios, **as_read), ids
+    for name, value in {**as_read, "ids": ids}.items():
+        # An empty selection is an array or a list.
+        if value is not None and value is not False and (name != "ids" or len(value)):
+            raise ValueError(
+                f"`{name}` is given with a `Scenario`, which is read already: leave it out"
+            )
+    return scenarios.reading(), [scenarios.id]
+
+
 def observation_space(shapes: Sequence[tuple[str, Sequence[int]]]) -> spaces.Dict:
     """Returns the space of arrays with these names and shapes."""
     box = functools.partial(spaces.Box, -np.inf, np.inf, dtype=np.float32)
@@ -200,7 +213,7 @@ def observation_space(shapes: Sequence[tuple[str, Sequence[int]]]) -> spaces.Dic
 
 def checked(actions: Any, shape: tuple[int, ...], single: tuple[int, ...]) -> Array:
     """Returns actions as f64 [actions, values]; `single` is the shape of one action."""
-    array = np.asarray(actions)
+    array = as_array(actions)
     if array.dtype.kind not in "fiu":
         raise ValueError(f"the action has the type {array.dtype}, expected numbers")
     if array.shape != shape:
@@ -257,7 +270,9 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
 
     `reset` chooses a scenario at random; `options={"scenario": id or index, "rollout": 0}` names
     it, and the random streams of its simulator. `info["scores"]` has the scores of an episode after
-    its last step: all metrics of the benchmark, and the metrics of planners for the AV.
+    its end: all metrics of the benchmark, and the metrics of planners for the AV. If a condition of
+    `end_at` ended the episode, they are of the steps until then, and metrics that need all steps
+    are None.
 
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
@@ -282,7 +297,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         route: Number of points of the route that are observed.
         reward: Weights of measures, or a function of the measures; `REWARD` by default.
         end_at: Conditions that terminate an episode: "contact", "at-fault-contact", "off-road".
-        scores: Score episodes after their last step.
+        scores: Score episodes after their end.
         replan: Replan rate or interval of the simulator.
         av_lookahead: Agents observe the AV one step ahead, as in the benchmark.
         seed: Seed of the random choices of the simulator.
@@ -344,13 +359,13 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
             raise ReactsimError("no episode has begun, or it is over: call `reset` first")
         shape = core.action_space.shape
         values = checked(action, shape, shape)
-        answer, arrays = core.process.request("step", {"episodes": []}, {"actions": values})
+        ends, arrays = core.process.request("step", {"episodes": []}, {"actions": values})
         measures = arrays["measures"]
         reward = float(weighted(core.reward, core.measures, measures)[0])
         info = {**self._info, **dict(zip(core.measures, measures[0].tolist()))}
         terminated, truncated = bool(arrays["terminated"][0]), bool(arrays["truncated"][0])
         if terminated or truncated:
-            info.update(end_info(json.loads(answer["ends"])["0"]))
+            info.update(end_info(ends["0"]))
             self._info = None
         observation = {name: arrays[name][0] for name in core.arrays}
         return observation, reward, terminated, truncated, info
@@ -398,6 +413,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._episodes: list[dict[str, int]] = []
+        self._next: list[dict[str, int]] | None = None
         self._is_over = np.zeros(num_envs, np.bool_)
 
     @property
@@ -434,7 +450,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
             )
         ]
         observation = self._core.reset(episodes)
-        self._episodes = episodes
+        self._episodes, self._next = episodes, None
         self._is_over[:] = False
         return observation, self._infos()
 
@@ -445,10 +461,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
             raise ReactsimError("no episode has begun: call `reset` first")
         shape = core.action_space.shape
         values = checked(actions, (self.num_envs, *shape), shape)
-        begun = [core.episode(int(slot), self.np_random) for slot in np.flatnonzero(self._is_over)]
-        answer, arrays = core.process.request("step", {"episodes": begun}, {"actions": values})
-        for episode in begun:
+        # A step that is refused and tried again begins the same episodes.
+        if self._next is None:
+            over = np.flatnonzero(self._is_over).tolist()
+            self._next = [core.episode(slot, self.np_random) for slot in over]
+        ends, arrays = core.process.request("step", {"episodes": self._next}, {"actions": values})
+        for episode in self._next:
             self._episodes[episode["slot"]] = episode
+        self._next = None
         measures = arrays["measures"]
         rewards = weighted(core.reward, core.measures, measures)
         rewards[self._is_over] = 0.0
@@ -456,7 +476,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         infos.update({name: measures[:, k].copy() for k, name in enumerate(core.measures)})
         for name in core.measures:
             infos[f"_{name}"] = ~self._is_over
-        for slot, end in json.loads(answer.get("ends", "{}")).items():
+        for slot, end in ends.items():
             for name, value in end_info(end).items():
                 if name not in infos:
                     infos[name] = np.full(self.num_envs, None, object)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, Union, cast
+
+import numpy as np
 
 from .program import text_of
 
@@ -20,6 +23,7 @@ __all__ = [
     "reading",
     "selection",
     "settings",
+    "whole",
 ]
 
 PathLike = Union[str, "os.PathLike[str]"]
@@ -77,6 +81,22 @@ def joined(values: str | Sequence[Any]) -> str | None:
 def settings(name: str, values: Mapping[str, Any]) -> Options:
     """Returns an option NAME=KEY=VALUE for each key."""
     return [(name, f"{key}={text_of(value)}") for key, value in values.items()]
+
+
+def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
+    """Returns a whole number of any type, such as those of numpy.
+
+    Raises ValueError, with the name of the argument, for other values and numbers out of range.
+    """
+    expected = f"{least} or more" if most is None else f"{least} to {most}"
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    is_flag, is_above = isinstance(value, (bool, np.bool_)), most is not None and number > most
+    if is_flag or is_above or number < least:
+        raise ValueError(f"`{name}` is {value!r}, expected a whole number, {expected}")
+    return number
 
 
 def selection(ids: Sequence[str], categories: Sequence[str]) -> Options:

@@ -14,7 +14,6 @@ centre of a vehicle is off the road; NaN for other agents, and if it is unknown)
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -27,13 +26,15 @@ from .environment import (
     action_space,
     checked,
     end_info,
+    index_of,
     observation_space,
+    selected,
     weighted,
 )
-from .options import PathLike, Sources
+from .options import PathLike, Sources, whole
 from .process import ProgramProcess
 from .program import ReactsimError, text_of
-from .scenarios import Scenario, reading_of
+from .scenarios import Scenario
 
 try:
     import pettingzoo
@@ -62,7 +63,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             default. All selected scenarios are kept in memory.
         av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
             "retime:0.8" or "shift:2".
-        deviations: File of deviated AVs.
+        deviations: File of deviated AVs; for a `Scenario` the one with which it was read.
         ids: Only scenarios with one of these ids; all by default.
         limit: Only the first `limit` scenarios of every file.
         action: "bicycle" or "state", as for `Env`.
@@ -108,16 +109,15 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     ) -> None:
         if action not in ("bicycle", "state"):
             raise ValueError(f"`action` is {action!r}, expected bicycle or state")
-        if isinstance(scenarios, Scenario):
-            reading, ids = scenarios.reading(), [scenarios.id]
-        else:
-            as_read = {"current_frame": current_frame, "window_step": window_step}
-            reading = reading_of(scenarios, **as_read, all_agents=all_agents)
+        if isinstance(scenarios, Scenario) and deviations is None:
+            deviations = scenarios.deviations
+        as_read = {"current_frame": current_frame, "window_step": window_step}
+        reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
         sizes = {"agents": agents, "history": history, "lanes": lanes, "points": points}
         arguments = {
             "reading": reading,
             "ids": list(ids),
-            "limit": limit,
+            "limit": None if limit is None else whole("limit", limit),
             "av": av,
             "deviations": None if deviations is None else text_of(deviations),
             "action": action,
@@ -127,11 +127,10 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         }
         self._process = ProgramProcess()
         try:
-            answer, _ = self._process.request("world", arguments)
+            description, _ = self._process.request("world", arguments)
         except BaseException:
             self._process.close()
             raise
-        description = json.loads(answer["description"])
         self._scenarios: list[str] = description["scenarios"]
         self._measures: list[str] = description["measures"]
         shapes = [(name, shape) for name, shape in description["arrays"] if name != "route"]
@@ -191,15 +190,10 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         # Other options are ignored: the tests of pettingzoo give some.
         chosen = dict(options or {})
         drawn = int(self._generator.integers(len(self._scenarios)))
-        scenario = chosen.get("scenario", drawn)
-        if isinstance(scenario, str):
-            if scenario not in self._scenarios:
-                raise ValueError(f"no scenario `{scenario}` in this environment")
-            scenario = self._scenarios.index(scenario)
-        given = {"scenario": int(scenario), "rollout": int(self._generator.integers(ROLLOUTS))}
+        scenario = index_of(chosen.get("scenario", drawn), self._scenarios)
+        given = {"scenario": scenario, "rollout": int(self._generator.integers(ROLLOUTS))}
         self.agents = []
-        answer, arrays = self._process.request("world-reset", given)
-        self._ids = json.loads(answer["agents"])
+        self._ids, arrays = self._process.request("world-reset", given)
         self.agents = self.possible_agents[: len(self._ids)]
         infos = {
             agent: {"id": id, "scenario": self._scenarios[given["scenario"]]}
@@ -227,7 +221,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             )
         shape = self._action_space.shape
         values = np.concatenate([checked(actions[agent], shape, shape) for agent in self.agents])
-        answer, arrays = self._process.request("world-step", {}, {"actions": values})
+        end, arrays = self._process.request("world-step", {}, {"actions": values})
         measures = arrays["measures"]
         rewards = weighted(self._reward, self._measures, measures).tolist()
         infos: dict[str, dict[str, Any]] = {
@@ -236,8 +230,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         }
         observations = self._observations(arrays)
         agents = self.agents
-        if "end" in answer:
-            entries = end_info(json.loads(answer["end"]))
+        if end is not None:
+            entries = end_info(end)
             for info in infos.values():
                 info.update(entries)
             self.agents = []
@@ -245,7 +239,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             observations,
             dict(zip(agents, rewards)),
             dict.fromkeys(agents, False),
-            dict.fromkeys(agents, "end" in answer),
+            dict.fromkeys(agents, end is not None),
             infos,
         )
 

@@ -12,6 +12,8 @@ import weakref
 from collections.abc import Mapping
 from typing import IO, Any, cast
 
+import numpy as np
+
 from .client import Array, ProtocolError, read_frame, write_frame
 from .program import CHECK, LAST_LINES, ReactsimError, find_program, pass_on, start
 
@@ -57,12 +59,12 @@ class ProgramProcess:
 
     def request(
         self, kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array] | None = None
-    ) -> tuple[dict[str, str], dict[str, Array]]:
-        """Sends a request and returns texts and arrays of its answer.
+    ) -> tuple[Any, dict[str, Array]]:
+        """Sends a request and returns the document and the arrays of its answer.
 
         Args:
             kind: Type of the request.
-            arguments: Arguments, which JSON can represent.
+            arguments: Arguments, which JSON can represent; numbers may be of numpy.
             tensors: Arrays.
 
         Raises:
@@ -89,12 +91,13 @@ class ProgramProcess:
 
     def _exchange(
         self, kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array]
-    ) -> tuple[dict[str, str], dict[str, Array]]:
+    ) -> tuple[Any, dict[str, Array]]:
+        # Headers of frames are bounded: texts of any length are arrays, in both directions.
+        text = np.frombuffer(json.dumps(arguments, default=_plain).encode(), np.uint8)
         self._seq += 1
         seq = str(self._seq)
-        text = {"arguments": json.dumps(arguments)}
         try:
-            write_frame(self._requests, kind, seq, text, tensors)
+            write_frame(self._requests, kind, seq, None, {**tensors, "arguments": text})
             answer = read_frame(self._answers)
         except (BrokenPipeError, ConnectionResetError):
             answer = None
@@ -109,9 +112,10 @@ class ProgramProcess:
         metadata, arrays = answer
         if metadata["seq"] != seq:
             raise self._broken(f"it answered request {metadata['seq']}, expected {seq}")
+        document = json.loads(arrays.pop("document").tobytes()) if "document" in arrays else None
         if metadata["type"] == "error":
-            raise ReactsimError(metadata.get("error", "the program gives no reason"))
-        return metadata, arrays
+            raise ReactsimError(document or "the program gives no reason")
+        return document, arrays
 
     def _broken(self, problem: str) -> ReactsimError:
         self.close()
@@ -140,7 +144,7 @@ _shared_lock = threading.Lock()
 
 def shared_request(
     kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array] | None = None
-) -> tuple[dict[str, str], dict[str, Array]]:
+) -> tuple[Any, dict[str, Array]]:
     """Sends a request to the process that all scores of arrays use, which the first one starts.
 
     A process of another program than `find_program` names now is replaced.
@@ -151,6 +155,13 @@ def shared_request(
         if not _shared or not _shared[0].is_open:
             _shared[:] = [ProgramProcess()]
         return _shared[0].request(kind, arguments, tensors)
+
+
+def _plain(value: Any) -> Any:
+    """Returns a number or flag of numpy as one that JSON can represent."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} is a {type(value).__name__}, expected a number, a text or a list")
 
 
 def _end(program: subprocess.Popen[bytes], owner: int) -> None:

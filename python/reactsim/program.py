@@ -18,6 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Union, cast
 
+import numpy as np
+
 __all__ = [
     "CHECK",
     "LAST_LINES",
@@ -89,7 +91,8 @@ def arguments(
         further: Options as a user has written them.
 
     """
-    given = [(name, value) for name, value in options if value is not None and value is not False]
+    plain = [(name, bool(v) if isinstance(v, np.bool_) else v) for name, v in options]
+    given = [(name, value) for name, value in plain if value is not None and value is not False]
     texts = [name if value is True else f"{name}={text_of(value)}" for name, value in given]
     return [*texts, *further, *(["--", *map(text_of, positionals)] if positionals else [])]
 

@@ -32,6 +32,7 @@ class Scenario(Scene):
         tensors: dict[str, Array],
         source: str | None = None,
         reading: Mapping[str, Any] | None = None,
+        deviations: str | None = None,
     ) -> None:
         super().__init__(scenes, 0)
         if scenes.scenario_ids is None or scenes.agent_ids is None or scenes.origins is None:
@@ -46,6 +47,8 @@ class Scenario(Scene):
         """World coordinates of the local origin, metres."""
         self.source = source
         """File or folder that was read; None for the shipped benchmark."""
+        self.deviations = deviations
+        """File of deviated AVs with which it was read, if there was one."""
         self._reading = dict(reading or {})
         take = _Tensors(tensors)
         shape = scenes.kinds.shape
@@ -159,7 +162,7 @@ class Scenario(Scene):
 def reading_of(source: Sources, **as_read: Any) -> dict[str, Any]:
     """Returns files of scenarios and how they are read, as arguments of a request."""
     return {
-        "paths": [path if "://" in path else os.path.abspath(path) for path in paths(source)],
+        "paths": [_absolute(path) for path in paths(source)],
         **as_read,
     }
 
@@ -210,10 +213,19 @@ def scenarios(
         ("--future", future),
     ]
     command = [find_program(), "export", "scenes", *arguments(given, paths(source))]
-    return _read(command, None if source is None else os.fspath(source), as_read)
+    given_as = (None if source is None else os.fspath(source), as_read)
+    return _read(
+        command, *given_as, None if deviations is None else _absolute(os.fspath(deviations))
+    )
 
 
-def _read(command: list[str], path: str | None, as_read: Mapping[str, Any]) -> Iterator[Scenario]:
+def _absolute(path: str) -> str:
+    return path if "://" in path else os.path.abspath(path)
+
+
+def _read(
+    command: list[str], path: str | None, as_read: Mapping[str, Any], deviations: str | None
+) -> Iterator[Scenario]:
     with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
         log = Path(folder, "stderr")
         with log.open("wb") as errors:
@@ -234,7 +246,7 @@ def _read(command: list[str], path: str | None, as_read: Mapping[str, Any]) -> I
                 if frame[0]["type"] != "scene":
                     problem = f"unknown message `{frame[0]['type']}`"
                     break
-                yield Scenario(Scenes(*frame), frame[1], path, as_read)
+                yield Scenario(Scenes(*frame), frame[1], path, as_read, deviations)
         finally:
             stream.close()
             if not is_complete and program.poll() is None:

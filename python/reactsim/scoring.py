@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .client import Array
+from .client import Array, as_array
 from .options import PathLike, each, paths, settings
 from .process import shared_request
 from .program import arguments, invoke, produce, text_of
@@ -26,6 +26,7 @@ def score(
     scenarios: PathLike | Sequence[PathLike],
     *,
     out: PathLike,
+    deviations: PathLike | None = None,
     allow: str | Sequence[str] = (),
     pose: str | None = None,
     metric_options: Mapping[str, Any] | None = None,
@@ -38,6 +39,8 @@ def score(
         rollouts: Files of rollouts, in the format of `rollouts.parquet` in a run folder.
         scenarios: Files, folders or URLs of their scenarios.
         out: Run folder to write.
+        deviations: File of deviated AVs with which the rollouts were made, if they are not those in
+            the files of the scenarios.
         allow: Checks that the motion may fail, such as "teleports"; the results are marked.
         pose: Point of vehicles whose poses the rollouts have: "centre", "rear-axle",
             "rear-axle=1.2" (metres) or "rear-axle=25%" (of the length).
@@ -52,6 +55,7 @@ def score(
     """
     given = [
         *each("--scenarios", paths(scenarios)),
+        ("--deviations", deviations),
         *each("--allow", allow),
         ("--pose", pose),
         *settings("--metric-option", metric_options or {}),
@@ -157,11 +161,13 @@ def score_states(
     were scored last, so that many calls for a scenario read it once.
 
     Args:
-        scenario: The scenario, from `reactsim.scenarios`. The deviated AV of its file applies.
+        scenario: The scenario, from `reactsim.scenarios`. Its AV is the deviated one of the file of
+            `deviations` with which it was read, or else of its own file: states of another AV are
+            refused, or with `allow="other-av"` scored without the metrics of reactions to it.
         states: States at steps 1 to 80, [rollouts, agents, 80, 3 or 5]: x, y, heading, and vx and
-            vy, which may be left out; NaN where an agent is absent. Metres, radians and m/s; box
-            centres in the local frame of the scenario. Without the first dimension it is one
-            rollout. Or a mapping from ids of agents to arrays without the dimension of agents.
+            vy, which may be left out; NaN or masked where an agent is absent. Metres, radians and
+            m/s; box centres in the local frame of the scenario. Without the first dimension it is
+            one rollout. Or a mapping from ids of agents to arrays without the dimension of agents.
             Agents of the scenario that are left out of the mapping are absent.
         agents: Ids of the agents of an array; `scenario.agents` by default.
         simulator: Name of the simulator in messages.
@@ -184,7 +190,7 @@ def score_states(
         states = _stacked(states)
     array = _checked(states, len(scenario.agents) if agents is None else len(agents))
     given = {
-        "reading": scenario.reading(),
+        "reading": {**scenario.reading(), "deviations": scenario.deviations},
         "scenario": scenario.id,
         "simulator": simulator,
         "agents": None if agents is None else list(agents),
@@ -193,7 +199,7 @@ def score_states(
         "metric_options": {key: text_of(value) for key, value in (metric_options or {}).items()},
     }
     answer, _ = shared_request("score", given, {"states": array})
-    return read_scores(json.loads(answer["rows"]), json.loads(answer["events"]))
+    return read_scores(answer["rows"], answer["events"])
 
 
 def read_scores(lines: Sequence[Mapping[str, Any]], events: Sequence[Any]) -> StatesScores:
@@ -213,7 +219,7 @@ def read_scores(lines: Sequence[Mapping[str, Any]], events: Sequence[Any]) -> St
 
 def _stacked(states: Mapping[str, Any]) -> Array:
     """Returns the arrays of agents as one array."""
-    arrays = [np.asarray(array) for array in states.values()]
+    arrays = [as_array(array) for array in states.values()]
     if not arrays:
         raise ValueError("`states` is an empty mapping, expected an array per agent")
     shapes = {array.shape for array in arrays}
@@ -229,7 +235,7 @@ def _stacked(states: Mapping[str, Any]) -> Array:
 
 def _checked(states: Any, agents: int) -> Array:
     """Returns states as f64 [rollouts, agents, 80, 3 or 5]."""
-    array = np.asarray(states)
+    array = as_array(states)
     if array.dtype.kind not in "fiu":
         raise ValueError(f"`states` has the type {array.dtype}, expected numbers")
     if array.ndim == 3:

@@ -175,6 +175,7 @@ def train_adapt(
     model: str = "ntp-guarded",
     minutes: float = 10.0,
     seed: int = 0,
+    exclude: PathLike | Sequence[PathLike] = (),
     resume: bool = False,
     jobs: int | None = None,
     current_frame: int | None = None,
@@ -190,6 +191,7 @@ def train_adapt(
         model: Simulator to adapt.
         minutes: Time for everything.
         seed: Seed of all random choices.
+        exclude: Files or folders of scenarios that are left out, even if they are among the logs.
         resume: Continue in `out` where it was interrupted.
         jobs: Number of threads; one per core by default.
         current_frame: Index of the current frame, for formats that leave it open.
@@ -206,6 +208,7 @@ def train_adapt(
         ("--minutes", minutes),
         ("--out", out),
         ("--seed", seed),
+        *each("--exclude", exclude),
         ("--resume", resume),
         ("--jobs", jobs),
         ("--current-frame", current_frame),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .client import Array
+from .client import Array, as_array
 from .options import PathLike, Run, Sources, each, folders, joined, paths
 from .process import shared_request
 from .program import arguments, invoke
@@ -97,8 +97,7 @@ def wosac(
         scores += answer["scores"] + "\n"
         rows += answer["rows"]
     texts = np.frombuffer((scores + "\n").encode(), np.uint8)
-    answer, _ = shared_request("wosac-summary", {"configs": given["configs"]}, {"scores": texts})
-    summary = json.loads(answer["scores"])
+    summary, _ = shared_request("wosac-summary", {"configs": given["configs"]}, {"scores": texts})
     summary["failures"] += [
         f"scenario `{id}` is given twice: the first one counts" for id in repeated
     ]
@@ -178,7 +177,7 @@ def _chunks(
 
 def _checked(rollouts: WosacRollouts) -> tuple[list[int], Array]:
     """Returns ids of objects, and states as f32 [R, N, 80, 4]."""
-    states = np.asarray(rollouts.states, dtype="<f4")
+    states = as_array(rollouts.states).astype("<f4", copy=False)
     ids = np.asarray(rollouts.object_id)
     if states.ndim != 4 or states.shape[2:] != (STEPS, 4):
         raise ValueError(f"states have the shape {states.shape}, expected [R, N, {STEPS}, 4]")

@@ -107,6 +107,60 @@ class TestScoreStates:
             with pytest.raises(ValueError, match=text):
                 reactsim.score_states(scenario, wrong)
 
+    def test_masked_states_are_absent(self, results: Any) -> None:
+        scenario = next(reactsim.scenarios(MINI))
+        states = states_of(results, scenario.id)
+        absent = states.copy()
+        absent[:, -1, 40:] = np.nan
+        mask = np.zeros(states.shape, np.bool_)
+        mask[:, -1, 40:] = True
+        masked = np.ma.MaskedArray(states, mask)
+        expected = reactsim.score_states(scenario, absent, allow="missing-agents")
+        for given in (masked, list(masked), dict(zip(scenario.agents, masked.swapaxes(0, 1)))):
+            assert reactsim.score_states(scenario, given, allow="missing-agents") == expected
+        partly = np.ma.MaskedArray(states, np.zeros(states.shape, np.bool_))
+        partly[0, 1, 2, 0] = np.ma.masked
+        with pytest.raises(ValueError, match=r"states\[0, 1, 2\]` is .nan"):
+            reactsim.score_states(scenario, partly)
+
+    def test_answers_are_of_any_size(self) -> None:
+        scenario = next(reactsim.scenarios(limit=1))
+        checks = "other-av jumps coordinates units time agent-order headings teleports freeze"
+        allow = [*checks.split(), "float32", "missing-agents", "rear-axle", "partial"]
+        # Every agent is in contact with every other one: the events are larger than a header.
+        n = len(scenario.agents)
+        states = np.zeros((max(2, 2_000_000 // n**2), n, 80, 3))
+        scores = reactsim.score_states(scenario, states, allow=allow)
+        assert len(scores.rollouts) == len(states)
+        assert sum(len(rollout.events) for rollout in scores.rollouts) > 500_000
+
+    def test_the_av_is_that_of_the_deviations(self, tmp_path: Path) -> None:
+        logs, deviations = tmp_path / "logs.parquet", tmp_path / "deviations.parquet"
+        reactsim.generate(logs, preset="train", count=12, seed=3, progress=False)
+        reactsim.curate(logs, deviations, progress=False)
+        folder = tmp_path / "run"
+        run = reactsim.run(
+            baselines=["idm"], scenarios=logs, deviations=deviations, out=folder, progress=False
+        )
+        (scenario, *_) = reactsim.scenarios(logs, deviations=deviations)
+        states = states_of(run, scenario.id)
+        scores = reactsim.score_states(scenario, states)
+        (row,) = [
+            row
+            for row in run.rows.to_dict("records")
+            if row["scenario"] == scenario.id and row["rollout"] == 0
+        ]
+        for metric in ("aav-collision", "over-reaction", "undisturbed-loss"):
+            value = scores.rollouts[0].metrics[metric]
+            assert value == row[metric] or (value is None and np.isnan(row[metric])), metric
+        assert any(scores.rollouts[0].metrics[m] is not None for m in ("undisturbed-loss", "ade"))
+        logged = states.copy()
+        logged[:, 0] = scenario.future[0]
+        with pytest.raises(reactsim.ReactsimError, match="from the prescribed trajectory"):
+            reactsim.score_states(scenario, logged)
+        allowed = reactsim.score_states(scenario, logged, allow=["other-av", "jumps"])
+        assert allowed.rollouts[0].metrics["undisturbed-loss"] is None
+
 
 def is_running(pid: int) -> bool:
     try:
@@ -140,6 +194,8 @@ class TestProcess:
                 process.request(kind, {})
         with pytest.raises(reactsim.ReactsimError, match="unknown request `nothing`: expected"):
             process.request("nothing", {})
+        with pytest.raises(TypeError, match="is a PosixPath"):
+            process.request("nothing", {"a": MINI})
         process.close()
 
     def test_its_end_is_an_error(self) -> None:
@@ -249,8 +305,15 @@ class TestEnv:
         with pytest.raises(reactsim.ReactsimError, match="is NaN, expected a finite number"):
             env.step(np.array([np.nan, 0.0]))
         env.step(np.zeros(2))
-        for wrong in ({"scenario": "nowhere"}, {"scenario": 99}, {"other": 1}):
-            with pytest.raises(ValueError):
+        for wrong, text in [
+            ({"scenario": "nowhere"}, "no scenario `nowhere`"),
+            ({"scenario": 99}, "`scenario` is 99, expected a whole number, 0 to "),
+            ({"scenario": 0.7}, "`scenario` is 0.7, expected a whole number"),
+            ({"rollout": -1}, "`rollout` is -1, expected a whole number, 0 to 4294967295"),
+            ({"rollout": True}, "`rollout` is True"),
+            ({"other": 1}, "expected `scenario` and `rollout`"),
+        ]:
+            with pytest.raises(ValueError, match=text):
                 env.reset(options=wrong)
         env.close()
         with pytest.raises(reactsim.ReactsimError, match="is closed"):
@@ -262,9 +325,26 @@ class TestEnv:
             ({"simulator": "nobody"}, reactsim.ReactsimError),
             ({"ids": ["nowhere"]}, reactsim.ReactsimError),
             ({"end_at": ["noon"]}, reactsim.ReactsimError),
+            ({"limit": 1.5}, ValueError),
+            ({"seed": -1}, ValueError),
         ]:
             with pytest.raises(error):
                 reactsim.Env(MINI, **settings)  # type: ignore[arg-type]
+
+    def test_numbers_of_numpy_are_numbers(self, closing: Any) -> None:
+        one, seed = np.int64(1), np.uint32(3)
+        env = closing(reactsim.Env(MINI, limit=one, seed=seed, every=one, scores=np.bool_(True)))
+        _, info = env.reset(options={"scenario": np.int32(0), "rollout": seed})
+        assert info["rollout"] == 3
+        assert len(list(reactsim.scenarios(MINI, limit=one))) > 0
+
+    @pytest.mark.parametrize("name", ["current_frame", "window_step", "all_agents"])
+    def test_choices_without_effect_are_refused(self, name: str) -> None:
+        for kind in (reactsim.Env, reactsim.VectorEnv, reactsim.ParallelEnv):
+            with pytest.raises(reactsim.ReactsimError, match=f"leave `{name}` out"):
+                kind(limit=2, **{name: 5 if name != "all_agents" else True})
+            with pytest.raises(ValueError, match=f"`{name}` is given with a `Scenario`"):
+                kind(next(reactsim.scenarios(MINI)), **{name: 5})
 
     def test_a_state_too_far_away_changes_nothing(self, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))
@@ -288,6 +368,11 @@ class TestEnv:
                 over, steps = terminated or truncated, steps + 1
             assert terminated == bool(info["contact"] or info["off_road"] == 1.0)
             assert terminated or steps == 80
+            metrics = info["scores"].metrics
+            assert metrics["aav-collision"] is not None and metrics["offroad"] is not None
+            assert all(event.step <= steps for event in info["scores"].events)
+            if terminated and steps < 80:
+                assert metrics["av-score"] is None
             ends.append(terminated)
             with pytest.raises(reactsim.ReactsimError, match="it is over"):
                 env.step(np.zeros(2))
@@ -312,6 +397,21 @@ class TestEnv:
         seen, rewards, _, truncated, infos = several.step(np.tile(action, (3, 1)))
         assert not truncated.any() and not rewards.any() and not infos["_speed"].any()
         assert several.states(0).shape[1] == 11
+
+    @pytest.mark.parametrize("every", [1, 5])
+    def test_a_refused_step_moves_nobody(self, every: int, closing: Any) -> None:
+        kind = {"action": "state"} if every == 1 else {"action": "plan", "poses": 10}
+        envs = closing(reactsim.VectorEnv(MINI, num_envs=2, every=every, **kind, **SMALL))
+        envs.reset(seed=1)
+        stays = [envs.states(index)[0, -1] for index in range(2)]
+        good = np.array(stays) if every == 1 else np.zeros((2, 10, 3))
+        wrong = good.copy()
+        wrong[1, ..., 0] = 1e300 if every == 1 else np.nan
+        with pytest.raises(reactsim.ReactsimError, match="slot 1"):
+            envs.step(wrong)
+        assert [envs.states(index).shape[1] for index in range(2)] == [11, 11]
+        envs.step(good)
+        assert [envs.states(index).shape[1] for index in range(2)] == [11 + every] * 2
 
 
 class TestParallelEnv:

@@ -14,7 +14,7 @@ use reactsim_planning::{EgoShape, PlanningMap};
 use reactsim_rollout::{
     AvError, AvPolicy, Controller, Lockstep, Observation, Rollout, RolloutBeginning, Settings,
 };
-use reactsim_scene::{AgentState, CURRENT, FUTURE, Frame, Scenario};
+use reactsim_scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame, Scenario};
 
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
@@ -205,8 +205,8 @@ impl Environment {
     /// `restarted` episodes, whose actions are ignored.
     ///
     /// # Errors
-    /// If an action cannot be executed, an episode is over, or a scenario cannot be used. If the first step
-    /// of an action is impossible, no episode has changed.
+    /// If an action cannot be executed, an episode is over, or a scenario cannot be used; no episode has changed
+    /// then.
     pub fn step(
         &mut self,
         actions: &[f64],
@@ -231,41 +231,56 @@ impl Environment {
         if let Some(slot) = (0..self.slots.len()).find(|&i| self.slots[i].end.is_some() && !is_restarted(i)) {
             return Err(RequestError::new(format_args!("the episode in slot {slot} is over: reset it")));
         }
+        // Everything that can be refused is computed before anything moves.
+        let begun: Vec<Slot> =
+            restarted.iter().map(|episode| self.slot(episode)).collect::<Result<_, RequestError>>()?;
+        let mut moved = Vec::with_capacity(self.slots.len());
+        for i in (0..self.slots.len()).filter(|i| !is_restarted(*i)) {
+            moved.push((i, self.motion(i, &actions[i * values..(i + 1) * values])?));
+        }
         let mut stepped: Vec<Stepped> = self.slots.iter().map(|_| Stepped::new()).collect();
         for k in 0..self.settings.every {
-            let mut moved = Vec::with_capacity(self.slots.len());
-            for (i, slot) in self.slots.iter().enumerate() {
-                let Some(now) = self.lockstep.tracks(i)[AV].last().copied().flatten() else { continue };
-                if slot.end.is_some() || is_restarted(i) {
-                    continue;
+            moved.retain(|(i, _)| self.slots[*i].end.is_none());
+            for (i, motion) in &moved {
+                if let Some((mover, next)) = motion.get(k) {
+                    self.slots[*i].mover = mover.clone();
+                    self.slots[*i].next.set(Some(*next));
                 }
-                let mut mover = slot.mover.clone();
-                let next = mover.advance(&now, &actions[i * values..(i + 1) * values], k == 0);
-                moved.push((i, mover, next?));
-            }
-            for (i, mover, next) in &moved {
-                self.slots[*i].mover = mover.clone();
-                self.slots[*i].next.set(Some(*next));
             }
             self.lockstep.step(&self.settings.controller, &self.settings.rollout);
-            for (i, ..) in moved {
-                let end = self.slots[i].measure(&self.lockstep, i, &self.settings.end_at, &mut stepped[i]);
+            for (i, _) in &moved {
+                let end = self.slots[*i].measure(&self.lockstep, *i, &self.settings.end_at, &mut stepped[*i]);
                 if end == Some(End::Condition) {
-                    self.lockstep.stop(i);
+                    self.lockstep.stop(*i);
                 }
-                self.slots[i].end.clone_from(&end);
-                stepped[i].end = end;
+                self.slots[*i].end.clone_from(&end);
+                stepped[*i].end = end;
             }
         }
-        for episode in restarted {
-            let slot = self.slot(episode)?;
-            let beginning = slot.beginning(episode.rollout);
-            let (controller, rollout) = (&self.settings.controller, &self.settings.rollout);
-            self.lockstep.restart(episode.slot, beginning, controller, rollout);
-            self.slots[episode.slot] = slot;
-            self.fail_begun(episode.slot..episode.slot + 1)?;
+        for (episode, slot) in restarted.iter().zip(begun) {
+            let (i, beginning) = (episode.slot, slot.beginning(episode.rollout));
+            self.lockstep.restart(i, beginning, &self.settings.controller, &self.settings.rollout);
+            self.slots[i] = slot;
+            let failure = self.lockstep.failure(i).map(|error| End::Failed(error.to_string()));
+            self.slots[i].end.clone_from(&failure);
+            stepped[i].end = failure;
         }
         Ok(stepped)
+    }
+
+    /// Returns the next states of the AV of a slot under an action, with its motion after each.
+    fn motion(&self, slot: usize, action: &[f64]) -> Result<Vec<(Mover, AgentState)>, RequestError> {
+        let track = &self.lockstep.tracks(slot)[AV];
+        let Some(mut now) = track.last().copied().flatten() else { return Ok(Vec::new()) };
+        let mut mover = self.slots[slot].mover.clone();
+        let steps = self.settings.every.min(FRAMES.saturating_sub(track.len()));
+        let step = |k| {
+            // The AV is where its policy says: the next state begins there.
+            now = mover.advance(&now, action, k == 0)?;
+            Ok((mover.clone(), now))
+        };
+        let named = |error: RequestError| RequestError::new(format_args!("slot {slot}: {error}"));
+        (0..steps).map(step).collect::<Result<_, _>>().map_err(named)
     }
 
     /// Returns the observation of each slot.
@@ -289,11 +304,13 @@ impl Environment {
         Ok((&of.scenario, self.lockstep.tracks(slot)))
     }
 
-    /// Scores an episode that had all its steps, as a run with a judged AV does. `None` if episodes are not
+    /// Scores an episode that is over, as a run with a judged AV does. Nobody is present after the end of an
+    /// episode that a condition ended, so that its steps count and the others do not. `None` if episodes are not
     /// scored.
     pub fn scores(&self, slot: usize) -> Option<(Vec<Row>, Vec<Vec<Event>>)> {
         let options = self.settings.scores?;
-        let tracks = self.lockstep.tracks(slot).to_vec();
+        let mut tracks = self.lockstep.tracks(slot).to_vec();
+        tracks.iter_mut().for_each(|track| track.resize(FRAMES, None));
         let rollout = Rollout { tracks, outcomes: self.lockstep.outcomes(slot).clone() };
         let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.simulator);
         Some(judge_in_memory(scenario, simulator, rollout, &KnownDeviation::default(), options, true))

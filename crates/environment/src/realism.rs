@@ -6,14 +6,15 @@ use std::path::PathBuf;
 use reactsim_evaluation::realism::{
     LogFiles, LogSource, RealismFailure, RealismScores, ScoredPair, score_all,
 };
-use reactsim_external::{Frame, FrameWriter};
+use reactsim_external::Frame;
 use reactsim_formats as formats;
 use reactsim_metrics::wosac::Config;
 use reactsim_scene::FUTURE;
 use reactsim_scene::wosac::{JointScene, ObjectTrajectory, ScenarioRollouts, WosacLog};
 use serde::Deserialize;
+use serde_json::{Value, json};
 
-use super::session::{Answer, RequestError, arguments};
+use super::session::{Answer, RequestError, answer, arguments};
 
 /// Number of logs that are kept in memory.
 const MOST_LOGS: usize = 64;
@@ -119,9 +120,7 @@ pub(super) fn score(request: &Frame, logs: &mut LogCache) -> Answer {
     let scores = score_all(pairs.into_iter(), &configs, given.jobs, &mut |_, _| ());
     let mut rows = Vec::new();
     scores.write_rows(&mut rows).map_err(RequestError::new)?;
-    let mut answer = FrameWriter::new("wosac");
-    answer.text("scores", scores.to_text()).text("rows", String::from_utf8_lossy(&rows));
-    Ok(answer)
+    answer("wosac", &json!({ "scores": scores.to_text(), "rows": String::from_utf8_lossy(&rows) }))
 }
 
 fn read_rollouts(
@@ -179,9 +178,8 @@ pub(super) fn summarise(request: &Frame) -> Answer {
     }
     let mut document = Vec::new();
     scores.write_json(&mut document).map_err(RequestError::new)?;
-    let mut answer = FrameWriter::new("wosac-summary");
-    answer.text("scores", String::from_utf8_lossy(&document));
-    Ok(answer)
+    let document: Value = serde_json::from_slice(&document).map_err(RequestError::new)?;
+    answer("wosac-summary", &document)
 }
 
 fn configs(ids: &[String]) -> Result<Vec<Config>, RequestError> {

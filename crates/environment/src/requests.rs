@@ -18,8 +18,8 @@ use super::environment::{
     End, EndCondition, Environment, EnvironmentSettings, EpisodeBeginning, MEASURES, Stepped,
 };
 use super::scenarios::Reading;
-use super::scores::{event_lines, metric_options};
-use super::session::{Answer, RequestError, arguments};
+use super::scores::{Scored, metric_options};
+use super::session::{Answer, RequestError, answer, arguments};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -71,7 +71,6 @@ pub(super) fn create(request: &Frame, environment: &mut Option<Environment>) -> 
     let scenarios = select(&given.reading, &selection, given.limit)?;
     let new = Environment::new(scenarios, settings)?;
     let ids: Vec<&str> = new.scenarios().iter().map(|scenario| scenario.id.as_str()).collect();
-    let mut answer = FrameWriter::new("environment");
     let arrays = shapes(&given.sizes);
     let description = json!({
         "scenarios": ids,
@@ -79,9 +78,8 @@ pub(super) fn create(request: &Frame, environment: &mut Option<Environment>) -> 
         "arrays": arrays,
         "steps": FUTURE.div_ceil(given.every),
     });
-    answer.text("description", description.to_string());
     *environment = Some(new);
-    Ok(answer)
+    answer("environment", &description)
 }
 
 /// Returns the names and shapes of arrays.
@@ -171,7 +169,7 @@ pub(super) fn step(request: &Frame, environment: &mut Option<Environment>) -> An
         )));
     }
     let stepped = environment.step(&actions, &episodes)?;
-    let mut answer = FrameWriter::new("stepped");
+    let mut answer = answer("stepped", &ends(environment, &stepped)?)?;
     put_arrays(&mut answer, &environment.settings().sizes, environment.slots(), environment.observe());
     let measures = stepped.iter().flat_map(|one| one.measures);
     answer.tensor("measures", Values::f64(&[stepped.len(), MEASURES.len()], measures));
@@ -181,36 +179,27 @@ pub(super) fn step(request: &Frame, environment: &mut Option<Environment>) -> An
     };
     answer.tensor("terminated", flag(|end| *end == End::Condition));
     answer.tensor("truncated", flag(|end| *end != End::Condition));
-    if let Some(ends) = ends(environment, &stepped)? {
-        answer.text("ends", ends);
-    }
     Ok(answer)
 }
 
-/// Returns scores and failures of the episodes that ended, by slot, as JSON.
-fn ends(environment: &Environment, stepped: &[Stepped]) -> Result<Option<String>, RequestError> {
+/// Returns scores and failures of the episodes that ended, by slot.
+fn ends(environment: &Environment, stepped: &[Stepped]) -> Result<Value, RequestError> {
     let mut ends = serde_json::Map::new();
     for (slot, one) in stepped.iter().enumerate() {
         let end = match &one.end {
             None => continue,
-            Some(End::Condition) => json!({}),
             Some(End::Failed(reason)) => json!({ "failure": reason }),
-            Some(End::LastStep) => match environment.scores(slot) {
-                None => json!({}),
-                Some((rows, events)) => scored(&rows, &events),
-            },
+            Some(End::Condition | End::LastStep) => end_document(environment.scores(slot))?,
         };
         ends.insert(slot.to_string(), end);
     }
-    if ends.is_empty() {
-        return Ok(None);
-    }
-    serde_json::to_string(&ends).map(Some).map_err(RequestError::new)
+    Ok(Value::Object(ends))
 }
 
-/// Returns rows and the events of each rollout as JSON.
-pub(super) fn scored(rows: &[Row], events: &[Vec<Event>]) -> Value {
-    json!({ "rows": rows, "events": event_lines(rows, events) })
+/// Returns the document of the end of an episode; it is empty if episodes are not scored.
+pub(super) fn end_document(scores: Option<(Vec<Row>, Vec<Vec<Event>>)>) -> Result<Value, RequestError> {
+    let document = scores.map(|(rows, events)| serde_json::to_value(Scored::new(&rows, &events)));
+    document.unwrap_or_else(|| Ok(json!({}))).map_err(RequestError::new)
 }
 
 #[derive(Deserialize)]
@@ -223,21 +212,19 @@ struct SlotArguments {
 pub(super) fn tracks(request: &Frame, environment: &mut Option<Environment>) -> Answer {
     let SlotArguments { slot } = arguments(request)?;
     let (scenario, tracks) = existing(environment)?.tracks(slot)?;
-    Ok(tracks_answer(scenario, tracks))
+    tracks_answer(scenario, tracks)
 }
 
 /// Returns an answer with the tracks of a scenario, f64 [agents, frames, 5], NaN where absent or unknown.
-pub(super) fn tracks_answer(scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> FrameWriter {
+pub(super) fn tracks_answer(scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> Answer {
     let shape = [tracks.len(), tracks.first().map_or(0, Vec::len), 5];
     let values = tracks.iter().flatten().flat_map(|frame| {
         frame.map_or([f64::NAN; 5], |state| [state.x, state.y, state.heading, state.vx, state.vy])
     });
-    let mut answer = FrameWriter::new("tracks");
-    answer.tensor("states", Values::f64(&shape, values));
     let ids: Vec<&str> = scenario.start.agents.iter().map(|agent| agent.id.as_str()).collect();
-    answer.text("agents", json!(ids).to_string());
-    answer.text("scenario", scenario.id.as_str());
-    answer
+    let mut answer = answer("tracks", &json!({ "scenario": scenario.id, "agents": ids }))?;
+    answer.tensor("states", Values::f64(&shape, values));
+    Ok(answer)
 }
 
 /// Returns the environment of an earlier request.

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use reactsim_evaluation::Source;
+use reactsim_evaluation::{Deviations, Source};
 use reactsim_formats::{self as formats, CurrentFrames, PendingScenarios};
 use reactsim_scene::Scenario;
 use serde::Deserialize;
@@ -28,6 +28,9 @@ pub(super) struct Reading {
     /// Whether all agents are read.
     #[serde(default)]
     all_agents: bool,
+    /// File of deviated AVs, in place of those that the scenarios carry.
+    #[serde(default)]
+    deviations: Option<PathBuf>,
 }
 
 impl Reading {
@@ -37,7 +40,17 @@ impl Reading {
     /// If a file cannot be read, or both kinds of current frames are given.
     pub(super) fn sources(&self) -> Result<Vec<Source>, RequestError> {
         if self.paths.is_empty() {
-            return Ok(vec![Source::shipped(usize::MAX)]);
+            let given = [
+                (self.current_frame.is_some(), "`current_frame`", "have a fixed current frame"),
+                (self.window_step.is_some(), "`window_step`", "have one window each"),
+                (self.all_agents, "`all_agents`", "have all their agents"),
+            ];
+            return match given.into_iter().find(|(is_given, ..)| *is_given) {
+                Some((_, name, reason)) => {
+                    Err(RequestError::new(format_args!("the shipped scenarios {reason}: leave {name} out")))
+                }
+                None => Ok(vec![Source::shipped(usize::MAX)]),
+            };
         }
         let frames = match (self.current_frame, self.window_step) {
             (Some(_), Some(_)) => {
@@ -83,16 +96,19 @@ impl ScenarioCache {
             return Ok(Arc::clone(known));
         }
         if !self.files.contains_key(reading) {
-            self.files.insert(reading.clone(), Files::new(reading.sources()?));
+            self.files.insert(reading.clone(), Files::new(reading)?);
         }
-        let found = match self.files.get_mut(reading) {
-            Some(files) => files.find(id)?,
-            None => None,
-        };
-        let scenario = found.ok_or_else(|| {
-            RequestError::new(format_args!("no scenario `{id}` in {}", describe(&reading.paths)))
-        })?;
-        let known = Arc::new(KnownScenario { digest: scenario.digest(), scenario });
+        let missing =
+            || RequestError::new(format_args!("no scenario `{id}` in {}", describe(&reading.paths)));
+        let files = self.files.get_mut(reading).ok_or_else(missing)?;
+        let mut scenario = files.find(id)?.ok_or_else(missing)?;
+        let digest = scenario.digest();
+        if let Some(deviations) = &files.deviations {
+            let deviated = deviations.of(&scenario);
+            let named = |error| RequestError::new(format_args!("scenario `{id}`: {error}"));
+            scenario.deviation = Some(deviated.map_err(named)?);
+        }
+        let known = Arc::new(KnownScenario { digest, scenario });
         self.kept.push_back((reading.clone(), Arc::clone(&known)));
         if self.kept.len() > MOST_SCENARIOS {
             self.kept.pop_front();
@@ -114,11 +130,13 @@ struct Files {
     /// Index of the source that is being read.
     index: usize,
     open: Option<PendingScenarios>,
+    deviations: Option<Deviations>,
 }
 
 impl Files {
-    fn new(sources: Vec<Source>) -> Self {
-        Self { sources, index: 0, open: None }
+    fn new(reading: &Reading) -> Result<Self, RequestError> {
+        let deviations = reading.deviations.as_deref().map(Deviations::read).transpose()?;
+        Ok(Self { sources: reading.sources()?, index: 0, open: None, deviations })
     }
 
     fn find(&mut self, id: &str) -> Result<Option<Scenario>, RequestError> {

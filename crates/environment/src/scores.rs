@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use reactsim_evaluation::{EventLine, Pose, RolloutCheck, Row, score_in_memory};
-use reactsim_external::{Frame, FrameWriter};
+use reactsim_external::Frame;
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Options};
 use reactsim_scene::{AgentState, FUTURE, Frame as StateFrame};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::scenarios::{Reading, ScenarioCache};
-use super::session::{Answer, RequestError, arguments};
+use super::session::{Answer, RequestError, answer, arguments};
 
 /// Values of a state: x, y, heading, and the velocities, which may be left out.
 const VALUES: [usize; 2] = [3, 5];
@@ -57,11 +57,20 @@ pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
     let records: Vec<RolloutRecord> =
         (0..).zip(tracks.chunks(agents.len().max(1))).take(count).map(record).collect();
     let (rows, events) = score_in_memory(scenario, &known.digest, records, options, pose, &allowed)?;
-    let lines = event_lines(&rows, &events);
-    let mut answer = FrameWriter::new("scores");
-    answer.text("rows", serde_json::to_string(&rows).map_err(RequestError::new)?);
-    answer.text("events", serde_json::to_string(&lines).map_err(RequestError::new)?);
-    Ok(answer)
+    answer("scores", &Scored::new(&rows, &events))
+}
+
+/// Rows of rollouts, of which the last one is over all, and the events of each rollout.
+#[derive(Serialize)]
+pub(super) struct Scored<'a> {
+    rows: &'a [Row],
+    events: Vec<Vec<EventLine<'a>>>,
+}
+
+impl<'a> Scored<'a> {
+    pub(super) fn new(rows: &'a [Row], events: &'a [Vec<Event>]) -> Self {
+        Self { rows, events: event_lines(rows, events) }
+    }
 }
 
 /// Returns the variants of the metrics with these names and values.
@@ -74,7 +83,7 @@ pub(super) fn metric_options(named: &BTreeMap<String, String>) -> Result<Options
 }
 
 /// Returns the events of each rollout as lines of `events.jsonl`.
-pub(super) fn event_lines<'a>(rows: &'a [Row], events: &'a [Vec<Event>]) -> Vec<Vec<EventLine<'a>>> {
+fn event_lines<'a>(rows: &'a [Row], events: &'a [Vec<Event>]) -> Vec<Vec<EventLine<'a>>> {
     let of_rollout = |(rollout, (row, events)): (u32, (&'a Row, &'a Vec<Event>))| {
         events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
     };

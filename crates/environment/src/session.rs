@@ -4,9 +4,11 @@ use std::fmt;
 use std::io::{self, Read, Write};
 
 use reactsim_evaluation::EvaluationError;
-use reactsim_external::{DocumentError, Frame, FrameWriter, read_frame};
+use reactsim_external::{DocumentError, Frame, FrameWriter, Values, read_frame};
 use reactsim_formats::FormatError;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::json;
 
 use super::environment::Environment;
 use super::realism::LogCache;
@@ -52,7 +54,7 @@ pub(super) type Answer = Result<FrameWriter, RequestError>;
 pub fn serve(input: &mut dyn Read, output: &mut dyn Write) -> io::Result<()> {
     let mut session = Session::default();
     while let Some(bytes) = read_frame(input, || MOST_BYTES)? {
-        output.write_all(&session.answer(bytes).to_frame())?;
+        output.write_all(&session.answer(bytes).to_frame().map_err(io::Error::other)?)?;
         output.flush()?;
     }
     Ok(())
@@ -104,22 +106,44 @@ impl Session {
 /// Returns the answer to a request that failed.
 fn failed(text: &str) -> FrameWriter {
     let mut answer = FrameWriter::new("error");
-    answer.text("error", text);
+    answer.tensor("document", Values::bytes(json!(text).to_string().into_bytes()));
     answer
 }
 
-/// Returns the arguments of a request.
+/// Returns an answer with a document of any length, which is a tensor: headers of frames are bounded.
+pub(super) fn answer(kind: &str, document: &impl Serialize) -> Answer {
+    let mut answer = FrameWriter::new(kind);
+    answer.tensor("document", Values::bytes(serde_json::to_vec(document).map_err(RequestError::new)?));
+    Ok(answer)
+}
+
+/// Returns the arguments of a request: the tensor `arguments`, whose bytes are JSON.
 pub(super) fn arguments<T: DeserializeOwned>(request: &Frame) -> Result<T, RequestError> {
-    let text = request.text("arguments")?;
-    serde_json::from_str(text)
-        .map_err(|error| RequestError::new(format_args!("the arguments of the request: {error}")))
+    let mut json = serde_json::Deserializer::from_slice(request.bytes("arguments")?);
+    serde_path_to_error::deserialize(&mut json).map_err(|error| {
+        let (place, text) = (error.path().to_string(), error.inner().to_string());
+        let text = text.split(" at line ").next().unwrap_or_default();
+        let place = if place == "." { "the arguments".to_owned() } else { format!("the argument `{place}`") };
+        RequestError::new(format_args!("{place} of the request: {}", in_words(text)))
+    })
+}
+
+/// Returns a message of the JSON reader with its types of numbers in words.
+fn in_words(text: &str) -> String {
+    let words = [
+        ("expected usize", "expected a whole number, 0 or more"),
+        ("expected u64", "expected a whole number, 0 or more"),
+        ("expected u32", "expected a whole number, 0 to 4294967295"),
+        ("expected a nonzero usize", "expected a whole number, 1 or more"),
+        ("expected i32", "expected a whole number"),
+    ];
+    words.into_iter().fold(text.to_owned(), |text, (rust, plain)| text.replace(rust, plain))
 }
 
 #[cfg(test)]
 mod tests {
-    use reactsim_external::Values;
     use reactsim_scene::FUTURE;
-    use serde_json::{Value, json};
+    use serde_json::Value;
 
     use super::*;
 
@@ -131,11 +155,12 @@ mod tests {
         let mut input = Vec::new();
         for (seq, (kind, arguments, tensor)) in requests.iter().enumerate() {
             let mut frame = FrameWriter::new(kind);
-            frame.text("seq", seq.to_string()).text("arguments", arguments.to_string());
+            frame.text("seq", seq.to_string());
+            frame.tensor("arguments", Values::bytes(arguments.to_string().into_bytes()));
             if let Some((name, values)) = tensor {
                 frame.tensor(name, values.clone());
             }
-            input.extend(frame.to_frame());
+            input.extend(frame.to_frame().unwrap());
         }
         let mut output = Vec::new();
         serve(&mut input.as_slice(), &mut output).unwrap();
@@ -149,9 +174,13 @@ mod tests {
         found
     }
 
-    fn error(answer: &Frame) -> &str {
+    fn document(answer: &Frame) -> Value {
+        serde_json::from_slice(answer.bytes("document").unwrap()).unwrap()
+    }
+
+    fn error(answer: &Frame) -> String {
         assert_eq!(answer.text("type").unwrap(), "error");
-        answer.text("error").unwrap()
+        document(answer).as_str().unwrap().to_owned()
     }
 
     /// Arguments of an environment with small arrays.
@@ -200,13 +229,13 @@ mod tests {
         requests.push(("step", json!({ "episodes": [begin(0, 1), begin(1, 1)] }), actions()));
         requests.push(("tracks", json!({ "slot": 1 }), None));
         let found = answers(&requests);
-        let description: Value = serde_json::from_str(found[0].text("description").unwrap()).unwrap();
+        let description = document(&found[0]);
         assert_eq!(description["scenarios"].as_array().unwrap().len(), 2);
         assert_eq!(found[1].shape("agents").unwrap(), [2, 3, 2, 7]);
         let last = &found[1 + FUTURE];
-        let ends: Value = serde_json::from_str(last.text("ends").unwrap()).unwrap();
+        let ends = document(last);
         assert!(ends["1"]["rows"][0]["metrics"]["aav-collision"]["count"].is_u64());
-        assert!(found[FUTURE].optional_text("ends").is_none());
+        assert_eq!(document(&found[FUTURE]), json!({}));
         assert_eq!(error(&found[2 + FUTURE]), "the episode in slot 0 is over: reset it");
         assert_eq!(found[3 + FUTURE].text("type").unwrap(), "stepped");
         assert_eq!(found[4 + FUTURE].shape("states").unwrap()[1..], [11, 5]);

@@ -4,16 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use reactsim_evaluation::{PlanRequest, Selection};
-use reactsim_external::{Frame, FrameWriter, Values};
+use reactsim_external::{Frame, Values};
 use serde::Deserialize;
 use serde_json::json;
 
 use super::action::ActionKind;
 use super::arrays::Sizes;
-use super::requests::{existing, put_arrays, scored, select, shapes, tracks_answer};
+use super::requests::{end_document, existing, put_arrays, select, shapes, tracks_answer};
 use super::scenarios::Reading;
 use super::scores::metric_options;
-use super::session::{Answer, RequestError, arguments};
+use super::session::{Answer, RequestError, answer, arguments};
 use super::world::{AGENT_MEASURES, World};
 
 #[derive(Deserialize)]
@@ -57,10 +57,8 @@ pub(super) fn create(request: &Frame, world: &mut Option<World>) -> Answer {
         "measures": AGENT_MEASURES,
         "arrays": shapes(new.sizes()),
     });
-    let mut answer = FrameWriter::new("world");
-    answer.text("description", description.to_string());
     *world = Some(new);
-    Ok(answer)
+    answer("world", &description)
 }
 
 #[derive(Deserialize)]
@@ -76,8 +74,7 @@ pub(super) fn reset(request: &Frame, world: &mut Option<World>) -> Answer {
     let Beginning { scenario, rollout } = arguments(request)?;
     let agents = &world.reset(scenario, rollout)?.start.agents[1..];
     let ids: Vec<&str> = agents.iter().map(|agent| agent.id.as_str()).collect();
-    let mut answer = FrameWriter::new("observation");
-    answer.text("agents", json!(ids).to_string());
+    let mut answer = answer("observation", &ids)?;
     put_arrays(&mut answer, world.sizes(), world.actions()[0], world.observe());
     Ok(answer)
 }
@@ -98,19 +95,16 @@ pub(super) fn step(request: &Frame, world: &mut Option<World>) -> Answer {
         )));
     }
     let stepped = world.step(&actions)?;
-    let mut answer = FrameWriter::new("stepped");
+    let end = stepped.is_over.then(|| end_document(world.scores())).transpose()?;
+    let mut answer = answer("stepped", &end)?;
     put_arrays(&mut answer, world.sizes(), shape[0], world.observe());
     let measures = stepped.measures.iter().flatten().copied();
     answer.tensor("measures", Values::f64(&[shape[0], AGENT_MEASURES.len()], measures));
-    if stepped.is_over {
-        let end = world.scores().map_or_else(|| json!({}), |(rows, events)| scored(&rows, &events));
-        answer.text("end", end.to_string());
-    }
     Ok(answer)
 }
 
 /// Answers with the realised states so far.
 pub(super) fn tracks(world: &mut Option<World>) -> Answer {
     let (scenario, tracks) = existing(world)?.tracks()?;
-    Ok(tracks_answer(scenario, tracks))
+    tracks_answer(scenario, tracks)
 }

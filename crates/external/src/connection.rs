@@ -95,7 +95,8 @@ impl Connection {
         self.sequence += 1;
         request.text("seq", sequence.clone());
         self.most.store(MOST_TEXT + numbers as u64, Ordering::Relaxed);
-        if self.outgoing.send(request.to_frame()).is_err() {
+        let frame = request.to_frame().map_err(|error| RequestError::Refused(error.to_string()))?;
+        if self.outgoing.send(frame).is_err() {
             return Err(self.closed());
         }
         let bytes = match self.receive(deadline) {
@@ -163,7 +164,9 @@ impl Connection {
     pub(super) fn close(mut self, limit: Duration) {
         let mut bye = FrameWriter::new("bye");
         bye.text("seq", self.sequence.to_string());
-        self.outgoing.send(bye.to_frame()).ok();
+        if let Ok(frame) = bye.to_frame() {
+            self.outgoing.send(frame).ok();
+        }
         // Without a sender, the writer closes the input of the child.
         let (closed, _) = mpsc::channel();
         drop(std::mem::replace(&mut self.outgoing, closed));

@@ -11,6 +11,10 @@ use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, View};
 #[error("{0}")]
 pub struct DocumentError(pub String);
 
+/// Largest header of a document that is written, bytes: the Python package reads no larger ones. Contents that
+/// grow with scenarios, agents or events are tensors ([`Values::bytes`]), not texts.
+const MAX_HEADER: usize = 64 << 20;
+
 /// A document that is being written.
 #[derive(Clone, Debug, Default)]
 pub struct FrameWriter {
@@ -62,6 +66,11 @@ impl Values {
     pub fn u8(shape: &[usize], numbers: impl IntoIterator<Item = u8>) -> Self {
         Self::of(Dtype::U8, shape, numbers.into_iter().map(|n| [n]))
     }
+
+    /// Creates a tensor of `u8` from bytes, such as a text of any length.
+    pub fn bytes(bytes: Vec<u8>) -> Self {
+        Self { dtype: Dtype::U8, shape: vec![bytes.len()], bytes }
+    }
 }
 
 impl View for &Values {
@@ -108,14 +117,24 @@ impl FrameWriter {
     }
 
     /// Returns the frame: the length, `u64` little-endian, and the document.
-    pub fn to_frame(&self) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// If the names and texts are larger than a reader accepts.
+    pub fn to_frame(&self) -> Result<Vec<u8>, DocumentError> {
+        let texts: usize = self.texts.iter().map(|(key, text)| key.len() + text.len()).sum();
+        if texts > MAX_HEADER {
+            return Err(DocumentError(format!(
+                "names and texts have {texts} bytes, expected at most {MAX_HEADER}: shorten the ids of scenarios \
+                 and agents"
+            )));
+        }
         let document = safetensors::serialize(self.tensors.iter(), Some(self.texts.clone()));
-        // Shapes fit their bytes by construction, and nothing else can fail.
-        let document = document.expect("tensors have the sizes that their shapes say");
+        let document =
+            document.map_err(|error| DocumentError(format!("the frame cannot be written: {error}")))?;
         let mut frame = Vec::with_capacity(8 + document.len());
         frame.extend_from_slice(&(document.len() as u64).to_le_bytes());
         frame.extend_from_slice(&document);
-        frame
+        Ok(frame)
     }
 }
 
@@ -260,7 +279,7 @@ mod tests {
         document.text("seq", "3");
         document.tensor("states", Values::f64(&[1, 2], [0.1, f64::MIN_POSITIVE]));
         document.tensor("kind", Values::u8(&[3], [1, 2, 255]));
-        document.to_frame()
+        document.to_frame().unwrap()
     }
 
     #[test]
@@ -275,6 +294,17 @@ mod tests {
         assert_eq!(text(&[3], "kind"), "`kind` has the type U8 instead of F64 or F32");
         assert_eq!(text(&[3], "x"), "there is no tensor `x`");
         assert_eq!(frame.text("error").unwrap_err().0, "the metadata has no `error`");
+    }
+
+    #[test]
+    fn texts_that_no_reader_accepts_are_refused() {
+        let mut document = FrameWriter::new("begin");
+        document.text("agent_ids", "a".repeat(MAX_HEADER + 1));
+        assert!(document.to_frame().unwrap_err().0.contains("shorten the ids"));
+        let long = vec![7; 1000];
+        document.text("agent_ids", "").tensor("document", Values::bytes(long.clone()));
+        let frame = document.to_frame().unwrap();
+        assert_eq!(Frame::read(frame[8..].to_vec()).unwrap().bytes("document").unwrap(), long);
     }
 
     #[test]

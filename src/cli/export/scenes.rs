@@ -40,7 +40,7 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
         })?;
         let mut bye = FrameWriter::new("bye");
         bye.text("seq", number.to_string());
-        out.write_all(&bye.to_frame())
+        out.write_all(&bye.to_frame().map_err(io::Error::other)?)
     })?;
     if failed > 0 {
         say(format_args!("warning: {failed} failed; the others are written"));
@@ -70,5 +70,5 @@ fn write_scene(
     let extras = if future { SceneExtras::Future { av } } else { SceneExtras::None };
     let mut frame = scene_frame(scenario, number, extras);
     frame.text("seq", number.to_string());
-    out.write_all(&frame.to_frame())
+    out.write_all(&frame.to_frame().map_err(io::Error::other)?)
 }
