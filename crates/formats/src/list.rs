@@ -308,6 +308,9 @@ fn describe_content(path: &Path) -> std::io::Result<&'static str> {
         _ if Argoverse2.accompanies(path) => "an Argoverse 2 map (give the scenario_*.parquet next to it)",
         _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
         _ if text.starts_with(b"<") => "an XML file",
+        _ if text.starts_with(b"version https://git-lfs") => {
+            "a pointer of Git LFS (run `git lfs pull` in its repository)"
+        }
         _ => "a file of an unknown kind",
     })
 }

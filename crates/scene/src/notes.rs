@@ -50,6 +50,23 @@ const KINDS: &[NoteKind] = &[
         },
     },
     NoteKind {
+        id: "unknown-types",
+        one: "1 agent is of a type that is not known, and is an object that nobody simulates",
+        many: "{} agents are of types that are not known, and are objects that nobody simulates",
+        find: |scenario, _| repaired(scenario, UNKNOWN_TYPE),
+    },
+    NoteKind {
+        id: "earlier-frame",
+        one: "the AV is absent at the default current frame, and the latest frame before it is taken",
+        many: "the AV is absent at the default current frame, and the latest frame before it is taken",
+        find: |scenario, _| {
+            repaired(scenario, EARLIER_FRAME).map(|Note { count, detail }| Note {
+                count: 1,
+                detail: detail.map(|_| format!("{count} frames before it")),
+            })
+        },
+    },
+    NoteKind {
         id: "no-drivable-area",
         one: "the map has no drivable area, so nobody is judged off the road",
         many: "the map has no drivable area, so nobody is judged off the road",
@@ -97,6 +114,28 @@ const KINDS: &[NoteKind] = &[
         find: |scenario, _| count(overlapping_agents(scenario)),
     },
 ];
+
+/// Beginning of the name of the repair that counts agents of one unknown type.
+const UNKNOWN_TYPE: &str = "agents of the unknown type ";
+/// Name of the repair that counts frames between the current frame and the default one.
+pub const EARLIER_FRAME: &str = "frames by which the current frame is before the default one";
+
+/// Longest name of a type in a repair, characters.
+const LONGEST_TYPE: usize = 40;
+
+/// Returns the name of the repair that counts agents of a type that a reader does not know.
+pub fn unknown_type(name: &str) -> String {
+    let name: String = name.chars().take(LONGEST_TYPE).collect();
+    format!("{UNKNOWN_TYPE}`{}`, taken as other objects", name.escape_debug())
+}
+
+/// Returns a note about the repairs whose names begin so, with the rest of the first name.
+fn repaired(scenario: &Scenario, name: &str) -> Option<Note> {
+    let mut found =
+        scenario.repairs.iter().filter_map(|(what, n)| Some((what.strip_prefix(name)?, *n))).peekable();
+    let detail = found.peek()?.0.split(',').next().map(str::to_owned);
+    Some(Note { count: found.map(|(_, n)| n).sum(), detail })
+}
 
 /// Speed up to which a vehicle counts as standing, m/s.
 const STANDSTILL_SPEED: f64 = 0.5;

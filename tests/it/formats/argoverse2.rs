@@ -236,6 +236,29 @@ fn another_frame_can_be_the_current_one() {
 }
 
 #[test]
+fn without_the_av_at_the_default_frame_the_latest_frame_before_it_is_the_current_one() {
+    let before = |last: i64| {
+        let mut rows = rows(110);
+        rows.retain(|row| row.0 != Some("AV") || !(last + 1..60).contains(&row.2));
+        read(&rows, &map())
+    };
+    let s = before(41).unwrap();
+    assert_eq!((s.origin.x, s.notes()["earlier-frame"].count), (541.0, 1));
+    assert_eq!(s.notes()["earlier-frame"].detail.as_deref(), Some("8 frames before it"));
+    assert!(!read(&rows(110), &map()).unwrap().notes().contains_key("earlier-frame"));
+    // The history needs ten frames.
+    assert!(before(9).unwrap_err().contains("absent at time step 49"));
+}
+
+#[test]
+fn unknown_types_are_noted() {
+    let mut rows = rows(110);
+    rows.iter_mut().filter(|row| row.0 == Some("7")).for_each(|row| row.1 = "robotaxi");
+    let s = read(&rows, &map()).unwrap();
+    assert_eq!(s.notes()["unknown-types"].detail.as_deref(), Some("`robotaxi`"));
+}
+
+#[test]
 fn bad_tables_are_refused_by_column_and_row() {
     let cases: &[Case<Vec<Row>>] = &[
         ("`heading` in row 3 is null, expected a finite number", |r| r[3].5 = None),
@@ -248,7 +271,7 @@ fn bad_tables_are_refused_by_column_and_row() {
             r[3] = r[1];
         }),
         ("`track_id` is `AV` in no row", |r| r.retain(|r| r.0 != Some("AV"))),
-        ("the track `AV` is absent at time step 49", |r| r.retain(|r| r.2 != 49)),
+        ("the track `AV` is absent at time step 49", |r| r.retain(|r| r.0 != Some("AV") || r.2 > 60)),
         ("the table is empty", Vec::clear),
         ("expected a point within 100 km of the AV", |r| r[180].3 = 1e300),
         ("expected a finite heading", |r| r[151].5 = Some(1e300)),

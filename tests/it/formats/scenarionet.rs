@@ -191,6 +191,18 @@ fn fields_mean_what_they_say() {
 }
 
 #[test]
+fn unknown_types_are_noted() {
+    let s = read(|v| {
+        v["tracks"]["7"]["type"] = json!("TRUCK");
+        v["tracks"]["9"]["type"] = json!("PED");
+    });
+    let note = s.unwrap().notes()["unknown-types"].clone();
+    assert_eq!((note.count, note.detail.as_deref()), (2, Some("`PED`")));
+    let cone = read(|v| v["tracks"]["7"]["type"] = json!("TRAFFIC_CONE"));
+    assert!(!cone.unwrap().notes().contains_key("unknown-types"));
+}
+
+#[test]
 fn recordings_of_other_lengths() {
     // Longer, and the current frame is not stated.
     let s = read_of(made(198), |v| {

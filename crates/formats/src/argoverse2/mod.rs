@@ -10,7 +10,7 @@ mod tracks;
 use std::path::{Path, PathBuf};
 
 use reactsim_files::name_of;
-use reactsim_scene::{CURRENT, Scenario};
+use reactsim_scene::{CURRENT, EARLIER_FRAME, Scenario};
 
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
@@ -56,13 +56,13 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = self.read_at(path, CURRENT_FRAME)?;
+        let scenario = read(path, None)?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
         let path: PathBuf = path.to_owned();
-        let decode: UndecodedScenario = Box::new(move || Argoverse2.read_at(&path, CURRENT_FRAME));
+        let decode: UndecodedScenario = Box::new(move || read(&path, None));
         Ok(Box::new(std::iter::once(Ok(decode))))
     }
 
@@ -71,7 +71,7 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
-        read(path, current_frame)
+        read(path, Some(current_frame))
     }
 
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
@@ -80,10 +80,11 @@ impl ScenarioFormat for Argoverse2 {
     }
 }
 
-/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one. The ten frames
-/// before it are the history. Missing frames among the 80 after it are counted in the scenario's repairs.
-fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
-    if current < CURRENT {
+/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one: by default the
+/// latest frame up to [`CURRENT_FRAME`] at which the AV is present. The ten frames before it are the history.
+/// Missing frames among the 80 after it are counted in the scenario's repairs.
+fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
+    if let Some(current) = current.filter(|current| *current < CURRENT) {
         let cause = Cause::value(
             "the current frame",
             current,
@@ -92,6 +93,9 @@ fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
         return Err(FormatError::file(path, cause));
     }
     let tracks = Tracks::read(path)?;
+    let unknown_types = parts::unknown_types(&tracks);
+    let earlier = current.map_or_else(|| CURRENT_FRAME - parts::latest_frame(&tracks, CURRENT_FRAME), |_| 0);
+    let current = current.unwrap_or(CURRENT_FRAME - earlier);
     let id = tracks.scenario_id.clone();
     let refuse = |cause| FormatError::record(path, 0, Some(id.clone()), cause);
     let map_path = find_map(path, &id).map_err(refuse)?;
@@ -101,9 +105,9 @@ fn read(path: &Path, current: usize) -> Result<Scenario, FormatError> {
         let file = if e.field.starts_with("map.") { &map_path } else { path };
         FormatError::scene(file, 0, e)
     })?;
-    if missing > 0 {
-        scenario.repairs.insert(UNRECORDED_FRAMES.into(), missing);
-    }
+    let counted = [(UNRECORDED_FRAMES, missing), (EARLIER_FRAME, earlier as u32)];
+    let counted = counted.into_iter().filter(|(_, n)| *n > 0).map(|(what, n)| (what.to_owned(), n));
+    scenario.repairs.extend(counted.chain(unknown_types));
     Ok(scenario)
 }
 

@@ -1,6 +1,8 @@
 //! Conversion of tracks and a map to scenario parts.
 
-use reactsim_scene::{Agent, AgentKind, CURRENT, FRAMES, LoggedAgent, MapParts, ScenarioParts};
+use std::collections::BTreeMap;
+
+use reactsim_scene::{Agent, AgentKind, CURRENT, FRAMES, LoggedAgent, MapParts, ScenarioParts, unknown_type};
 
 use super::tracks::{Track, Tracks};
 use crate::error::Cause;
@@ -64,6 +66,33 @@ fn agent(track: Track, first: usize) -> LoggedAgent {
     LoggedAgent { agent: Agent { id: track.id, kind, length, width }, track: states, heights: Vec::new() }
 }
 
+/// Classes of objects of any size that take no part in traffic.
+const OBJECT_CLASSES: [&str; 3] = ["static", "background", "unknown"];
+
+/// Returns the repairs of classes that are not known, with the number of their tracks.
+pub(super) fn unknown_types(tracks: &Tracks) -> BTreeMap<String, u32> {
+    let mut found = BTreeMap::new();
+    for name in tracks.tracks.iter().map(|track| track.object_type.as_str()) {
+        if class(name) == OF_ANY_SIZE && !OBJECT_CLASSES.contains(&name) {
+            *found.entry(unknown_type(name)).or_default() += 1;
+        }
+    }
+    found
+}
+
+/// Returns the latest frame up to `default` that can be the current one: the AV is present, and ten frames come
+/// before it. `default` itself if there is none.
+pub(super) fn latest_frame(tracks: &Tracks, default: usize) -> usize {
+    let av = tracks.tracks.iter().find(|track| track.id == AV);
+    let is_present = |frame: &usize| {
+        av.is_some_and(|av| u32::try_from(*frame).is_ok_and(|frame| av.states.contains_key(&frame)))
+    };
+    (CURRENT..=default).rev().find(is_present).unwrap_or(default)
+}
+
+/// Kind and size of objects of any size.
+const OF_ANY_SIZE: (AgentKind, f64, f64) = (AgentKind::Other, 0.0, 0.0);
+
 /// Returns kind, length and width (in metres) of an object class. The data set records no sizes; these are
 /// usual ones. A size of zero means an unknown size: such objects do not become obstacles.
 fn class(object_type: &str) -> (AgentKind, f64, f64) {
@@ -75,7 +104,7 @@ fn class(object_type: &str) -> (AgentKind, f64, f64) {
         "pedestrian" => (AgentKind::Pedestrian, 0.7, 0.7),
         "riderless_bicycle" => (AgentKind::Other, 1.8, 0.7),
         "construction" => (AgentKind::Other, 0.6, 0.6),
-        // `static`, `background`, `unknown` and classes of newer versions: of any size.
-        _ => (AgentKind::Other, 0.0, 0.0),
+        // Those of [`OBJECT_CLASSES`] and of newer versions.
+        _ => OF_ANY_SIZE,
     }
 }

@@ -70,8 +70,9 @@ fn read(path: &Path) -> Result<Scenario, FormatError> {
     let id = raw.id();
     let converted = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, id, cause))?;
     let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
-    for (what, count) in converted.left_out {
-        *scenario.repairs.entry(what.to_owned()).or_default() += count;
+    let repairs = converted.left_out.into_iter().map(|(what, count)| (what.to_owned(), count));
+    for (what, count) in repairs.chain(converted.unknown_types) {
+        *scenario.repairs.entry(what).or_default() += count;
     }
     Ok(scenario)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts,
+    Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts, unknown_type,
 };
 
 use super::angles;
@@ -24,6 +24,8 @@ pub(super) struct ConvertedScenario {
     pub(super) parts: ScenarioParts,
     /// Number of omitted elements by description.
     pub(super) left_out: BTreeMap<&'static str, u32>,
+    /// Number of objects by the repair of their type.
+    pub(super) unknown_types: BTreeMap<String, u32>,
 }
 
 /// Converts the content of a file.
@@ -57,8 +59,12 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
     }
     let unit = angles::radians_per_unit(&raw);
     let mut agents = Vec::with_capacity(raw.objects.len());
+    let mut unknown_types = BTreeMap::new();
     for (i, object) in raw.objects.iter().enumerate() {
         agents.push(agent(i, object, ids[i].clone(), unit)?);
+        if kind(&object.kind).is_none() {
+            *unknown_types.entry(unknown_type(&object.kind)).or_default() += 1;
+        }
     }
     let mut lights = Vec::new();
     for (lane, light) in raw.tl_states {
@@ -82,7 +88,7 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
         lights,
         deviation: None,
     };
-    Ok(ConvertedScenario { parts, left_out })
+    Ok(ConvertedScenario { parts, left_out, unknown_types })
 }
 
 /// Returns the id, or the index if the file has no id.
@@ -93,6 +99,17 @@ fn name(id: &Option<Name>, index: usize) -> String {
 /// Returns whether a position marks an invalid frame.
 fn is_unset(at: Point) -> bool {
     at.x == INVALID_COORDINATE && at.y == INVALID_COORDINATE
+}
+
+/// Returns the kind of objects of a type; `None` if the type is not known.
+fn kind(name: &str) -> Option<AgentKind> {
+    match name {
+        "vehicle" => Some(AgentKind::Vehicle),
+        "pedestrian" => Some(AgentKind::Pedestrian),
+        "cyclist" => Some(AgentKind::Cyclist),
+        "other" | "unset" => Some(AgentKind::Other),
+        _ => None,
+    }
 }
 
 fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAgent, Cause> {
@@ -130,12 +147,7 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
         let heading = object.heading[f] * unit;
         track.push(Some(AgentState { x: at.x, y: at.y, heading, vx: v.x, vy: v.y }));
     }
-    let kind = match object.kind.as_str() {
-        "vehicle" => AgentKind::Vehicle,
-        "pedestrian" => AgentKind::Pedestrian,
-        "cyclist" => AgentKind::Cyclist,
-        _ => AgentKind::Other,
-    };
+    let kind = kind(&object.kind).unwrap_or(AgentKind::Other);
     Ok(LoggedAgent { agent: Agent { id, kind, length: object.length, width: object.width }, track, heights })
 }
 

@@ -88,8 +88,9 @@ fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
     let converted = parts::parts(&root, id.clone(), current)
         .map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
     let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
-    for (what, count) in converted.repairs {
-        *scenario.repairs.entry(what.to_owned()).or_default() += count;
+    let repairs = converted.repairs.into_iter().map(|(what, count)| (what.to_owned(), count));
+    for (what, count) in repairs.chain(converted.unknown_types) {
+        *scenario.repairs.entry(what).or_default() += count;
     }
     Ok(scenario)
 }

@@ -15,6 +15,8 @@ pub(super) struct ConvertedScenario {
     pub(super) parts: ScenarioParts,
     /// Number of missing, omitted or changed elements by description.
     pub(super) repairs: BTreeMap<&'static str, u32>,
+    /// Number of agents by the repair of their type.
+    pub(super) unknown_types: BTreeMap<String, u32>,
 }
 
 /// Reads the id of the scenario.
@@ -41,7 +43,8 @@ pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<C
     let dataset = dataset.as_ref().and_then(View::as_text);
     let stated = about.need("sdc_id")?;
     let av_id = stated.name()?;
-    let mut agents = tracks::tracks(&root.need("tracks")?, &av_id, window)?;
+    let mut unknown_types = BTreeMap::new();
+    let mut agents = tracks::tracks(&root.need("tracks")?, &av_id, window, &mut unknown_types)?;
     let Some(av) = agents.iter().position(|a| a.agent.id == av_id) else {
         return Err(stated.wrong("the id of a track"));
     };
@@ -70,7 +73,7 @@ pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<C
         lights,
         deviation: None,
     };
-    Ok(ConvertedScenario { parts, repairs })
+    Ok(ConvertedScenario { parts, repairs, unknown_types })
 }
 
 /// Determines the window of frames, and the repairs for missing and unread frames.

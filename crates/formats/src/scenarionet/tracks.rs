@@ -1,6 +1,8 @@
 //! Tracks of a scenario.
 
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent};
+use std::collections::BTreeMap;
+
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent, unknown_type};
 
 use super::pickle::{Grid, View};
 use super::window::Window;
@@ -11,26 +13,54 @@ pub(super) const MAX_FRAMES: usize = 100_000;
 /// Maximum number of tracks of a scenario; usual scenarios have some hundred.
 pub(super) const MAX_TRACKS: usize = 10_000;
 
+/// Types of objects that take no part in traffic, as MetaDrive names them.
+const OBJECT_TYPES: [&str; 8] = [
+    "OTHER",
+    "UNSET",
+    "TRAFFIC_OBJECT",
+    "TRAFFIC_CONE",
+    "TRAFFIC_BARRIER",
+    "GUARDRAIL",
+    "BUILDING",
+    "CROSSWALK",
+];
+
 /// Reads the tracks that are present in at least one frame of the window, and that of the AV, in file order.
-pub(super) fn tracks(all: &View, av: &str, window: Window) -> Result<Vec<LoggedAgent>, Cause> {
+/// Adds the repairs of types that are not known.
+pub(super) fn tracks(
+    all: &View,
+    av: &str,
+    window: Window,
+    repairs: &mut BTreeMap<String, u32>,
+) -> Result<Vec<LoggedAgent>, Cause> {
     let mut agents = Vec::new();
     for (id, track) in all.entries(MAX_TRACKS)? {
         let is_av = id == av;
-        let agent = agent(id, &track, window)?;
+        let (kind, unknown) = kind(&track)?;
+        let agent = agent(id, kind, &track, window)?;
         if is_av || agent.track.iter().any(Option::is_some) {
             agents.push(agent);
+            if let Some(repair) = unknown {
+                *repairs.entry(repair).or_default() += 1;
+            }
         }
     }
     Ok(agents)
 }
 
-fn agent(id: String, track: &View, window: Window) -> Result<LoggedAgent, Cause> {
-    let kind = match track.get("type")?.and_then(|t| t.as_text()) {
-        Some("VEHICLE") => AgentKind::Vehicle,
-        Some("PEDESTRIAN") => AgentKind::Pedestrian,
-        Some("CYCLIST") => AgentKind::Cyclist,
-        _ => AgentKind::Other,
-    };
+/// Returns the kind of a track, and the name of the repair if its type is not known.
+fn kind(track: &View) -> Result<(AgentKind, Option<String>), Cause> {
+    let stated = track.get("type")?;
+    let name = stated.as_ref().and_then(View::as_text).unwrap_or_default();
+    Ok(match name {
+        "VEHICLE" => (AgentKind::Vehicle, None),
+        "PEDESTRIAN" => (AgentKind::Pedestrian, None),
+        "CYCLIST" => (AgentKind::Cyclist, None),
+        _ => (AgentKind::Other, (!OBJECT_TYPES.contains(&name)).then(|| unknown_type(name))),
+    })
+}
+
+fn agent(id: String, kind: AgentKind, track: &View, window: Window) -> Result<LoggedAgent, Cause> {
     let state = track.need("state")?;
     let [position, heading, valid] = ["position", "heading", "valid"].map(|key| state.need(key));
     let (position, heading) = (position?, heading?);
