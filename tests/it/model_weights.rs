@@ -115,11 +115,23 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
     let text = refused(&["--models", "stop", "--model-weights", &given(&file)]);
     assert!(text.contains("`pufferdrive`, which does not run"), "{text}");
     let text = refused(&["--model-weights", &given(&file), "--model-weights", &given(&file)]);
-    assert!(text.contains("given weights twice"), "{text}");
+    assert!(text.contains("two values for `pufferdrive`"), "{text}");
 
     fs::write(&file, &whole[..whole.len() / 2]).unwrap();
     let text = refused(&["--model-weights", &given(&file)]);
     assert!(text.contains("some.safetensors of `pufferdrive`") && text.contains("cut short"), "{text}");
+
+    fs::write(&file, "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n").unwrap();
+    let text = refused(&["--model-weights", &given(&file)]);
+    assert!(text.contains("pointer of Git LFS") && text.contains("git lfs pull"), "{text}");
+
+    let tensors = safetensors::SafeTensors::deserialize(&whole).unwrap().tensors();
+    let count = tensors.len();
+    let wrapped = tensors.into_iter().map(|(name, view)| (format!("module.{name}"), view));
+    fs::write(&file, safetensors::serialize(wrapped, None).unwrap()).unwrap();
+    let text = refused(&["--model-weights", &given(&file)]);
+    assert!(text.contains("names of all tensors begin with `module.`"), "{text}");
+    assert!(!text.contains("0 more") && count > 1, "{text}");
 
     // A file with the name of the published file must be that file.
     let known = folder.path().join("pufferdrive_v2.safetensors");

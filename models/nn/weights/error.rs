@@ -6,23 +6,24 @@ pub enum WeightsError {
     /// The file is cut short or has another format.
     #[error("the file is cut short or not safetensors ({0}): export it again")]
     Format(#[from] safetensors::SafeTensorError),
+    /// The file is a pointer of Git LFS.
+    #[error("the file is a pointer of Git LFS and not the weights: run `git lfs pull` in its repository")]
+    LfsPointer,
     /// A tensor of the network is not in the file.
-    #[error(
-        "tensor `{name}` {expected:?} is missing, and {others} more: the weights belong to \
-         another network or configuration"
-    )]
+    #[error("tensor `{name}` is missing{}: {}", more(*others), explain(prefix.as_deref()))]
     Missing {
         /// First such tensor by name.
         name: String,
-        /// Its shape in the network.
-        expected: Vec<usize>,
-        /// Number of other missing tensors.
+        /// Number of other missing tensors, as far as they were looked for.
         others: usize,
+        /// The text before the names of all tensors of the file, if the tensor is there with it.
+        prefix: Option<String>,
     },
     /// A tensor of the file is not in the network.
     #[error(
-        "tensor `{name}` {found:?} has no place in the network, and {others} more: the weights belong \
-         to another network or configuration"
+        "tensor `{name}` {found:?} has no place in the network{}: the weights belong to another network or \
+         configuration",
+        more(*others)
     )]
     Extra {
         /// First such tensor by name.
@@ -86,4 +87,19 @@ pub enum WeightsError {
     /// The configuration in the file's metadata is missing or does not fit.
     #[error("the file's metadata has no usable `config`: {0}")]
     Config(String),
+}
+
+/// Returns the text about other tensors with the same fault.
+fn more(others: usize) -> String {
+    if others == 0 { String::new() } else { format!(", and {others} more") }
+}
+
+/// Returns why a tensor is missing.
+fn explain(prefix: Option<&str>) -> String {
+    match prefix {
+        Some(prefix) => {
+            format!("the names of all tensors begin with `{prefix}`: remove this prefix when exporting them")
+        }
+        None => "the weights belong to another network or configuration".to_owned(),
+    }
 }

@@ -22,9 +22,8 @@ impl Tensors<'_> {
 
         let mut missing =
             expected_shapes.shapes.iter().filter(|(name, _)| !found.contains_key(name.as_str()));
-        if let Some((name, expected)) = missing.next() {
-            let (name, expected) = (name.clone(), expected.clone());
-            return Err(WeightsError::Missing { name, expected, others: missing.count() });
+        if let Some((name, _)) = missing.next() {
+            return Err(self.missing(name, missing.count()));
         }
         let mut extra = found.iter().filter(|(name, _)| !expected_shapes.shapes.contains_key(**name));
         if let Some((name, shape)) = extra.next() {

@@ -9,6 +9,9 @@ use serde::de::DeserializeOwned;
 
 use super::{CONFIG, WeightsError};
 
+/// Beginning of a file that Git LFS has not fetched.
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+
 /// Tensors of a safetensors file, by name. Values are copied only on access.
 #[derive(Debug)]
 pub struct Tensors<'a> {
@@ -20,8 +23,11 @@ impl<'a> Tensors<'a> {
     /// Reads the tensors from the bytes of a whole file.
     ///
     /// # Errors
-    /// [`WeightsError::Format`].
+    /// [`WeightsError::Format`], or [`WeightsError::LfsPointer`].
     pub fn read(bytes: &'a [u8]) -> Result<Self, WeightsError> {
+        if bytes.starts_with(LFS_POINTER) {
+            return Err(WeightsError::LfsPointer);
+        }
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let metadata = header.metadata().clone().unwrap_or_default().into_iter().collect();
         let tensors = SafeTensors::deserialize(bytes)?.tensors().into_iter().collect();
@@ -105,13 +111,22 @@ impl<'a> Tensors<'a> {
         Ok(())
     }
 
+    /// Returns the error about a tensor that is not in the file. Programs that wrap networks put a prefix before
+    /// all names, such as `module.`.
+    pub(super) fn missing(&self, name: &str, others: usize) -> WeightsError {
+        let prefix =
+            self.tensors.keys().find_map(|key| key.strip_suffix(name)).filter(|prefix| {
+                prefix.ends_with('.') && self.tensors.keys().all(|key| key.starts_with(prefix))
+            });
+        WeightsError::Missing { name: name.to_owned(), others, prefix: prefix.map(str::to_owned) }
+    }
+
     /// Returns the shape and the values of a tensor of 32-bit floats, row by row.
     ///
     /// # Errors
     /// [`WeightsError`] if it is missing, of another type, or holds a value that is not finite.
     pub fn floats(&self, name: &str) -> Result<(&[usize], Vec<f32>), WeightsError> {
-        let missing = || WeightsError::Missing { name: name.into(), expected: Vec::new(), others: 0 };
-        let view = self.tensors.get(name).ok_or_else(missing)?;
+        let view = self.tensors.get(name).ok_or_else(|| self.missing(name, 0))?;
         if view.dtype() != Dtype::F32 {
             return Err(WeightsError::Type { name: name.into(), found: format!("{:?}", view.dtype()) });
         }
