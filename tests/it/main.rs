@@ -29,6 +29,7 @@ mod idm;
 mod leaderboard;
 mod levels;
 mod long_tables;
+mod metric_constants;
 mod mini_scenarios;
 mod model_weights;
 mod networks;
