@@ -1,8 +1,15 @@
 //! Agents and obstacles as moving boxes.
 
-use reactsim_dynamics::Pose;
-use reactsim_geometry::OrientedBox;
+use reactsim_dynamics::{DrivenPath, Pose};
+use reactsim_geometry::{OrientedBox, wrap};
 use reactsim_scene::AgentKind;
+
+/// Largest lateral offset at which an agent keeps to a path, metres.
+const ON_PATH_OFFSET: f64 = 0.4;
+/// Largest angle at which an agent keeps to a path, radians.
+const ON_PATH_ANGLE: f64 = 0.1;
+/// Smallest travel time left on a path that an agent keeps to, seconds.
+const ON_PATH_TIME: f64 = 4.5;
 
 /// An agent or obstacle at the present time of a plan.
 #[derive(Clone, Copy, Debug)]
@@ -29,5 +36,16 @@ impl Actor {
     /// Returns the present box.
     pub(super) fn footprint(&self) -> OrientedBox {
         OrientedBox::new(self.pose.position, self.pose.heading, 2.0 * self.half_length, 2.0 * self.half_width)
+    }
+
+    /// Returns the arc length at which the agent is on a path, metres; `None` if it does not keep to the path,
+    /// or will soon be at its end.
+    pub(super) fn arc_on(&self, path: &DrivenPath) -> Option<f64> {
+        let at = path.project(self.pose.position, 0, usize::MAX, None);
+        let heading = path.points()[at.index].pose.heading;
+        let keeps = at.offset.abs() < ON_PATH_OFFSET
+            && wrap(heading - self.pose.heading).abs() < ON_PATH_ANGLE
+            && path.length() - at.s > ON_PATH_TIME * self.speed;
+        keeps.then_some(at.s)
     }
 }

@@ -16,7 +16,7 @@ use super::strip::Strip;
 pub(super) struct Leader {
     /// Arc length of its rear, metres.
     pub(super) rear: f64,
-    /// Speed along the path, m/s, not negative.
+    /// Speed along the path, m/s; negative if it reverses towards the vehicle.
     pub(super) speed: f64,
     /// Acceleration along the path, m/s².
     pub(super) acceleration: f64,
@@ -164,7 +164,8 @@ pub(super) fn look(
             let swept = swept(k, sample.speed, settings);
             let along = (other.half_length + swept) * cos.abs() + other.half_width * sin;
             let across = (other.half_length + swept) * sin + other.half_width * cos.abs();
-            if k == 0 && at.s < driver.s && cos > ALIGNED_COSINE {
+            let moves_along = if sample.speed < 0.0 { -cos } else { cos };
+            if k == 0 && at.s < driver.s && moves_along > ALIGNED_COSINE {
                 from_behind = true;
             }
             if at.offset.abs() > own.half_width + across + LATERAL_CLEARANCE {
@@ -193,15 +194,17 @@ pub(super) fn look(
                     }
                     continue;
                 }
-                let forward = sample.speed * cos;
-                if forecast.samples.len() == 1 || cos > ALIGNED_COSINE && forward > -0.1 {
-                    corridor.leaders.push(Leader {
-                        rear: low,
-                        speed: forward.max(0.0),
-                        acceleration: other.acceleration * cos,
-                    });
+                let speed = sample.speed * cos;
+                let leads = forecast.samples.len() == 1 || moves_along > ALIGNED_COSINE;
+                if leads {
+                    let acceleration = other.acceleration * cos;
+                    corridor.leaders.push(Leader { rear: low, speed: speed.max(0.0), acceleration });
                     covered.clear();
                     break;
+                }
+                // It has to be waited for as one that stands, and meets the vehicle as one that crosses.
+                if sample.speed < 0.0 && moves_along < -ALIGNED_COSINE {
+                    corridor.leaders.push(Leader { rear: low, speed, acceleration: 0.0 });
                 }
             }
             if low < to {

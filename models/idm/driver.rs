@@ -1,11 +1,14 @@
 //! Behaviour of agents: parked, on a path, on foot.
 
 use rand::RngExt;
-use reactsim_dynamics::{DrivenPath, Pose};
+use reactsim_dynamics::{DrivenPath, Pose, Pursuit};
 use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
-use reactsim_rollout::Stream;
-use reactsim_scene::{AgentKind, DT, FUTURE, HISTORY, LaneClass, Road, Start, StopKind, levels};
+use reactsim_rollout::{Observation, Stream};
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, DT, FUTURE, Frame, HISTORY, LaneClass, Road, Start, StopKind, levels,
+};
 
+use super::actor::Actor;
 use super::follow::Style;
 use super::parameters::{Class, Parameters};
 use super::route::{self, Motion, Route};
@@ -26,6 +29,43 @@ pub(super) enum AgentBehaviour {
     Leaving { velocity: Vec2, distance: f64, then: Vec2 },
     /// Not moved here: the AV as an external input.
     External,
+    /// Not in the scene at present.
+    Absent,
+}
+
+/// An agent as it is observed when its behaviour begins.
+#[derive(Clone, Copy)]
+pub(super) struct Sight<'a> {
+    pub(super) seen: Observation<'a>,
+    pub(super) agent: usize,
+    /// Height of the road under each agent, metres.
+    pub(super) heights: &'a [f64],
+}
+
+impl<'a> Sight<'a> {
+    fn start(&self) -> &'a Start {
+        self.seen.start()
+    }
+
+    pub(super) fn properties(&self) -> &'a Agent {
+        &self.start().agents[self.agent]
+    }
+
+    pub(super) fn now(&self) -> AgentState {
+        self.seen.state(self.agent).unwrap_or_else(|| self.start().now(self.agent))
+    }
+
+    pub(super) fn track(&self) -> &'a [Frame] {
+        self.seen.track(self.agent)
+    }
+
+    pub(super) fn height(&self) -> f64 {
+        self.heights[self.agent]
+    }
+
+    fn road(&self) -> Road<'a> {
+        self.start().road().on_level(if self.start().has_levels() { self.height() } else { f64::NAN })
+    }
 }
 
 /// A vehicle or cyclist with its path.
@@ -68,26 +108,30 @@ pub(super) struct PathStop {
 
 /// Speed in m/s of a pedestrian who steps clear of a vehicle.
 const STEPPING_SPEED: f64 = 1.0;
+/// Speed in m/s against the heading from which a vehicle reverses.
+pub(super) const REVERSING_SPEED: f64 = 0.3;
 /// Speed in m/s above which reversing counts as an error of the recording.
 const MAX_REVERSE_SPEED: f64 = 4.0;
 /// Comfortable deceleration before slower parts of the path, m/s².
 const APPROACH_DECELERATION: f64 = 1.6;
+/// Lateral acceleration of a swerve, m/s².
+const SWERVE_ACCELERATION: f64 = 4.0;
 /// Smallest speed in curves, m/s.
 const MIN_CURVE_SPEED: f64 = 2.0;
 
 impl AgentBehaviour {
     /// Chooses the behaviour of an agent and plans its path.
-    pub(super) fn begin(start: &Start, agent: usize, parameters: &Parameters, stream: &mut Stream) -> Self {
+    pub(super) fn begin(sight: &Sight<'_>, parameters: &Parameters, stream: &mut Stream) -> Self {
         // Every agent draws the same count of numbers, so that one agent's choices do not shift
         // another's.
         let (headway, speed) = (stream.random::<f64>() * 2.0 - 1.0, stream.random::<f64>() * 2.0 - 1.0);
         let seed: u64 = stream.random();
         let mut own = <Stream as rand::SeedableRng>::seed_from_u64(seed);
-        let now = start.now(agent);
-        match start.agents[agent].kind {
+        let now = sight.now();
+        match sight.properties().kind {
             AgentKind::Pedestrian => {
-                let velocity = mean_velocity(start, agent);
-                if let Some((leave, distance)) = path_out(start, agent) {
+                let velocity = mean_velocity(sight);
+                if let Some((leave, distance)) = path_out(sight) {
                     return Self::Leaving { velocity: leave * STEPPING_SPEED, distance, then: velocity };
                 }
                 if velocity.norm() < parameters.pedestrian.standing_speed {
@@ -97,9 +141,9 @@ impl AgentBehaviour {
                 }
             }
             AgentKind::Vehicle | AgentKind::Cyclist => {
-                let cyclist = start.agents[agent].kind == AgentKind::Cyclist;
-                let class = if cyclist { &parameters.cyclist } else { &parameters.vehicle };
-                if now.forward_speed() < -0.3 {
+                let kind = sight.properties().kind;
+                let (cyclist, class) = (kind == AgentKind::Cyclist, parameters.class(kind));
+                if now.forward_speed() < -REVERSING_SPEED {
                     // No vehicle reverses fast: a velocity against the heading is an error of the
                     // recording.
                     return if now.speed() < MAX_REVERSE_SPEED { Self::Reversing } else { Self::Parked };
@@ -108,15 +152,13 @@ impl AgentBehaviour {
                     position: now.position(),
                     heading: now.heading,
                     speed: now.velocity().map_or(0.0, |v| v.norm()),
-                    curvature: curvature_now(start, agent).clamp(-class.max_curvature, class.max_curvature),
+                    curvature: curvature_now(sight.track()).clamp(-class.max_curvature, class.max_curvature),
                 };
-                if is_parked(start, agent, &motion, cyclist, parameters) {
+                if is_parked(sight, &motion, cyclist, parameters) {
                     return Self::Parked;
                 }
                 let style = Style::of(class, headway, speed);
-                Self::OnPath(Box::new(PathFollower::plan(
-                    start, agent, &motion, class, style, cyclist, &mut own,
-                )))
+                Self::OnPath(Box::new(PathFollower::plan(sight, &motion, class, style, cyclist, &mut own)))
             }
             AgentKind::Other => Self::Parked,
         }
@@ -125,16 +167,16 @@ impl AgentBehaviour {
 
 /// Returns whether a standing vehicle is parked: it has not moved, and it is next to the lanes or at an
 /// angle to them.
-fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parameters: &Parameters) -> bool {
-    let first = start.history[agent].iter().flatten().next().map_or(motion.position, |s| s.position());
+fn is_parked(sight: &Sight<'_>, motion: &Motion, cyclist: bool, parameters: &Parameters) -> bool {
+    let first = sight.track().iter().flatten().next().map_or(motion.position, |s| s.position());
     let bounds = &parameters.parked;
     if (motion.position - first).norm() > bounds.travel || motion.speed > bounds.speed {
         return false;
     }
-    match route::nearest_lane(&start.road_at(agent), motion.position, motion.heading, cyclist) {
+    match route::nearest_lane(&sight.road(), motion.position, motion.heading, cyclist) {
         None => true,
         Some(hit) => {
-            let lane = start.road().lane(hit.lane).baseline.heading(hit.projection.segment);
+            let lane = sight.road().lane(hit.lane).baseline.heading(hit.projection.segment);
             hit.projection.distance > bounds.offset
                 || reactsim_geometry::wrap(lane - motion.heading).abs() > bounds.heading
         }
@@ -143,11 +185,12 @@ fn is_parked(start: &Start, agent: usize, motion: &Motion, cyclist: bool, parame
 
 /// Returns direction and length, metres, of the shortest path out of the vehicle's box that a
 /// pedestrian is in: people who get in or out. `None` if there is no such box.
-fn path_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
-    let own = start.now(agent).footprint(&start.agents[agent]);
-    let vehicles = (0..start.agents.len()).filter(|&j| start.agents[j].kind == AgentKind::Vehicle);
-    let beside = vehicles.filter(|&j| !levels::apart(start.height_now(agent), start.height_now(j), 0.0));
-    let boxes = beside.map(|j| start.now(j).footprint(&start.agents[j]));
+fn path_out(sight: &Sight<'_>) -> Option<(Vec2, f64)> {
+    let own = sight.now().footprint(sight.properties());
+    let agents = sight.start().agents.iter().enumerate();
+    let vehicles = agents.filter(|(_, agent)| agent.kind == AgentKind::Vehicle);
+    let beside = vehicles.filter(|(j, _)| !levels::apart(sight.height(), sight.heights[*j], 0.0));
+    let boxes = beside.filter_map(|(j, agent)| Some(sight.seen.state(j)?.footprint(agent)));
     let inside = boxes.filter(|b| b.separation(&own) < 0.0).min_by(|a, b| {
         (a.center - own.center).norm_squared().total_cmp(&(b.center - own.center).norm_squared())
     })?;
@@ -162,23 +205,26 @@ fn path_out(start: &Start, agent: usize) -> Option<(Vec2, f64)> {
     Some((out.0, out.1 + 0.1))
 }
 
-/// Returns the mean velocity over the history, m/s, because pedestrians sway from frame to frame.
-fn mean_velocity(start: &Start, agent: usize) -> Vec2 {
-    let seen = start.history[agent].iter().enumerate().filter_map(|(f, s)| Some((f, (*s)?)));
+/// Returns the mean velocity over as many frames as the history has, m/s, because pedestrians sway from frame
+/// to frame.
+fn mean_velocity(sight: &Sight<'_>) -> Vec2 {
+    let track = sight.track();
+    let seen =
+        track[track.len().saturating_sub(HISTORY)..].iter().enumerate().filter_map(|(f, s)| Some((f, (*s)?)));
     let mut ends = seen.map(|(f, s)| (f, s.position()));
     let Some(first) = ends.next() else { return Vec2::zeros() };
     match ends.next_back() {
         Some(last) => (last.1 - first.1) / (DT * (last.0 - first.0) as f64),
-        None => start.now(agent).velocity().unwrap_or_default(),
+        None => sight.now().velocity().unwrap_or_default(),
     }
 }
 
 /// Returns the curvature of the motion over the last half second, 1/m; 0 for slow vehicles, whose
 /// headings are mostly noise.
-fn curvature_now(start: &Start, agent: usize) -> f64 {
-    let track = &start.history[agent];
-    let Some(now) = track[HISTORY - 1] else { return 0.0 };
-    let Some((back, before)) = (1..=5).rev().find_map(|b| Some((b, track[HISTORY - 1 - b]?))) else {
+fn curvature_now(track: &[Frame]) -> f64 {
+    let [earlier @ .., Some(now)] = track else { return 0.0 };
+    let Some((back, before)) = (1..=5).rev().find_map(|b| Some((b, earlier[earlier.len().checked_sub(b)?]?)))
+    else {
         return 0.0;
     };
     let distance = (now.position() - before.position()).norm();
@@ -190,15 +236,14 @@ fn curvature_now(start: &Start, agent: usize) -> f64 {
 
 impl PathFollower {
     fn plan(
-        start: &Start,
-        agent: usize,
+        sight: &Sight<'_>,
         motion: &Motion,
         class: &Class,
         style: Style,
         cyclist: bool,
         stream: &mut Stream,
     ) -> Self {
-        let road = start.road_at(agent);
+        let road = sight.road();
         let pose = Pose { position: motion.position, heading: motion.heading };
         let free = class.speed_freeway.max(motion.speed);
         // Cover the distance that the vehicle can travel within the horizon, and its look-ahead.
@@ -213,15 +258,15 @@ impl PathFollower {
         let Some((line, starts)) = route::center_line(&road, &route, length) else {
             return Self::off_lane(&road, motion, pose, class, style);
         };
-        let half_width = 0.5 * start.agents[agent].width;
-        let line = around_obstacles(start, agent, &line, half_width, motion.speed);
+        let agent = sight.properties();
+        let line = around_obstacles(sight, &line, 0.5 * agent.width, motion.speed);
         let pursuit = class.pursuit(motion.speed);
         let path = DrivenPath::pursue(pose, motion.curvature, &line, length, &pursuit);
         let offset = line.project(motion.position).s;
         let starts: Vec<(f64, usize)> = starts.into_iter().map(|(s, l)| (s - offset, l)).collect();
         let desired = desired_speeds(&road, &path, &starts, motion.speed, class, &style);
         let ceiling = ceiling(&path, &desired, class);
-        let stops = stops(start, &route, &starts, start.agents[agent].length);
+        let stops = stops(sight.start(), &route, &starts, agent.length);
         Self {
             path,
             home: line,
@@ -266,6 +311,32 @@ impl PathFollower {
         }
     }
 
+    /// Continues from where the vehicle is now, towards its home line. Returns false, and changes nothing, if
+    /// it has left its path.
+    pub(super) fn resume(&mut self, own: &Actor, class: &Class) -> bool {
+        let Some(s) = own.arc_on(&self.path) else { return false };
+        (self.s, self.waits) = (s, false);
+        let target = self.aside.map_or(0.0, |(offset, _)| offset);
+        self.take(self.path_at_offset(own, class, target, f64::INFINITY), class);
+        true
+    }
+
+    /// Plans a path to the home line shifted by `target` metres, at most `longest` metres long.
+    pub(super) fn path_at_offset(&self, own: &Actor, class: &Class, target: f64, longest: f64) -> DrivenPath {
+        let fast = own.speed.max(3.0);
+        let limit = class.max_curvature.min(SWERVE_ACCELERATION / (fast * fast));
+        let pursuit = Pursuit {
+            look_ahead: (0.7 * own.speed).clamp(4.0, 14.0),
+            // A curve of the road itself must remain drivable.
+            max_curvature: limit.max(self.sharpest_ahead()).min(class.max_curvature),
+            max_curvature_rate: class.curvature_rate.min(12.0 / (fast * fast)).max(0.01),
+        };
+        let line = self.home.aside(target);
+        let left = (self.path.length() - self.s).max(20.0).min(longest);
+        let curvature = self.path.points()[self.path.index(self.s)].curvature;
+        DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
+    }
+
     /// Switches to a new path that begins at the present position.
     pub(super) fn take(&mut self, path: DrivenPath, class: &Class) {
         let gone = self.path.index(self.s).min(self.desired.len() - 1);
@@ -282,7 +353,7 @@ impl PathFollower {
     }
 
     /// Returns the largest curvature of the path in the next 40 m, 1/m.
-    pub(super) fn sharpest_ahead(&self) -> f64 {
+    fn sharpest_ahead(&self) -> f64 {
         let from = self.path.index(self.s);
         self.path.points()[from..].iter().take(40).map(|p| p.curvature.abs()).fold(0.0, f64::max)
     }
@@ -351,16 +422,19 @@ fn stops(start: &Start, route: &Route, starts: &[(f64, usize)], length: f64) -> 
 
 /// Shifts the reference line where a standing vehicle or obstacle reaches into it and there is room to
 /// pass.
-fn around_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f64, speed: f64) -> Polyline {
+fn around_obstacles(sight: &Sight<'_>, line: &Polyline, half_width: f64, speed: f64) -> Polyline {
     /// Largest lateral shift, metres.
     const MAX_SHIFT: f64 = 1.5;
     /// Lateral clearance to a standing vehicle, metres.
     const CLEARANCE: f64 = 0.45;
-    let (road, height) = (start.road_at(agent), start.height_now(agent));
+    let (road, height, start) = (sight.road(), sight.height(), sight.start());
     let ramp = (1.2 * speed).max(10.0);
     let mut berths: Vec<(f64, f64, f64)> = Vec::new();
-    let standing = (1..start.agents.len()).filter(|&j| j != agent && stands(start, j));
-    let boxes = standing.map(|j| (start.now(j).footprint(&start.agents[j]), start.height_now(j)));
+    let others = (1..start.agents.len()).filter(|&j| j != sight.agent);
+    let boxes = others.filter_map(|j| {
+        let now = stands(sight.seen.track(j))?;
+        Some((now.footprint(&start.agents[j]), sight.heights[j]))
+    });
     let obstacles = start.obstacles.iter().enumerate().map(|(k, &o)| (o, start.obstacle_height(k)));
     for (o, its_height) in boxes.chain(obstacles) {
         let Some((from, to, low, high)) = extent_along(line, &o) else { continue };
@@ -412,11 +486,12 @@ fn around_obstacles(start: &Start, agent: usize, line: &Polyline, half_width: f6
     Polyline::new(&moved).unwrap_or_else(|_| line.clone())
 }
 
-/// Returns whether an agent stood throughout its history.
-fn stands(start: &Start, agent: usize) -> bool {
-    let now = start.now(agent);
-    let first = start.history[agent].iter().flatten().next().map_or(now.position(), |s| s.position());
-    (now.position() - first).norm() < 0.3 && now.velocity().is_none_or(|v| v.norm() < 0.3)
+/// Returns the present state of an agent that has stood so far.
+fn stands(track: &[Frame]) -> Option<AgentState> {
+    let now = track.last().copied().flatten()?;
+    let first = track.iter().flatten().next().map_or(now.position(), |s| s.position());
+    let still = (now.position() - first).norm() < 0.3 && now.velocity().is_none_or(|v| v.norm() < 0.3);
+    still.then_some(now)
 }
 
 /// Returns the extent of a box along a line: first and last arc length, smallest and largest lateral

@@ -4,7 +4,7 @@
 //! accelerations and checked against the forecasts. The cheapest combination that stays clear of the
 //! AV, of other agents and of the road edge is chosen.
 
-use reactsim_dynamics::{DrivenPath, Pursuit};
+use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction, left, math};
 use reactsim_scene::{LaneHit, Road};
 
@@ -69,8 +69,6 @@ const SIGN_COST: f64 = 5.0;
 const CROSSING_TIME: f64 = 3.0;
 /// Speed in m/s below which a vehicle stands.
 const STANDSTILL_SPEED: f64 = 0.5;
-/// Lateral acceleration of a swerve, m/s².
-const SWERVE_ACCELERATION: f64 = 4.0;
 
 /// Chosen evasion.
 pub(super) struct Escape {
@@ -196,7 +194,8 @@ impl Surroundings<'_> {
             }
             // The AV's forecast is less certain the later it is. A standing vehicle considers that only for
             // an AV in its own direction: others pass in front of queues all the time.
-            let wary = other.is_av && (own.speed > STANDSTILL_SPEED || sample.axis.dot(&ours.axis) > 0.5);
+            let heads = if sample.speed < 0.0 { -sample.axis } else { sample.axis };
+            let wary = other.is_av && (own.speed > STANDSTILL_SPEED || heads.dot(&ours.axis) > 0.5);
             let lasting = if wary { lasting } else { 0.0 };
             let growth = (AV_GROWTH_ALONG * lasting, AV_GROWTH_ACROSS * lasting);
             let theirs = OrientedBox {
@@ -238,8 +237,8 @@ impl Surroundings<'_> {
             if aside >= best.0 {
                 continue;
             }
-            let swerve = (offset != 0.0)
-                .then(|| self.path_at_offset(own, driver, class, target, self.judged_length(own)));
+            let swerve =
+                (offset != 0.0).then(|| driver.path_at_offset(own, class, target, self.judged_length(own)));
             let mut off_lane = None;
             for profile in std::iter::once(present).chain(PROFILES) {
                 let mut cost = aside + CHANGE_COST * (profile.now - a).abs();
@@ -264,37 +263,13 @@ impl Surroundings<'_> {
                 }
             }
         }
-        let course =
-            best.2.map(|target| (target, self.path_at_offset(own, driver, class, target, f64::INFINITY)));
+        let course = best.2.map(|target| (target, driver.path_at_offset(own, class, target, f64::INFINITY)));
         Some(Escape { acceleration: best.1, course })
     }
 
     /// Returns the length of path that is needed to judge a swerve, metres.
     fn judged_length(&self, own: &Actor) -> f64 {
         (own.speed + 2.0) * CONTACT_HORIZON + 10.0
-    }
-
-    /// Plans a path to the home line shifted by `target` metres, at most `longest` metres long.
-    pub(super) fn path_at_offset(
-        &self,
-        own: &Actor,
-        driver: &PathFollower,
-        class: &Class,
-        target: f64,
-        longest: f64,
-    ) -> DrivenPath {
-        let fast = own.speed.max(3.0);
-        let limit = class.max_curvature.min(SWERVE_ACCELERATION / (fast * fast));
-        let pursuit = Pursuit {
-            look_ahead: (0.7 * own.speed).clamp(4.0, 14.0),
-            // A curve of the road itself must remain drivable.
-            max_curvature: limit.max(driver.sharpest_ahead()).min(class.max_curvature),
-            max_curvature_rate: class.curvature_rate.min(12.0 / (fast * fast)).max(0.01),
-        };
-        let line = driver.home.aside(target);
-        let left = (driver.path.length() - driver.s).max(20.0).min(longest);
-        let curvature = driver.path.points()[driver.path.index(driver.s)].curvature;
-        DrivenPath::pursue(own.pose, curvature, &line, left, &pursuit)
     }
 
     /// Returns the cost of leaving the drivable area (low for a wheel, high for the middle of the

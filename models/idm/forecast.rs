@@ -13,7 +13,7 @@ pub(super) struct Sample {
     pub(super) center: Vec2,
     /// Unit vector along the heading.
     pub(super) axis: Vec2,
-    /// Speed, m/s.
+    /// Speed, m/s, negative in reverse.
     pub(super) speed: f64,
     /// Height of the road there, metres; NaN if unknown, and in scenarios of one level.
     pub(super) height: f64,
@@ -94,19 +94,18 @@ impl Forecast {
         })
     }
 
-    /// Forecasts motion with the present curvature, which decays over 10 m.
+    /// Forecasts motion with the present curvature, which decays over 10 m, ahead or in reverse.
     pub(super) fn turning(index: usize, actor: &Actor, curvature: f64, settings: &Conflict) -> Self {
         let (mut pose, mut gone) = (actor.pose, 0.0);
         Self::of(index, actor, settings, |distance| {
-            let middle = 0.5 * (gone + distance);
+            let middle = 0.5 * (gone + distance).abs();
             pose = pose.advance(distance - gone, curvature * math::exp(-middle / 10.0));
             gone = distance;
             (pose.position, direction(pose.heading))
         })
     }
 
-    /// Forecasts straight motion at a velocity that need not point along the heading (pedestrians,
-    /// reversing vehicles).
+    /// Forecasts straight motion at a velocity that need not point along the heading (pedestrians).
     pub(super) fn drifting(index: usize, actor: &Actor, velocity: Vec2, settings: &Conflict) -> Self {
         let speed = velocity.norm();
         let unit = if speed > 0.0 { velocity / speed } else { Vec2::zeros() };
@@ -136,18 +135,23 @@ impl Forecast {
         let mut bounds = Bounds::around(now.center, radius);
         for k in 1..=count {
             let t = k as f64 * settings.sample;
-            let (distance, speed) = travel(actor.speed, actor.acceleration.clamp(-6.0, 1.5), t);
+            let (distance, speed) = travel(actor.speed, actor.acceleration, t);
             let (center, axis) = at(distance);
             samples.push(Sample { center, axis, speed, height: f64::NAN });
-            bounds = bounds.union(&Bounds::around(center, radius + 0.5 * settings.sample * speed));
+            bounds = bounds.union(&Bounds::around(center, radius + 0.5 * settings.sample * speed.abs()));
         }
         Self { actor: index, band: Band::around(&samples), samples, bounds }
     }
 }
 
 /// Returns distance and speed after `t` seconds with an acceleration of limited duration; vehicles do
-/// not roll back.
+/// not change between driving ahead and in reverse.
 fn travel(speed: f64, acceleration: f64, t: f64) -> (f64, f64) {
+    if speed < 0.0 {
+        let (distance, speed) = travel(-speed, -acceleration, t);
+        return (-distance, -speed);
+    }
+    let acceleration = acceleration.clamp(-6.0, 1.5);
     let starting = acceleration > 0.0 && speed < START_SPEED;
     let mut lasting = t.min(if starting { START_DURATION } else { ACCELERATION_DURATION });
     if speed + acceleration * lasting < 0.0 {
@@ -184,10 +188,7 @@ pub(super) fn forecast_all(
             Some(AgentBehaviour::Leaving { velocity, .. }) => {
                 all.push(Forecast::drifting(i, actor, *velocity * 0.5, settings));
             }
-            Some(AgentBehaviour::Reversing) => {
-                let backwards = direction(actor.pose.heading) * actor.speed;
-                all.push(Forecast::drifting(i, actor, backwards, settings));
-            }
+            Some(AgentBehaviour::Reversing) => all.push(Forecast::turning(i, actor, 0.0, settings)),
             Some(AgentBehaviour::External) => {
                 all.push(Forecast::turning(i, actor, av_curvature, settings));
                 for path in av_paths {
@@ -195,6 +196,7 @@ pub(super) fn forecast_all(
                     all.push(Forecast::along(i, actor, path, s, settings));
                 }
             }
+            Some(AgentBehaviour::Absent) => {}
             Some(AgentBehaviour::Parked) | None => {
                 let standing = Actor { speed: 0.0, acceleration: 0.0, ..*actor };
                 all.push(Forecast::drifting(i, &standing, Vec2::zeros(), settings));
@@ -202,4 +204,20 @@ pub(super) fn forecast_all(
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reversing_mirrors_driving_ahead() {
+        for (speed, acceleration) in [(4.0, -2.0), (2.0, 1.0), (0.5, 3.0), (6.0, -9.0)] {
+            for t in [0.5, 1.5, 4.0] {
+                let (distance, after) = travel(speed, acceleration, t);
+                assert_eq!(travel(-speed, -acceleration, t), (-distance, -after));
+                assert!(distance > 0.0 && after >= 0.0);
+            }
+        }
+    }
 }

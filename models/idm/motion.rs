@@ -1,14 +1,14 @@
 //! The traffic of one episode: decisions at every decision interval, motion at every step.
 
-use reactsim_dynamics::{DrivenPath, Pose};
+use reactsim_dynamics::{DrivenPath, Pose, STANDSTILL_SPEED};
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 use reactsim_rollout::{Observation, Planning, Stream};
-use reactsim_scene::{Agent, AgentKind, AgentState, DT, Start, levels};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Start, levels};
 
 use super::actor::Actor;
 use super::corridor::{self, Corridor, View};
 use super::decide::{Situation, decide};
-use super::driver::{AgentBehaviour, PathFollower};
+use super::driver::{AgentBehaviour, PathFollower, REVERSING_SPEED, Sight};
 use super::evade::{CONTACT_HORIZON, Surroundings};
 use super::forecast::{Forecast, forecast_all};
 use super::heights::{self, PathHeights};
@@ -37,12 +37,6 @@ const MAX_AV_ROUTES: usize = 3;
 const AV_ROUTE_COST_MARGIN: f64 = 1.2;
 /// Number of plans for which the AV's paths are reused.
 const AV_PATHS_LIFETIME: usize = 3;
-/// Largest lateral offset at which the AV keeps to a path, metres.
-const ON_PATH_OFFSET: f64 = 0.4;
-/// Largest angle at which the AV keeps to a path, radians.
-const ON_PATH_ANGLE: f64 = 0.1;
-/// Smallest travel time left on a path that the AV keeps to, seconds.
-const ON_PATH_TIME: f64 = 4.5;
 
 /// State of the model in an episode.
 #[derive(Debug)]
@@ -69,21 +63,14 @@ struct Intent {
 
 impl Traffic {
     pub(super) fn begin(start: &Start, parameters: &Parameters, stream: &mut Stream) -> Self {
+        let agents = 0..start.agents.len();
+        let heights: Vec<f64> = agents.clone().map(|i| start.height_now(i)).collect();
+        let seen = Observation::new(start, &start.history, &start.light_history, None);
+        let sights: Vec<Sight<'_>> = agents.map(|agent| Sight { seen, agent, heights: &heights }).collect();
         let behaviours: Vec<AgentBehaviour> =
-            (0..start.agents.len()).map(|i| AgentBehaviour::begin(start, i, parameters, stream)).collect();
-        let mut actors: Vec<Actor> = (0..start.agents.len())
-            .map(|i| {
-                let now = start.now(i);
-                let speed = match &behaviours[i] {
-                    AgentBehaviour::Parked => 0.0,
-                    AgentBehaviour::Reversing => now.forward_speed(),
-                    _ => now.velocity().map_or(0.0, |v| v.norm()),
-                };
-                let acceleration =
-                    if matches!(behaviours[i], AgentBehaviour::OnPath(_)) { recent(start, i) } else { 0.0 };
-                Actor { height: start.height_now(i), ..actor(&start.agents[i], &now, speed, acceleration) }
-            })
-            .collect();
+            sights.iter().map(|sight| AgentBehaviour::begin(sight, parameters, stream)).collect();
+        let mut actors: Vec<Actor> =
+            sights.iter().zip(&behaviours).map(|(sight, behaviour)| present(sight, behaviour)).collect();
         actors.extend(start.obstacles.iter().enumerate().map(|(i, o)| Actor {
             kind: AgentKind::Other,
             is_av: false,
@@ -100,7 +87,9 @@ impl Traffic {
     /// Plans all steps of an episode's plan.
     pub(super) fn plan(&mut self, parameters: &Parameters, episode: &mut Planning<'_, '_>) {
         let seen = episode.seen;
-        if !episode.moves_av {
+        if episode.moves_av {
+            self.take_over(seen, parameters, episode.stream);
+        } else {
             self.observe_av(&seen, parameters);
         }
         let agents = seen.start().agents.len();
@@ -112,6 +101,9 @@ impl Traffic {
             }
             let since = (k % DECISION_INTERVAL) as f64 * DT;
             for i in 0..agents {
+                if matches!(self.behaviours[i], AgentBehaviour::Absent) {
+                    continue;
+                }
                 self.step(i, &intents[i], walks[i], since, parameters);
                 let a = &self.actors[i];
                 let velocity = direction(a.pose.heading) * a.speed;
@@ -127,6 +119,35 @@ impl Traffic {
         }
     }
 
+    /// Takes over the realised states of agents that did not execute their plans: as a planner of the AV the
+    /// model merely imagines what others do.
+    fn take_over(&mut self, seen: Observation<'_>, parameters: &Parameters, stream: &mut Stream) {
+        let heights: Vec<f64> = self.actors.iter().map(|a| a.height).collect();
+        for (agent, behaviour) in self.behaviours.iter_mut().enumerate() {
+            let Some(now) = seen.state(agent) else {
+                *behaviour = AgentBehaviour::Absent;
+                continue;
+            };
+            let is_back = matches!(behaviour, AgentBehaviour::Absent);
+            if !is_back && Pose::from(now) == self.actors[agent].pose {
+                continue;
+            }
+            let sight = Sight { seen, agent, heights: &heights };
+            let own = present(&sight, behaviour);
+            let class = parameters.class(own.kind);
+            let resumes = match behaviour {
+                AgentBehaviour::OnPath(driver) if now.forward_speed() >= -REVERSING_SPEED => {
+                    driver.resume(&own, class)
+                }
+                _ => false,
+            };
+            if !resumes {
+                *behaviour = AgentBehaviour::begin(&sight, parameters, stream);
+            }
+            self.actors[agent] = present(&sight, behaviour);
+        }
+    }
+
     /// Updates the AV from the observation, with the newest visible speed, curvature and acceleration.
     fn observe_av(&mut self, seen: &Observation<'_>, parameters: &Parameters) {
         self.behaviours[0] = AgentBehaviour::External;
@@ -135,8 +156,7 @@ impl Traffic {
         let mut recent: Vec<AgentState> =
             track[track.len().saturating_sub(4)..].iter().flatten().copied().collect();
         recent.extend(seen.av_next());
-        let speeds: Vec<f64> =
-            recent.windows(2).map(|w| (w[1].position() - w[0].position()).norm() / DT).collect();
+        let speeds = signed_speeds(&recent);
         let speed = speeds.last().copied().unwrap_or_else(|| now.speed());
         let acceleration = match (speeds.first(), speeds.len()) {
             (Some(first), n) if n > 1 => (speed - first) / (DT * (n - 1) as f64),
@@ -145,7 +165,7 @@ impl Traffic {
         let newest = recent.last().copied().unwrap_or(now);
         let distance: f64 = speeds.iter().sum::<f64>() * DT;
         self.av_curvature = match recent.first() {
-            Some(first) if distance > 0.3 => {
+            Some(first) if distance.abs() > 0.3 => {
                 (wrap(newest.heading - first.heading) / distance).clamp(-0.3, 0.3)
             }
             _ => 0.0,
@@ -159,22 +179,21 @@ impl Traffic {
     }
 
     /// Finds the paths along lanes that the AV may take: the likeliest, and those that are nearly as
-    /// likely. They are reused while the AV keeps to one of them and cannot have passed a branch.
+    /// likely. They are reused while the AV keeps to one of them and cannot have passed a branch. An AV in
+    /// reverse has none.
     fn find_av_paths(&mut self, seen: &Observation<'_>, av: &Actor, parameters: &Parameters) {
+        if av.speed < 0.0 {
+            self.av_paths.clear();
+            return;
+        }
         if self.av_paths_age < AV_PATHS_LIFETIME && !self.av_paths.is_empty() {
-            let keeps = self.av_paths.iter().any(|path| {
-                let at = path.project(av.pose.position, 0, usize::MAX, None);
-                let heading = path.points()[at.index].pose.heading;
-                at.offset.abs() < ON_PATH_OFFSET
-                    && wrap(heading - av.pose.heading).abs() < ON_PATH_ANGLE
-                    && path.length() - at.s > ON_PATH_TIME * av.speed
-            });
-            if keeps {
+            if self.av_paths.iter().any(|path| av.arc_on(path).is_some()) {
                 self.av_paths_age += 1;
                 return;
             }
         }
         self.av_paths_age = 0;
+        self.av_paths.clear();
         let road = seen.start().road().on_level(av.height);
         let motion = Motion {
             position: av.pose.position,
@@ -187,7 +206,6 @@ impl Traffic {
         let least = routes.first().map_or(0.0, |w| w.0);
         routes.retain(|w| w.0 < least + AV_ROUTE_COST_MARGIN);
         routes.truncate(MAX_AV_ROUTES);
-        self.av_paths.clear();
         for (_, route) in routes {
             let length = 8.0 * av.speed + 20.0;
             let Some((line, _)) = route::center_line(&road, &route, length) else { continue };
@@ -239,7 +257,8 @@ impl Traffic {
                 AgentBehaviour::Parked
                 | AgentBehaviour::Leaving { .. }
                 | AgentBehaviour::Reversing
-                | AgentBehaviour::External => {}
+                | AgentBehaviour::External
+                | AgentBehaviour::Absent => {}
             }
             self.behaviours[i] = behaviour;
         }
@@ -256,7 +275,7 @@ impl Traffic {
     ) -> Intent {
         let own = self.actors[i];
         let settings = &parameters.conflict;
-        let class = if own.kind == AgentKind::Cyclist { &parameters.cyclist } else { &parameters.vehicle };
+        let class = parameters.class(own.kind);
         let road = seen.start().road().on_level(own.height);
         // The AV is the first actor.
         let (of_av, of_others) =
@@ -280,7 +299,7 @@ impl Traffic {
             // the way back.
             driver.aside = Some((offset, quiet + 1));
             if quiet >= QUIET_DECISIONS {
-                let back = around.path_at_offset(&own, driver, class, 0.0, f64::INFINITY);
+                let back = driver.path_at_offset(&own, class, 0.0, f64::INFINITY);
                 if !around.meets_av(&own, &back, 0.0, 0.0) {
                     driver.take(back, class);
                     driver.aside = None;
@@ -386,7 +405,7 @@ impl Traffic {
     fn step(&mut self, i: usize, intent: &Intent, walks: bool, since: f64, parameters: &Parameters) {
         let own = &mut self.actors[i];
         match &mut self.behaviours[i] {
-            AgentBehaviour::Parked | AgentBehaviour::External => {
+            AgentBehaviour::Parked | AgentBehaviour::External | AgentBehaviour::Absent => {
                 own.speed = if i == 0 { own.speed } else { 0.0 }
             }
             AgentBehaviour::Reversing => {
@@ -456,7 +475,7 @@ fn following(driver: &PathFollower, own: &Actor, intent: &Intent, since: f64) ->
             if leader.acceleration < 0.0 { since.min(leader.speed / -leader.acceleration) } else { since };
         let rear =
             leader.rear + leader.speed * lasting + 0.5 * leader.acceleration.min(0.0) * lasting * lasting;
-        let speed = (leader.speed + leader.acceleration.min(0.0) * lasting).max(0.0);
+        let speed = (leader.speed + leader.acceleration.min(0.0) * lasting).max(leader.speed.min(0.0));
         a = a.min(style.behind(v, rear - front, speed, leader.acceleration));
     }
     if let Some(stop) = intent.stop {
@@ -487,12 +506,35 @@ fn actor(agent: &Agent, now: &AgentState, speed: f64, acceleration: f64) -> Acto
     }
 }
 
+/// Returns an agent as its behaviour takes it to be at present.
+fn present(sight: &Sight<'_>, behaviour: &AgentBehaviour) -> Actor {
+    let now = sight.now();
+    let (speed, acceleration) = match behaviour {
+        AgentBehaviour::Parked => (0.0, 0.0),
+        AgentBehaviour::Reversing => (now.forward_speed(), 0.0),
+        AgentBehaviour::OnPath(_) => (now.velocity().map_or(0.0, |v| v.norm()), recent(sight.track())),
+        _ => (now.velocity().map_or(0.0, |v| v.norm()), 0.0),
+    };
+    Actor { height: sight.height(), ..actor(sight.properties(), &now, speed, acceleration) }
+}
+
+/// Returns the speeds between consecutive states, m/s: along the heading, negative in reverse, of an agent that
+/// reverses on the whole; otherwise never negative, since the positions of standing agents jitter.
+fn signed_speeds(states: &[AgentState]) -> Vec<f64> {
+    let along = |a: &AgentState, b: &AgentState| (b.position() - a.position()).dot(&direction(b.heading));
+    let backs = states.windows(2).map(|w| along(&w[0], &w[1])).sum::<f64>()
+        < -STANDSTILL_SPEED * DT * states.len().saturating_sub(1) as f64;
+    let speed = |w: &[AgentState]| {
+        let speed = (w[1].position() - w[0].position()).norm() / DT;
+        if backs { speed.copysign(along(&w[0], &w[1])) } else { speed }
+    };
+    states.windows(2).map(speed).collect()
+}
+
 /// Returns the acceleration over the last half second, clamped to deliberate driving, m/s².
-fn recent(start: &Start, agent: usize) -> f64 {
-    let track = &start.history[agent];
-    let last = track.len() - 1;
-    match (track[last], track[last - 5]) {
-        (Some(now), Some(before)) => {
+fn recent(track: &[Frame]) -> f64 {
+    match track {
+        [.., Some(before), _, _, _, _, Some(now)] => {
             let a = (now.speed() - before.speed()) / (5.0 * DT);
             if a.is_finite() { a.clamp(-4.0, 2.0) } else { 0.0 }
         }

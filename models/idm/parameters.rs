@@ -1,6 +1,7 @@
 //! Parameters of the card.
 
 use reactsim_dynamics::Pursuit;
+use reactsim_scene::AgentKind;
 use serde::Deserialize;
 
 /// All parameters of the card.
@@ -13,6 +14,13 @@ pub(super) struct Parameters {
     pub(super) limits: Limits,
     pub(super) conflict: Conflict,
     pub(super) parked: ParkedCriteria,
+}
+
+impl Parameters {
+    /// Returns the parameters of vehicles of a kind.
+    pub(super) fn class(&self, kind: AgentKind) -> &Class {
+        if kind == AgentKind::Cyclist { &self.cyclist } else { &self.vehicle }
+    }
 }
 
 /// Parameters of a class of vehicles.

@@ -3,6 +3,7 @@
 
 mod conformance;
 mod failures;
+mod planner;
 mod sight;
 
 use reactsim::models::{Baseline, MODELS};
