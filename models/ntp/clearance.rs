@@ -1,6 +1,6 @@
 //! Clearance to other agents while a token is executed.
 
-use reactsim_geometry::{OrientedBox, Vec2, rounded_distance};
+use reactsim_geometry::{OrientedBox, Vec2, direction, rounded_distance};
 use reactsim_scene::{Agent, AgentState, DT, Frame};
 
 /// Corner rounding of boxes, as a fraction, as in the metrics (Waymo sim-agents convention).
@@ -17,7 +17,16 @@ struct MovingBox {
     footprint: OrientedBox,
     /// Velocity, m/s.
     velocity: Vec2,
+    /// Whether it is the AV, and reverses.
+    backs: bool,
 }
+
+/// Speed against the heading from which the AV reverses, m/s: positions of a standing AV jitter.
+const REVERSING_SPEED: f64 = 0.3;
+/// Distance that is kept to an AV that reverses, in addition to the usual one, metres: it does not look ahead.
+const REVERSING_MARGIN: f64 = 1.0;
+/// Deceleration with which an agent halts before an AV that reverses, m/s².
+const HALTING_DECELERATION: f64 = 4.5;
 
 impl Traffic {
     /// Builds the traffic at `frame` of the tracks. `av_next` is the AV one frame later, if the protocol
@@ -34,32 +43,41 @@ impl Traffic {
             let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
             let shown = av_next.filter(|_| slot == 0).map(|next| step(state, next));
             let velocity = shown.or(before.map(|b| step(b, state))).or(state.velocity());
-            Some(MovingBox { footprint: state.footprint(agent), velocity: velocity.unwrap_or_default() })
+            let (footprint, velocity) = (state.footprint(agent), velocity.unwrap_or_default());
+            let backs = slot == 0 && velocity.dot(&footprint.axis) < -REVERSING_SPEED;
+            Some(MovingBox { footprint, velocity, backs })
         });
         Self { boxes: boxes.collect() }
     }
 
     /// Returns the smallest distance in metres to the other agents, below 0 in contact, if an agent
-    /// takes the states `planned` in its next frames and the others keep their velocities. Only
-    /// distances below the present one to the same agent count, so that overlapping agents can separate.
-    /// Infinite if no other agent is near.
+    /// takes the states `planned` in its next frames and the others keep their velocities. Before an AV that
+    /// reverses, it must be able to halt after these frames. Only distances below the present one to the same
+    /// agent count, so that overlapping agents can separate. Infinite if no other agent is near.
     pub(crate) fn clearance(&self, slot: usize, agent: &Agent, planned: &[Frame]) -> f64 {
         let Some(me) = self.boxes[slot] else { return f64::INFINITY };
         let mut least = f64::INFINITY;
         for other in self.others(slot) {
-            let reach = me.footprint.radius() + other.footprint.radius();
+            let margin = if other.backs { REVERSING_MARGIN } else { 0.0 };
+            let reach = me.footprint.radius() + other.footprint.radius() + margin;
             let mut now = None;
-            for (k, state) in planned.iter().enumerate() {
-                let Some(state) = state else { continue };
-                let gone = other.velocity * ((k + 1) as f64 * DT);
-                let center = other.footprint.center + gone;
+            let halting = other.backs.then(|| halting(planned)).into_iter().flatten();
+            let course = planned.iter().copied().chain(halting).enumerate();
+            for (k, state) in course.filter_map(|(k, state)| Some((k, state?))) {
+                let center = other.footprint.center + other.velocity * ((k + 1) as f64 * DT);
                 if (state.position() - center).norm_squared() > reach * reach {
                     continue;
                 }
                 let there = OrientedBox { center, ..other.footprint };
-                let distance = rounded_distance(&state.footprint(agent), &there, CORNER_ROUNDING);
+                // Backing away, an agent is hit all the same, and moves.
+                let gone = (state.position() - me.footprint.center).dot(&me.footprint.axis);
+                let (own, margin) = match other.backs && gone < 0.0 {
+                    true => (me.footprint, margin - gone),
+                    false => (state.footprint(agent), margin),
+                };
+                let distance = rounded_distance(&own, &there, CORNER_ROUNDING) - margin;
                 let now = *now.get_or_insert_with(|| {
-                    rounded_distance(&me.footprint, &other.footprint, CORNER_ROUNDING)
+                    rounded_distance(&me.footprint, &other.footprint, CORNER_ROUNDING) - margin
                 });
                 if distance < now {
                     least = least.min(distance);
@@ -72,6 +90,24 @@ impl Traffic {
     fn others(&self, slot: usize) -> impl Iterator<Item = &MovingBox> {
         self.boxes.iter().enumerate().filter(move |(j, _)| *j != slot).filter_map(|(_, other)| other.as_ref())
     }
+}
+
+/// Returns the states after planned ones in which an agent that moves ahead halts, straight on.
+fn halting(planned: &[Frame]) -> impl Iterator<Item = Frame> + use<> {
+    let mut motion = match planned {
+        [.., Some(before), Some(last)] => {
+            let ahead = direction(last.heading);
+            Some((*last, ahead, (last.position() - before.position()).dot(&ahead) / DT))
+        }
+        _ => None,
+    };
+    std::iter::from_fn(move || {
+        let (state, ahead, speed) = motion.as_mut().filter(|(_, _, speed)| *speed > 0.0)?;
+        let next = (*speed - HALTING_DECELERATION * DT).max(0.0);
+        let at = state.position() + *ahead * (0.5 * (*speed + next) * DT);
+        (state.x, state.y, *speed) = (at.x, at.y, next);
+        Some(Some(*state))
+    })
 }
 
 #[cfg(test)]
@@ -135,6 +171,15 @@ mod tests {
         assert_eq!(driven(&[track(5.0, 4.0), track(0.0, 2.0)], None, &[1.5], true), 1.5);
         let leaving = AgentState { x: 5.4, y: 0.0, heading: 0.0, vx: 4.0, vy: 0.0 };
         assert_eq!(driven(&tracks, Some(leaving), &[1.5], true), 1.5);
+    }
+
+    #[test]
+    fn before_an_av_that_reverses_an_agent_can_halt() {
+        // Halting from 2 m/s takes 0.44 m after a token of 1 m, and the AV comes 1.4 m closer by then.
+        let reversing = |x| [track(x, -1.5), track(0.0, 2.0)];
+        let lengths = [1.0, 0.2];
+        assert_eq!(driven(&reversing(8.0), None, &lengths, true), 1.0);
+        assert_eq!(driven(&reversing(7.5), None, &lengths, true), 0.2);
     }
 
     #[test]

@@ -63,7 +63,11 @@ pub(super) fn all_of_av(
     if motion.stands() {
         return vec![(GoesOn, motion.forecast(settings, GoesOn, None))];
     }
-    let routes = routes(&seen.start().road().on_level(height), &motion.last);
+    // Lanes lead ahead.
+    let routes = match motion.reverses() {
+        true => Vec::new(),
+        false => routes(&seen.start().road().on_level(height), &motion.last),
+    };
     let free = [GoesOn, Brakes, KeepsSpeed].map(|forecast| (forecast, None));
     let along = routes.iter().map(|route| (FollowsLane, Some(route)));
     let all = free.into_iter().chain(along);
@@ -78,9 +82,9 @@ struct AvMotion<'a> {
     last: AgentState,
     /// Number of steps until the last known state.
     first: usize,
-    /// Acceleration, m/s².
+    /// Rate of change of the speed in the direction of motion, m/s².
     acceleration: f64,
-    /// Curvature, 1/m.
+    /// Curvature, 1/m: turn per metre ahead, so that it has the same sign in reverse.
     curvature: f64,
 }
 
@@ -97,6 +101,10 @@ impl<'a> AvMotion<'a> {
             acceleration,
             curvature,
         })
+    }
+
+    fn reverses(&self) -> bool {
+        forward(&self.last) < 0.0
     }
 
     fn stands(&self) -> bool {
@@ -117,7 +125,8 @@ impl<'a> AvMotion<'a> {
             AvForecast::Brakes => -settings.av_brake,
             AvForecast::KeepsSpeed => 0.0,
         };
-        let mut speed = forward(&last);
+        let direction_of_motion = if self.reverses() { -1.0 } else { 1.0 };
+        let mut speed = forward(&last).abs();
         let mut poses = [Pose { position: now.position(), heading: now.heading }; STEPS + 1];
         let mut speeds = [forward(&now); STEPS + 1];
         let mut pose = Pose { position: last.position(), heading: last.heading };
@@ -133,15 +142,15 @@ impl<'a> AvMotion<'a> {
                     a if t <= BRAKING_DURATION => a,
                     _ => 0.0,
                 };
-                speed = if speed >= 0.0 { (speed + a * DT).max(0.0) } else { speed };
+                speed = (speed + a * DT).max(0.0);
                 let decayed = curvature * math::exp(-distance / CURVATURE_DECAY_DISTANCE);
-                pose = pose.advance(speed * DT, decayed);
-                distance += speed.abs() * DT;
+                pose = pose.advance(direction_of_motion * speed * DT, decayed);
+                distance += speed * DT;
                 if let Some(route) = route {
                     pose = route.pose(distance);
                 }
             }
-            (poses[k], speeds[k]) = (pose, speed);
+            (poses[k], speeds[k]) = (pose, direction_of_motion * speed);
         }
         let boxes = std::array::from_fn(|time| {
             let k = step_of(time);
@@ -168,16 +177,17 @@ fn forward(state: &AgentState) -> f64 {
     if along < -STANDSTILL_SPEED { -speed } else { speed }
 }
 
-/// Returns the acceleration, m/s², and the curvature, 1/m, of observed motion.
+/// Returns the acceleration in the direction of motion, m/s², and the curvature, 1/m, of observed motion.
 fn motion(known: &[Frame]) -> (f64, f64) {
     let at = |back: usize| known.len().checked_sub(back + 1).and_then(|i| known[i]);
     let Some(last) = at(0) else { return (0.0, 0.0) };
+    let sign = if forward(&last) < 0.0 { -1.0 } else { 1.0 };
     let acceleration = match at(ACCELERATION_FRAMES) {
-        Some(before) => (forward(&last) - forward(&before)) / (DT * ACCELERATION_FRAMES as f64),
+        Some(before) => sign * (forward(&last) - forward(&before)) / (DT * ACCELERATION_FRAMES as f64),
         None => 0.0,
     };
     let acceleration = if acceleration.is_finite() { acceleration.clamp(-6.0, 3.0) } else { 0.0 };
-    let curvature = curvature(known, TURN_FRAMES, 1.0).unwrap_or(0.0);
+    let curvature = sign * curvature(known, TURN_FRAMES, 1.0).unwrap_or(0.0);
     (acceleration, curvature.clamp(-0.25, 0.25))
 }
 

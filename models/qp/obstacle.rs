@@ -70,6 +70,13 @@ impl Obstacle {
         levels::apart(self.height, height, (self.boxes[0].center - p).norm())
     }
 
+    /// Returns the speed at a time, m/s: negative if it is in reverse.
+    pub(super) fn speed(&self, time: usize) -> f64 {
+        let velocity = self.velocities[time];
+        let speed = velocity.norm();
+        if velocity.dot(&self.boxes[time].axis) < 0.0 { -speed } else { speed }
+    }
+
     /// Returns whether the obstacle never moves.
     pub(super) fn stands(&self) -> bool {
         self.velocities.iter().all(|v| v.norm_squared() < 0.04)

@@ -4,6 +4,7 @@
 mod conformance;
 mod failures;
 mod planner;
+mod reversing;
 mod sight;
 
 use reactsim::models::{Baseline, MODELS};

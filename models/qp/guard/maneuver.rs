@@ -18,6 +18,9 @@ const ACCELERATIONS: [f64; 7] = [3.5, 1.5, 0.0, -1.5, -3.0, -4.5, -5.5];
 const CONTACT_COST: f64 = 100.0;
 /// Cost of a risky approach now.
 const RISKY_COST: f64 = 40.0;
+/// Part of the cost of a meeting that remains if an AV in reverse runs into the vehicle, which stands: it can do
+/// no more.
+const STANDING_PART: f64 = 0.25;
 /// Time constant with which the cost of a later meeting decays, seconds: it may resolve itself.
 const DECAY_TIME: f64 = 2.5;
 /// Cost of moving aside.
@@ -91,6 +94,7 @@ pub(super) fn cheapest(
 fn meeting_cost(meeting: Option<Meeting>) -> f64 {
     meeting.map_or(0.0, |m| {
         let cost = if m.contact { CONTACT_COST } else { RISKY_COST };
+        let cost = if m.stands { cost * STANDING_PART } else { cost };
         cost * math::exp(-m.time / DECAY_TIME)
     })
 }

@@ -12,6 +12,8 @@ use super::course::Course;
 const UNPLANNED_STEPS: usize = 10;
 /// Speed in m/s from which the motion of an obstacle has a direction.
 const MOVING_SPEED: f64 = 0.2;
+/// Speed in m/s below which a vehicle that is run into is not at fault (`reactsim-metrics`, `STOPPED_SPEED`).
+const STANDING_SPEED: f64 = 0.05;
 /// Part of the speed of an obstacle along a vehicle's heading from which both move in the same direction.
 const SAME_DIRECTION: f64 = 0.5;
 /// Cosine of the largest difference of headings at which an AV ahead is approached: 75 degrees, as in the
@@ -29,6 +31,8 @@ pub(super) struct Meeting {
     pub(super) time: f64,
     /// Whether the boxes come too close; otherwise only the time to collision is too short.
     pub(super) contact: bool,
+    /// Whether an AV in reverse runs into the vehicle, which stands.
+    pub(super) stands: bool,
 }
 
 /// Distances and times that courses keep.
@@ -67,7 +71,7 @@ impl Clearances {
         let times = (1..TIMES).take_while(|&time| !unplanned || step_of(time) <= UNPLANNED_STEPS);
         for time in times {
             let (me, other) = (&course.boxes[time], &obstacle.boxes[time]);
-            let closing = (course.speeds[time] - obstacle.velocities[time].norm()).max(0.0);
+            let closing = (course.speeds[time] - obstacle.speed(time)).max(0.0);
             let reach = me.half_length + me.half_width + other.half_length + other.half_width;
             let reach = reach + clearance + self.time_to_collision * closing;
             if (other.center - me.center).norm_squared() > reach * reach {
@@ -78,7 +82,9 @@ impl Clearances {
             let risky = obstacle.is_av
                 && gap_ahead(me, other).is_some_and(|gap| gap < self.time_to_collision * closing);
             if contact || risky {
-                return Some(Meeting { time: DT * step_of(time) as f64, contact });
+                let backs = obstacle.is_av && obstacle.speed(time) < 0.0;
+                let stands = backs && course.speeds[time] < STANDING_SPEED;
+                return Some(Meeting { time: DT * step_of(time) as f64, contact, stands });
             }
         }
         None
