@@ -3,6 +3,7 @@
 mod faults;
 mod mistakes;
 mod planners;
+mod plans;
 
 use std::collections::BTreeMap;
 use std::fs;

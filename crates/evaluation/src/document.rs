@@ -9,7 +9,7 @@ use reactsim_metrics::{
 use reactsim_scene::{AgentKind, DT, LoggedAgent, MapIndex, Road};
 use serde_json::{Map, Value, json};
 
-use super::motion::{GivenMotion, GivenScene};
+use super::motion::{GivenMotion, GivenScene, Subject};
 use super::rollout_checks::Findings;
 use super::statistics::mean;
 
@@ -77,7 +77,7 @@ pub fn check_document(document: &Document) -> Findings {
         let agents: Vec<_> = agents.filter(|agent| agent.kind != AgentKind::Other).collect();
         let Some(av) = scenario.agents.get(scenario.av) else { continue };
         let Some(av) = av.track.get(scenario.current).copied().flatten() else { continue };
-        let motion = GivenScene { agents, origin: Vec2::zeros(), av, is_single: false };
+        let motion = GivenScene { agents, origin: Vec2::zeros(), av, subject: Subject::Agents };
         for finding in motion.findings() {
             findings.add(finding.check, || format!("scenario `{}`: {}", scenario.id, finding.text));
         }

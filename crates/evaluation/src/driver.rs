@@ -1,6 +1,7 @@
 //! Drivers of the AV that an AV policy only names: simulators, networks, programs and planners of the caller.
 
 mod along_route;
+mod given_plans;
 mod remote;
 
 use std::slice;
@@ -17,6 +18,7 @@ use reactsim_rollout::{Av, Controller, Purpose, SimulatedAv, Simulator, stream};
 use reactsim_scene::Scenario;
 
 use along_route::{AlongRoute, Network, TEMPERATURE};
+pub(super) use given_plans::GivenPlans;
 use remote::RemotePlanner;
 
 use super::av::{AvChoice, AvDriver, PlannedAv};
@@ -146,7 +148,8 @@ impl Driver {
         }
     }
 
-    /// Returns the AV of a scenario. `seed`: seed of the run.
+    /// Returns the AV of a scenario. `seed`: seed of the run. `given` receives the plans from outside of this
+    /// program that a tracker follows.
     ///
     /// # Errors
     /// [`PlannerAvError`] if a planner cannot drive in the scenario.
@@ -155,8 +158,10 @@ impl Driver {
         scenario: &Scenario,
         planned: &PlannedAv,
         seed: u64,
+        given: &Arc<GivenPlans>,
     ) -> Result<Arc<dyn Av>, PlannerAvError> {
         let &PlannedAv { controller, every, .. } = planned;
+        let given = Arc::clone(given);
         Ok(match &self.kind {
             DriverKind::Simulator(simulator) => {
                 Arc::new(SimulatedAv::new(scenario, Arc::clone(simulator), every, seed))
@@ -173,13 +178,15 @@ impl Driver {
                 let (planner, id, steps) = (planner.as_ref().clone(), scenario.id.clone(), every.steps());
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
                     let seed = stream(seed, &id, rollout, Purpose::AvBegin).next_u64();
-                    Box::new(RemotePlanner { episode: planner.begin(seed), steps, route: None })
+                    let remote = RemotePlanner { episode: planner.begin(seed), steps, route: None };
+                    given.keep(Box::new(remote), controller, rollout)
                 };
                 Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)
             }
             DriverKind::Own(new_planner) => {
                 let new_planner = Arc::clone(new_planner);
-                Arc::new(PlannerAv::with_planner(scenario, move |_| new_planner(), controller, every)?)
+                let new_planner = move |rollout| given.keep(new_planner(), controller, rollout);
+                Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)
             }
         })
     }

@@ -15,7 +15,7 @@ use reactsim_scene::{DeviatedTrack, Frame, Scenario};
 use super::EvaluationError;
 use super::av::{AvChoice, AvDriver, PlannedAv};
 use super::benchmarks::BenchmarkRecord;
-use super::driver::Driver;
+use super::driver::{Driver, GivenPlans};
 use super::file_record::FileRecord;
 use super::folder::RunFolder;
 use super::known_deviation::KnownDeviation;
@@ -262,6 +262,15 @@ impl Plan {
     /// # Errors
     /// [`NoAv`] if the scenario has no AV, or an invalid trajectory.
     pub fn av(&self, scenario: &Scenario) -> Result<(Option<Arc<dyn Av>>, KnownDeviation), NoAv> {
+        self.checked_av(scenario, &Arc::default())
+    }
+
+    /// Returns the same as [`Self::av`]; `given` receives the plans that have to be checked.
+    pub(super) fn checked_av(
+        &self,
+        scenario: &Scenario,
+        given: &Arc<GivenPlans>,
+    ) -> Result<(Option<Arc<dyn Av>>, KnownDeviation), NoAv> {
         if self.settings.rollout.protocol == Protocol::Realism {
             if self.deviations.is_some() {
                 self.deviated(scenario)?;
@@ -287,7 +296,7 @@ impl Plan {
             }
             AvChoice::Planned(planned) => {
                 let driver = self.driver().ok_or_else(|| NoAv::NoDriver(planned.driver.to_string()))?;
-                undeviated(driver.av(scenario, planned, self.settings.rollout.seed)?)
+                undeviated(driver.av(scenario, planned, self.settings.rollout.seed, given)?)
             }
         };
         Ok((Some(av), deviation))

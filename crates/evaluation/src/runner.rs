@@ -13,7 +13,7 @@ use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
 
 use super::av_scores::AvJudge;
-use super::driver::Driver;
+use super::driver::{Driver, GivenPlans};
 use super::finish::finish;
 use super::folder::RunFolder;
 use super::judge::judge;
@@ -246,6 +246,8 @@ struct PreparedScenario {
     deviation: KnownDeviation,
     /// Checks that the given trajectory of the AV fails, all of them allowed.
     allowed: Vec<RolloutCheck>,
+    /// Plans of the AV that have to be checked.
+    given: Arc<GivenPlans>,
     /// Judge of the AV; `None` if only agents are judged.
     av_judge: Option<AvJudge>,
 }
@@ -348,14 +350,24 @@ impl Runner<'_> {
             let found = self.plan.check_deviation(&scenario);
             allowed = self.allow(GivenBy::Deviations, &scenario.id, found).map_err(Refused::Run)?;
         }
-        match self.plan.av(&scenario) {
+        let given = Arc::default();
+        match self.plan.checked_av(&scenario, &given) {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
                 let settings = &self.plan.settings;
                 let judges_av = settings.rollout.protocol == Protocol::Reactive && settings.av.is_judged();
                 let av_judge = judges_av.then(|| AvJudge::new(&settings.options));
                 let (place, digest) = (item.place, scenario.digest());
-                Ok(Some(PreparedScenario { place, digest, av, deviation, allowed, av_judge, scenario }))
+                Ok(Some(PreparedScenario {
+                    place,
+                    digest,
+                    av,
+                    deviation,
+                    allowed,
+                    given,
+                    av_judge,
+                    scenario,
+                }))
             }
             Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
@@ -489,7 +501,7 @@ impl Runner<'_> {
     ) -> Result<(), EvaluationError> {
         let planned = &self.plan.simulators[simulator];
         let without_av = self.plan.settings.rollout.protocol == Protocol::Reactive;
-        for rollout in rollouts {
+        for (index, rollout) in (0..).zip(rollouts) {
             let mut failed = ready.allowed.clone();
             if planned.external.is_some() {
                 let given = GivenScene::of_rollout(&ready.scenario, &rollout.tracks, without_av);
@@ -497,9 +509,13 @@ impl Runner<'_> {
                 failed.extend(self.allow(by, &ready.scenario.id, given.findings())?);
             }
             if let Some(driver) = self.plan.driver().filter(|driver| driver.is_foreign()) {
-                let given = GivenScene::of_av(&ready.scenario, None, &rollout.tracks[0][HISTORY..]);
+                let plans = ready.given.take(index);
+                let mut found = GivenScene::of_plans(&ready.scenario, &plans).plan_findings();
+                let driven = GivenScene::of_av(&ready.scenario, None, &rollout.tracks[0][HISTORY..]);
+                let of_plans: Vec<RolloutCheck> = found.iter().map(|finding| finding.check).collect();
+                found.extend(driven.findings().into_iter().filter(|f| !of_plans.contains(&f.check)));
                 let name = driver.driver().to_string();
-                failed.extend(self.allow(GivenBy::Planner(&name), &ready.scenario.id, given.findings())?);
+                failed.extend(self.allow(GivenBy::Planner(&name), &ready.scenario.id, found)?);
             }
             failed.sort();
             failed.dedup();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use reactsim_geometry::math;
 use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
-use reactsim_planning::{Path, Trajectory, pdm};
+use reactsim_planning::{Path, Trajectory, TrajectoryError, pdm};
 use reactsim_rollout::{Observation, Stream};
 use reactsim_scene::AgentState;
 
@@ -47,6 +47,15 @@ impl Planner for AlongRoute {
                 [pose.position.x, pose.position.y, pose.heading]
             })
             .collect();
-        Ok(Trajectory::through_centers(&poses, ego, input.shape)?)
+        // The plan of the network is not at fault.
+        let beside = |error| match error {
+            TrajectoryError::Teleport { index: 1, .. } => failed(&format!(
+                "the AV is {:.1} m beside the centre line of its route, along which this planner drives; choose \
+                 another planner, or check the lanes of the scenario",
+                (path.at(path.project(center)).position - center).norm()
+            )),
+            error => error.into(),
+        };
+        Trajectory::through_centers(&poses, ego, input.shape).map_err(beside)
     }
 }

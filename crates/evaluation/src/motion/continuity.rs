@@ -4,7 +4,7 @@ use reactsim_geometry::{Vec2, direction, left, math};
 use reactsim_scene::{AgentKind, DT};
 
 use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenMotion, GivenScene, JUMP, median, share};
+use super::{Finding, GivenMotion, GivenScene, JUMP, Subject, median, share};
 
 /// Distance of the first given position from the expected one that is a jump of a single agent, metres:
 /// recorded logs have some of 1.2 to 1.5 m, where a tracker corrects itself.
@@ -18,6 +18,9 @@ const MOVING: f64 = 3.0;
 /// Smallest offset along the heading that counts as another point of the vehicle, metres: more than what
 /// braking adds in 0.1 s (0.05 m at 10 m/s²) and than noise of recorded velocities.
 const AXLE_OFFSET: f64 = 0.5;
+/// Difference from the present displacement per step that a plan shows in its second step, metres: more than
+/// what braking as hard as possible changes by then (10 m/s²).
+const PLANNED_CHANGE: f64 = 0.15;
 /// Ratio of displacements from which motion is too fast, and its inverse too slow, to continue.
 const RATIO: f64 = 1.5;
 /// Smallest distance of an origin from the world's origin at which the two frames can be told apart, metres.
@@ -37,21 +40,32 @@ const RATIOS: &[(f64, &str)] = &[
     (0.1, "motion of 0.01 s in place of 0.1 s"),
     (5.0, "motion of 0.5 s in place of 0.1 s"),
     (2.0, "motion of 0.2 s in place of 0.1 s"),
+    (0.5, "motion of 0.05 s in place of 0.1 s"),
     (100.0, "centimetres in place of metres"),
     (0.01, "metres divided by 100"),
     (1000.0, "millimetres in place of metres"),
     (0.001, "kilometres in place of metres"),
 ];
 
+/// Checks whether plans continue from where the AV is when they are made. Distances alone show nothing: a
+/// plan may begin on the centre line beside the AV, or ahead of an AV that lags behind its plans.
+pub(super) fn of_plans(scene: &GivenScene<'_>) -> Option<Finding> {
+    let plans: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
+    late(scene, &plans)
+        .or_else(|| speed_ratio(scene, &plans))
+        .or_else(|| rear_axle(scene))
+        .or_else(|| delay(scene, &plans))
+}
+
 /// Checks whether the motion continues from the current frame.
 pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
-    if let Some(finding) = rear_axle(scene) {
+    let agents: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
+    if let Some(finding) = late(scene, &agents).or_else(|| rear_axle(scene)) {
         return Some(finding);
     }
     if let Some(text) = entry0(scene) {
         return Some(Finding::new(RolloutCheck::Continuity, text));
     }
-    let agents: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
     let jumping = agents.iter().filter(|a| is_jump(a)).count();
     // Mistakes of frames and order move most agents far.
     if jumping >= 2
@@ -60,7 +74,7 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
     {
         return Some(finding);
     }
-    if let Some(finding) = time(scene, &agents).or_else(|| speed_ratio(scene, &agents)) {
+    if let Some(finding) = delay(scene, &agents).or_else(|| speed_ratio(scene, &agents)) {
         return Some(finding);
     }
     Some(Finding::new(RolloutCheck::Continuity, jump(&agents)?))
@@ -79,7 +93,10 @@ fn is_jump(agent: &GivenMotion<'_>) -> bool {
 
 /// Poses of the rear axle, or of another point of the vehicles.
 fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
+    // A vehicle that stands at once, within 0.1 s, is behind where its velocity leads, too.
+    let stops = |a: &GivenMotion<'_>| a.speed() * DT >= AXLE_OFFSET && a.second().is_some() && !a.sets_off();
     let vehicles = scene.agents.iter().filter(|a| a.kind == AgentKind::Vehicle && a.length > 0.0);
+    let vehicles = vehicles.filter(|a| a.entry0.is_some() || !stops(a));
     let offsets: Vec<(f64, f64, f64)> = vehicles
         .filter_map(|a| {
             let by = match a.entry0 {
@@ -96,7 +113,8 @@ fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
     let along = median(offsets.iter().map(|o| o.0))?;
     let of_length = median(offsets.iter().map(|o| o.0 / o.2))?;
     // A single trajectory without its current state cannot be told apart from a late one by its size only.
-    let (least, most) = match scene.agents.first().is_some_and(|a| a.entry0.is_some()) || !scene.is_single {
+    let has_entry0 = scene.agents.first().is_some_and(|a| a.entry0.is_some());
+    let (least, most) = match has_entry0 || scene.subject == Subject::Agents {
         true => (0.0, 0.5),
         false => (0.2, 0.4),
     };
@@ -109,18 +127,21 @@ fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
             && ((part - of_length).abs() <= 0.05 || (s - along).abs() <= 0.15)
     };
     let fitting = offsets.iter().filter(|o| is_axle(o)).count();
-    if (fitting as f64) < MOST * offsets.len() as f64 {
+    // An AV that lags behind its plans does not do so at the first.
+    let lags = scene.subject == Subject::Plans && !is_axle(&offsets[0]);
+    if lags || (fitting as f64) < MOST * offsets.len() as f64 {
         return None;
     }
-    let (what, mend) = if along < 0.0 {
-        ("poses of the rear axle", "give --pose rear-axle, or box centres")
-    } else {
-        ("poses of a point ahead of the centre", "give box centres")
+    let (what, mend) = match along < 0.0 {
+        true if scene.subject == Subject::Plans => ("poses of the rear axle", "give box centres"),
+        true => ("poses of the rear axle", "give --pose rear-axle, or box centres"),
+        false => ("poses of a point ahead of the centre", "give box centres"),
     };
+    let noun = if scene.subject == Subject::Plans { "plans" } else { "vehicles" };
     Some(Finding::new(
         RolloutCheck::RearAxle,
         format!(
-            "the positions look like {what}: {fitting} of {} vehicles are {:.3} m {} their box centres along \
+            "the positions look like {what}: {fitting} of {} {noun} are {:.3} m {} their box centres along \
              the heading ({:.1} % of their length); {mend}",
             offsets.len(),
             along.abs(),
@@ -244,31 +265,27 @@ fn order(agents: &[&GivenMotion<'_>]) -> Option<Finding> {
     ))
 }
 
-/// Motion that is late: of an earlier frame, or one step behind.
-fn time(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
-    let moving: Vec<&&GivenMotion<'_>> = agents.iter().filter(|a| a.speed() >= MOVING).collect();
-    if moving.len() < scene.least(2) {
+/// Motion that is one step behind.
+fn late(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+    let moving = agents.iter().filter(|a| a.speed() >= MOVING).count();
+    let same = agents.iter().filter(|a| a.speed() >= MOVING && a.begins_here() && a.sets_off()).count();
+    if moving < scene.least(2) || (same as f64) < MOST * moving as f64 {
         return None;
     }
-    let later = |a: &GivenMotion<'_>, k: usize| Some(a.future.get(k)?.as_ref()?.position());
-    let sets_off = |a: &GivenMotion<'_>| {
-        let moved = later(a, 1).zip(a.first()).map_or(0.0, |(second, first)| (second - first).norm());
-        moved >= 0.5 * a.speed() * DT
-    };
-    let is_same =
-        |a: &GivenMotion<'_>| a.first().is_some_and(|p| (p - a.now.position()).norm() <= 1e-6) && sets_off(a);
-    let same = moving.iter().filter(|a| is_same(a)).count();
-    if same as f64 >= MOST * moving.len() as f64 {
-        return Some(Finding::new(
-            RolloutCheck::Time,
-            format!(
-                "the motion looks late by one step: step 1 of {same} of {} moving agents is exactly the \
-                 current frame; answer with the states after 1, 2, … steps, without the current one",
-                moving.len()
-            ),
-        ));
-    }
-    if scene.is_single || moving.len() < 3 {
+    let noun = scene.noun();
+    Some(Finding::new(
+        RolloutCheck::Time,
+        format!(
+            "the motion looks late by one step: step 1 of {same} of {moving} moving {noun} is exactly the \
+             current frame; answer with the states after 1, 2, … steps, without the current one"
+        ),
+    ))
+}
+
+/// Motion of an earlier frame.
+fn delay(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+    let moving: Vec<&&GivenMotion<'_>> = agents.iter().filter(|a| a.speed() >= MOVING).collect();
+    if scene.subject == Subject::OneAgent || moving.len() < 3 {
         return None;
     }
     // All behind by one time.
@@ -279,36 +296,48 @@ fn time(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> 
     if !(0.095..5.0).contains(&delay) {
         return None;
     }
-    let errors: Vec<f64> = moving
-        .iter()
-        .filter_map(|a| Some((a.residual()? + a.velocity? * delay).norm() / (delay * a.speed())))
-        .collect();
+    let error =
+        |a: &GivenMotion<'_>| Some((a.residual()? + a.velocity? * delay).norm() / (delay * a.speed()));
+    let errors: Vec<f64> = moving.iter().filter_map(|a| error(a)).collect();
+    // An AV that lags behind its plans does not do so at the first.
+    if scene.subject == Subject::Plans && agents.first().and_then(|a| error(a)).is_none_or(|e| e > 0.25) {
+        return None;
+    }
     // Agents that stay from here on are frozen, not late.
-    let move_on = moving.iter().filter(|a| sets_off(a)).count();
+    let move_on = moving.iter().filter(|a| a.sets_off()).count();
     if share(&errors, |e| e <= 0.25) < MOST || (move_on as f64) < MOST * moving.len() as f64 {
         return None;
     }
     Some(Finding::new(
         RolloutCheck::Time,
         format!(
-            "the motion looks like that of an earlier frame: {} moving agents are {delay:.1} s behind at step 1; \
+            "the motion looks like that of an earlier frame: {} moving {} are {delay:.1} s behind at step 1; \
              continue from the latest frame of the states (the last one, not the first)",
-            moving.len()
+            moving.len(),
+            scene.noun()
         ),
     ))
 }
 
 /// Displacements in other units of length or time.
 fn speed_ratio(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
-    let ratios: Vec<f64> = agents
-        .iter()
-        .filter(|a| a.speed() >= MOVING && a.residual().is_some_and(|r| r.norm() >= 0.25))
-        .filter_map(|a| {
-            let v = a.velocity?;
-            Some((a.first()? - a.now.position()).dot(&v) / (v.dot(&v) * DT))
-        })
-        .collect();
+    let plans = scene.subject == Subject::Plans;
+    let ratio = |a: &GivenMotion<'_>| {
+        let v = a.velocity?;
+        // A plan may begin elsewhere.
+        let (by, least) = match plans {
+            true => (a.second()?, PLANNED_CHANGE),
+            false => (a.first()? - a.now.position(), 0.25),
+        };
+        let differs = a.speed() >= MOVING && (by - v * DT).norm() >= least;
+        differs.then_some(by.dot(&v) / (v.dot(&v) * DT))
+    };
+    let ratios: Vec<f64> = agents.iter().filter_map(|a| ratio(a)).collect();
     let moving = agents.iter().filter(|a| a.speed() >= MOVING).count();
+    // A single plan may be that of a planner that leaves it to the tracker to slow down.
+    if plans && moving < 2 {
+        return None;
+    }
     if ratios.len() < scene.least(3) || (ratios.len() as f64) < 0.5 * moving as f64 {
         return None;
     }
@@ -320,9 +349,10 @@ fn speed_ratio(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Fi
     Some(Finding::new(
         RolloutCheck::Units,
         format!(
-            "{} of {moving} moving agents are {ratio:.2} times as fast at step 1 as at the current frame{}; give \
+            "{} of {moving} moving {} are {ratio:.2} times as fast at step 1 as at the current frame{}; give \
              metres, one state per 0.1 s, from velocities in m/s",
             ratios.len(),
+            scene.noun(),
             named_ratio(ratio)
         ),
     ))

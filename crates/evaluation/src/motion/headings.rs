@@ -6,7 +6,7 @@ use reactsim_geometry::{heading_of, math, wrap};
 use reactsim_scene::AgentKind;
 
 use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenMotion, GivenScene, median, share};
+use super::{Finding, GivenMotion, GivenScene, Subject, median, share};
 
 /// Largest change of the heading of a vehicle or cyclist in 0.1 s, radians: 200°/s.
 const TURN: f64 = 0.35;
@@ -21,16 +21,20 @@ const DISPLACEMENT: f64 = 3.0;
 /// Angle between motion and heading from which they disagree, radians.
 const ASKEW: f64 = 0.6;
 
+/// Speed from which the AV follows its plans, m/s: at rest it may be at an angle to them for good.
+const FOLLOWING: f64 = 1.0;
+
 fn has_heading(agent: &GivenMotion<'_>) -> bool {
     matches!(agent.kind, AgentKind::Vehicle | AgentKind::Cyclist)
 }
 
 /// Checks whether headings continue from the current frame.
 pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
+    let are_plans = scene.subject == Subject::Plans;
     let headings: Vec<(f64, f64)> = scene
         .agents
         .iter()
-        .filter(|a| has_heading(a))
+        .filter(|a| has_heading(a) && (!are_plans || a.speed() >= FOLLOWING))
         .filter_map(|a| Some((a.future.first()?.as_ref()?.heading, a.now.heading)))
         .collect();
     let turns: Vec<f64> = headings.iter().map(|(given, now)| wrap(given - now)).collect();
@@ -55,6 +59,9 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
         "they look clockwise from the y axis, as of a compass or of swapped axes; give radians \
          counter-clockwise from the x axis"
             .to_owned()
+    } else if are_plans {
+        // A plan may turn into the lane at once.
+        return None;
     } else if fits(&|h| h - mean) {
         format!(
             "they look turned by a constant {:.0}°; give radians counter-clockwise from the x axis",
@@ -69,9 +76,10 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
     Some(Finding::new(
         RolloutCheck::Headings,
         format!(
-            "the headings of {wrong} of {} agents change by {:.0}° (median) from the current frame to step 1: \
+            "the headings of {wrong} of {} {} change by {:.0}° (median) from the current frame to step 1: \
              {what}",
             turns.len(),
+            scene.noun(),
             turn.to_degrees()
         ),
     ))
@@ -88,10 +96,11 @@ pub(super) fn against_motion(scene: &GivenScene<'_>) -> Option<Finding> {
     Some(Finding::new(
         RolloutCheck::Headings,
         format!(
-            "{} of {} moving agents do not move along their headings, but at {:.0}° to them (median); give \
+            "{} of {} moving {} do not move along their headings, but at {:.0}° to them (median); give \
              radians counter-clockwise from the x axis, and positions along the same axes",
             wrong.len(),
             agents.len(),
+            scene.noun(),
             angle.to_degrees()
         ),
     ))

@@ -12,13 +12,16 @@ mod storage;
 mod tests;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
 
 use super::rollout_checks::RolloutCheck;
 
 /// Largest distance of the first given position from the one that the current velocity leads to, metres:
 /// an acceleration of 200 m/s².
 pub(super) const JUMP: f64 = 1.0;
+
+/// Distance up to which positions are the same, metres: rounding of a program that computes with `f32`.
+const SAME: f64 = 1e-3;
 
 /// An agent whose motion is given.
 pub(super) struct GivenMotion<'a> {
@@ -45,8 +48,19 @@ pub(super) struct GivenScene<'a> {
     pub(super) origin: Vec2,
     /// The AV at the current frame.
     pub(super) av: AgentState,
-    /// Whether one agent is enough evidence: the motion is that of a single agent.
-    pub(super) is_single: bool,
+    pub(super) subject: Subject,
+}
+
+/// What the entries of a scene are, which decides how much evidence there is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Subject {
+    /// Agents of one rollout.
+    Agents,
+    /// A single agent.
+    OneAgent,
+    /// Successive plans of the AV in one rollout. It may be off its plans, which a tracker follows; the first
+    /// plan begins where the recording leaves it.
+    Plans,
 }
 
 /// The result of a check that fails.
@@ -67,6 +81,21 @@ impl GivenMotion<'_> {
     /// Position at step 1.
     fn first(&self) -> Option<Vec2> {
         Some(self.future.first()?.as_ref()?.position())
+    }
+
+    /// Whether step 1 is exactly where the agent is already.
+    fn begins_here(&self) -> bool {
+        self.first().is_some_and(|first| (first - self.now.position()).norm() <= SAME)
+    }
+
+    /// Displacement from step 1 to step 2.
+    fn second(&self) -> Option<Vec2> {
+        Some(self.future.get(1)?.as_ref()?.position() - self.first()?)
+    }
+
+    /// Whether the agent moves on after step 1, at half its present speed or faster.
+    fn sets_off(&self) -> bool {
+        self.second().is_some_and(|by| by.norm() >= 0.5 * self.speed() * DT)
     }
 
     fn speed(&self) -> f64 {
@@ -105,28 +134,57 @@ impl<'a> GivenScene<'a> {
             }
         });
         let agents = agents.filter(|agent| agent.kind != AgentKind::Other).collect();
-        Self { agents, origin: scenario.origin, av: scenario.start.now(0), is_single: false }
+        Self { agents, origin: scenario.origin, av: scenario.start.now(0), subject: Subject::Agents }
     }
 
     /// Returns the given trajectory of an AV, with its state at the current frame if it has one.
     pub(super) fn of_av(scenario: &'a Scenario, entry0: Option<AgentState>, future: &'a [Frame]) -> Self {
-        let agent = &scenario.start.agents[0];
-        let av = GivenMotion {
-            id: &agent.id,
-            kind: agent.kind,
-            length: agent.length,
-            now: scenario.start.now(0),
-            velocity: scenario.logged_velocity(0, CURRENT),
-            history: &scenario.start.history[0],
-            entry0,
-            future,
-        };
-        Self { agents: vec![av], origin: scenario.origin, av: scenario.start.now(0), is_single: true }
+        let (now, velocity) = (scenario.start.now(0), scenario.logged_velocity(0, CURRENT));
+        let av = GivenMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
+        Self { agents: vec![av], origin: scenario.origin, av: now, subject: Subject::OneAgent }
+    }
+
+    /// Returns the plans of the AV in one rollout, each with the state in which it was made.
+    pub(super) fn of_plans(scenario: &'a Scenario, plans: &'a [(AgentState, Vec<Frame>)]) -> Self {
+        let plan =
+            |(now, poses): &'a (AgentState, Vec<Frame>)| Self::av_from(scenario, *now, now.velocity(), poses);
+        let (agents, av) = (plans.iter().map(plan).collect(), scenario.start.now(0));
+        Self { agents, origin: scenario.origin, av, subject: Subject::Plans }
+    }
+
+    fn av_from(
+        scenario: &'a Scenario,
+        now: AgentState,
+        velocity: Option<Vec2>,
+        future: &'a [Frame],
+    ) -> GivenMotion<'a> {
+        let Agent { id, kind, length, .. } = &scenario.start.agents[0];
+        let history = &scenario.start.history[0];
+        GivenMotion { id, kind: *kind, length: *length, now, velocity, history, entry0: None, future }
     }
 
     /// Smallest number of agents that are evidence.
     fn least(&self, several: usize) -> usize {
-        if self.is_single { 1 } else { several }
+        match self.subject {
+            Subject::Agents => several,
+            Subject::OneAgent => 1,
+            Subject::Plans => several.min(self.agents.len()),
+        }
+    }
+
+    /// Returns what messages call some of its entries.
+    fn noun(&self) -> &'static str {
+        if self.subject == Subject::Plans { "plans" } else { "agents" }
+    }
+
+    /// Checks the beginnings of plans: a tracker makes motion of them that hides mistakes.
+    pub(super) fn plan_findings(&self) -> Vec<Finding> {
+        let mut found: Vec<Finding> = continuity::of_plans(self).into_iter().collect();
+        found.extend(headings::finding(self));
+        if found.is_empty() {
+            found.extend(headings::against_motion(self));
+        }
+        found
     }
 
     /// Checks the motion. Findings that follow from another one are left out.

@@ -1,9 +1,10 @@
 use std::f64::consts::FRAC_PI_2;
+use std::ops::Range;
 
 use reactsim_geometry::{Vec2, direction};
 use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, FUTURE, Frame};
 
-use super::{GivenMotion, GivenScene, RolloutCheck};
+use super::{GivenMotion, GivenScene, RolloutCheck, Subject};
 
 /// Position and heading at the current frame, and speed, of the agents of the tests.
 const AGENTS: [(f64, f64, f64, f64, AgentKind); 8] = [
@@ -34,11 +35,21 @@ fn kept(agent: usize, k: usize) -> AgentState {
 
 /// Returns the checks that motion fails, with their texts, in a scenario with this origin.
 fn found_at(origin: Vec2, future: &[Vec<Frame>]) -> Vec<(RolloutCheck, String)> {
+    found_of(0..AGENTS.len(), Subject::Agents, origin, future)
+}
+
+/// Returns the same for some agents.
+fn found_of(
+    agents: Range<usize>,
+    subject: Subject,
+    origin: Vec2,
+    future: &[Vec<Frame>],
+) -> Vec<(RolloutCheck, String)> {
     let history: Vec<Vec<Frame>> = (0..AGENTS.len())
         .map(|i| (0..=CURRENT).map(|f| Some(state(i, (f as f64 - CURRENT as f64) * DT))).collect())
         .collect();
     let names: Vec<String> = (0..AGENTS.len()).map(|i| format!("a{i}")).collect();
-    let agents = (0..AGENTS.len()).map(|i| GivenMotion {
+    let agents = agents.map(|i| GivenMotion {
         id: &names[i],
         kind: AGENTS[i].4,
         length: 4.0 + 0.2 * i as f64,
@@ -49,7 +60,7 @@ fn found_at(origin: Vec2, future: &[Vec<Frame>]) -> Vec<(RolloutCheck, String)> 
         future: &future[i],
     });
     let av = AgentState { x: 0.0, y: 0.0, heading: 0.6, vx: 5.0, vy: 0.0 };
-    let scene = GivenScene { agents: agents.collect(), origin, av, is_single: false };
+    let scene = GivenScene { agents: agents.collect(), origin, av, subject };
     scene.findings().into_iter().map(|finding| (finding.check, finding.text)).collect()
 }
 
@@ -156,6 +167,20 @@ fn impossible_motion_is_named() {
         let part = format!("after step {from}; this looks like a fallback");
         assert_found(&frozen, Freeze, &part);
     }
+}
+
+#[test]
+fn an_av_that_stands_at_once_is_frozen_and_not_called_otherwise() {
+    // At 13 m/s it is 1.3 m behind where its velocity leads, as its rear axle is.
+    let (av, frozen) = (5..6, steps(|i, _| state(i, 0.0)));
+    let found = found_of(av.clone(), Subject::OneAgent, Vec2::zeros(), &frozen);
+    assert!(matches!(&found[..], [(RolloutCheck::Freeze, _)]), "{found:?}");
+    let late = steps(|i, k| state(i, (k as f64 - 1.0) * DT));
+    let found = found_of(av.clone(), Subject::OneAgent, Vec2::zeros(), &late);
+    assert!(matches!(&found[..], [(RolloutCheck::Time, _)]), "{found:?}");
+    let rear = placed(|i, p| p - direction(AGENTS[i].2) * 1.3);
+    let found = found_of(av, Subject::OneAgent, Vec2::zeros(), &rear);
+    assert!(matches!(&found[..], [(RolloutCheck::RearAxle, _)]), "{found:?}");
 }
 
 #[test]
