@@ -30,7 +30,7 @@ const STANDING_GAP: f64 = 3.0;
 /// Returns the route of a planner that drives the AV of a scenario; `None` if the map has no lanes.
 ///
 /// 1. The roadblocks that the logged AV passes from the current frame on, as the metric of progress finds
-///    them. Frames at which the AV is absent are left out; if there are any before the last logged position,
+///    them (where lanes overlap: along the likeliest sequence of lanes). Frames at which the AV is absent are left out; if there are any before the last logged position,
 ///    roadblocks that are not linked are joined by a shortest sequence of roadblocks, where there is one.
 /// 2. The log ends after 8 s. From the lane of the last logged position the route continues through the
 ///    successor that turns least, the first one in map order on ties, until 200 m of lanes are ahead of that
@@ -172,10 +172,11 @@ fn straightest(map: &PlanningMap, lane: usize, passed: &[usize]) -> Option<usize
 
 #[cfg(test)]
 mod tests {
-    use reactsim_scene::AgentKind;
+    use reactsim_geometry::Polyline;
+    use reactsim_scene::{AgentKind, LaneKind, LaneParts};
 
     use super::*;
-    use crate::fixtures::scenes::{agent, lane, scenario, straight_track};
+    use crate::fixtures::scenes::{agent, lane, scenario, straight_track, track};
     use crate::from_scene::{ego_shape, planning_map};
 
     /// Returns the ids of the roadblocks of the route.
@@ -187,7 +188,7 @@ mod tests {
     }
 
     /// A road along the x axis of lanes of 60 m, with a turn to the left at the end of the third one.
-    fn fork() -> Vec<reactsim_scene::LaneParts> {
+    fn fork() -> Vec<LaneParts> {
         vec![
             lane("a", &[(-50.0, 0.0), (10.0, 0.0)], &["b"]),
             lane("b", &[(10.0, 0.0), (70.0, 0.0)], &["c"]),
@@ -227,6 +228,28 @@ mod tests {
         ];
         let standing = agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 0.0));
         assert_eq!(route(&scenario(vec![standing], ring)).unwrap(), ["a", "b"]);
+    }
+
+    #[test]
+    fn forks_are_decided_by_the_lanes_that_follow() {
+        let branch = |id, points: &[(f64, f64)], successors: &[&str]| LaneParts {
+            kind: LaneKind::Connector,
+            ..lane(id, points, successors)
+        };
+        let lanes = vec![
+            branch("in", &[(-50.0, 0.0), (10.0, 0.0)], &["ahead", "left"]),
+            branch("ahead", &[(10.0, 0.0), (100.0, 0.0)], &[]),
+            branch("left", &[(10.0, 0.0), (20.0, 3.0), (25.0, 10.0), (27.0, 20.0), (27.0, 30.0)], &["out"]),
+            branch("out", &[(27.0, 30.0), (27.0, 90.0)], &[]),
+            // Where the AV cuts the corner; no lane leads here.
+            branch("other", &[(12.0, 1.5), (18.0, 5.0), (24.5, 14.0), (25.0, 20.0)], &[]),
+        ];
+        let corner = [(-50.0, 0.0), (8.0, 0.0), (18.0, 5.0), (24.5, 14.0), (27.0, 25.0), (27.0, 90.0)];
+        let points: Vec<Vec2> = corner.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
+        let path = Polyline::new(&points).unwrap();
+        let turning = track(8.0, |way| (path.at(way + 50.0), path.heading_at(way + 50.0)));
+        let turning = scenario(vec![agent("av", AgentKind::Vehicle, turning)], lanes);
+        assert_eq!(route(&turning).unwrap(), ["in", "left", "out"]);
     }
 
     #[test]

@@ -312,6 +312,24 @@ mod tests {
     }
 
     #[test]
+    fn connectors_in_succession_are_no_loop() {
+        let connector = |id, roadblock, x: [f64; 2], successors| LanePart {
+            kind: LaneKind::Connector,
+            ..lane(id, roadblock, x, 0.0, successors)
+        };
+        let road = |last: [f64; 2]| {
+            map(&[
+                connector("a", "0", [0.0, 50.0], &["b"]),
+                connector("b", "1", [50.0, 85.0], &["c"]),
+                connector("c", "2", last, &[]),
+            ])
+        };
+        let route = [0, 1, 2];
+        assert_eq!(corrected(&road([80.0, 120.0]), at(10.0, 1.75), &route), Some(route.to_vec()));
+        assert_eq!(corrected(&road([30.0, 45.0]), at(10.0, 1.75), &route), Some(vec![0, 1]));
+    }
+
+    #[test]
     fn far_from_all_lanes_the_nearest_roadblock_counts() {
         assert_eq!(corrected(&road(), at(120.0, -30.0), &[2, 3]), Some(vec![2, 3]));
         assert_eq!(corrected(&map(&[]), at(0.0, 0.0), &[]), None);
