@@ -475,7 +475,8 @@ fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
 #[derive(Debug, Args)]
 struct ReadingArgs {
     /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet, Waymo
-    /// files of more than 91 frames) [default: 49 for Argoverse 2, else the recorded index]
+    /// files of more than 91 frames) [default: the recorded index; for Argoverse 2 the latest one up to 49 with
+    /// 80 steps of the AV after it]
     #[arg(long, value_name = "N")]
     current_frame: Option<usize>,
     /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a

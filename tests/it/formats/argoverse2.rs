@@ -124,7 +124,8 @@ fn read(rows: &[Row], map: &Value) -> Result<Scenario, String> {
 
 #[test]
 fn fields_mean_what_they_say() {
-    let s = read(&rows(110), &map()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let s = read_at(&write(folder.path(), &rows(110), &map()), 49).unwrap();
     assert_eq!((s.id.as_str(), s.source.as_str()), ("made-1", "argoverse2"));
     assert_eq!((s.origin.x, s.origin.y), (549.0, 0.0), "the AV at time step 49");
     let ids: Vec<&str> = s.start.agents.iter().map(|a| a.id.as_str()).collect();
@@ -161,11 +162,11 @@ fn maps_and_current_frames_count_in_the_record_of_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &rows(110), &map());
     let input = find_inputs(&path).unwrap().remove(0);
-    let at = Input { frames: CurrentFrames::At(29), ..input.clone() };
+    let at = Input { frames: CurrentFrames::At(28), ..input.clone() };
     let record = |input: &Input| Registrar::default().record(input).unwrap();
     let usual = record(&input);
     assert_eq!(usual.companions[0].name, "log_map_archive_made-1.json");
-    assert_eq!((record(&at).current_frame, record(&at).blake3), (Some(29), usual.blake3.clone()));
+    assert_eq!((record(&at).current_frame, record(&at).blake3), (Some(28), usual.blake3.clone()));
     assert_ne!(record(&at).digest(), usual.digest());
     let mut other = map();
     other["drivable_areas"] = json!({});
@@ -192,11 +193,16 @@ fn runs_and_pages_remember_the_current_frame() {
         let told = String::from_utf8(output.stderr).unwrap();
         (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap() + &told)
     };
-    let short = call(&["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT"]);
+    let short = ["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT", "--current-frame", "49"];
+    let short = call(&short);
     assert_eq!(short.0, 2, "{}", short.1);
     assert!(short.1.contains("absent at step 61"), "{}", short.1);
     fs::remove_dir_all(&out).unwrap();
     let run = ["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT", "--keep-rollouts"];
+    // By default the latest frame after which the AV is recorded for 8 s.
+    let usual = call(&run);
+    assert!(usual.0 == 0 && usual.1.contains("(first: `made-1`, 20 frames before it)"), "{}", usual.1);
+    fs::remove_dir_all(&out).unwrap();
     let done = call(&[&run[..], &["--current-frame", "29"]].concat());
     assert_eq!(done.0, 0, "{}", done.1);
     let other = call(&[&run[..], &["--resume", "--current-frame", "28"]].concat());
@@ -236,16 +242,23 @@ fn another_frame_can_be_the_current_one() {
 }
 
 #[test]
-fn without_the_av_at_the_default_frame_the_latest_frame_before_it_is_the_current_one() {
+fn the_default_frame_is_the_latest_one_that_can_be_used() {
+    let whole = read(&rows(110), &map()).unwrap();
+    assert_eq!((whole.origin.x, whole.notes()["earlier-frame"].count), (529.0, 1));
+    assert_eq!(whole.notes()["earlier-frame"].detail.as_deref(), Some("20 frames before it"));
+    assert_eq!(whole.log_future.tracks[0].iter().flatten().count(), 80);
+    assert_eq!(read(&rows(130), &map()).unwrap().notes().get("earlier-frame"), None);
     let before = |last: i64| {
         let mut rows = rows(110);
         rows.retain(|row| row.0 != Some("AV") || !(last + 1..60).contains(&row.2));
         read(&rows, &map())
     };
+    // Nowhere 80 frames follow: the latest one at which the AV is present.
     let s = before(41).unwrap();
-    assert_eq!((s.origin.x, s.notes()["earlier-frame"].count), (541.0, 1));
-    assert_eq!(s.notes()["earlier-frame"].detail.as_deref(), Some("8 frames before it"));
-    assert!(!read(&rows(110), &map()).unwrap().notes().contains_key("earlier-frame"));
+    assert_eq!(
+        (s.origin.x, s.notes()["earlier-frame"].detail.as_deref()),
+        (541.0, Some("8 frames before it"))
+    );
     // The history needs ten frames.
     assert!(before(9).unwrap_err().contains("absent at time step 49"));
 }
@@ -405,10 +418,13 @@ fn real_files() {
     let scenarios = good(&folder);
     assert_eq!(scenarios.len(), 4);
     for s in &scenarios {
-        let short = if s.id.starts_with("0a0af725") { 80 } else { 20 };
-        assert_eq!(s.repairs["frames at the end that are not recorded"], short, "{}", s.id);
+        // The test split has no frames after the default one.
+        let is_test = s.id.starts_with("0a0af725");
+        let short = s.repairs.get("frames at the end that are not recorded").copied();
+        assert_eq!(short, is_test.then_some(80), "{}", s.id);
+        assert_eq!(s.notes().contains_key("earlier-frame"), !is_test, "{}", s.id);
         let recorded = s.log_future.tracks[0].iter().flatten().count();
-        assert_eq!(recorded, 80 - short as usize);
+        assert_eq!(recorded, if is_test { 0 } else { 80 });
         let road = s.start.road();
         // Vehicles of the log stay on the road. Some go on beyond the end of the map.
         let area = s.start.map.drivable_area.as_ref().unwrap();

@@ -100,7 +100,7 @@ const FIXTURES: &[Fixture] = &[
         write: argoverse2::small,
         av: "AV",
         has_checksums: false,
-        other_frame: Some(29),
+        other_frame: Some(28),
         real: Some(
             "data/av2/0a0af725-fbc3-41de-b969-3be718f694e2/scenario_0a0af725-fbc3-41de-b969-3be718f694e2.parquet",
         ),

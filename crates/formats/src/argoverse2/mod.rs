@@ -20,7 +20,7 @@ use super::format::{
 };
 use super::table::TableReader;
 
-/// Index of the default current frame among the 110 frames: the last of the 50 frames that forecasters
+/// Index of the latest default current frame among the 110 frames: the last of the 50 frames that forecasters
 /// observe.
 const CURRENT_FRAME: usize = 49;
 /// Maximum size of a map in bytes; usual maps have some hundred kilobytes.
@@ -81,7 +81,8 @@ impl ScenarioFormat for Argoverse2 {
 }
 
 /// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one: by default the
-/// latest frame up to [`CURRENT_FRAME`] at which the AV is present. The ten frames before it are the history.
+/// latest frame up to [`CURRENT_FRAME`] with 80 recorded frames of the AV after it. The ten frames before it are the
+/// history.
 /// Missing frames among the 80 after it are counted in the scenario's repairs.
 fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
     if let Some(current) = current.filter(|current| *current < CURRENT) {

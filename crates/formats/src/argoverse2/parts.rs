@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{Agent, AgentKind, CURRENT, FRAMES, LoggedAgent, MapParts, ScenarioParts, unknown_type};
+use reactsim_scene::{
+    Agent, AgentKind, CURRENT, FRAMES, FUTURE, LoggedAgent, MapParts, ScenarioParts, unknown_type,
+};
 
 use super::tracks::{Track, Tracks};
 use crate::error::Cause;
@@ -80,14 +82,18 @@ pub(super) fn unknown_types(tracks: &Tracks) -> BTreeMap<String, u32> {
     found
 }
 
-/// Returns the latest frame up to `default` that can be the current one: the AV is present, and ten frames come
-/// before it. `default` itself if there is none.
+/// Returns the latest frame up to `default` at which the AV is present, ten frames come before it, and the AV is
+/// recorded at the 80 frames after it, so that it can follow its log. Without the last condition if no frame meets
+/// it; `default` itself if the AV is at none.
 pub(super) fn latest_frame(tracks: &Tracks, default: usize) -> usize {
     let av = tracks.tracks.iter().find(|track| track.id == AV);
-    let is_present = |frame: &usize| {
-        av.is_some_and(|av| u32::try_from(*frame).is_ok_and(|frame| av.states.contains_key(&frame)))
+    let is_present = |frame: usize| {
+        av.is_some_and(|av| u32::try_from(frame).is_ok_and(|frame| av.states.contains_key(&frame)))
     };
-    (CURRENT..=default).rev().find(is_present).unwrap_or(default)
+    let has_future = |frame: &usize| (*frame..=frame + FUTURE).all(is_present);
+    let frames = || (CURRENT..=default).rev();
+    let latest = frames().find(has_future).or_else(|| frames().find(|frame| is_present(*frame)));
+    latest.unwrap_or(default)
 }
 
 /// Kind and size of objects of any size.
