@@ -1,6 +1,6 @@
-//! Checks of arguments against each other, for all commands: outputs replace no input and no file of a run folder,
-//! and no key has two values. Content that would replace content of another kind is refused where it is written
-//! ([`crate::files::NewFile`]).
+//! Checks of arguments against each other, for all commands: outputs replace no input and no file of a run
+//! folder, and no key has two values. Content that would replace content of another kind is refused where it
+//! is written ([`crate::files::NewFile`]).
 
 use std::any::TypeId;
 use std::collections::BTreeSet;
@@ -22,8 +22,8 @@ const WEIGHTED: &str = "scenarios";
 /// Value name of folders.
 const FOLDER: &str = "FOLDER";
 
-/// Refuses outputs that would replace an input, another output or a file of a run folder, and keys that are given
-/// twice, also in the arguments of a planned run.
+/// Refuses outputs that would replace an input, another output or a file of a run folder, and keys that are
+/// given twice, also in the arguments of a planned run.
 pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> anyhow::Result<()> {
     let (command, matches) = leaf(all, matches);
     let (mut outputs, mut inputs) = (Vec::<(String, &Path)>::new(), Vec::new());
@@ -92,7 +92,8 @@ fn is_written(argument: &Arg) -> bool {
     WRITTEN.contains(&argument.get_id().as_str())
 }
 
-/// Returns the paths that a value of an argument can mean: `ID=FILE`, `SCENARIOS=TIMES` and `file:PATH` have some.
+/// Returns the paths that a value of an argument can mean: `ID=FILE`, `SCENARIOS=TIMES` and `file:PATH` have
+/// some.
 fn read_paths(argument: &Arg, value: &OsStr) -> Vec<PathBuf> {
     let is_path = argument.get_value_parser().type_id() == TypeId::of::<PathBuf>();
     let whole = (is_path || argument.get_id() == WEIGHTED).then(|| value.to_owned());

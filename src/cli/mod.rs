@@ -395,7 +395,8 @@ fn say(text: std::fmt::Arguments<'_>) {
     writeln!(io::stderr().lock(), "{}", plain(&text)).ok();
 }
 
-/// Returns the error of a command that found nothing to work on; its reasons are the warnings, if there are some.
+/// Returns the error of a command that found nothing to work on; its reasons are the warnings, if there are
+/// some.
 fn nothing(outcome: &str) -> anyhow::Error {
     match WARNED.load(Ordering::Relaxed) {
         true => anyhow!("{outcome}: see the warnings above"),
@@ -475,8 +476,8 @@ fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
 #[derive(Debug, Args)]
 struct ReadingArgs {
     /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet, Waymo
-    /// files of more than 91 frames) [default: the recorded index; for Argoverse 2 the latest one up to 49 with
-    /// 80 steps of the AV after it]
+    /// files of more than 91 frames) [default: the recorded index; for Argoverse 2 the latest one up to 49
+    /// with 80 steps of the AV after it]
     #[arg(long, value_name = "N")]
     current_frame: Option<usize>,
     /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a

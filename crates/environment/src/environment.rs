@@ -205,8 +205,8 @@ impl Environment {
     /// `restarted` episodes, whose actions are ignored.
     ///
     /// # Errors
-    /// If an action cannot be executed, an episode is over, or a scenario cannot be used; no episode has changed
-    /// then.
+    /// If an action cannot be executed, an episode is over, or a scenario cannot be used; no episode has
+    /// changed then.
     pub fn step(
         &mut self,
         actions: &[f64],
@@ -305,8 +305,8 @@ impl Environment {
     }
 
     /// Scores an episode that is over, as a run with a judged AV does. Nobody is present after the end of an
-    /// episode that a condition ended, so that its steps count and the others do not. `None` if episodes are not
-    /// scored.
+    /// episode that a condition ended, so that its steps count and the others do not. `None` if episodes are
+    /// not scored.
     pub fn scores(&self, slot: usize) -> Option<(Vec<Row>, Vec<Vec<Event>>)> {
         let options = self.settings.scores?;
         let mut tracks = self.lockstep.tracks(slot).to_vec();

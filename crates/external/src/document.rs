@@ -11,8 +11,8 @@ use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, View};
 #[error("{0}")]
 pub struct DocumentError(pub String);
 
-/// Largest header of a document that is written, bytes: the Python package reads no larger ones. Contents that
-/// grow with scenarios, agents or events are tensors ([`Values::bytes`]), not texts.
+/// Largest header of a document that is written, bytes: the Python package reads no larger ones. Contents
+/// that grow with scenarios, agents or events are tensors ([`Values::bytes`]), not texts.
 const MAX_HEADER: usize = 64 << 20;
 
 /// A document that is being written.
@@ -124,8 +124,8 @@ impl FrameWriter {
         let texts: usize = self.texts.iter().map(|(key, text)| key.len() + text.len()).sum();
         if texts > MAX_HEADER {
             return Err(DocumentError(format!(
-                "names and texts have {texts} bytes, expected at most {MAX_HEADER}: shorten the ids of scenarios \
-                 and agents"
+                "names and texts have {texts} bytes, expected at most {MAX_HEADER}: shorten the ids of \
+                 scenarios and agents"
             )));
         }
         let document = safetensors::serialize(self.tensors.iter(), Some(self.texts.clone()));

@@ -21,9 +21,9 @@ const DIGITS: usize = 16;
 const ATTEMPTS: u32 = 8;
 
 /// A file that is being written under a temporary name in the folder of its target. [`NewFile::finish`] gives
-/// it its name; dropped before, it is removed. An existing file of that name stays as it is until then, and for
-/// good if its content is of another kind, such as Parquet where a picture is written. Its mode is kept, and a
-/// link is followed.
+/// it its name; dropped before, it is removed. An existing file of that name stays as it is until then, and
+/// for good if its content is of another kind, such as Parquet where a picture is written. Its mode is kept,
+/// and a link is followed.
 #[derive(Debug)]
 pub struct NewFile {
     path: PathBuf,
@@ -202,8 +202,8 @@ fn keep_mode(_old: &Metadata, _new: &File) {}
 /// Age from which an unlocked partial file counts as abandoned: a new one is not yet locked.
 const MIN_AGE: Duration = Duration::from_secs(2);
 
-/// Removes partial files in a folder whose processes were killed: those for this target, or all of them. Files
-/// that cannot be removed only take space.
+/// Removes partial files in a folder whose processes were killed: those for this target, or all of them.
+/// Files that cannot be removed only take space.
 pub(super) fn remove_abandoned(folder: &Path, target: Option<&OsStr>) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();

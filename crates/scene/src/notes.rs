@@ -57,8 +57,8 @@ const KINDS: &[NoteKind] = &[
     },
     NoteKind {
         id: "earlier-frame",
-        one: "the AV is not recorded for 8 s after the default current frame; the latest possible one is taken",
-        many: "the AV is not recorded for 8 s after the default current frame; the latest possible one is taken",
+        one: "the AV is not recorded for 8 s after the default current frame; an earlier one is taken",
+        many: "the AV is not recorded for 8 s after the default current frame; an earlier one is taken",
         find: |scenario, _| {
             repaired(scenario, EARLIER_FRAME).map(|Note { count, detail }| Note {
                 count: 1,

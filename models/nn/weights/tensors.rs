@@ -111,8 +111,8 @@ impl<'a> Tensors<'a> {
         Ok(())
     }
 
-    /// Returns the error about a tensor that is not in the file. Programs that wrap networks put a prefix before
-    /// all names, such as `module.`.
+    /// Returns the error about a tensor that is not in the file. Programs that wrap networks put a prefix
+    /// before all names, such as `module.`.
     pub(super) fn missing(&self, name: &str, others: usize) -> WeightsError {
         let prefix =
             self.tensors.keys().find_map(|key| key.strip_suffix(name)).filter(|prefix| {

@@ -35,7 +35,8 @@ impl MakeOptions {
     }
 }
 
-/// Creates the folder of a reference and locks it, unless it exists and is not empty, or another process writes it.
+/// Creates the folder of a reference and locks it, unless it exists and is not empty, or another process
+/// writes it.
 pub(super) fn create_empty(out: &Path) -> Result<FolderLock, ReferenceError> {
     let is_empty = || match fs::read_dir(out) {
         Ok(entries) => entries.flatten().all(|entry| entry.file_name() == LOCK),

@@ -81,9 +81,8 @@ impl ScenarioFormat for Argoverse2 {
 }
 
 /// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one: by default the
-/// latest frame up to [`CURRENT_FRAME`] with 80 recorded frames of the AV after it. The ten frames before it are the
-/// history.
-/// Missing frames among the 80 after it are counted in the scenario's repairs.
+/// latest frame up to [`CURRENT_FRAME`] with 80 recorded frames of the AV after it. The ten frames before it
+/// are the history. Missing frames among the 80 after it are counted in the scenario's repairs.
 fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
     if let Some(current) = current.filter(|current| *current < CURRENT) {
         let cause = Cause::value(
