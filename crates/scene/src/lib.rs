@@ -5,7 +5,6 @@ mod all_agents;
 mod assemble;
 mod certificate;
 mod digest;
-mod distant_links;
 mod error;
 mod headings;
 pub mod levels;
@@ -17,6 +16,7 @@ mod notes;
 mod parts;
 mod scenario;
 mod time;
+mod undrivable_links;
 mod velocities;
 pub mod wosac;
 
