@@ -140,6 +140,34 @@ fn unknown_velocities_are_those_of_the_positions() {
 }
 
 #[test]
+fn velocities_that_contradict_positions_are_replaced_and_noted() {
+    let stated = |speed: f64| {
+        let mut agents =
+            vec![driver("av", 0.0, 0.0, 10.0), driver("b", 30.0, 0.0, 10.0), driver("c", 20.0, 3.5, 10.0)];
+        for agent in &mut agents {
+            agent["track"]["vx"] = vec![speed; FRAMES].into();
+            agent["track"]["vy"] = vec![0.0; FRAMES].into();
+        }
+        run(&file(agents, road()), &["--av", "log", "--models", "constant-velocity,idm"])
+    };
+    let (right, said, _) = stated(10.0);
+    assert_eq!(said, "");
+    let km_h = "they look like velocities, in km/h, 3.60 times as large as differences of positions";
+    for (speed, likely) in [(36.0, km_h), (0.0, "all velocities are zero")] {
+        let (summary, said, seen) = stated(speed);
+        assert!(mean(&summary, "constant-velocity", "ade").unwrap() < 1e-9);
+        let [a, b] = [&right, &summary].map(|summary| mean(summary, "idm", "ade").unwrap());
+        assert!((a - b).abs() < 1e-6, "{a} and {b}");
+        let note = format!(
+            "3 agents have velocities that contradict their positions (first: `made`, replaced by differences of \
+             positions: {likely})"
+        );
+        assert_eq!(said, format!("note: 1 scenario: {note}\n"));
+        assert!(seen.contains(&format!("replaced by differences of positions: {likely}")), "{seen}");
+    }
+}
+
+#[test]
 fn irregular_clocks_are_reported_with_their_frame() {
     let mut scenario = file(vec![driver("av", 0.0, 0.0, 10.0), driver("b", 30.0, 0.0, 10.0)], road());
     let clock = |late: f64| -> Value {

@@ -30,7 +30,8 @@ impl Scenario {
     /// [`Self::with_all_agents`]), and states of it that are beyond the limits are absent: files fill unused
     /// slots with zeros, far from world coordinates; links, lights and stop lines of missing lanes are
     /// dropped and counted, as are links between lanes that no vehicle can drive; headings need not be
-    /// wrapped; NaN velocities are unknown, and are estimated from positions where there are any.
+    /// wrapped; NaN velocities, and those that contradict the positions of most agents, are unknown, and are
+    /// estimated from positions where there are any.
     ///
     /// # Errors
     /// [`SceneError`] names the field and the value: a wrong number of frames or a wrong rate, no AV,
@@ -132,8 +133,8 @@ impl Scenario {
         self.unselected.iter_mut().for_each(|a| a.heights.clear());
     }
 
-    /// Estimates unknown velocities, and drops links between lanes that no vehicle can drive. A scenario that is
-    /// complete does not change.
+    /// Estimates velocities that are unknown or contradict positions, and drops links between lanes that no
+    /// vehicle can drive. A scenario that is complete does not change.
     pub fn complete(&mut self) {
         self.estimate_velocities();
         self.drop_undrivable_links();

@@ -4,6 +4,7 @@ mod agent;
 mod all_agents;
 mod assemble;
 mod certificate;
+mod contradictions;
 mod digest;
 mod error;
 mod headings;
@@ -25,6 +26,7 @@ pub use certificate::{
     Certificate, Difficulty, EASY_DECELERATION, EASY_TIME_TO_REACT, Effort, HARD_DECELERATION,
     HARD_TIME_TO_REACT, Response,
 };
+pub use contradictions::VelocityContradiction;
 pub use error::{SceneError, brief};
 pub use levels::MapHeights;
 pub use lights::{LightState, TrafficLight};

@@ -5,7 +5,8 @@ use std::ops::RangeInclusive;
 
 use reactsim_geometry::rounded_distance;
 
-use super::{AgentKind, Scenario, levels};
+use super::velocities::{REPLACED, seconds_before};
+use super::{AgentKind, Scenario, VelocityContradiction, levels};
 
 /// A property of a scenario, with the number of its occurrences.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,6 +66,12 @@ const KINDS: &[NoteKind] = &[
                 detail: detail.map(|_| format!("{count} frames before it")),
             })
         },
+    },
+    NoteKind {
+        id: "velocity-contradicts",
+        one: "1 agent has velocities that contradict its positions",
+        many: "{} agents have velocities that contradict their positions",
+        find: |scenario, _| contradicting_velocities(scenario),
     },
     NoteKind {
         id: "no-drivable-area",
@@ -198,6 +205,23 @@ fn irregular_steps(scenario: &Scenario) -> Option<Note> {
     Some(Note { count: irregular.len() as u32, detail })
 }
 
+/// Notes velocities that contradict positions: those replaced at assembly, and those that are kept.
+fn contradicting_velocities(scenario: &Scenario) -> Option<Note> {
+    let repairs = scenario.repairs.iter();
+    let replaced = repairs.filter_map(|(what, n)| Some((*n, what.strip_prefix(REPLACED)?.to_owned())));
+    let tracks: Vec<_> = (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
+    let step = |frame| seconds_before(&scenario.timestamps, frame);
+    let kept = VelocityContradiction::find(tracks.iter().map(Vec::as_slice), step).map(|found| {
+        let first = &scenario.start.agents[found.agents[0]].id;
+        (
+            found.agents.len() as u32,
+            format!("kept velocities, the first of agent `{first}`: {}", found.likely),
+        )
+    });
+    let (counts, details): (Vec<u32>, Vec<String>) = replaced.chain(kept).unzip();
+    (!counts.is_empty()).then(|| Note { count: counts.iter().sum(), detail: Some(details.join("; ")) })
+}
+
 fn is_vehicle(scenario: &Scenario, agent: usize) -> bool {
     scenario.start.agents[agent].kind == AgentKind::Vehicle
 }
@@ -238,8 +262,8 @@ mod tests {
 
     use super::*;
     use crate::{
-        Agent, AgentState, DT, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts,
-        RoadEdge, RoadEdgeKind, ScenarioParts, SceneError, Surface,
+        Agent, AgentState, CURRENT, DT, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent,
+        MapParts, RoadEdge, RoadEdgeKind, ScenarioParts, SceneError, Surface,
     };
 
     /// Returns vehicles that move at these positions, the AV first, on a road along the x axis whose edges
@@ -259,7 +283,12 @@ mod tests {
     ) -> Result<Scenario, SceneError> {
         let agents = positions.iter().enumerate().map(|(i, &(x, y))| LoggedAgent {
             agent: Agent { id: i.to_string(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
-            track: vec![Some(AgentState { x, y, heading: 0.0, vx: 5.0, vy: 0.0 }); FRAMES],
+            track: (0..FRAMES)
+                .map(|f| {
+                    let x = x + 5.0 * DT * (f as f64 - CURRENT as f64);
+                    Some(AgentState { x, y, heading: 0.0, vx: 5.0, vy: 0.0 })
+                })
+                .collect(),
             heights: Vec::new(),
         });
         let edge = |y: f64| {
@@ -316,7 +345,8 @@ mod tests {
         let beside = [(0.0, 0.0), (20.0, 0.0), (40.0, 9.0), (60.0, 9.0)];
         assert_eq!(found(&scenario(&beside, false, |_| ())), [("vehicles-off-road", 2)]);
         let standing = scenario(&beside, false, |parts| {
-            parts.agents[3].track.iter_mut().flatten().for_each(|state| state.vx = 0.0);
+            let now = parts.agents[3].track[CURRENT].map(|state| AgentState { vx: 0.0, ..state });
+            parts.agents[3].track.fill(now);
         });
         assert_eq!(found(&standing), [("vehicles-off-road", 1)]);
         let av_parked = [(0.0, -9.0), (20.0, 0.0)];

@@ -3,7 +3,12 @@
 use reactsim_geometry::Vec2;
 
 use super::limits::MAX_VELOCITY;
-use super::{AgentKind, AgentState, DT, Frame, HISTORY, LoggedAgent, Scenario};
+use super::{
+    AgentKind, AgentState, DT, FRAMES, Frame, HISTORY, LoggedAgent, Scenario, VelocityContradiction,
+};
+
+/// Beginning of the repair that counts agents whose velocities were replaced.
+pub(super) const REPLACED: &str = "velocities that contradict positions, ";
 
 /// Distance in metres within which an object of kind `other` stays at one place: more than the noise of
 /// tracked boxes.
@@ -16,21 +21,88 @@ impl Scenario {
     /// position one frame later. In the history, frames after the current one are never used. Velocities that
     /// cannot be estimated stay unknown, as do those of objects of kind `other` that stay at one place.
     pub(super) fn estimate_velocities(&mut self) {
-        let times = &self.timestamps;
-        let step = |frame: usize| match frame.checked_sub(1).and_then(|f| times.get(f)).zip(times.get(frame))
-        {
-            Some((earlier, now)) => now - earlier,
-            None => DT,
-        };
-        let tracks = self.start.history.iter_mut().zip(&mut self.log_future.tracks);
-        for (agent, (history, future)) in self.start.agents.iter().zip(tracks) {
-            estimate_track(agent.kind, history, future, step);
-        }
-        for LoggedAgent { agent, track, .. } in &mut self.unselected {
-            let (history, future) = track.split_at_mut(HISTORY);
-            estimate_track(agent.kind, history, future, step);
+        self.forget_contradicting_velocities();
+        let times = self.timestamps.clone();
+        for (group, [history, future]) in self.split_tracks() {
+            estimate_track(group.kind, history, future, |frame| seconds_before(&times, frame));
         }
     }
+
+    /// Makes velocities unknown that contradict positions: of the AV, or of all other agents of a kind, if most
+    /// of these that move are wrong. Frames after the current one are never used for the history.
+    fn forget_contradicting_velocities(&mut self) {
+        let times = self.timestamps.clone();
+        let tracks = self.split_tracks().map(|(group, track)| (group, track.concat()));
+        let (groups, tracks): (Vec<Group>, Vec<Vec<Frame>>) = tracks.unzip();
+        let find = |frames: usize| {
+            let tracks = tracks.iter().map(|track| &track[..frames]);
+            VelocityContradiction::find(tracks, |frame| seconds_before(&times, frame))
+        };
+        let (past, whole) = (find(HISTORY), find(FRAMES));
+        let wrong_past: Vec<Group> = past.iter().flat_map(|found| wrong_groups(found, &groups)).collect();
+        let wrong_ever: Vec<Group> = whole.iter().flat_map(|found| wrong_groups(found, &groups)).collect();
+        for (group, [history, future]) in self.split_tracks() {
+            let is_past = wrong_past.contains(&group);
+            let frames = history.iter_mut().filter(|_| is_past);
+            let future = future.iter_mut().filter(|_| is_past || wrong_ever.contains(&group));
+            for state in frames.chain(future).flatten() {
+                (state.vx, state.vy) = (f64::NAN, f64::NAN);
+            }
+        }
+        for (found, wrong) in [(past, &wrong_past), (whole, &wrong_ever)] {
+            let Some(found) = found else { continue };
+            let count = found.agents.iter().filter(|i| wrong.contains(&groups[**i])).count() as u32;
+            if count > 0 {
+                self.repairs.retain(|what, _| !what.starts_with(REPLACED));
+                self.repairs.insert(
+                    format!("{REPLACED}replaced by differences of positions: {}", found.likely),
+                    count,
+                );
+            }
+        }
+    }
+
+    /// Returns all tracks, split after the current frame.
+    fn split_tracks(&mut self) -> impl Iterator<Item = (Group, [&mut [Frame]; 2])> {
+        let tracks = self.start.history.iter_mut().zip(&mut self.log_future.tracks);
+        let selected =
+            self.start.agents.iter().zip(tracks).enumerate().map(|(i, (agent, (past, future)))| {
+                (Group { is_av: i == 0, kind: agent.kind }, [past.as_mut_slice(), future.as_mut_slice()])
+            });
+        let others = self.unselected.iter_mut().map(|LoggedAgent { agent, track, .. }| {
+            let (past, future) = track.split_at_mut(HISTORY);
+            (Group { is_av: false, kind: agent.kind }, [past, future])
+        });
+        selected.chain(others)
+    }
+}
+
+/// The AV, or the other agents of a kind: their velocities have one source.
+#[derive(Clone, Copy, PartialEq)]
+struct Group {
+    is_av: bool,
+    kind: AgentKind,
+}
+
+/// Returns the groups in which most agents that move contradict, at least two apart from the AV. If most of all
+/// agents contradict, one is sufficient, or none if none shows whether it does.
+fn wrong_groups(found: &VelocityContradiction, groups: &[Group]) -> Vec<Group> {
+    let most = found.agents.len() > found.consistent.len().max(1);
+    let is_wrong = |group: &Group| {
+        let count = |agents: &[usize]| agents.iter().filter(|i| groups[**i] == *group).count();
+        match (count(&found.agents), count(&found.consistent)) {
+            (0, 0) => most,
+            (1, 0) => most || group.is_av,
+            (wrong, consistent) => wrong > consistent,
+        }
+    };
+    groups.iter().copied().filter(is_wrong).collect()
+}
+
+/// Returns the time from the frame before to a frame, seconds.
+pub(super) fn seconds_before(times: &[f64], frame: usize) -> f64 {
+    let earlier = frame.checked_sub(1).and_then(|f| times.get(f));
+    earlier.zip(times.get(frame)).map_or(DT, |(earlier, now)| now - earlier)
 }
 
 /// Replaces the unknown velocities of an AV trajectory that continues from the state `now`, one frame
