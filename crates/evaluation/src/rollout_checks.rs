@@ -28,6 +28,8 @@ pub enum RolloutCheck {
     Order,
     /// Headings are radians counter-clockwise from the x axis, along the motion.
     Headings,
+    /// Velocities are those of the positions.
+    Velocities,
     /// No agent moves further in 0.1 s than its class can.
     Teleports,
     /// Moving agents do not stop dead.
@@ -42,7 +44,7 @@ pub enum RolloutCheck {
 
 impl RolloutCheck {
     /// All checks.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Av,
         Self::Continuity,
         Self::Coordinates,
@@ -51,6 +53,7 @@ impl RolloutCheck {
         Self::Time,
         Self::Order,
         Self::Headings,
+        Self::Velocities,
         Self::Teleports,
         Self::Freeze,
         Self::Float32,
@@ -69,6 +72,7 @@ impl RolloutCheck {
             Self::Time => "time",
             Self::Order => "agent-order",
             Self::Headings => "headings",
+            Self::Velocities => "velocities",
             Self::Teleports => "teleports",
             Self::Freeze => "freeze",
             Self::Float32 => "float32",
@@ -88,6 +92,7 @@ impl RolloutCheck {
             Self::Time => "allowed-time",
             Self::Order => "allowed-agent-order",
             Self::Headings => "allowed-headings",
+            Self::Velocities => "allowed-velocities",
             Self::Teleports => "allowed-teleports",
             Self::Freeze => "allowed-freeze",
             Self::Float32 => "allowed-float32",

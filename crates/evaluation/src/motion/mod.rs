@@ -10,6 +10,7 @@ mod later;
 mod storage;
 #[cfg(test)]
 mod tests;
+mod velocities;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
@@ -44,6 +45,9 @@ pub(super) struct GivenMotion<'a> {
 /// The given motion of a scenario.
 pub(super) struct GivenScene<'a> {
     pub(super) agents: Vec<GivenMotion<'a>>,
+    /// Agents at their recorded positions, whose velocities are not the recorded ones. Recordings contain jumps
+    /// and gaps: the motion of agents that move as recorded is not in doubt.
+    pub(super) replayed: Vec<GivenMotion<'a>>,
     /// World coordinates of the origin of the states, metres.
     pub(super) origin: Vec2,
     /// The AV at the current frame.
@@ -117,12 +121,17 @@ impl<'a> GivenScene<'a> {
     /// Returns the given motion of a rollout: history, then the given steps. The AV is left out if
     /// `without_av`: its motion is not that of the simulator.
     pub(super) fn of_rollout(scenario: &'a Scenario, tracks: &'a [Vec<Frame>], without_av: bool) -> Self {
-        // Recordings contain jumps and gaps: agents that move as recorded are not in doubt.
-        let slots = (usize::from(without_av)..tracks.len())
-            .filter(|&slot| !is_replayed(&tracks[slot][HISTORY..], &scenario.log_future.tracks[slot]));
-        let agents = slots.map(|slot| {
+        let mut scene = Self {
+            agents: Vec::new(),
+            replayed: Vec::new(),
+            origin: scenario.origin,
+            av: scenario.start.now(0),
+            subject: Subject::Agents,
+        };
+        for (slot, track) in tracks.iter().enumerate().skip(usize::from(without_av)) {
             let agent = &scenario.start.agents[slot];
-            GivenMotion {
+            let (future, logged) = (&track[HISTORY..], &scenario.log_future.tracks[slot]);
+            let motion = GivenMotion {
                 id: &agent.id,
                 kind: agent.kind,
                 length: agent.length,
@@ -130,18 +139,23 @@ impl<'a> GivenScene<'a> {
                 velocity: scenario.logged_velocity(slot, CURRENT),
                 history: &scenario.start.history[slot],
                 entry0: None,
-                future: &tracks[slot][HISTORY..],
+                future,
+            };
+            match agent.kind {
+                AgentKind::Other => {}
+                _ if !is_replayed(future, logged) => scene.agents.push(motion),
+                _ if !has_velocities(future, logged) => scene.replayed.push(motion),
+                _ => {}
             }
-        });
-        let agents = agents.filter(|agent| agent.kind != AgentKind::Other).collect();
-        Self { agents, origin: scenario.origin, av: scenario.start.now(0), subject: Subject::Agents }
+        }
+        scene
     }
 
     /// Returns the given trajectory of an AV, with its state at the current frame if it has one.
     pub(super) fn of_av(scenario: &'a Scenario, entry0: Option<AgentState>, future: &'a [Frame]) -> Self {
         let (now, velocity) = (scenario.start.now(0), scenario.logged_velocity(0, CURRENT));
         let av = GivenMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
-        Self { agents: vec![av], origin: scenario.origin, av: now, subject: Subject::OneAgent }
+        Self { replayed: Vec::new(), agents: vec![av], origin: scenario.origin, av: now, subject: Subject::OneAgent }
     }
 
     /// Returns the plans of the AV in one rollout, each with the state in which it was made.
@@ -149,7 +163,7 @@ impl<'a> GivenScene<'a> {
         let plan =
             |(now, poses): &'a (AgentState, Vec<Frame>)| Self::av_from(scenario, *now, now.velocity(), poses);
         let (agents, av) = (plans.iter().map(plan).collect(), scenario.start.now(0));
-        Self { agents, origin: scenario.origin, av, subject: Subject::Plans }
+        Self { agents, replayed: Vec::new(), origin: scenario.origin, av, subject: Subject::Plans }
     }
 
     fn av_from(
@@ -190,7 +204,7 @@ impl<'a> GivenScene<'a> {
     /// Checks the motion. Findings that follow from another one are left out.
     pub(super) fn findings(&self) -> Vec<Finding> {
         if self.agents.is_empty() {
-            return Vec::new();
+            return velocities::finding(self).into_iter().collect();
         }
         let mut found: Vec<Finding> = Vec::new();
         let freeze = later::freeze(self);
@@ -204,6 +218,7 @@ impl<'a> GivenScene<'a> {
         found.extend(freeze);
         if is_continuous && found.is_empty() {
             found.extend(headings::against_motion(self));
+            found.extend(velocities::finding(self));
             found.extend(later::teleports(self));
         }
         found.extend(storage::float32(self));
@@ -216,6 +231,15 @@ fn is_replayed(given: &[Frame], logged: &[Frame]) -> bool {
     given.iter().zip(logged).all(|pair| match pair {
         (Some(given), Some(logged)) => (given.position() - logged.position()).norm() <= 0.01,
         (given, logged) => given.is_none() && logged.is_none(),
+    })
+}
+
+/// Returns whether all given velocities that are known are those of the log, within 1 cm/s.
+fn has_velocities(given: &[Frame], logged: &[Frame]) -> bool {
+    let velocity = |frame: &Frame| frame.and_then(|state| state.velocity());
+    given.iter().zip(logged).all(|(given, logged)| match (velocity(given), velocity(logged)) {
+        (Some(given), Some(logged)) => (given - logged).norm() <= 0.01,
+        (given, _) => given.is_none(),
     })
 }
 

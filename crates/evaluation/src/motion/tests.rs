@@ -60,7 +60,7 @@ fn found_of(
         future: &future[i],
     });
     let av = AgentState { x: 0.0, y: 0.0, heading: 0.6, vx: 5.0, vy: 0.0 };
-    let scene = GivenScene { agents: agents.collect(), origin, av, subject };
+    let scene = GivenScene { agents: agents.collect(), replayed: Vec::new(), origin, av, subject };
     scene.findings().into_iter().map(|finding| (finding.check, finding.text)).collect()
 }
 
@@ -199,4 +199,29 @@ fn coarse_coordinates_are_named() {
     // Close to the origin of the world they resolve the motion.
     let fine = placed(|_, p| Vec2::new(f64::from(p.x as f32), f64::from(p.y as f32)));
     assert_eq!(found_at(Vec2::zeros(), &fine), []);
+}
+
+#[test]
+fn velocities_against_positions_are_named() {
+    use RolloutCheck::Velocities;
+    let stated = |of: fn(Vec2, f64) -> Vec2| {
+        steps(move |i, k| {
+            let s = kept(i, k);
+            let v = of(s.velocity().unwrap(), s.heading);
+            AgentState { vx: v.x, vy: v.y, ..s }
+        })
+    };
+    assert_found(
+        &stated(|v, _| v * 3.6),
+        Velocities,
+        "velocities of 7 of 8 agents contradict their positions",
+    );
+    assert_found(&stated(|v, _| v * 3.6), Velocities, "in km/h");
+    assert_found(
+        &stated(|v, h| Vec2::new(v.norm(), 0.0) * h.signum().abs()),
+        Velocities,
+        "the frame of each agent",
+    );
+    assert_found(&stated(|_, _| Vec2::zeros()), Velocities, "all velocities are zero");
+    assert_eq!(found_at(Vec2::zeros(), &stated(|_, _| Vec2::new(f64::NAN, f64::NAN))), []);
 }
