@@ -34,8 +34,10 @@ pub enum RolloutCheck {
     Teleports,
     /// Moving agents do not stop dead.
     Freeze,
-    /// Stored coordinates resolve a centimetre.
+    /// World coordinates in 32 bits resolve a centimetre.
     Float32,
+    /// Coordinates resolve a centimetre, in any other format.
+    Resolution,
     /// Agents that the log contains are present.
     Presence,
     /// Every simulator has rollouts of every scenario.
@@ -44,7 +46,7 @@ pub enum RolloutCheck {
 
 impl RolloutCheck {
     /// All checks.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Av,
         Self::Continuity,
         Self::Coordinates,
@@ -57,6 +59,7 @@ impl RolloutCheck {
         Self::Teleports,
         Self::Freeze,
         Self::Float32,
+        Self::Resolution,
         Self::Presence,
         Self::Coverage,
     ];
@@ -76,6 +79,7 @@ impl RolloutCheck {
             Self::Teleports => "teleports",
             Self::Freeze => "freeze",
             Self::Float32 => "float32",
+            Self::Resolution => "resolution",
             Self::Presence => "missing-agents",
             Self::Coverage => "partial",
         }
@@ -96,6 +100,7 @@ impl RolloutCheck {
             Self::Teleports => "allowed-teleports",
             Self::Freeze => "allowed-freeze",
             Self::Float32 => "allowed-float32",
+            Self::Resolution => "allowed-resolution",
             Self::Presence => "allowed-missing-agents",
             Self::Coverage => "allowed-partial",
         }

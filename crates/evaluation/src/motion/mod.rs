@@ -221,7 +221,7 @@ impl<'a> GivenScene<'a> {
             found.extend(velocities::finding(self));
             found.extend(later::teleports(self));
         }
-        found.extend(storage::float32(self));
+        found.extend(storage::float32(self).or_else(|| storage::resolution(self)));
         found
     }
 }

@@ -225,3 +225,49 @@ fn velocities_against_positions_are_named() {
     assert_found(&stated(|_, _| Vec2::zeros()), Velocities, "all velocities are zero");
     assert_eq!(found_at(Vec2::zeros(), &stated(|_, _| Vec2::new(f64::NAN, f64::NAN))), []);
 }
+
+/// Rounds to this many significant bits.
+fn bits(v: f64, bits: i32) -> f64 {
+    if v == 0.0 {
+        return v;
+    }
+    let unit = f64::powi(2.0, v.abs().log2().floor() as i32 + 1 - bits);
+    (v / unit).round() * unit
+}
+
+#[test]
+fn rounded_numbers_are_named() {
+    use RolloutCheck::Resolution;
+    let origin = Vec2::new(664_000.3, 3_998_000.7);
+    let multiples = |unit: f64| move |v: f64| (v / unit).round() * unit;
+    // Speeds change, as in traffic.
+    let drive = |round: &dyn Fn(f64) -> f64, shift: Vec2| {
+        steps(|i, k| {
+            let t = k as f64 * DT;
+            let s = state(i, t + 0.01 * t * t);
+            AgentState { x: round(s.x + shift.x) - shift.x, y: round(s.y + shift.y) - shift.y, ..s }
+        })
+    };
+    let cases: [(&dyn Fn(f64) -> f64, &str); 5] = [
+        (&|v| bits(v, 11), "rounded as in float16"),
+        (&|v| bits(v, 8), "rounded as in bfloat16"),
+        (&multiples(0.1), "to a grid of 0.1"),
+        (&multiples(0.05), "to a grid of 0.05"),
+        (&multiples(0.3048), "to a grid of 0.3048"),
+    ];
+    for (round, part) in cases {
+        assert_found(&drive(round, Vec2::zeros()), Resolution, part);
+    }
+    // Rounded in world coordinates, stored in 32 bits.
+    let world = drive(&|v| f64::from(multiples(0.1)(v) as f32), Vec2::new(12.34, -56.78));
+    assert_found(&world, Resolution, "to a grid of 0.1");
+    for fine in [&multiples(0.01) as &dyn Fn(f64) -> f64, &|v| f64::from(v as f32), &|v| v] {
+        assert_eq!(found_at(Vec2::zeros(), &drive(fine, Vec2::zeros())), []);
+        assert_eq!(found_at(origin, &drive(fine, Vec2::zeros())), []);
+    }
+    let headings = steps(|i, k| {
+        let s = kept(i, k);
+        AgentState { heading: multiples(0.02)(s.heading + 0.015 * (7 * k % 5) as f64), ..s }
+    });
+    assert_found(&headings, Resolution, "the headings look rounded");
+}
