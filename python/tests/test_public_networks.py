@@ -70,7 +70,7 @@ CUSTOM = {
 TOKENS = 50
 # Checks of the motion, which random networks do not pass.
 CHECKS = ["jumps", "rear-axle", "units", "time", "headings", "teleports", "freeze"]
-CHECKS += ["coordinates", "agent-order", "float32"]
+CHECKS += ["coordinates", "agent-order", "float32", "velocities", "resolution"]
 
 
 @pytest.fixture(scope="module")
