@@ -69,7 +69,9 @@ pub(super) fn report_problems(summary: &Summary) {
         let mut ends = simulator.outcomes.keys().filter(|outcome| outcome.starts_with(ROUTE_ENDS));
         if let Some(first) = ends.next() {
             let n = count(1 + ends.count(), "place");
-            say(format_args!("warning: {id}: the AV brakes or stands where its route ends, at {n} (first {first})"));
+            say(format_args!(
+                "warning: {id}: the AV brakes or stands where its route ends, at {n} (first {first})"
+            ));
         }
     }
 }

@@ -77,7 +77,8 @@ pub fn check_document(document: &Document) -> Findings {
         let agents: Vec<_> = agents.filter(|agent| agent.kind != AgentKind::Other).collect();
         let Some(av) = scenario.agents.get(scenario.av) else { continue };
         let Some(av) = av.track.get(scenario.current).copied().flatten() else { continue };
-        let motion = GivenScene { agents, replayed: Vec::new(), origin: Vec2::zeros(), av, subject: Subject::Agents };
+        let motion =
+            GivenScene { agents, replayed: Vec::new(), origin: Vec2::zeros(), av, subject: Subject::Agents };
         for finding in motion.findings() {
             findings.add(finding.check, || format!("scenario `{}`: {}", scenario.id, finding.text));
         }

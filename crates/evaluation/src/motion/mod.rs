@@ -155,7 +155,13 @@ impl<'a> GivenScene<'a> {
     pub(super) fn of_av(scenario: &'a Scenario, entry0: Option<AgentState>, future: &'a [Frame]) -> Self {
         let (now, velocity) = (scenario.start.now(0), scenario.logged_velocity(0, CURRENT));
         let av = GivenMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
-        Self { replayed: Vec::new(), agents: vec![av], origin: scenario.origin, av: now, subject: Subject::OneAgent }
+        Self {
+            replayed: Vec::new(),
+            agents: vec![av],
+            origin: scenario.origin,
+            av: now,
+            subject: Subject::OneAgent,
+        }
     }
 
     /// Returns the plans of the AV in one rollout, each with the state in which it was made.
