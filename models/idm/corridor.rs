@@ -105,11 +105,13 @@ pub(super) fn strip(own: &Actor, driver: &PathFollower, horizon: f64) -> Option<
     Strip::of(&driver.path, driver.path.index(from), last)
 }
 
-/// Follows the road under the part of the path that [`strip`] bounds.
-pub(super) fn heights(road: &Road<'_>, own: &Actor, driver: &PathFollower, horizon: f64) -> PathHeights {
+/// Follows the road under the part of the path that [`strip`] bounds, and returns the heights, which the driver
+/// keeps for the next decision.
+pub(super) fn heights(road: &Road<'_>, own: &Actor, driver: &mut PathFollower, horizon: f64) -> PathHeights {
     let (from, to) = section(own, driver);
     let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);
-    PathHeights::along(road, own, &driver.path, from, to.max(driver.s + driven))
+    driver.heights.follow(road, own, &driver.path, from, to.max(driver.s + driven));
+    driver.heights.clone()
 }
 
 /// What is known of the path in which a vehicle looks for others.

@@ -5,11 +5,12 @@ use reactsim_dynamics::{DrivenPath, Pose, Pursuit};
 use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
 use reactsim_rollout::{Observation, Stream};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, DT, FUTURE, Frame, HISTORY, LaneClass, Road, Start, StopKind, levels,
+    Agent, AgentKind, AgentState, DT, FUTURE, Frame, HISTORY, LaneClass, Road, Start, StopKind,
 };
 
 use super::actor::Actor;
 use super::follow::Style;
+use super::heights::PathHeights;
 use super::parameters::{Class, Parameters};
 use super::route::{self, Motion, Route};
 
@@ -64,7 +65,8 @@ impl<'a> Sight<'a> {
     }
 
     fn road(&self) -> Road<'a> {
-        self.start().road().on_level(if self.start().has_levels() { self.height() } else { f64::NAN })
+        let height = if self.start().has_levels() { self.height() } else { f64::NAN };
+        self.start().road().on_level(self.now().position(), height)
     }
 }
 
@@ -92,6 +94,8 @@ pub(super) struct PathFollower {
     /// Whether the vehicle stands although car following lets it go: it only waits for others, and may
     /// set off at any time.
     pub(super) waits: bool,
+    /// Heights along the path ahead, in scenarios with several levels.
+    pub(super) heights: PathHeights,
 }
 
 /// A stop line on a path.
@@ -187,10 +191,12 @@ fn is_parked(sight: &Sight<'_>, motion: &Motion, cyclist: bool, parameters: &Par
 /// pedestrian is in: people who get in or out. `None` if there is no such box.
 fn path_out(sight: &Sight<'_>) -> Option<(Vec2, f64)> {
     let own = sight.now().footprint(sight.properties());
+    let road = sight.road();
     let agents = sight.start().agents.iter().enumerate();
     let vehicles = agents.filter(|(_, agent)| agent.kind == AgentKind::Vehicle);
-    let beside = vehicles.filter(|(j, _)| !levels::apart(sight.height(), sight.heights[*j], 0.0));
-    let boxes = beside.filter_map(|(j, agent)| Some(sight.seen.state(j)?.footprint(agent)));
+    let boxes = vehicles.filter_map(|(j, agent)| Some((j, sight.seen.state(j)?.footprint(agent))));
+    let beside = boxes.filter(|(j, b)| !road.is_off_level(b.center, sight.heights[*j], 0.0));
+    let boxes = beside.map(|(_, b)| b);
     let inside = boxes.filter(|b| b.separation(&own) < 0.0).min_by(|a, b| {
         (a.center - own.center).norm_squared().total_cmp(&(b.center - own.center).norm_squared())
     })?;
@@ -278,6 +284,7 @@ impl PathFollower {
             ground_ends: None,
             s: 0.0,
             waits: false,
+            heights: PathHeights::default(),
         }
     }
 
@@ -308,6 +315,7 @@ impl PathFollower {
             ground_ends,
             s: 0.0,
             waits: false,
+            heights: PathHeights::default(),
         }
     }
 
@@ -349,6 +357,7 @@ impl PathFollower {
         self.ground_ends = self.ground_ends.map(|end| end - self.s);
         self.ceiling = ceiling(&path, &self.desired, class);
         self.path = path;
+        self.heights = PathHeights::default();
         self.s = 0.0;
     }
 
@@ -427,7 +436,7 @@ fn around_obstacles(sight: &Sight<'_>, line: &Polyline, half_width: f64, speed: 
     const MAX_SHIFT: f64 = 1.5;
     /// Lateral clearance to a standing vehicle, metres.
     const CLEARANCE: f64 = 0.45;
-    let (road, height, start) = (sight.road(), sight.height(), sight.start());
+    let (road, start) = (sight.road(), sight.start());
     let ramp = (1.2 * speed).max(10.0);
     let mut berths: Vec<(f64, f64, f64)> = Vec::new();
     let others = (1..start.agents.len()).filter(|&j| j != sight.agent);
@@ -438,7 +447,7 @@ fn around_obstacles(sight: &Sight<'_>, line: &Polyline, half_width: f64, speed: 
     let obstacles = start.obstacles.iter().enumerate().map(|(k, &o)| (o, start.obstacle_height(k)));
     for (o, its_height) in boxes.chain(obstacles) {
         let Some((from, to, low, high)) = extent_along(line, &o) else { continue };
-        if !its_height.is_nan() && levels::apart(road.ground_height(o.center, height), its_height, 0.0) {
+        if road.is_off_level(o.center, its_height, 0.0) {
             continue;
         }
         let (to_left, to_right) = (high + half_width + CLEARANCE, half_width + CLEARANCE - low);

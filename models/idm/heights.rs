@@ -1,5 +1,7 @@
 //! Heights of the road under agents and along paths, in scenarios with several levels.
 
+use std::collections::VecDeque;
+
 use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{Road, levels};
@@ -13,19 +15,27 @@ pub(super) struct PathHeights {
     /// Index of the first of these points on the path.
     first: usize,
     /// Points of the path with their heights, metres.
-    places: Vec<(Vec2, f64)>,
+    places: VecDeque<(Vec2, f64)>,
 }
 
 impl PathHeights {
-    /// Follows the road under a path between two arc lengths, metres, from the height of the vehicle on it.
-    pub(super) fn along(road: &Road<'_>, own: &Actor, path: &DrivenPath, from: f64, to: f64) -> Self {
-        let mut height = own.height;
-        let first = path.index(from);
-        let place = |point: &reactsim_dynamics::PathPoint| {
+    /// Follows the road under a path between two arc lengths, metres, from the height of the vehicle on it. Heights
+    /// that are known from the last call for this path are kept.
+    pub(super) fn follow(&mut self, road: &Road<'_>, own: &Actor, path: &DrivenPath, from: f64, to: f64) {
+        let (from, to) = (path.index(from), path.index(to));
+        let passed = from.saturating_sub(self.first).min(self.places.len());
+        self.places.drain(..passed);
+        let is_known = self.first <= from
+            && self.places.front().is_some_and(|p| !p.1.is_nan() && !levels::apart(p.1, own.height, 0.0));
+        if !is_known {
+            self.places.clear();
+        }
+        self.first = from;
+        let mut height = self.places.back().map_or(own.height, |last| last.1);
+        for point in path.points().get(from + self.places.len()..=to).unwrap_or_default() {
             height = road.ground_height(point.pose.position, height);
-            (point.pose.position, height)
-        };
-        Self { first, places: path.points()[first..=path.index(to)].iter().map(place).collect() }
+            self.places.push_back((point.pose.position, height));
+        }
     }
 
     /// Returns whether an agent at `height` metres is above or below the path at a point, by index.
@@ -35,7 +45,7 @@ impl PathHeights {
         if self.places.is_empty() {
             return false;
         }
-        let here = self.places.get(index.saturating_sub(self.first)).or(self.places.last());
+        let here = self.places.get(index.saturating_sub(self.first)).or(self.places.back());
         here.is_some_and(|&(_, own)| levels::apart(own, height, 0.0))
     }
 

@@ -3,7 +3,7 @@
 use reactsim_dynamics::{DrivenPath, Pose, STANDSTILL_SPEED};
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 use reactsim_rollout::{Observation, Planning, Stream};
-use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Start, levels};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Road, Start};
 
 use super::actor::Actor;
 use super::corridor::{self, Corridor, View};
@@ -194,7 +194,7 @@ impl Traffic {
         }
         self.av_paths_age = 0;
         self.av_paths.clear();
-        let road = seen.start().road().on_level(av.height);
+        let road = seen.start().road().on_level(av.pose.position, av.height);
         let motion = Motion {
             position: av.pose.position,
             heading: av.pose.heading,
@@ -252,7 +252,7 @@ impl Traffic {
                     intents[i] = self.decide_one(i, driver, seen, &forecasts, &footprints, parameters);
                 }
                 AgentBehaviour::Walking { velocity } => {
-                    walks[i] = self.may_walk(i, *velocity, &forecasts, &footprints, parameters);
+                    walks[i] = self.may_walk(&road, i, *velocity, &forecasts, &footprints, parameters);
                 }
                 AgentBehaviour::Parked
                 | AgentBehaviour::Leaving { .. }
@@ -276,7 +276,7 @@ impl Traffic {
         let own = self.actors[i];
         let settings = &parameters.conflict;
         let class = parameters.class(own.kind);
-        let road = seen.start().road().on_level(own.height);
+        let road = seen.start().road().on_level(own.pose.position, own.height);
         // The AV is the first actor.
         let (of_av, of_others) =
             forecasts.split_at(forecasts.partition_point(|f| self.actors[f.actor].is_av));
@@ -355,6 +355,7 @@ impl Traffic {
     /// not.
     fn may_walk(
         &self,
+        road: &Road<'_>,
         index: usize,
         velocity: Vec2,
         forecasts: &[Forecast],
@@ -387,7 +388,7 @@ impl Traffic {
         for forecast in forecasts {
             let other = &self.actors[forecast.actor];
             if forecast.actor == index
-                || levels::apart(own.height, other.height, (other.pose.position - own.pose.position).norm())
+                || road.is_apart((own.pose.position, own.height), (other.pose.position, other.height))
                 || !matches!(other.kind, AgentKind::Vehicle | AgentKind::Cyclist)
                 || !around.intersects(&forecast.bounds)
                 || footprints[forecast.actor].separation(&footprints[index]) < 0.0

@@ -1,7 +1,7 @@
 //! Features of an agent at one step: position, present and past motion.
 
 use reactsim_geometry::{Vec2, direction, into_frame, math};
-use reactsim_scene::{AgentKind, AgentState, DT, Frame, levels};
+use reactsim_scene::{AgentKind, AgentState, DT, Frame};
 
 use super::class::Class;
 use super::features::put;
@@ -52,11 +52,6 @@ impl Body {
         let turned = into_frame(direction(ago.heading), self.ahead);
         let gone = (self.position - ago.position()).norm().max(MIN_CURVATURE_DISTANCE);
         (self.ahead, (math::atan2(turned.y, turned.x) / gone).clamp(-MAX_CURVATURE, MAX_CURVATURE))
-    }
-
-    /// Returns whether another agent is on another level: neither perceives the other.
-    pub fn is_apart(&self, other: &Self) -> bool {
-        levels::apart(self.height, other.height, (self.position - other.position).norm())
     }
 
     /// Returns the range of the features that describe agents and stops on the candidate paths.

@@ -8,6 +8,7 @@ use super::body::Body;
 use super::features::put;
 use super::lane::{CandidatePath, SPACING};
 use super::place::{Place, Role};
+use super::view::SceneView;
 use super::widths::{LOOK_AHEAD_TIMES, PATH_FEATURES, STOP_FEATURES, TIME_FEATURES};
 
 /// Lateral clearance on both sides of boxes, metres.
@@ -25,9 +26,10 @@ pub fn describe(
     own: usize,
     paths: &[CandidatePath],
     places: &[Place],
-    lights: &[Option<LightState>],
+    view: &SceneView<'_>,
     out: &mut [f32],
 ) {
+    let lights = view.lights;
     let me = &bodies[own];
     for (p, path) in paths.iter().enumerate() {
         // The paths along most lanes coincide for some distance.
@@ -39,7 +41,7 @@ pub fn describe(
         for (t, time) in LOOK_AHEAD_TIMES.into_iter().enumerate() {
             let mut nearest = (FREE_GAP, 0.0, false);
             for other in
-                bodies.iter().enumerate().filter(|(j, b)| *j != own && !me.is_apart(b)).map(|(_, b)| b)
+                bodies.iter().enumerate().filter(|(j, b)| *j != own && !view.are_apart(me, b)).map(|(_, b)| b)
             {
                 if let Some(found) = ahead_of(me, other, time, path)
                     && found.0 < nearest.0

@@ -2,7 +2,7 @@
 
 use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Start, levels};
+use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Start};
 
 use super::body::Body;
 use super::class::Class;
@@ -90,9 +90,15 @@ impl<'a> SceneView<'a> {
         self.start.is_some_and(Start::has_levels) && {
             let between = self.state(a).zip(self.state(b));
             between.is_some_and(|(at, other)| {
-                let distance = (at.position() - other.position()).norm();
-                levels::apart(self.height(a), self.height(b), distance)
+                let place = |state: AgentState, slot: usize| (state.position(), self.height(slot));
+                self.start.is_some_and(|start| start.road().is_apart(place(at, a), place(other, b)))
             })
         }
+    }
+
+    /// Returns whether two agents are on different levels: neither perceives the other.
+    pub fn are_apart(&self, a: &Body, b: &Body) -> bool {
+        let is_apart = |start: &Start| start.road().is_apart((a.position, a.height), (b.position, b.height));
+        self.start.is_some_and(is_apart)
     }
 }

@@ -66,7 +66,7 @@ pub(super) fn all_of_av(
     // Lanes lead ahead.
     let routes = match motion.reverses() {
         true => Vec::new(),
-        false => routes(&seen.start().road().on_level(height), &motion.last),
+        false => routes(&seen.start().road().on_level(motion.now.position(), height), &motion.last),
     };
     let free = [GoesOn, Brakes, KeepsSpeed].map(|forecast| (forecast, None));
     let along = routes.iter().map(|route| (FollowsLane, Some(route)));

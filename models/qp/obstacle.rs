@@ -1,7 +1,7 @@
 //! Obstacles: boxes at the times at which bounds are checked, and the parts of a path that they occupy.
 
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, left};
-use reactsim_scene::levels;
+use reactsim_scene::Road;
 
 use super::path::{Path, STATIONS};
 use super::speed::CHECKED;
@@ -66,8 +66,8 @@ impl Obstacle {
     }
 
     /// Returns whether the obstacle is on another level than a vehicle at `p` with this height.
-    pub(super) fn is_apart(&self, p: Vec2, height: f64) -> bool {
-        levels::apart(self.height, height, (self.boxes[0].center - p).norm())
+    pub(super) fn is_apart(&self, road: &Road<'_>, p: Vec2, height: f64) -> bool {
+        road.is_apart((self.boxes[0].center, self.height), (p, height))
     }
 
     /// Returns the speed at a time, m/s: negative if it is in reverse.

@@ -3,7 +3,7 @@
 use reactsim_dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim_geometry::{Bounds, OrientedBox, direction, math};
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, levels};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, Road};
 
 use super::drive::halt;
 use super::ending::{Ending, Endings};
@@ -99,24 +99,31 @@ impl Around {
     }
 
     /// Returns the obstacles within `reach` metres of a vehicle, except its own and those on other levels.
-    fn near(&self, vehicle: &Waiting<'_>, reach: f64) -> Vec<&Obstacle> {
+    fn near(&self, road: &Road<'_>, vehicle: &Waiting<'_>, reach: f64) -> Vec<&Obstacle> {
         let (own, p) = (vehicle.obstacle, vehicle.now.position());
         let bounds = Bounds::around(p, reach);
         let near = |(i, o): &(usize, &Obstacle)| {
-            own != Some(*i) && o.bounds.intersects(&bounds) && !o.is_apart(p, vehicle.height)
+            own != Some(*i) && o.bounds.intersects(&bounds) && !o.is_apart(road, p, vehicle.height)
         };
         self.obstacles.iter().enumerate().filter(near).map(|p| p.1).collect()
     }
 
     /// Returns fixed states; pedestrians step out of vehicles, or are led around what stands.
-    fn led(&self, agent: &Agent, now: &AgentState, height: f64, states: &[AgentState]) -> Vec<AgentState> {
+    fn led(
+        &self,
+        road: &Road<'_>,
+        agent: &Agent,
+        now: &AgentState,
+        height: f64,
+        states: &[AgentState],
+    ) -> Vec<AgentState> {
         if agent.kind != AgentKind::Pedestrian {
             return states.to_vec();
         }
         let reach = 0.5 * agent.length.max(agent.width);
         let on_level = |boxes: &[(OrientedBox, f64)]| -> Vec<OrientedBox> {
-            let near = |b: &OrientedBox| (b.center - now.position()).norm();
-            boxes.iter().filter(|(b, z)| !levels::apart(*z, height, near(b))).map(|(b, _)| *b).collect()
+            let own = (now.position(), height);
+            boxes.iter().filter(|(b, z)| !road.is_apart((b.center, *z), own)).map(|(b, _)| *b).collect()
         };
         let out = out_of_boxes(now, reach, states.len(), &on_level(&self.vehicles));
         out.unwrap_or_else(|| around(now, reach, states, &on_level(&self.standing)))
@@ -176,7 +183,7 @@ impl Stage {
                 Intent::None if slot == 0 && everybody => self.forecast_av(seen, height(0), &mut around),
                 Intent::None => {}
                 Intent::Fixed(states) => {
-                    let states = around.led(agent, &now, height(slot), states);
+                    let states = around.led(&start.road(), agent, &now, height(slot), states);
                     if everybody {
                         around
                             .obstacles
@@ -228,13 +235,14 @@ impl Stage {
             Intent::None | Intent::Fixed(_) => return None,
         };
         let reach = reach(&moving, &modes) + vehicle.extent.length + REACH_MARGIN;
-        let near = around.near(waiting, reach);
+        let road = seen.start().road();
+        let near = around.near(&road, waiting, reach);
         let guarded = proposed.filter(|_| !stays(&vehicle, &modes[0]) && !reverses(&vehicle, &modes[0]));
         let moves = match guarded {
             None => self.planner.plan(&vehicle, &modes, &near),
             Some((guard, states)) => {
                 let others: Vec<&Obstacle> = near.iter().copied().filter(|o| !o.is_av).collect();
-                let apart = |o: &(AvForecast, Obstacle)| o.1.is_apart(now.position(), waiting.height);
+                let apart = |o: &(AvForecast, Obstacle)| o.1.is_apart(&road, now.position(), waiting.height);
                 let av = if around.av_forecasts.iter().all(apart) { &[] } else { &around.av_forecasts[..] };
                 let surroundings = Surroundings { av, others: &others };
                 match guard.decide(&vehicle, &Proposal::new(*now, states, steps), surroundings) {
@@ -284,7 +292,7 @@ impl Stage {
         let least = if driven { CRAWLING_SPEED * 0.1 * DRIVEN_FRAMES as f64 } else { 1.0 };
         let limit = self.planner.settings.curvature;
         let rear = REAR_AXLE * agent.length;
-        let road = seen.start().road().on_level(height);
+        let road = seen.start().road().on_level(now.pose.position, height);
         // Without a known drivable area everything is drivable; lanes are known all the same.
         let on_road = road.drivable(now.pose.position, &mut None) != Some(false);
         let keeps_corners = self.guard.is_some_and(|guard| guard.corners);

@@ -107,6 +107,95 @@ fn idm_does_not_brake_for_a_bridge() {
     assert!(hardest(&junction, "behind") < -1.0, "{}", hardest(&junction, "behind"));
 }
 
+/// Returns vehicles that come up to a standing AV on a road that rises by `slope` metres per metre, with a bridge
+/// across it far behind them.
+fn hill(slope: f64) -> Scenario {
+    let rises = |x: f64| slope * x;
+    let along = |y: f64| line((-400.0, y), (400.0, y));
+    let edge = |points| RoadEdge { kind: RoadEdgeKind::Boundary, points };
+    let road_edges = vec![
+        edge(along(-4.0)),
+        edge(along(4.0).into_iter().rev().collect()),
+        edge(line((-346.0, -100.0), (-346.0, 100.0))),
+        edge(line((-354.0, 100.0), (-354.0, -100.0))),
+    ];
+    let lanes = vec![
+        lane("hill", along(0.0), Some(14.0)),
+        lane("bridge", line((-350.0, -100.0), (-350.0, 100.0)), Some(14.0)),
+    ];
+    let heights = |points: &[Vec2]| points.iter().map(|p| rises(p.x)).collect::<Vec<f64>>();
+    let on_bridge = |points: &[Vec2]| vec![rises(-350.0) + 8.0; points.len()];
+    let heights = MapHeights {
+        lanes: vec![heights(&lanes[0].points), on_bridge(&lanes[1].points)],
+        road_edges: (0..4)
+            .map(|i| if i < 2 { heights(&road_edges[i].points) } else { on_bridge(&road_edges[i].points) })
+            .collect(),
+        ..MapHeights::default()
+    };
+    let mut agents = vec![
+        car("av", 60.0, 0.0, 0.0, 0.0),
+        car("behind", -20.0, 0.0, 0.0, 13.0),
+        car("last", -45.0, 0.0, 0.0, 13.0),
+    ];
+    for agent in &mut agents {
+        agent.heights = agent.track.iter().map(|state| Some(rises(state.unwrap().x))).collect();
+    }
+    Scenario::assemble(parts("hill", agents, MapParts { lanes, road_edges, heights, ..MapParts::default() }))
+        .unwrap()
+}
+
+#[test]
+fn a_hill_is_driven_as_flat_ground() {
+    let flat = hill(0.0);
+    for slope in [-0.25, 0.05, 0.2, 0.25] {
+        let hill = hill(slope);
+        assert_eq!((hill.levels(), hill.repairs.len()), (2, 0));
+        for model in ["log-replay", "idm", "qp-regression", "ntp-guarded", "ntp-reactive"] {
+            assert_eq!(values(&hill, model), values(&flat, model), "{model} at a slope of {slope}");
+        }
+    }
+}
+
+#[test]
+fn heights_that_contradict_one_another_hide_no_contact() {
+    // The agent behind runs into the AV in the log.
+    let traffic = |change: &dyn Fn(&mut ScenarioParts)| {
+        let mut parts = overpass(0.0, 30.0, true);
+        parts.agents.truncate(2);
+        parts.agents[0] = at_height(car("av", 0.0, 0.0, 0.0, 2.0), 30.0);
+        change(&mut parts);
+        Scenario::assemble(parts).unwrap()
+    };
+    let right = traffic(&|_| ());
+    let expected = values(&right, "log-replay");
+    assert!(expected.iter().any(|v| v.0 == "aav-collision" && v.1 > Some(0.0)), "{expected:?}");
+    type Change = Box<dyn Fn(&mut ScenarioParts)>;
+    let with_error = |agent: usize, frames: std::ops::Range<usize>, error: f64| -> Change {
+        Box::new(move |parts| {
+            parts.agents[agent].heights[frames.clone()].iter_mut().flatten().for_each(|z| *z += error);
+        })
+    };
+    let with_spike = |points: std::ops::Range<usize>, size: f64| -> Change {
+        Box::new(move |parts| parts.map.heights.lanes[0][points.clone()].iter_mut().for_each(|z| *z += size))
+    };
+    let changes = [
+        with_error(0, 0..FRAMES, -30.0),
+        with_error(1, 0..FRAMES, -30.0),
+        with_error(1, CURRENT..CURRENT + 1, 3.4),
+        with_error(0, CURRENT - 3..CURRENT + 1, -5.0),
+        with_spike(10..11, 4.0),
+        with_spike(8..14, -6.0),
+        Box::new(|parts| parts.agents.iter_mut().for_each(|a| a.heights.fill(Some(0.0)))),
+    ];
+    for (i, change) in changes.iter().enumerate() {
+        let scenario = traffic(change);
+        assert_eq!(scenario.notes().len(), right.notes().len() + 1, "{i}: {:?}", scenario.notes());
+        for model in ["log-replay", "idm"] {
+            assert_eq!(values(&scenario, model), values(&right, model), "{model}, change {i}");
+        }
+    }
+}
+
 #[test]
 fn heights_survive_native_files() {
     let folder = tempfile::tempdir().unwrap();

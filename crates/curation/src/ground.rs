@@ -25,7 +25,8 @@ impl<'a> Ground<'a> {
         let mut near = [None; 4];
         let heights = self.start.heights_on_way(0, future);
         for (k, state) in future.iter().enumerate() {
-            let road = self.road.on_level(heights.get(k).copied().unwrap_or(f64::NAN));
+            let height = heights.get(k).copied().unwrap_or(f64::NAN);
+            let road = self.road.on_level(state.position(), height);
             for (corner, near) in state.footprint(self.av).corners().into_iter().zip(&mut near) {
                 deepest = deepest.max(road.distance_off_road(corner, near)?);
             }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use reactsim_geometry::{OrientedBox, math, rounded_distance, signed_angle_between};
 use reactsim_metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, FUTURE, Frame, HISTORY, Scenario, Start, levels,
+    Agent, AgentKind, AgentState, CURRENT, FUTURE, Frame, HISTORY, Scenario, Start,
 };
 
 /// Largest angle from the AV's heading at which a touched body is ahead of the AV, radians.
@@ -121,18 +121,18 @@ impl<'a> LogReplay<'a> {
     pub(super) fn touches(&self, future: &[AgentState]) -> Vec<Touch> {
         let boxes: Vec<OrientedBox> = future.iter().map(|s| s.footprint(self.av)).collect();
         let radius = boxes.first().map_or(0.0, OrientedBox::radius);
-        let heights = self.start.heights_on_way(0, future);
+        let (road, heights) = (self.start.road(), self.start.heights_on_way(0, future));
         let mut touches = Vec::new();
         for other in &self.others {
             let reach = (radius + other.radius) * (radius + other.radius);
-            let apart = |k: usize| {
+            let apart = |k: usize, o: &OrientedBox| {
                 let pair = heights.get(k).zip(other.heights.get(k));
-                pair.is_some_and(|(a, b)| levels::apart(*a, *b, 0.0))
+                pair.is_some_and(|(a, b)| road.is_apart((boxes[k].center, *a), (o.center, *b)))
             };
             let first = boxes.iter().zip(&other.steps).enumerate().position(|(k, (av, step))| {
                 step.is_some_and(|(o, _)| {
                     (o.center - av.center).norm_squared() <= reach
-                        && !apart(k)
+                        && !apart(k, &o)
                         && rounded_distance(&o, av, self.rounding) < 0.0
                 })
             });

@@ -10,7 +10,7 @@ use reactsim_rollout::{
     Av, AvError, AvPolicy, Controller, Episode, Lockstep, Memory, Observation, PlanError, Protocol, Replan,
     Rollout, RolloutBeginning, Settings, Simulator, Stream,
 };
-use reactsim_scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario, Start, levels};
+use reactsim_scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario, Start};
 
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
@@ -260,7 +260,7 @@ fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
             let distance = (one.center - other.center).norm();
             distance < one.radius() + other.radius()
                 && one.separation(other) < 0.0
-                && !levels::apart(height(a), height(b), distance)
+                && !road.is_apart((one.center, height(a)), (other.center, height(b)))
         }
         _ => false,
     };
@@ -269,7 +269,9 @@ fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
         let Some(state) = seen.state(i) else { return [f64::NAN; AGENT_MEASURES.len()] };
         let hits_agent = (AV + 1..agents.len()).any(|other| other != i && touches(i, other));
         let drivable = match agents[i].kind {
-            AgentKind::Vehicle => road.on_level(height(i)).drivable(state.position(), &mut None),
+            AgentKind::Vehicle => {
+                road.on_level(state.position(), height(i)).drivable(state.position(), &mut None)
+            }
             _ => None,
         };
         let off_road = drivable.map_or(f64::NAN, |is_drivable| flag(!is_drivable));

@@ -99,17 +99,6 @@ impl OrientedEdges {
         Some(NearestEdge { segment, distance: d2.sqrt(), outside: self.outside(p, segment) })
     }
 
-    /// Visits the segments of every cell that `within` touches, some more than once: with index, the
-    /// parameter of the point nearest to the middle of `within`, 0 to 1, and its distance, metres.
-    pub fn visit(&self, within: &Bounds, mut visit: impl FnMut(u32, f64, f64)) {
-        let middle = (within.min + within.max) * 0.5;
-        self.grid.visit(within, |i| {
-            let s = &self.segments[i as usize];
-            let (d2, t) = point_segment(middle, s.a, s.b);
-            visit(i, t, d2.sqrt());
-        });
-    }
-
     fn outside(&self, p: Vec2, index: u32) -> bool {
         let s = &self.segments[index as usize];
         let d = s.b - s.a;

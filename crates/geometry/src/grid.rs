@@ -209,10 +209,28 @@ impl Grid {
         if let Some(start) = start {
             let found = distance2(start);
             if found < NEAR_CELLS * self.cell * self.cell {
-                return Some(self.nearest_within(p, (start, found), distance2));
+                return Some(self.nearest_by_rows(p, (start, found), distance2));
             }
         }
-        let mut best = start.map_or((u32::MAX, f64::INFINITY), |i| (i, distance2(i)));
+        let best = start.map_or((u32::MAX, f64::INFINITY), |i| (i, distance2(i)));
+        Some(self.nearest_by_rings(p, best, distance2))
+    }
+
+    /// Finds the item nearest to `p` within `radius` metres; the smallest index on ties. `distance2` returns the
+    /// squared distance of an item.
+    pub fn nearest_within(&self, p: Vec2, radius: f64, distance2: impl FnMut(u32) -> f64) -> Option<u32> {
+        let none = (u32::MAX, radius * radius);
+        let found = if self.items.is_empty() { none } else { self.nearest_by_rings(p, none, distance2) };
+        (found.0 != none.0).then_some(found.0)
+    }
+
+    /// Finds an item nearer than `best`, an item and its squared distance, in rings of cells around `p`.
+    fn nearest_by_rings(
+        &self,
+        p: Vec2,
+        mut best: (u32, f64),
+        mut distance2: impl FnMut(u32) -> f64,
+    ) -> (u32, f64) {
         let (column, row) = (self.column(p.x), self.row(p.y));
         let outside = |v: i64, n: i64| (-v).max(v - (n - 1)).max(0);
         let first = outside(column, self.columns).max(outside(row, self.rows));
@@ -249,12 +267,12 @@ impl Grid {
                 }
             }
         }
-        Some(best)
+        best
     }
 
     /// Finds the nearest item as [`Self::nearest`] does, in the cells that are no farther than `best`, an
     /// item and its squared distance.
-    fn nearest_within(
+    fn nearest_by_rows(
         &self,
         p: Vec2,
         mut best: (u32, f64),
@@ -308,6 +326,8 @@ mod tests {
             prop_assert_eq!(grid.nearest(q, None, d2), Some(scan));
             let start = start.index(points.len()) as u32;
             prop_assert_eq!(grid.nearest(q, Some(start), d2), Some(scan));
+            let near = (scan.1 <= 49.0).then_some(scan.0);
+            prop_assert_eq!(grid.nearest_within(q, 7.0, d2), near);
         }
     }
 

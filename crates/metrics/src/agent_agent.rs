@@ -67,7 +67,7 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
                 continue;
             }
             let mut open: Option<(usize, usize)> = None;
-            for f in overlapping_frames(motion, i, j, case.current + 1, options.corner_rounding) {
+            for f in overlapping_frames(case, i, j, case.current + 1, options.corner_rounding) {
                 let step = f - case.current;
                 hit[motion.at(i, f)] = true;
                 hit[motion.at(j, f)] = true;

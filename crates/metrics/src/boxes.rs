@@ -2,29 +2,30 @@
 
 use reactsim_geometry::{OrientedBox, rounded_distance};
 
-use super::motion::Motion;
 use super::{Case, Judgement};
 
 /// Returns whether two objects overlap at a frame: the signed distance of the rounded boxes is below 0.
 /// Absent objects overlap nothing, and objects on different levels do not overlap.
-pub(super) fn overlap(motion: &Motion, a: usize, b: usize, frame: usize, rounding: f64) -> bool {
+pub(super) fn overlap(case: &Case<'_>, a: usize, b: usize, frame: usize, rounding: f64) -> bool {
+    let motion = &case.motion;
     // NaN distances of absent objects fail the comparison.
     motion.distance2(a, b, frame) <= motion.reach2(a, b)
-        && !motion.apart(a, b, frame)
+        && !case.is_apart(a, b, frame)
         && rounded_distance(&motion.footprint(a, frame), &motion.footprint(b, frame), rounding) < 0.0
 }
 
 /// Returns the frames from `first` on at which two objects overlap, in order.
 pub(super) fn overlapping_frames(
-    motion: &Motion,
+    case: &Case<'_>,
     a: usize,
     b: usize,
     first: usize,
     rounding: f64,
 ) -> impl Iterator<Item = usize> {
+    let motion = &case.motion;
     let touches = move |f: &usize| {
         rounded_distance(&motion.footprint(a, *f), &motion.footprint(b, *f), rounding) < 0.0
-            && !motion.apart(a, b, *f)
+            && !case.is_apart(a, b, *f)
     };
     motion.close_frames(a, b, first).filter(touches)
 }
@@ -32,8 +33,7 @@ pub(super) fn overlapping_frames(
 /// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the current
 /// frame and the options exclude such pairs.
 pub(super) fn excluded(case: &Case<'_>, a: usize, b: usize) -> bool {
-    case.options.exclude_initial_overlap
-        && overlap(&case.motion, a, b, case.current, case.options.corner_rounding)
+    case.options.exclude_initial_overlap && overlap(case, a, b, case.current, case.options.corner_rounding)
 }
 
 /// Overlaps with the AV, per object × frame.
@@ -47,7 +47,7 @@ impl Judgement for AvOverlaps {
         }
         for i in case.vehicles().filter(|&i| !excluded(case, i, case.av)) {
             let rounding = case.options.corner_rounding;
-            for f in overlapping_frames(&case.motion, i, case.av, case.current, rounding) {
+            for f in overlapping_frames(case, i, case.av, case.current, rounding) {
                 hits[case.motion.at(i, f)] = true;
             }
         }

@@ -2,8 +2,9 @@
 
 use std::borrow::Cow;
 
+use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario, Start, levels,
+    AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario, Start,
 };
 
 use super::av::AvScores;
@@ -126,14 +127,22 @@ impl<'a> Case<'a> {
 
     /// Returns the road on the level of an object at a frame.
     pub(super) fn road_under(&self, object: usize, frame: usize) -> Road<'a> {
-        self.road.on_level(self.motion.height(object, frame))
+        self.road.on_level(self.motion.position(object, frame), self.motion.height(object, frame))
     }
 
-    /// Returns whether the logged state of an object and the AV of this case are on different levels at a
-    /// frame, `distance` metres from each other.
-    pub(super) fn log_is_apart(&self, object: usize, frame: usize, distance: f64) -> bool {
-        let logged = self.log_heights.get(object).and_then(|heights| heights.get(frame - self.current));
-        logged.is_some_and(|&h| levels::apart(h, self.motion.height(self.av, frame), distance))
+    /// Returns whether two objects are on different levels at a frame.
+    pub(super) fn is_apart(&self, a: usize, b: usize, frame: usize) -> bool {
+        let motion = &self.motion;
+        let place = |object: usize| (motion.position(object, frame), motion.height(object, frame));
+        self.road.is_apart(place(a), place(b))
+    }
+
+    /// Returns whether an object, at its logged position, and the AV of this case are on different levels at a
+    /// frame.
+    pub(super) fn log_is_apart(&self, object: usize, frame: usize, logged: Vec2) -> bool {
+        let height = self.log_heights.get(object).and_then(|heights| heights.get(frame - self.current));
+        let av = (self.motion.position(self.av, frame), self.motion.height(self.av, frame));
+        height.is_some_and(|&height| self.road.is_apart((logged, height), av))
     }
 
     /// Adds the log, aligned with the objects. Missing entries are absent at every frame.

@@ -1,7 +1,7 @@
 //! Positions, boxes and velocities of all objects over all frames, computed once per case.
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, math};
-use reactsim_scene::{DT, levels};
+use reactsim_scene::DT;
 
 use super::object::Object;
 use super::options::{Options, VelocitySource};
@@ -103,14 +103,6 @@ impl Motion {
     /// Returns the height of an object at a frame, metres; NaN if unknown, and in scenarios of one level.
     pub fn height(&self, object: usize, frame: usize) -> f64 {
         self.height.get(self.at(object, frame)).copied().unwrap_or(f64::NAN)
-    }
-
-    /// Returns whether two objects are on different levels at a frame.
-    pub(super) fn apart(&self, a: usize, b: usize, frame: usize) -> bool {
-        !self.height.is_empty() && {
-            let distance = self.distance2(a, b, frame).sqrt();
-            levels::apart(self.height(a, frame), self.height(b, frame), distance)
-        }
     }
 
     /// Returns whether an object is present at a frame.

@@ -83,7 +83,7 @@ fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize, overlaps: &[bo
     }
     let (mine, other) = (motion.footprint(agent, frame), motion.footprint(case.av, frame));
     let (gap, lateral_gap) = placement(&mine, &other);
-    if !(gap > 0.0 && lateral_gap < 0.0) || motion.apart(agent, case.av, frame) {
+    if !(gap > 0.0 && lateral_gap < 0.0) || case.is_apart(agent, case.av, frame) {
         return MAX_TTC;
     }
     let difference = motion.heading[av] - motion.heading[me];

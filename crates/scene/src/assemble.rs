@@ -5,7 +5,7 @@ mod lanes;
 
 use std::sync::OnceLock;
 
-use reactsim_geometry::left;
+use reactsim_geometry::{OrientedBox, left};
 
 use self::checks::Builder;
 use self::lanes::LaneIndex;
@@ -76,11 +76,7 @@ impl Scenario {
         let deviation = parts.deviation.map(|d| builder.deviation(d, &agents)).transpose()?;
 
         let (selected, unselected) = select_agents(agents, parts.av, &mut builder);
-        let is_obstacle = |a: &&LoggedAgent| a.agent.kind == AgentKind::Other && a.agent.has_extent();
-        let obstacles = unselected.iter().filter(is_obstacle);
-        let obstacles =
-            obstacles.filter_map(|a| Some((a.track[CURRENT]?.footprint(&a.agent), height_now(a))));
-        let (obstacles, obstacle_heights) = obstacles.unzip();
+        let (obstacles, obstacle_heights) = obstacles(&unselected).unzip();
         let mut start = Start {
             agents: Vec::with_capacity(selected.len()),
             history: Vec::with_capacity(selected.len()),
@@ -124,8 +120,13 @@ impl Scenario {
 }
 
 impl Scenario {
+    /// Takes the heights of obstacles from those of the unselected agents.
+    pub(super) fn find_obstacle_heights(&mut self) {
+        self.start.obstacle_heights = obstacles(&self.unselected).map(|o| o.1).collect();
+    }
+
     /// Drops all heights: on one level they have no meaning.
-    fn drop_heights(&mut self) {
+    pub(super) fn drop_heights(&mut self) {
         self.start.map.heights = MapHeights::default();
         self.start.heights.clear();
         self.start.obstacle_heights.clear();
@@ -133,9 +134,10 @@ impl Scenario {
         self.unselected.iter_mut().for_each(|a| a.heights.clear());
     }
 
-    /// Estimates velocities that are unknown or contradict positions, and drops links between lanes that no
-    /// vehicle can drive. A scenario that is complete does not change.
+    /// Drops heights that contradict one another, estimates velocities that are unknown or contradict positions,
+    /// and drops links between lanes that no vehicle can drive. A scenario that is complete does not change.
     pub fn complete(&mut self) {
+        self.mend_heights();
         self.estimate_velocities();
         self.drop_undrivable_links();
     }
@@ -169,8 +171,11 @@ fn select_agents(
     (selected, slots.into_iter().flatten().collect())
 }
 
-fn height_now(logged: &LoggedAgent) -> Option<f64> {
-    logged.heights.get(CURRENT).copied().flatten()
+/// Returns the boxes of the objects that are static context, with their heights.
+fn obstacles(unselected: &[LoggedAgent]) -> impl Iterator<Item = (OrientedBox, Option<f64>)> {
+    let others = unselected.iter().filter(|a| a.agent.kind == AgentKind::Other && a.agent.has_extent());
+    let height_now = |a: &LoggedAgent| a.heights.get(CURRENT).copied().flatten();
+    others.filter_map(move |a| Some((a.track[CURRENT]?.footprint(&a.agent), height_now(a))))
 }
 
 /// Lights on lanes of the map, their states split at the current frame.

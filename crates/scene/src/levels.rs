@@ -11,6 +11,12 @@ use reactsim_geometry::{Projection, Vec2};
 
 use super::{AgentKind, AgentState, CURRENT, Frame, Road, RoadMap, Scenario, Start};
 
+mod contradictions;
+mod ground;
+
+pub(crate) use contradictions::{NO_AGREEMENT, OUTLIERS};
+pub(crate) use ground::Ground;
+
 /// Difference of the heights of two things at one place, in metres, above which they are on different
 /// levels.
 ///
@@ -21,8 +27,6 @@ pub const LEVEL_GAP: f64 = 3.0;
 /// Slope that roads rise by at most, metres per metre: things on one level that are apart differ by more.
 pub const MAX_SLOPE: f64 = 0.06;
 
-/// Distance in metres up to which lanes and edges tell the height of the ground at a point.
-const GROUND_DISTANCE: f64 = 10.0;
 /// Size in metres of the places at which levels are counted.
 const PLACE_SIZE: f64 = 8.0;
 /// Distance in metres between the points of a line at which levels are counted.
@@ -30,8 +34,8 @@ const SAMPLE_DISTANCE: f64 = 2.0;
 /// Maximum number of such points of a segment.
 const MAX_SAMPLES: f64 = 1000.0;
 
-/// Returns whether two heights that are `distance` metres apart in the plane are on different levels. A NaN
-/// (unknown) height is on every level.
+/// Returns whether two heights that are `distance` metres apart in the plane are on different levels of flat
+/// ground; [`Road::is_apart`] also considers the ground between. A NaN (unknown) height is on every level.
 #[inline]
 pub fn apart(a: f64, b: f64, distance: f64) -> bool {
     (a - b).abs() > LEVEL_GAP + MAX_SLOPE * distance
@@ -173,10 +177,8 @@ pub(super) fn count(map: &RoadMap, agents: &[(Vec2, f64)]) -> usize {
     if !(high - low > LEVEL_GAP) {
         return 1;
     }
-    let lanes = map.lanes.iter().map(|l| l.baseline.points()).zip(&heights.lanes);
-    let edges = map.road_edges.iter().map(|e| e.points.as_slice()).zip(&heights.road_edges);
     let mut samples = Vec::new();
-    lanes.chain(edges).for_each(|(points, heights)| sample(points, heights, &mut samples));
+    ground::lines(map).for_each(|(points, heights)| sample(points, heights, &mut samples));
     samples.extend(agents.iter().filter(|a| a.1.is_finite()));
     [0.0, 0.5 * PLACE_SIZE].into_iter().map(|shift| count_shifted(&samples, shift)).max().unwrap_or(1)
 }
@@ -230,7 +232,8 @@ impl Start {
 
     /// Returns the road on the level that an agent is on at the current frame.
     pub fn road_at(&self, agent: usize) -> Road<'_> {
-        self.road().on_level(if self.has_levels() { self.height_now(agent) } else { f64::NAN })
+        let height = if self.has_levels() { self.height_now(agent) } else { f64::NAN };
+        self.road().on_level(self.now(agent).position(), height)
     }
 
     /// Returns the height of an obstacle, metres; NaN if unknown.
@@ -308,39 +311,6 @@ impl Scenario {
         let others = others
             .filter_map(|a| Some((a.track[CURRENT]?.position(), a.heights.get(CURRENT).copied().flatten()?)));
         count(&start.map, &chosen.chain(others).collect::<Vec<_>>())
-    }
-}
-
-/// The nearest ground on a level so far.
-#[derive(Clone, Copy)]
-struct Ground {
-    distance: f64,
-    height: f64,
-}
-
-impl Road<'_> {
-    /// Returns the height of the road at a point, metres: of the nearest lane or edge within 10 m that is on
-    /// the level of the height `last`. Without any it is `last`. If `last` is NaN, the road must have one
-    /// level there; else the result is NaN.
-    pub fn ground_height(&self, p: Vec2, last: f64) -> f64 {
-        let heights = &self.map.heights;
-        if heights.is_empty() {
-            return last;
-        }
-        // Without a height, all levels around are looked for, else the nearest ground.
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut nearest = Ground { distance: f64::INFINITY, height: last };
-        let mut see = |distance: f64, height: f64| {
-            if !height.is_nan() && !apart(height, last, 0.0) {
-                (low, high) = (low.min(height), high.max(height));
-                if distance < nearest.distance {
-                    nearest = Ground { distance, height };
-                }
-            }
-            if last.is_nan() { GROUND_DISTANCE } else { nearest.distance.min(GROUND_DISTANCE) }
-        };
-        self.visit_heights(p, GROUND_DISTANCE, &mut see);
-        if last.is_nan() && high - low > LEVEL_GAP { f64::NAN } else { nearest.height }
     }
 }
 

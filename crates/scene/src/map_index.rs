@@ -7,7 +7,8 @@ use reactsim_geometry::{
     point_segment, ring_distance,
 };
 
-use super::{Lane, LaneArea, RoadMap, levels};
+use super::levels::Ground;
+use super::{Lane, LaneArea, RoadMap};
 
 /// A lane found at or near a point, with the projection of the point onto its baseline.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +35,7 @@ pub struct MapIndex {
     driveway_grid: Grid,
     /// Heights of the ends of each segment of `edges`, metres; empty if the map has one level.
     edge_heights: Vec<[f64; 2]>,
+    ground: Ground,
 }
 
 /// Successive segments of a lane's baseline.
@@ -81,6 +83,7 @@ impl MapIndex {
             polygon_lanes,
             polygon_grid: Grid::new(&polygon_bounds, CELL_SIZE),
             edge_heights: edge_heights(map),
+            ground: Ground::new(map),
             edges: OrientedEdges::new(map.road_edges.iter().map(|e| e.points.as_slice())),
             areas: area.clone().map(PolygonIndex::new).collect(),
             area_grid: Grid::new(&area.map(|p| p.bounds()).collect::<Vec<_>>(), CELL_SIZE),
@@ -118,53 +121,35 @@ pub struct Road<'a> {
     /// The map.
     pub map: &'a RoadMap,
     index: &'a MapIndex,
-    /// Height whose level answers the queries, metres; NaN for all levels.
-    height: f64,
+    /// Point and height whose level answers the queries, metres; a NaN height for all levels.
+    pub(super) level: (Vec2, f64),
 }
 
 impl<'a> Road<'a> {
     /// Joins a map with the index that was built from it.
     pub fn new(map: &'a RoadMap, index: &'a MapIndex) -> Self {
-        Self { map, index, height: f64::NAN }
+        Self { map, index, level: (Vec2::zeros(), f64::NAN) }
     }
 
-    /// Returns the road on the level of `height`, metres: its queries leave out what is on another level. A
-    /// NaN height is on every level.
-    pub fn on_level(self, height: f64) -> Self {
-        if self.map.heights.is_empty() { self } else { Self { height, ..self } }
+    /// Returns the road on the level of a point at `height`, metres: its queries leave out what is on another
+    /// level. A NaN height is on every level.
+    pub fn on_level(self, p: Vec2, height: f64) -> Self {
+        if self.map.heights.is_empty() { self } else { Self { level: (p, height), ..self } }
     }
 
-    /// Returns whether a point of a lane is on another level than the road.
-    fn is_above_or_below(&self, lane: usize, at: &Projection) -> bool {
-        !self.height.is_nan() && levels::apart(self.map.heights.of_lane(lane, at), self.height, at.distance)
+    /// Returns whether the point of a lane nearest to `p` is on another level than the road.
+    fn is_above_or_below(&self, p: Vec2, lane: usize, at: &Projection) -> bool {
+        !self.has_all_levels() && self.is_off_level(p, self.map.heights.of_lane(lane, at), at.distance)
     }
 
-    /// Calls `see` with distance and height, metres, of each piece of a lane within `radius` metres of `p`,
-    /// and of the nearest edge on each level there, as long as they are within the radius that the last call
-    /// returned. Heights that are not known are NaN.
-    pub(super) fn visit_heights(&self, p: Vec2, mut radius: f64, see: &mut impl FnMut(f64, f64) -> f64) {
-        let around = Bounds::around(p, radius);
-        self.index.piece_grid.visit(&around, |i| {
-            let Piece { lane, first, last } = self.index.pieces[i as usize];
-            let line = &self.map.lanes[lane as usize].baseline;
-            let (first, last) = (first as usize, last as usize);
-            // No point of a piece is farther from its beginning than the piece is long, but for rounding.
-            let length = line.arc()[last] - line.arc()[first];
-            let reach = (radius + length) * (1.0 + 1e-9);
-            if (p - line.points()[first]).norm_squared() > reach * reach {
-                return;
-            }
-            let at = line.project_between(p, first, last);
-            if at.distance <= radius {
-                radius = see(at.distance, self.map.heights.of_lane(lane as usize, &at));
-            }
-        });
-        self.index.edges.visit(&around, |i, t, distance| {
-            if distance <= radius {
-                let [a, b] = self.index.edge_heights[i as usize];
-                radius = see(distance, a + (b - a) * t);
-            }
-        });
+    /// Returns whether queries find what is on any level.
+    fn has_all_levels(&self) -> bool {
+        self.level.1.is_nan()
+    }
+
+    /// Returns the ground of the map.
+    pub(super) fn ground(&self) -> &'a Ground {
+        &self.index.ground
     }
 
     /// Returns the lane with this index.
@@ -183,7 +168,7 @@ impl<'a> Road<'a> {
             let end = cell[k..].partition_point(|&i| self.index.pieces[i as usize].lane == lane) + k;
             if let LaneArea::Corridor { half_width } = self.map.lanes[lane as usize].area
                 && let Some(projection) = self.in_corridor(p, lane as usize, half_width, &cell[k..end])
-                && !self.is_above_or_below(lane as usize, &projection)
+                && !self.is_above_or_below(p, lane as usize, &projection)
             {
                 hits.push(LaneHit { lane: lane as usize, projection });
             }
@@ -199,7 +184,7 @@ impl<'a> Road<'a> {
                 && self.is_in_lane(p, lane, ring)
             {
                 let projection = self.map.lanes[lane].baseline.project(p);
-                if !self.is_above_or_below(lane, &projection) {
+                if !self.is_above_or_below(p, lane, &projection) {
                     hits.push(LaneHit { lane, projection });
                 }
             }
@@ -222,7 +207,7 @@ impl<'a> Road<'a> {
                 self.is_in_lane(p, lane, ring).then(|| self.map.lanes[lane].baseline.project(p))
             }
         };
-        found.filter(|projection| !self.is_above_or_below(lane, projection))
+        found.filter(|projection| !self.is_above_or_below(p, lane, projection))
     }
 
     /// Returns whether the polygon of a lane strictly contains `p`.
@@ -265,7 +250,7 @@ impl<'a> Road<'a> {
             let Piece { lane, first, last } = self.index.pieces[i as usize];
             let line = &self.map.lanes[lane as usize].baseline;
             let projection = line.project_between(p, first as usize, last as usize);
-            if projection.distance > radius || self.is_above_or_below(lane as usize, &projection) {
+            if projection.distance > radius || self.is_above_or_below(p, lane as usize, &projection) {
                 continue;
             }
             match hits.last_mut() {
@@ -281,19 +266,19 @@ impl<'a> Road<'a> {
 
     /// Finds the nearest road edge; `start` is the segment found for a nearby point. `None` without edges.
     fn nearest_edge(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
-        if self.height.is_nan() {
+        if self.has_all_levels() {
             return self.index.edges.nearest(p, start);
         }
         self.index.edges.nearest_where(p, start, |i, t, d2| {
             let [a, b] = self.index.edge_heights[i as usize];
-            !levels::apart(a + (b - a) * t, self.height, d2.sqrt())
+            !self.is_off_level(p, a + (b - a) * t, d2.sqrt())
         })
     }
 
     /// Returns whether a drivable polygon is on the level of the road near `p`: the height of a polygon is
     /// that of its nearest vertex.
     fn area_is_on_level(&self, area: usize, p: Vec2) -> bool {
-        if self.height.is_nan() {
+        if self.has_all_levels() {
             return true;
         }
         let (Some(areas), Some(heights)) =
@@ -303,7 +288,7 @@ impl<'a> Road<'a> {
         };
         let vertices = areas[area].exterior.iter().zip(heights);
         let nearest = vertices.min_by(|a, b| (a.0 - p).norm_squared().total_cmp(&(b.0 - p).norm_squared()));
-        nearest.is_none_or(|(vertex, &z)| !levels::apart(z, self.height, (vertex - p).norm()))
+        nearest.is_none_or(|(vertex, &z)| !self.is_off_level(p, z, (vertex - p).norm()))
     }
 
     /// Returns whether the map records its drivable area.

@@ -74,6 +74,19 @@ const KINDS: &[NoteKind] = &[
         find: |scenario, _| contradicting_velocities(scenario),
     },
     NoteKind {
+        id: "contradictory-heights",
+        one: "1 height contradicts the ground around it and is not used",
+        many: "{} heights contradict the ground around them and are not used",
+        find: |scenario, _| repaired(scenario, levels::OUTLIERS),
+    },
+    NoteKind {
+        id: "heights-not-used",
+        one: "the height of 1 agent contradicts the map, so that no heights are used: roads above one another meet",
+        many: "the heights of {} agents contradict the map, so that no heights are used: roads above one another \
+               meet",
+        find: |scenario, _| repaired(scenario, levels::NO_AGREEMENT),
+    },
+    NoteKind {
         id: "no-drivable-area",
         one: "the map has no drivable area, so nobody is judged off the road",
         many: "the map has no drivable area, so nobody is judged off the road",
@@ -158,6 +171,8 @@ const CORNER_ROUNDING: f64 = 0.7;
 fn overlapping_agents(scenario: &Scenario) -> usize {
     let agents = &scenario.start.agents;
     let boxes: Vec<_> = (0..agents.len()).map(|i| scenario.start.now(i).footprint(&agents[i])).collect();
+    let road = scenario.start.road();
+    let place = |i: usize| (boxes[i].center, scenario.start.height_now(i));
     let sized = |i: usize| agents[i].length > 0.0 && agents[i].width > 0.0;
     let overlap = |i: usize, j: usize| {
         let kinds = [agents[i].kind, agents[j].kind];
@@ -165,8 +180,8 @@ fn overlapping_agents(scenario: &Scenario) -> usize {
             && !kinds.contains(&AgentKind::Other)
             && sized(i)
             && sized(j)
-            && !levels::apart(scenario.start.height_now(i), scenario.start.height_now(j), 0.0)
             && (boxes[i].center - boxes[j].center).norm() <= boxes[i].radius() + boxes[j].radius()
+            && !road.is_apart(place(i), place(j))
             && rounded_distance(&boxes[i], &boxes[j], CORNER_ROUNDING) < 0.0
     };
     let in_pair = |i: usize| (0..agents.len()).any(|j| i != j && overlap(i, j));
@@ -195,6 +210,11 @@ pub fn note_text(id: &str, count: u64) -> String {
 
 fn count(n: usize) -> Option<Note> {
     (n > 0).then_some(Note { count: n as u32, detail: None })
+}
+
+/// Notes a repair that changes how results are read.
+fn repaired(scenario: &Scenario, what: &str) -> Option<Note> {
+    count(scenario.repairs.get(what).map_or(0, |n| *n as usize))
 }
 
 fn irregular_steps(scenario: &Scenario) -> Option<Note> {

@@ -90,12 +90,12 @@ impl StepGraph {
         for (i, paths) in paths.iter().enumerate() {
             let mut features = bodies[i].features;
             let out = &mut features[Body::corridor_features()];
-            corridor::describe(&bodies, i, paths, &places.all, view.lights, out);
+            corridor::describe(&bodies, i, paths, &places.all, view, out);
             step.bodies.extend_from_slice(&features);
         }
         step.link_past(earlier, view.now, config);
         step.link_places(&bodies[..nodes], around, view.lights, config);
-        step.link_agents(&bodies, config);
+        step.link_agents(&bodies, view, config);
         bodies.truncate(nodes);
         (step, bodies)
     }
@@ -144,12 +144,12 @@ impl StepGraph {
         }
     }
 
-    fn link_agents(&mut self, bodies: &[Body], config: &Config) {
+    fn link_agents(&mut self, bodies: &[Body], view: &SceneView<'_>, config: &Config) {
         let mut nearest = Nearest::new(config.agents);
         let mut found = Vec::new();
         for (i, body) in bodies.iter().enumerate().take(self.slots.len()) {
             nearest.clear();
-            for (j, other) in bodies.iter().enumerate().filter(|(_, other)| !body.is_apart(other)) {
+            for (j, other) in bodies.iter().enumerate().filter(|(_, other)| !view.are_apart(body, other)) {
                 // The AV ranks first at any distance: the network must always see it.
                 let d = (other.position - body.position).norm();
                 if i != j && other.is_av {

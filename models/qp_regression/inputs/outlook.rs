@@ -34,7 +34,7 @@ impl Outlook {
         let own = scene.slots.iter().position(|&s| s == slot)?;
         let mut numbers = body.features.to_vec();
         let out = &mut numbers[Body::corridor_features()];
-        corridor::describe(&scene.bodies, own, &paths, &places.all, scene.view.lights, out);
+        corridor::describe(&scene.bodies, own, &paths, &places.all, scene.view, out);
         let mut paths: Vec<Vec<(Vec2, Vec2)>> = Vec::new();
         if body.class != Class::Pedestrian {
             let length = (HORIZON * body.velocity.norm()).clamp(MIN_LENGTH, MAX_LENGTH);

@@ -1,5 +1,6 @@
 //! ScenarioNet pickles.
 
+use std::f64::consts::PI;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -303,6 +304,32 @@ fn older_and_other_flavours() {
     assert_eq!(map.lanes[3].left.iter().map(|n| map.lanes[n.lane].id.as_str()).collect::<Vec<_>>(), ["102"]);
     let shown = s.light_states(0);
     assert_eq!((shown[0], shown[1], shown[2]), (Some(LightState::Stop), None, Some(LightState::Go)));
+}
+
+#[test]
+fn directions_of_lanes_are_no_heights() {
+    let read_lanes = |dataset: &str, third: bool| {
+        let change = |v: &mut Value| {
+            v["metadata"]["dataset"] = json!(dataset);
+            let points: Vec<(f64, f64)> = (0..31).map(|k| (1200.0 - 10.0 * f64::from(k), 3.5)).collect();
+            v["map_features"]["103"] = lane("LANE_SURFACE_STREET", &points, json!([]), json!([]));
+            for (id, direction) in [("100", 0.0), ("101", 0.0), ("102", 0.0), ("103", PI)] {
+                let line = v["map_features"][id]["polyline"]["__array__"].as_array_mut().unwrap();
+                for point in line.iter_mut().filter_map(Value::as_array_mut) {
+                    point.truncate(2);
+                    point.extend(third.then(|| json!(direction)));
+                }
+            }
+        };
+        read(change).unwrap()
+    };
+    for dataset in ["nuscenes", "of another converter"] {
+        let (mut with, without) = (read_lanes(dataset, true), read_lanes(dataset, false));
+        let dropped = with.repairs.remove("third coordinates that are directions, not heights");
+        assert_eq!(dropped, (dataset != "nuscenes").then_some(4));
+        assert!(!with.start.has_levels() && with.notes() == without.notes());
+        assert_eq!(with.digest(), without.digest());
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use reactsim_dynamics::PARKED_DISPLACEMENT;
 use reactsim_geometry::{Bounds, OrientedBox, rounded_distance, wrap};
 use reactsim_metrics::Options;
-use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario, levels};
+use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
 
 use super::AvoidanceSettings;
 use crate::Response;
@@ -118,17 +118,18 @@ impl<'a> Traffic<'a> {
         let (Some(a_heights), Some(b_heights)) = (self.heights.get(a), self.heights.get(b)) else {
             return false;
         };
-        let mut closest = (f64::INFINITY, false);
+        let road = self.scenario.start.road();
+        let mut closest = (f64::INFINITY, None);
         for (mine, &z) in self.logged[a].iter().zip(a_heights) {
             for (theirs, &other) in self.logged[b].iter().zip(b_heights) {
                 let Some((mine, theirs)) = mine.as_ref().zip(theirs.as_ref()) else { continue };
                 let distance = (mine.center - theirs.center).norm();
                 if distance < closest.0 {
-                    closest = (distance, levels::apart(z, other, distance));
+                    closest = (distance, Some([(mine.center, z), (theirs.center, other)]));
                 }
             }
         }
-        closest.1
+        closest.1.is_some_and(|[mine, theirs]| road.is_apart(mine, theirs))
     }
 
     /// Returns the logged relation of two bodies other than the AV.

@@ -25,6 +25,9 @@ const MAX_LANES: usize = 10_000;
 const CONNECTOR_TYPE: &str = "LANE_SURFACE_UNSTRUCTURE";
 /// Data sets whose speed limits ScenarioNet's converters do not read but fill in (100 km/h, 85 mph).
 const DATASETS_WITHOUT_LIMITS: &[&str] = &["nuscenes", "nuplan", "av2", "argoverse2"];
+/// Data set whose converter writes the direction of a lane as the third coordinate of its points. Assembly
+/// recognises the same in files of other data sets.
+const DATASET_WITH_DIRECTIONS: &str = "nuscenes";
 /// Suffixes of `ROAD_LINE_` types, in the order of their paint codes from 1.
 const PAINT_TYPES: [&str; 8] = [
     "BROKEN_SINGLE_WHITE",
@@ -46,6 +49,7 @@ pub(super) fn map(
     let mut map = MapParts::default();
     let mut lanes = LaneCollector {
         has_limits: !dataset.is_some_and(|d| DATASETS_WITHOUT_LIMITS.contains(&d)),
+        has_heights: dataset != Some(DATASET_WITH_DIRECTIONS),
         ..LaneCollector::default()
     };
     let mut boundaries: Vec<(u8, Vec<Vec2>, Vec<f64>)> = Vec::new();
@@ -125,6 +129,8 @@ struct LaneCollector {
     unresolved: Vec<(usize, bool, Vec<String>)>,
     /// Whether the speed limits are those of the data set.
     has_limits: bool,
+    /// Whether the third coordinate of a point is its height.
+    has_heights: bool,
     /// Whether connectors have a type of their own.
     has_connectors: bool,
 }
@@ -162,7 +168,8 @@ impl LaneCollector {
             right: self.neighbors(feature, "right_neighbor", false)?,
         };
         self.all.push(lane);
-        self.heights.push(feature.need("polyline")?.heights()?);
+        let heights = if self.has_heights { feature.need("polyline")?.heights()? } else { Vec::new() };
+        self.heights.push(heights);
         Ok(())
     }
 

@@ -93,7 +93,7 @@ fn heights_of_agents_are_those_of_their_roads() {
                 }
                 last = Some(z);
                 // Vehicles off the road are not on the nearest lane or edge.
-                let road = scenario.start.road().on_level(z);
+                let road = scenario.start.road().on_level(state.position(), z);
                 if road.drivable(state.position(), &mut None) == Some(true) {
                     let ground = scenario.start.road().ground_height(state.position(), z);
                     let id = &agent.id;

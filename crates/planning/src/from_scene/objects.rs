@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, Scenario, Start, levels};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, Scenario, Start};
 
 use crate::metrics::Label;
 use crate::{ObjectId, ObjectKind, TrackedObject};
@@ -139,7 +139,7 @@ impl ObjectFrame<'_> {
         let Some(av) = self.tracks.get(AV).and_then(|track| state_at(track, self.frame)) else {
             return false;
         };
-        levels::apart(height, self.height(AV), (center - av.position()).norm())
+        self.start.road().is_apart((center, height), (av.position(), self.height(AV)))
     }
 }
 

@@ -25,7 +25,7 @@ fn lane(id: &str, points: Vec<Vec2>) -> LaneParts {
     }
 }
 
-fn car(id: &str, at: Vec2, velocity: Vec2, height: f64) -> LoggedAgent {
+pub(in crate::levels) fn car(id: &str, at: Vec2, velocity: Vec2, height: f64) -> LoggedAgent {
     let state = |f: usize| {
         let p = at + velocity * (0.1 * (f as f64 - CURRENT as f64));
         Some(AgentState { x: p.x, y: p.y, heading: 0.0, vx: velocity.x, vy: velocity.y })
@@ -39,7 +39,7 @@ fn car(id: &str, at: Vec2, velocity: Vec2, height: f64) -> LoggedAgent {
 
 /// Returns a road along the x axis and one along the y axis, `above` metres higher, with edges; the whole
 /// scene is at the height `base`.
-fn crossing(above: f64, base: f64) -> ScenarioParts {
+pub(in crate::levels) fn crossing(above: f64, base: f64) -> ScenarioParts {
     let (west, east) = (Vec2::new(-100.0, 0.0), Vec2::new(100.0, 0.0));
     let (south, north) = (Vec2::new(0.0, -100.0), Vec2::new(0.0, 100.0));
     let aside = Vec2::new(0.0, 5.0);
@@ -109,15 +109,15 @@ fn queries_find_what_is_on_their_level() {
         at
     };
     assert_eq!(lanes(road), [0, 1]);
-    assert_eq!(lanes(road.on_level(100.5)), [0]);
-    assert_eq!(lanes(road.on_level(106.0)), [1]);
-    assert_eq!(lanes(road.on_level(f64::NAN)), [0, 1]);
+    assert_eq!(lanes(road.on_level(centre, 100.5)), [0]);
+    assert_eq!(lanes(road.on_level(centre, 106.0)), [1]);
+    assert_eq!(lanes(road.on_level(centre, f64::NAN)), [0, 1]);
     // Beside the bridge: nearest to its edge, from outside.
     let beside = centre + Vec2::new(6.0, 0.0);
     assert_eq!(road.drivable(beside, &mut None), Some(false));
-    assert_eq!(road.on_level(100.0).drivable(beside, &mut None), Some(true));
-    assert_eq!(road.on_level(107.0).drivable(beside, &mut None), Some(false));
-    assert_eq!(road.on_level(100.0).distance_off_road(beside, &mut None), Some(0.0));
+    assert_eq!(road.on_level(centre, 100.0).drivable(beside, &mut None), Some(true));
+    assert_eq!(road.on_level(centre, 107.0).drivable(beside, &mut None), Some(false));
+    assert_eq!(road.on_level(centre, 100.0).distance_off_road(beside, &mut None), Some(0.0));
 }
 
 #[test]
@@ -149,6 +149,53 @@ fn heights_follow_the_road_under_a_track() {
     assert_eq!(off[80], 9.0);
     let absent = start.heights_along(0, &[None, None]);
     assert!(absent.iter().all(|h| h.is_nan()));
+}
+
+/// Returns a road along the x axis that rises by `slope` metres per metre, and the crossing with its bridge far
+/// away.
+fn hill(slope: f64) -> ScenarioParts {
+    let mut parts = crossing(7.0, 0.0);
+    let moved = |points: &mut Vec<Vec2>| points.iter_mut().for_each(|p| p.y += 500.0);
+    parts.map.lanes.iter_mut().for_each(|l| moved(&mut l.points));
+    parts.map.road_edges.iter_mut().for_each(|e| moved(&mut e.points));
+    let points = line(Vec2::new(-200.0, 0.0), Vec2::new(200.0, 0.0));
+    parts.map.heights.lanes.push(points.iter().map(|p| slope * p.x).collect());
+    parts.map.lanes.push(lane("hill", points));
+    let height = |x: f64| slope * x + 0.2;
+    parts.agents = vec![car("av", Vec2::zeros(), Vec2::zeros(), height(0.0))];
+    for x in [-150.0, -60.0, -25.0, 12.0, 40.0, 90.0] {
+        parts.agents.push(car(&x.to_string(), Vec2::new(x, 1.0), Vec2::zeros(), height(x)));
+    }
+    parts
+}
+
+#[test]
+fn a_hill_is_one_level() {
+    for slope in [-0.25, -0.1, 0.0, 0.05, 0.12, 0.2, 0.25, 0.3] {
+        let scenario = Scenario::assemble(hill(slope)).unwrap();
+        let (start, road) = (&scenario.start, scenario.start.road());
+        assert_eq!((scenario.levels(), scenario.repairs.len()), (2, 0), "slope {slope}");
+        let places: Vec<(Vec2, f64)> =
+            (0..start.agents.len()).map(|i| (start.now(i).position(), start.height_now(i))).collect();
+        for &a in &places {
+            assert!(places.iter().all(|&b| !road.is_apart(a, b)), "slope {slope}, {a:?}");
+            let ahead = Vec2::new(150.0, 1.0);
+            let (level, mut hits) = (road.on_level(a.0, a.1), Vec::new());
+            level.lanes_at(ahead, &mut hits);
+            assert_eq!(hits.len(), 1, "slope {slope}");
+            // Above or below the hill.
+            for off in [-6.0, 6.0] {
+                let other = Vec2::new(a.0.x + 8.0, 1.0);
+                assert!(road.is_apart(a, (other, a.1 + off + 8.0 * slope)), "slope {slope}, {a:?}");
+            }
+        }
+        // The roads of the crossing stay apart at any distance at which agents meet.
+        for (x, y) in [(0.0, 0.0), (10.0, 0.0), (0.0, 30.0), (40.0, 20.0)] {
+            let (low, high) = (Vec2::new(x, 500.0), Vec2::new(0.0, 500.0 + y));
+            let is_apart = road.is_apart((low, 0.1), (high, 7.1)) && road.is_apart((high, 7.1), (low, 0.1));
+            assert!(is_apart, "slope {slope}: {low} and {high}");
+        }
+    }
 }
 
 #[test]
