@@ -119,6 +119,7 @@ pub(super) struct View<'a> {
     /// Bounds of the path, if it bends little.
     pub(super) strip: Option<&'a Strip>,
     pub(super) heights: &'a PathHeights,
+    pub(super) road: &'a Road<'a>,
 }
 
 /// Finds leaders and crossing agents in the corridor of the vehicle `own` (index `index`).
@@ -158,7 +159,7 @@ pub(super) fn look(
         for (k, sample) in known.iter().enumerate() {
             let at = path.project(sample.center, first, last, near);
             near = Some(at.index);
-            if view.heights.is_apart(at.index, sample.height) {
+            if view.heights.is_apart(view.road, at.index, sample.center, sample.height) {
                 continue;
             }
             let axis = path.points()[at.index].axis;

@@ -38,15 +38,15 @@ impl PathHeights {
         }
     }
 
-    /// Returns whether an agent at `height` metres is above or below the path at a point, by index.
+    /// Returns whether an agent at `p` with a height in metres is above or below the path at a point, by index.
     #[inline]
-    pub(super) fn is_apart(&self, index: usize, height: f64) -> bool {
+    pub(super) fn is_apart(&self, road: &Road<'_>, index: usize, p: Vec2, height: f64) -> bool {
         // Nearly all scenarios have one level.
         if self.places.is_empty() {
             return false;
         }
         let here = self.places.get(index.saturating_sub(self.first)).or(self.places.back());
-        here.is_some_and(|&(_, own)| levels::apart(own, height, 0.0))
+        here.is_some_and(|&(at, own)| road.on_level(at, own).is_off_level(p, height, 0.0))
     }
 
     /// Returns whether an agent at `height` metres is above or below the path at its point nearest to `p`.

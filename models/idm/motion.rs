@@ -309,7 +309,7 @@ impl Traffic {
         let stop = signals::next_stop(seen, &own, driver);
         let strip = corridor::strip(&own, driver, CONTACT_HORIZON);
         around.strip = strip;
-        let view = View { strip: strip.as_ref(), heights: &around.heights };
+        let view = View { strip: strip.as_ref(), heights: &around.heights, road: &road };
         let corridor = corridor::look(i, &own, driver, &self.actors, forecasts, &view, settings);
         let mut intent = Intent { corridor, stop, chosen: None, ..Intent::default() };
         let wanted = following(driver, &own, &intent, 0.0);
@@ -342,7 +342,7 @@ impl Traffic {
             if seen.start().has_levels() {
                 around.heights = corridor::heights(&seen.start().road(), &own, driver, 0.0);
             }
-            let view = View { strip: strip.as_ref(), heights: &around.heights };
+            let view = View { strip: strip.as_ref(), heights: &around.heights, road: &road };
             intent.corridor = corridor::look(i, &own, driver, &self.actors, forecasts, &view, settings);
             intent.stop = None;
         } else if let Some((_, quiet)) = &mut driver.aside {

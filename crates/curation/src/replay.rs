@@ -4,9 +4,7 @@ use std::f64::consts::PI;
 
 use reactsim_geometry::{OrientedBox, math, rounded_distance, signed_angle_between};
 use reactsim_metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
-use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, FUTURE, Frame, HISTORY, Scenario, Start,
-};
+use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FUTURE, Frame, HISTORY, Scenario, Start};
 
 /// Largest angle from the AV's heading at which a touched body is ahead of the AV, radians.
 const AHEAD_ANGLE: f64 = 0.5;

@@ -60,12 +60,12 @@ pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) ->
     let clear = |f: usize| {
         let Some(state) = log.at(f) else { return true };
         !(case.present(case.av) && case.motion.valid(case.av, f))
-            || case.log_is_apart(agent, f, state.position())
             || sharp_distance(
                 &state.footprint(case.objects[agent].agent),
                 &case.motion.footprint(case.av, f),
                 CLEARANCE,
             ) >= CLEARANCE
+            || case.log_is_apart(agent, f, state.position())
     };
     (farthest >= MIN_DISPLACEMENT && case.future().all(clear)).then_some(path)
 }

@@ -83,12 +83,13 @@ fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize, overlaps: &[bo
     }
     let (mine, other) = (motion.footprint(agent, frame), motion.footprint(case.av, frame));
     let (gap, lateral_gap) = placement(&mine, &other);
-    if !(gap > 0.0 && lateral_gap < 0.0) || case.is_apart(agent, case.av, frame) {
+    if !(gap > 0.0 && lateral_gap < 0.0) {
         return MAX_TTC;
     }
     let difference = motion.heading[av] - motion.heading[me];
     let turned = if case.options.ttc_wrap_heading { wrap(difference) } else { difference }.abs();
-    if is_front(gap, lateral_gap, turned) { (gap / closing).min(MAX_TTC) } else { MAX_TTC }
+    let ttc = if is_front(gap, lateral_gap, turned) { (gap / closing).min(MAX_TTC) } else { MAX_TTC };
+    if ttc < MAX_TTC && case.is_apart(agent, case.av, frame) { MAX_TTC } else { ttc }
 }
 
 /// Returns the gaps from `me` to `other`, metres: the longitudinal gap from the front of `me` to the nearest

@@ -8,7 +8,7 @@ use reactsim_geometry::{Vec2, direction, heading_of, wrap};
 
 use super::ground::{self, Ground};
 use super::{LEVEL_GAP, MapHeights, apart};
-use crate::{AgentKind, CURRENT, Frame, HISTORY, LoggedAgent, RoadMap, Scenario};
+use crate::{AgentKind, AgentState, CURRENT, Frame, HISTORY, LoggedAgent, RoadMap, Scenario};
 
 /// Repair: third coordinates that are the direction of the line or of the agent.
 pub(crate) const DIRECTIONS: &str = "third coordinates that are directions, not heights";
@@ -23,6 +23,8 @@ const GROUND_TOLERANCE: f64 = 2.0;
 const MAX_CONTRADICTING: f64 = 0.1;
 /// Largest share of the frames of an agent at which its height may contradict the ground.
 const MAX_OUTLIERS: f64 = 0.5;
+/// Cosine of the largest angle between a vehicle and the road that it is on.
+const PARALLEL_COSINE: f64 = 0.8;
 /// Slope of the ground, metres per metre, beyond which successive points of a line contradict each other. The
 /// steepest streets rise by 0.35 over short distances.
 const MAX_POINT_SLOPE: f64 = 0.4;
@@ -173,7 +175,7 @@ impl History<'_> {
             self.heights.fill(None);
             self.heights[CURRENT] = self.track[CURRENT].and_then(|now| match levels[..] {
                 [only] => Some(only),
-                _ => ground.along(now.position(), direction(now.heading)),
+                _ => ground.along(&now),
             });
         } else {
             for (k, z) in known.iter().zip(&best).filter(|pair| !agrees(*pair)) {
@@ -189,10 +191,10 @@ fn mend_lines(map: &mut RoadMap) -> u32 {
     let ground = Ground::new(map);
     let mended: Vec<Option<Vec<f64>>> = ground::lines(map)
         .enumerate()
-        .map(|(line, (points, heights))| {
+        .map(|(number, (points, heights))| {
             let mut arc = vec![0.0];
             points.windows(2).for_each(|w| arc.push(arc[arc.len() - 1] + (w[1] - w[0]).norm()));
-            Line { points, heights, arc, others: |p| ground.other_lines_at(line, p) }.mended()
+            Line { ground: &ground, number: number as u32, points, heights, arc }.mended()
         })
         .collect();
     let MapHeights { lanes, road_edges, .. } = &mut map.heights;
@@ -208,16 +210,17 @@ fn mend_lines(map: &mut RoadMap) -> u32 {
 }
 
 /// A line whose heights are examined.
-struct Line<'a, O> {
+struct Line<'a> {
+    ground: &'a Ground,
+    /// Number of the line in the ground.
+    number: u32,
     points: &'a [Vec2],
     heights: &'a [f64],
     /// Arc length at each point, metres.
     arc: Vec<f64>,
-    /// Returns the heights of the other lines near a point, the nearest first.
-    others: O,
 }
 
-impl<O: Fn(Vec2) -> Vec<f64>> Line<'_, O> {
+impl Line<'_> {
     /// Returns the heights without outliers, which are interpolated; none if the whole line is on another level
     /// than the lines around it, and `None` if nothing changes.
     fn mended(&self) -> Option<Vec<f64>> {
@@ -322,9 +325,13 @@ impl<O: Fn(Vec2) -> Vec<f64>> Line<'_, O> {
 
     /// Returns whether another line near a point is on the same level; `None` without other lines.
     fn is_supported(&self, i: usize) -> Option<bool> {
-        let others = (self.others)(self.points[i]);
-        let is_same = |z: &f64| !apart(*z, self.heights[i], 0.0);
-        (!others.is_empty()).then(|| others.iter().any(is_same))
+        let is_same = self.other_line(i, |z| !apart(z, self.heights[i], 0.0)).is_some();
+        (is_same || self.other_line(i, |_| true).is_some()).then_some(is_same)
+    }
+
+    /// Returns the height of the nearest other line near a point, of those whose height there `keep` accepts.
+    fn other_line(&self, i: usize, keep: impl Fn(f64) -> bool) -> Option<f64> {
+        self.ground.find(self.points[i], |segment, z| segment.line != self.number && keep(z))
     }
 
     /// Returns the heights with those of outliers interpolated between the points around them; at the end of
@@ -339,7 +346,7 @@ impl<O: Fn(Vec2) -> Vec<f64>> Line<'_, O> {
                 (Some(a), Some(b)) => {
                     heights[a] + (heights[b] - heights[a]) * (arc[p] - arc[a]) / (arc[b] - arc[a])
                 }
-                _ => (self.others)(self.points[p]).first().copied().unwrap_or(heights[p]),
+                _ => self.other_line(p, |_| true).unwrap_or(heights[p]),
             }
         };
         (0..heights.len()).map(height).collect()
@@ -347,10 +354,13 @@ impl<O: Fn(Vec2) -> Vec<f64>> Line<'_, O> {
 }
 
 impl Ground {
-    /// Returns the heights of the lines within 10 m of a point except one, the nearest first, metres.
-    fn other_lines_at(&self, own: usize, p: Vec2) -> Vec<f64> {
-        let lines = self.lines_at(p).into_iter();
-        lines.filter(|(line, _)| *line as usize != own).map(|(_, height)| height).collect()
+    /// Returns the height of the nearest ground within 10 m of an agent that runs along its heading, metres.
+    fn along(&self, agent: &AgentState) -> Option<f64> {
+        let ahead = direction(agent.heading);
+        self.find(agent.position(), |segment, _| {
+            let way = segment.ends[1] - segment.ends[0];
+            way.dot(&ahead).abs() > PARALLEL_COSINE * way.norm()
+        })
     }
 }
 

@@ -11,8 +11,8 @@ pub(super) const GROUND_DISTANCE: f64 = 10.0;
 const CELL_SIZE: f64 = 3.0;
 /// Shortest part of a line, metres, whose slope counts: recorded heights are noisy from point to point.
 const SLOPE_LENGTH: f64 = 10.0;
-/// Cosine of the largest angle between a vehicle and the road that it is on.
-const PARALLEL_COSINE: f64 = 0.8;
+/// Maximum number of levels at one point.
+const MAX_LEVELS: usize = 20;
 /// Distance in metres between the points at which the ground between two places is looked up.
 const FOLLOW_STEP: f64 = 4.0;
 /// Largest distance in metres along which the ground is followed: agents do not perceive others farther away.
@@ -27,18 +27,12 @@ pub(crate) struct Ground {
     steepest: f64,
 }
 
-/// Ground near a point.
-struct Near<'a> {
-    line: u32,
-    ends: &'a [Vec2; 2],
-    distance2: f64,
-    height: f64,
-}
-
+/// A segment of a lane or an edge.
 #[derive(Clone, Copy, Debug)]
-struct Segment {
-    line: u32,
-    ends: [Vec2; 2],
+pub(super) struct Segment {
+    /// Number of the line, as in [`lines`].
+    pub(super) line: u32,
+    pub(super) ends: [Vec2; 2],
     heights: [f64; 2],
 }
 
@@ -79,62 +73,32 @@ impl Ground {
         Self { grid: Grid::new(&bounds, CELL_SIZE), segments, steepest }
     }
 
+    /// Returns the height at the point nearest to `p` of the segments within 10 m for which `keep` is true, metres.
+    /// It receives the segment and its height there.
+    pub(super) fn find(&self, p: Vec2, keep: impl Fn(&Segment, f64) -> bool) -> Option<f64> {
+        let distance2 = |i: u32| {
+            let segment = &self.segments[i as usize];
+            let (distance2, height) = segment.at(p);
+            if keep(segment, height) { distance2 } else { f64::INFINITY }
+        };
+        let found = self.grid.nearest_within(p, GROUND_DISTANCE, distance2)?;
+        Some(self.segments[found as usize].at(p).1)
+    }
+
     /// Returns the height of the ground nearest to a point, within 10 m, on the level of the height `last`,
     /// metres; `last` without any.
     pub(super) fn nearest(&self, p: Vec2, last: f64) -> f64 {
-        let distance2 = |i: u32| {
-            let (distance2, height) = self.segments[i as usize].at(p);
-            if apart(height, last, 0.0) { f64::INFINITY } else { distance2 }
-        };
-        let found = self.grid.nearest_within(p, GROUND_DISTANCE, distance2);
-        found.map_or(last, |i| self.segments[i as usize].at(p).1)
+        self.find(p, |_, height| !apart(height, last, 0.0)).unwrap_or(last)
     }
 
-    /// Calls `see` with the number of the line, the ends, and distance and height, metres, at the nearest point of
-    /// each segment within 10 m of a point, some more than once.
-    fn visit(&self, p: Vec2, mut see: impl FnMut(Near<'_>)) {
-        self.grid.visit(&Bounds::around(p, GROUND_DISTANCE), |i| {
-            let segment = &self.segments[i as usize];
-            let (distance2, height) = segment.at(p);
-            if distance2 <= GROUND_DISTANCE * GROUND_DISTANCE {
-                see(Near { line: segment.line, ends: &segment.ends, distance2, height });
-            }
-        });
-    }
-
-    /// Returns the number and the height, metres, of each line within 10 m of a point at its nearest point, the
-    /// nearest line first.
-    pub(super) fn lines_at(&self, p: Vec2) -> Vec<(u32, f64)> {
-        let mut seen: Vec<(u32, f64, f64)> = Vec::new();
-        self.visit(p, |near| seen.push((near.line, near.distance2, near.height)));
-        seen.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        seen.dedup_by_key(|s| s.0);
-        seen.sort_by(|a, b| a.1.total_cmp(&b.1));
-        seen.into_iter().map(|(line, _, height)| (line, height)).collect()
-    }
-
-    /// Returns the height of the ground nearest to a point, within 10 m, on each level there, the lowest
-    /// first, metres.
+    /// Returns the height of the ground nearest to a point, within 10 m, on each level there, metres.
     pub(super) fn levels_at(&self, p: Vec2) -> Vec<f64> {
-        // One point per line, or the slope along a line would join levels. The sort keeps the nearest first.
-        let lines = self.lines_at(p);
-        let mut sorted: Vec<(f64, usize)> = lines.iter().enumerate().map(|(rank, l)| (l.1, rank)).collect();
-        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let nearest = |level: &[(f64, usize)]| level.iter().min_by_key(|l| l.1).map(|l| l.0);
-        sorted.chunk_by(|a, b| b.0 - a.0 <= LEVEL_GAP).filter_map(nearest).collect()
-    }
-
-    /// Returns the height of the nearest ground within 10 m of a point that runs along a direction, metres.
-    pub(super) fn along(&self, p: Vec2, direction: Vec2) -> Option<f64> {
-        let mut found: Option<(f64, f64)> = None;
-        self.visit(p, |near| {
-            let way = near.ends[1] - near.ends[0];
-            let runs_along = way.dot(&direction).abs() > PARALLEL_COSINE * way.norm();
-            if runs_along && found.is_none_or(|f| near.distance2 < f.0) {
-                found = Some((near.distance2, near.height));
-            }
-        });
-        found.map(|f| f.1)
+        let mut levels: Vec<f64> = Vec::new();
+        let next = |levels: &[f64]| self.find(p, |_, z| levels.iter().all(|level| apart(z, *level, 0.0)));
+        while let Some(level) = next(&levels).filter(|_| levels.len() < MAX_LEVELS) {
+            levels.push(level);
+        }
+        levels
     }
 
     /// Returns the height of the ground at a point, metres, as [`Road::ground_height`].
