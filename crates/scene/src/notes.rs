@@ -61,9 +61,10 @@ const KINDS: &[NoteKind] = &[
         one: "the AV is not recorded for 8 s after the default current frame; an earlier one is taken",
         many: "the AV is not recorded for 8 s after the default current frame; an earlier one is taken",
         find: |scenario, _| {
-            repaired(scenario, EARLIER_FRAME).map(|Note { count, detail }| Note {
+            let earlier = repaired(scenario, EARLIER_FRAME);
+            earlier.map(|Note { count, .. }| Note {
                 count: 1,
-                detail: detail.map(|_| format!("{count} frames before it")),
+                detail: Some(format!("{count} frames before it")),
             })
         },
     },
@@ -149,11 +150,11 @@ pub fn unknown_type(name: &str) -> String {
     format!("{UNKNOWN_TYPE}`{}`, taken as other objects", name.escape_debug())
 }
 
-/// Returns a note about the repairs whose names begin so, with the rest of the first name.
+/// Returns a note about the repairs whose names begin so, with the rest of the first name, if there is some.
 fn repaired(scenario: &Scenario, name: &str) -> Option<Note> {
     let mut found =
         scenario.repairs.iter().filter_map(|(what, n)| Some((what.strip_prefix(name)?, *n))).peekable();
-    let detail = found.peek()?.0.split(',').next().map(str::to_owned);
+    let detail = found.peek()?.0.split(',').next().filter(|rest| !rest.is_empty()).map(str::to_owned);
     Some(Note { count: found.map(|(_, n)| n).sum(), detail })
 }
 
@@ -210,11 +211,6 @@ pub fn note_text(id: &str, count: u64) -> String {
 
 fn count(n: usize) -> Option<Note> {
     (n > 0).then_some(Note { count: n as u32, detail: None })
-}
-
-/// Notes a repair that changes how results are read.
-fn repaired(scenario: &Scenario, what: &str) -> Option<Note> {
-    count(scenario.repairs.get(what).map_or(0, |n| *n as usize))
 }
 
 fn irregular_steps(scenario: &Scenario) -> Option<Note> {
