@@ -226,13 +226,10 @@ fn velocities_against_positions_are_named() {
     assert_eq!(found_at(Vec2::zeros(), &stated(|_, _| Vec2::new(f64::NAN, f64::NAN))), []);
 }
 
-/// Rounds to this many significant bits.
-fn bits(v: f64, bits: i32) -> f64 {
-    if v == 0.0 {
-        return v;
-    }
-    let unit = f64::powi(2.0, v.abs().log2().floor() as i32 + 1 - bits);
-    (v / unit).round() * unit
+/// Cuts a number off after this many significant bits.
+fn bits(v: f64, bits: u32) -> f64 {
+    let dropped = f64::MANTISSA_DIGITS - bits;
+    f64::from_bits((v.to_bits() >> dropped) << dropped)
 }
 
 #[test]
