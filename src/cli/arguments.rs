@@ -153,7 +153,7 @@ mod tests {
         ("export av IN", &["--out"]),
         ("export wosac run --scenarios IN --metadata m", &["--out"]),
         ("train regression IN=4", &["--out"]),
-        ("train vocabulary IN", &["--out", "--map-out"]),
+        ("train vocabulary IN --method k-disks", &["--out", "--map-out"]),
         ("train intentions IN", &["--out"]),
         ("leaderboard a --scenarios IN", &["--html"]),
     ];

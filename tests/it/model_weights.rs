@@ -157,7 +157,7 @@ fn parameters_that_are_none_are_refused_by_name() {
     let text = refused(&["--models", "stop", "--set", "idm.vehicle.headway=1"]);
     assert!(text.contains("`idm`, which does not run"), "{text}");
     let text = refused(&["--set", "stop.deceleration=1", "--set", "stop.deceleration=2"]);
-    assert!(text.contains("`deceleration` of `stop` is set twice"), "{text}");
+    assert!(text.contains("--set has two values for `stop.deceleration`: give one"), "{text}");
 }
 
 #[test]

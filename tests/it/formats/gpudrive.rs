@@ -13,7 +13,8 @@ use super::{Case, good, logs_agree, refusal};
 fn object(id: u64, kind: &str, x: f64, y: f64, from: usize) -> Value {
     let at = |f: usize| match f < from {
         true => json!({"x": -10000.0, "y": -10000.0, "z": -10000.0}),
-        false => json!({"x": x + f as f64, "y": y, "z": 3.0}),
+        // Along the heading at the current frame.
+        false => json!({"x": x + f as f64, "y": y + 0.01 * (f as f64 - 10.0), "z": 3.0}),
     };
     let frames = |of: &dyn Fn(usize) -> Value| (0..91).map(of).collect::<Vec<_>>();
     json!({

@@ -16,6 +16,8 @@ use crate::scenes::{car, contact, future, mini, real, scene, straight};
 /// A simulator whose plans are checked: the next state of an agent is near its realised state.
 struct Watched {
     id: &'static str,
+    /// Largest distance beyond what the speed explains, metres: tokens of networks that are not trained jump.
+    most: f64,
     inner: Box<dyn Simulator>,
 }
 
@@ -39,7 +41,7 @@ impl Simulator for Watched {
                 let (Some(now), Some(next)) = (seen.state(slot), plan.get(slot, 0)) else { continue };
                 let off = (next.position() - now.position()).norm() - now.speed() * DT;
                 let what = format!("{}: `{}` at step {}", self.id, agent.id, seen.step());
-                assert!(off < 1.0, "{what}: planned {off:.1} m from where it is");
+                assert!(off < self.most, "{what}: planned {off:.1} m from where it is");
             }
         }
         Ok(())
@@ -65,7 +67,8 @@ fn ahead(speed: f64) -> Scenario {
 fn simulators() -> impl Iterator<Item = (&'static str, bool, Arc<dyn Simulator>)> {
     every_baseline().filter_map(|(model, controller)| match controller {
         Controller::Fair(inner) => {
-            let watched: Arc<dyn Simulator> = Arc::new(Watched { id: model.id, inner });
+            let most = if model.needs_weights { 5.0 } else { 1.0 };
+            let watched: Arc<dyn Simulator> = Arc::new(Watched { id: model.id, most, inner });
             Some((model.id, model.needs_weights, watched))
         }
         Controller::Oracle(_) => None,

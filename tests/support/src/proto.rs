@@ -108,7 +108,7 @@ impl Proto {
                     message(m, 3, |m| {
                         double(m, 2, x + f as f64);
                         double(m, 3, -20_000.0);
-                        double(m, 4, 30.0);
+                        double(m, 4, 12.0);
                         float(m, 5, if *length == 0.0 { 0.0 } else { *length + f as f32 * 0.001 });
                         float(m, 6, 2.0);
                         float(m, 8, *heading);

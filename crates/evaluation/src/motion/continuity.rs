@@ -269,7 +269,7 @@ fn order(agents: &[&GivenMotion<'_>]) -> Option<Finding> {
 fn late(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
     let moving = agents.iter().filter(|a| a.speed() >= MOVING).count();
     let same = agents.iter().filter(|a| a.speed() >= MOVING && a.begins_here() && a.sets_off()).count();
-    if moving < scene.least(2) || (same as f64) < MOST * moving as f64 {
+    if moving == 0 || moving < scene.least(2) || (same as f64) < MOST * moving as f64 {
         return None;
     }
     let noun = scene.noun();

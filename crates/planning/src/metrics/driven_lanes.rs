@@ -8,9 +8,9 @@ use reactsim_scene::LANE_HALF_WIDTH;
 use crate::search::led_to;
 use crate::{EgoState, PlanningMap};
 
-/// Largest distance in metres between the centre of a vehicle and the centre line of its lane: one lane beside.
-/// Vehicles cut corners.
-const MAX_DISTANCE: f64 = 4.0;
+/// Largest distance in metres between the centre of a vehicle and the centre line of its lane: one or two lanes
+/// beside. Long vehicles cut corners.
+const MAX_DISTANCE: f64 = 6.0;
 /// Cost of a sample at which the vehicle is another half-width aside of its lane, in changes of lanes: 20 such
 /// samples, two seconds, are as unlikely as a change.
 const ASIDE: f64 = 0.05;

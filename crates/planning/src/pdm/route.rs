@@ -30,9 +30,6 @@ const FORWARD_DEPTH: usize = 30;
 /// Number of roadblocks of the route, from its start, that a search in driving direction may reach
 /// (tuplan_garage b51d5d0).
 const REACHABLE_BLOCKS: usize = 3;
-/// Length in metres of the route between two blocks of a loop, in maps of connectors only: less than the
-/// circumference of a small roundabout.
-const LOOP_LENGTH: f64 = 30.0;
 /// Overlap of connector blocks, m², above which the route is a loop (tuplan_garage b51d5d0).
 const LOOP_OVERLAP: f64 = 1.0;
 
@@ -150,29 +147,21 @@ pub(crate) fn without_gaps(map: &PlanningMap, route: &[usize]) -> Vec<usize> {
     filled
 }
 
-/// Returns the number of roadblocks before the first connector block that overlaps an earlier one.
-///
-/// In maps of connectors only, blocks that follow one another closely may overlap: blocks count from
-/// [`LOOP_LENGTH`] of route between them on.
+/// Returns the number of roadblocks before the first connector block that overlaps an earlier one. In maps of
+/// connectors only, where lanes beside the route overlap it everywhere, that shows no loop.
 fn loop_begin(map: &PlanningMap, route: &[usize]) -> usize {
-    let least = if map.has_connectors_only() { LOOP_LENGTH } else { 0.0 };
-    let mut passed = 0.0;
-    let mut earlier: Vec<(f64, Vec<Polygon>)> = Vec::new();
-    for (i, &block) in route.iter().enumerate() {
-        let begin = passed;
-        let lane = map.lanes_of_roadblock(block).first();
-        passed += lane.map_or(0.0, |&lane| map.lane(lane).baseline.length());
-        if !is_connector_block(map, block) {
-            continue;
-        }
+    if map.has_connectors_only() {
+        return route.len();
+    }
+    let mut earlier: Vec<Vec<Polygon>> = Vec::new();
+    for (i, &block) in route.iter().enumerate().filter(|&(_, &block)| is_connector_block(map, block)) {
         let outlines: Vec<Vec<Vec2>> =
             roadblock_outlines(map, block).into_iter().map(<[Vec2]>::to_vec).collect();
         let ground = union(&outlines, &[]);
-        let far = earlier.iter().filter(|(end, _)| begin - end >= least);
-        if far.map(|(_, other)| overlap(other, &ground)).any(|area| area > LOOP_OVERLAP) {
+        if earlier.iter().any(|other| overlap(other, &ground) > LOOP_OVERLAP) {
             return i;
         }
-        earlier.push((passed, ground));
+        earlier.push(ground);
     }
     route.len()
 }
@@ -317,16 +306,12 @@ mod tests {
             kind: LaneKind::Connector,
             ..lane(id, roadblock, x, 0.0, successors)
         };
-        let road = |last: [f64; 2]| {
-            map(&[
-                connector("a", "0", [0.0, 50.0], &["b"]),
-                connector("b", "1", [50.0, 85.0], &["c"]),
-                connector("c", "2", last, &[]),
-            ])
-        };
-        let route = [0, 1, 2];
-        assert_eq!(corrected(&road([80.0, 120.0]), at(10.0, 1.75), &route), Some(route.to_vec()));
-        assert_eq!(corrected(&road([30.0, 45.0]), at(10.0, 1.75), &route), Some(vec![0, 1]));
+        let road = map(&[
+            connector("a", "0", [0.0, 50.0], &["b"]),
+            connector("b", "1", [50.0, 85.0], &["c"]),
+            connector("c", "2", [45.0, 120.0], &[]),
+        ]);
+        assert_eq!(corrected(&road, at(10.0, 1.75), &[0, 1, 2]), Some(vec![0, 1, 2]));
     }
 
     #[test]

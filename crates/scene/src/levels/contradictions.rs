@@ -155,7 +155,9 @@ impl History<'_> {
             };
             known.iter().map(at).collect::<Vec<f64>>()
         };
-        let mut candidates: Vec<Vec<f64>> = levels.iter().map(follow).collect();
+        // On ramps, heights between two levels are ground as well.
+        let own = ground.find(last, |_, z| (z - height).abs() <= GROUND_TOLERANCE);
+        let mut candidates: Vec<Vec<f64>> = levels.iter().chain(&own).map(follow).collect();
         if candidates.is_empty() {
             let mut sorted: Vec<f64> = known.iter().map(|k| k.2).collect();
             sorted.sort_by(f64::total_cmp);

@@ -96,7 +96,8 @@ pub(super) struct AdaptArgs {
     /// Time for everything, minutes; the number of epochs follows from it and the speed of the machine
     #[arg(long, default_value_t = 10.0, value_name = "M")]
     minutes: f64,
-    /// Files or folders of scenarios that are left out, even if they are among the logs; may be repeated
+    /// Files or folders of scenarios that are not learned from, even if they are among the others; may
+    /// be repeated
     #[arg(long, value_name = "SCENARIOS")]
     exclude: Vec<PathBuf>,
     /// Folder to write: scenarios, training, runs
