@@ -186,11 +186,10 @@ impl Traffic {
             self.av_paths.clear();
             return;
         }
-        if self.av_paths_age < AV_PATHS_LIFETIME && !self.av_paths.is_empty() {
-            if self.av_paths.iter().any(|path| av.arc_on(path).is_some()) {
-                self.av_paths_age += 1;
-                return;
-            }
+        if self.av_paths_age < AV_PATHS_LIFETIME && self.av_paths.iter().any(|path| av.arc_on(path).is_some())
+        {
+            self.av_paths_age += 1;
+            return;
         }
         self.av_paths_age = 0;
         self.av_paths.clear();

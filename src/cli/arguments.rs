@@ -158,7 +158,7 @@ mod tests {
         ("leaderboard a --scenarios IN", &["--html"]),
     ];
     /// Writers without a file to read that an output can replace: their inputs are folders or none.
-    const OTHERS: [&str; 9] = [
+    const OTHERS: [&str; 11] = [
         "generate",
         "man",
         "reference make",
@@ -166,8 +166,10 @@ mod tests {
         "train quick",
         "train split",
         "study errors",
+        "study guards",
         "study planners",
         "study realism",
+        "study vocabulary",
     ];
 
     fn refused(line: &str) -> Option<String> {

@@ -27,8 +27,11 @@ const SMALLEST_FACTOR: f64 = 0.05;
 /// Share of the windows that a kind of mistake must explain.
 const MOST: f64 = 0.8;
 
+/// Returns the velocity that a state means, given its stated velocity.
+type Reading = fn(&AgentState, Vec2) -> Vec2;
+
 /// Ways to misread a velocity, apart from its unit: the text, and the velocity that was meant.
-const READINGS: [(&str, fn(&AgentState, Vec2) -> Vec2); 4] = [
+const READINGS: [(&str, Reading); 4] = [
     ("", |_, v| v),
     (" in the frame of each agent, along and across its heading", |state, v| {
         let ahead = direction(state.heading);

@@ -42,6 +42,9 @@ impl Planner for Drawing {
     }
 }
 
+/// Creates a planner for one rollout.
+type Draws = fn() -> Drawing;
+
 const HONEST: Drawing = Drawing { draw: straight, interval: 0.1, late: 0.0, own_clock: None };
 
 /// Returns the pose after a distance along the heading and another one to the left.
@@ -63,7 +66,7 @@ fn reaching(now: AgentState, t: f64, a: f64, end: f64) -> [f64; 3] {
     moved(now, v * changing + 0.5 * a * changing * changing + end * (t - changing), 0.0)
 }
 
-fn run(drawing: fn() -> Drawing, every: usize, allowed: &[RolloutCheck]) -> Result<usize, EvaluationError> {
+fn run(drawing: Draws, every: usize, allowed: &[RolloutCheck]) -> Result<usize, EvaluationError> {
     let driver = Driver::own("drawing", move || Box::new(drawing()));
     let mut plan =
         plan_of(evaluation::PlannedSimulator::by_ids(&["stop".to_owned()]).unwrap(), Protocol::Reactive);
@@ -84,7 +87,7 @@ fn run(drawing: fn() -> Drawing, every: usize, allowed: &[RolloutCheck]) -> Resu
 
 #[test]
 fn mistakes_are_named() {
-    let mistakes: [(fn() -> Drawing, RolloutCheck, &str); 6] = [
+    let mistakes: [(Draws, RolloutCheck, &str); 6] = [
         (|| Drawing { interval: 0.05, ..HONEST }, RolloutCheck::Units, "motion of 0.05 s in place of 0.1 s"),
         (|| Drawing { interval: 0.2, ..HONEST }, RolloutCheck::Units, "motion of 0.2 s in place of 0.1 s"),
         (
@@ -119,7 +122,7 @@ fn mistakes_are_named() {
 
 #[test]
 fn honest_planners_pass() {
-    let honest: [(&str, fn() -> Drawing); 11] = [
+    let honest: [(&str, Draws); 11] = [
         ("straight on", || HONEST),
         ("brakes hard", || Drawing { draw: |now, t| reaching(now, t, 8.0, 0.0), ..HONEST }),
         ("speeds up", || Drawing { draw: |now, t| reaching(now, t, 4.0, 20.0), ..HONEST }),

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use reactsim_geometry::{Vec2, direction, heading_of, wrap};
 
-use super::ground::{self, Ground};
+use super::ground::{self, Ground, Segment};
 use super::{LEVEL_GAP, MapHeights, apart};
 use crate::{AgentKind, AgentState, CURRENT, Frame, HISTORY, LoggedAgent, RoadMap, Scenario};
 
@@ -17,6 +17,9 @@ pub(crate) const OUTLIERS: &str = "heights that contradict the ground around the
 /// Repair: agents that differ from the ground, if they are so many that no heights are used.
 pub(crate) const NO_AGREEMENT: &str = "agents whose heights contradict the map, so that no heights are used";
 
+/// Distance in metres to a lane or an edge up to which an agent is on the ground that these describe: cars are
+/// parked next to bridges, on ground without lanes.
+const UNDER_DISTANCE: f64 = 4.0;
 /// Largest difference of an agent's height from the ground under it, metres: recorded boxes are less wrong.
 const GROUND_TOLERANCE: f64 = 2.0;
 /// Largest share of agents whose heights may contradict the ground, if they are more than one.
@@ -145,7 +148,11 @@ impl History<'_> {
         let known: Vec<(usize, Vec2, f64)> =
             frames.filter_map(|(f, (state, z))| Some((f, (*state)?.position(), (*z)?))).rev().collect();
         let Some(&(_, last, height)) = known.first() else { return Votes::default() };
-        let levels = ground.levels_at(last);
+        let mut levels = ground.levels_at(last);
+        levels.retain(|level| {
+            let is_near = |segment: &Segment| segment.at(last).0 <= UNDER_DISTANCE * UNDER_DISTANCE;
+            ground.find(last, |segment, z| is_near(segment) && !apart(z, *level, 0.0)).is_some()
+        });
         // The ground on each level, followed back along the track.
         let follow = |level: &f64| {
             let mut height = *level;

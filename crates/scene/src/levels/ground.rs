@@ -38,7 +38,7 @@ pub(super) struct Segment {
 
 impl Segment {
     /// Returns the squared distance to a point, m², and the height at the point of the segment nearest to it.
-    fn at(&self, p: Vec2) -> (f64, f64) {
+    pub(super) fn at(&self, p: Vec2) -> (f64, f64) {
         let ([a, b], [low, high]) = (self.ends, self.heights);
         let (distance2, t) = point_segment(p, a, b);
         (distance2, low + (high - low) * t)
