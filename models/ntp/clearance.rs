@@ -178,8 +178,8 @@ mod tests {
         // Halting from 2 m/s takes 0.44 m after a token of 1 m, and the AV comes 1.4 m closer by then.
         let reversing = |x| [track(x, -1.5), track(0.0, 2.0)];
         let lengths = [1.0, 0.2];
-        assert_eq!(driven(&reversing(8.0), None, &lengths, true), 1.0);
-        assert_eq!(driven(&reversing(7.5), None, &lengths, true), 0.2);
+        assert_eq!(driven(&reversing(9.5), None, &lengths, true), 1.0);
+        assert_eq!(driven(&reversing(6.5), None, &lengths, true), 0.2);
     }
 
     #[test]

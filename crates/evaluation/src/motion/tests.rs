@@ -98,7 +98,7 @@ fn motion_that_continues_passes() {
         let t = t.min(speed / 9.0);
         let way = speed * t - 4.5 * t * t;
         let at = state(i, 0.0).position() + direction(AGENTS[i].2) * way;
-        AgentState { x: at.x, y: at.y, ..state(i, 0.0) }
+        AgentState { x: at.x, y: at.y, vx: f64::NAN, vy: f64::NAN, ..state(i, 0.0) }
     });
     assert_eq!(found_at(Vec2::zeros(), &braked), []);
 }
@@ -178,7 +178,8 @@ fn an_av_that_stands_at_once_is_frozen_and_not_called_otherwise() {
     let late = steps(|i, k| state(i, (k as f64 - 1.0) * DT));
     let found = found_of(av.clone(), Subject::OneAgent, Vec2::zeros(), &late);
     assert!(matches!(&found[..], [(RolloutCheck::Time, _)]), "{found:?}");
-    let rear = placed(|i, p| p - direction(AGENTS[i].2) * 1.3);
+    // Not by one step of 1.3 m.
+    let rear = placed(|i, p| p - direction(AGENTS[i].2) * 1.45);
     let found = found_of(av, Subject::OneAgent, Vec2::zeros(), &rear);
     assert!(matches!(&found[..], [(RolloutCheck::RearAxle, _)]), "{found:?}");
 }
