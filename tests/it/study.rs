@@ -263,7 +263,10 @@ fn vocabularies_are_compared_by_the_motion_they_replay() {
         (vec!["--models", "idm"], "--models: this study replays the log"),
         (vec!["--vocabulary", "log=x"], "could not read the vocabulary x"),
         (vec!["--vocabulary", "Fine=x"], "`Fine` is not a name"),
-        (vec!["--vocabulary", &given, "--vocabulary", &given], "the name `fine` is taken"),
+        (
+            vec!["--vocabulary", &given, "--vocabulary", &given],
+            "--vocabulary has two values for `fine`: give one",
+        ),
     ] {
         let refused = home.path().join("refused");
         let base = ["study", "vocabulary", MINI, "--out", text(&refused)];
