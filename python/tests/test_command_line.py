@@ -178,6 +178,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
                 ["r"],
                 "s",
                 out="o",
+                deviations="d",
                 allow="jumps",
                 pose="centre",
                 metric_options={"a": "b"},
@@ -262,6 +263,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
             lambda: reactsim.train_adapt(
                 "l",
                 "o",
+                exclude="x",
                 resume=True,
                 jobs=1,
                 current_frame=9,
