@@ -38,8 +38,8 @@ impl Actor {
         OrientedBox::new(self.pose.position, self.pose.heading, 2.0 * self.half_length, 2.0 * self.half_width)
     }
 
-    /// Returns the arc length at which the agent is on a path, metres; `None` if it does not keep to the path,
-    /// or will soon be at its end.
+    /// Returns the arc length at which the agent is on a path, metres; `None` if it does not keep to the
+    /// path, or will soon be at its end.
     pub(super) fn arc_on(&self, path: &DrivenPath) -> Option<f64> {
         let at = path.project(self.pose.position, 0, usize::MAX, None);
         let heading = path.points()[at.index].pose.heading;

@@ -105,8 +105,8 @@ pub(super) fn strip(own: &Actor, driver: &PathFollower, horizon: f64) -> Option<
     Strip::of(&driver.path, driver.path.index(from), last)
 }
 
-/// Follows the road under the part of the path that [`strip`] bounds, and returns the heights, which the driver
-/// keeps for the next decision.
+/// Follows the road under the part of the path that [`strip`] bounds, and returns the heights, which the
+/// driver keeps for the next decision.
 pub(super) fn heights(road: &Road<'_>, own: &Actor, driver: &mut PathFollower, horizon: f64) -> PathHeights {
     let (from, to) = section(own, driver);
     let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);

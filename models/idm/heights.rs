@@ -19,8 +19,8 @@ pub(super) struct PathHeights {
 }
 
 impl PathHeights {
-    /// Follows the road under a path between two arc lengths, metres, from the height of the vehicle on it. Heights
-    /// that are known from the last call for this path are kept.
+    /// Follows the road under a path between two arc lengths, metres, from the height of the vehicle on it.
+    /// Heights that are known from the last call for this path are kept.
     pub(super) fn follow(&mut self, road: &Road<'_>, own: &Actor, path: &DrivenPath, from: f64, to: f64) {
         let (from, to) = (path.index(from), path.index(to));
         let passed = from.saturating_sub(self.first).min(self.places.len());
@@ -38,7 +38,8 @@ impl PathHeights {
         }
     }
 
-    /// Returns whether an agent at `p` with a height in metres is above or below the path at a point, by index.
+    /// Returns whether an agent at `p` with a height in metres is above or below the path at a point, by
+    /// index.
     #[inline]
     pub(super) fn is_apart(&self, road: &Road<'_>, index: usize, p: Vec2, height: f64) -> bool {
         // Nearly all scenarios have one level.

@@ -518,8 +518,8 @@ fn present(sight: &Sight<'_>, behaviour: &AgentBehaviour) -> Actor {
     Actor { height: sight.height(), ..actor(sight.properties(), &now, speed, acceleration) }
 }
 
-/// Returns the speeds between consecutive states, m/s: along the heading, negative in reverse, of an agent that
-/// reverses on the whole; otherwise never negative, since the positions of standing agents jitter.
+/// Returns the speeds between consecutive states, m/s: along the heading, negative in reverse, of an agent
+/// that reverses on the whole; otherwise never negative, since the positions of standing agents jitter.
 fn signed_speeds(states: &[AgentState]) -> Vec<f64> {
     let along = |a: &AgentState, b: &AgentState| (b.position() - a.position()).dot(&direction(b.heading));
     let backs = states.windows(2).map(|w| along(&w[0], &w[1])).sum::<f64>()

@@ -23,7 +23,8 @@ struct MovingBox {
 
 /// Speed against the heading from which the AV reverses, m/s: positions of a standing AV jitter.
 const REVERSING_SPEED: f64 = 0.3;
-/// Distance that is kept to an AV that reverses, in addition to the usual one, metres: it does not look ahead.
+/// Distance that is kept to an AV that reverses, in addition to the usual one, metres: it does not look
+/// ahead.
 const REVERSING_MARGIN: f64 = 1.0;
 /// Deceleration with which an agent halts before an AV that reverses, m/s².
 const HALTING_DECELERATION: f64 = 4.5;

@@ -68,9 +68,9 @@ pub(super) struct EvaluationArgs {
 pub(super) struct MotionArgs {
     /// Judge motion of external simulators, deviations or rollouts although it fails a check, and mark its
     /// rows in every table: jumps, coordinates, rear-axle, units, time, agent-order, headings,
-    /// velocities, teleports, freeze, float32 or resolution; for `score` also other-av (the AV does not follow the
-    /// deviated trajectory), missing-agents (agents of the log are absent) and partial (scenarios without
-    /// rollouts); may be repeated
+    /// velocities, teleports, freeze, float32 or resolution; for `score` also other-av (the AV does not
+    /// follow the deviated trajectory), missing-agents (agents of the log are absent) and partial (scenarios
+    /// without rollouts); may be repeated
     #[arg(long, value_name = "CHECK", value_delimiter = ',', value_parser = allowance)]
     pub(super) allow: Vec<RolloutCheck>,
     /// Point of vehicles whose poses the deviations or rollouts have: centre, rear-axle (distance from entry

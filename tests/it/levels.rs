@@ -107,8 +107,8 @@ fn idm_does_not_brake_for_a_bridge() {
     assert!(hardest(&junction, "behind") < -1.0, "{}", hardest(&junction, "behind"));
 }
 
-/// Returns vehicles that come up to a standing AV on a road that rises by `slope` metres per metre, with a bridge
-/// across it far behind them.
+/// Returns vehicles that come up to a standing AV on a road that rises by `slope` metres per metre, with a
+/// bridge across it far behind them.
 fn hill(slope: f64) -> Scenario {
     let rises = |x: f64| slope * x;
     let along = |y: f64| line((-400.0, y), (400.0, y));

@@ -216,8 +216,8 @@ impl Grid {
         Some(self.nearest_by_rings(p, best, distance2))
     }
 
-    /// Finds the item nearest to `p` within `radius` metres; the smallest index on ties. `distance2` returns the
-    /// squared distance of an item.
+    /// Finds the item nearest to `p` within `radius` metres; the smallest index on ties. `distance2` returns
+    /// the squared distance of an item.
     pub fn nearest_within(&self, p: Vec2, radius: f64, distance2: impl FnMut(u32) -> f64) -> Option<u32> {
         let none = (u32::MAX, radius * radius);
         let found = if self.items.is_empty() { none } else { self.nearest_by_rings(p, none, distance2) };

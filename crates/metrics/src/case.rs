@@ -137,8 +137,8 @@ impl<'a> Case<'a> {
         self.road.is_apart(place(a), place(b))
     }
 
-    /// Returns whether an object, at its logged position, and the AV of this case are on different levels at a
-    /// frame.
+    /// Returns whether an object, at its logged position, and the AV of this case are on different levels at
+    /// a frame.
     pub(super) fn log_is_apart(&self, object: usize, frame: usize, logged: Vec2) -> bool {
         let height = self.log_heights.get(object).and_then(|heights| heights.get(frame - self.current));
         let av = (self.motion.position(self.av, frame), self.motion.height(self.av, frame));

@@ -1,4 +1,5 @@
-//! Searches among lanes and roadblocks: breadth-first search by layers, with the results of searches that visit nodes again.
+//! Searches among lanes and roadblocks: breadth-first search by layers, with the results of searches that
+//! visit nodes again.
 //!
 //! The searches of nuPlan and tuplan_garage enter a node once per path that leads to it, and keep the
 //! last parent of each node and depth. Layers without repetitions give the same paths if they remember
@@ -55,8 +56,8 @@ impl Layer {
 /// Length in metres of the lanes between two lanes up to which the first one leads to the second one.
 const MAX_BETWEEN: f64 = 30.0;
 
-/// Returns the lanes to which a lane leads, directly or through [`MAX_BETWEEN`] metres of other lanes, each with the
-/// lanes between in driving order: the fewest, the first ones among equals.
+/// Returns the lanes to which a lane leads, directly or through [`MAX_BETWEEN`] metres of other lanes, each
+/// with the lanes between in driving order: the fewest, the first ones among equals.
 pub(crate) fn led_to<'a>(
     lane: usize,
     successors: impl Fn(usize) -> &'a [usize],

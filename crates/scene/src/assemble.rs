@@ -134,8 +134,9 @@ impl Scenario {
         self.unselected.iter_mut().for_each(|a| a.heights.clear());
     }
 
-    /// Drops heights that contradict one another, estimates velocities that are unknown or contradict positions,
-    /// and drops links between lanes that no vehicle can drive. A scenario that is complete does not change.
+    /// Drops heights that contradict one another, estimates velocities that are unknown or contradict
+    /// positions, and drops links between lanes that no vehicle can drive. A scenario that is complete does
+    /// not change.
     pub fn complete(&mut self) {
         self.mend_heights();
         self.estimate_velocities();

@@ -225,8 +225,8 @@ pub struct VelocityContradiction {
 
 impl VelocityContradiction {
     /// Compares velocities and positions in every second of each track. An agent contradicts if it does in
-    /// most of those in which it moves, at least two in tracks of more than 2 s: trackers move parked vehicles
-    /// for a second. `step(i)` is the time from frame `i - 1` to frame `i`, seconds.
+    /// most of those in which it moves, at least two in tracks of more than 2 s: trackers move parked
+    /// vehicles for a second. `step(i)` is the time from frame `i - 1` to frame `i`, seconds.
     pub fn find<'a>(
         tracks: impl IntoIterator<Item = &'a [Frame]>,
         step: impl Fn(usize) -> f64,
@@ -276,7 +276,8 @@ mod tests {
         (Cyclist, 0.6, 5.0),
     ];
 
-    /// Returns agents whose true velocities are changed by `state(agent, state)`, and that accelerate a little.
+    /// Returns agents whose true velocities are changed by `state(agent, state)`, and that accelerate a
+    /// little.
     fn scenario(change: impl Fn(usize, AgentState) -> Vec2) -> Scenario {
         let agents = AGENTS.iter().enumerate().map(|(i, &(kind, heading, speed))| {
             let state = |f: usize| {
@@ -300,8 +301,8 @@ mod tests {
         .unwrap()
     }
 
-    /// Returns count and detail of the note, and the agents whose velocities are wrong by more than 0.1 m/s at
-    /// the current frame.
+    /// Returns count and detail of the note, and the agents whose velocities are wrong by more than 0.1 m/s
+    /// at the current frame.
     fn found(change: impl Fn(usize, Vec2, f64) -> Vec2) -> (u32, String, Vec<usize>) {
         let s = scenario(|i, state| change(i, state.velocity().unwrap(), state.heading));
         let wrong = (0..AGENTS.len()).filter(|&slot| {

@@ -12,8 +12,8 @@ use super::{LANE_HALF_WIDTH, RoadMap, Scenario};
 const MAX_LINK_GAP: f64 = 20.0;
 /// Distance up to which lanes meet, metres: vehicles deviate by this much within a lane.
 const MEETING_DISTANCE: f64 = LANE_HALF_WIDTH;
-/// Largest angle in radians between a lane and the gap to its successor, or between lanes that meet: 120°, more
-/// than at the tightest corner or U-turn. A successor that begins behind the end is at a larger one.
+/// Largest angle in radians between a lane and the gap to its successor, or between lanes that meet: 120°,
+/// more than at the tightest corner or U-turn. A successor that begins behind the end is at a larger one.
 const MAX_ANGLE: f64 = 2.1;
 /// Largest curvature of the path across a gap, 1/m: that from which motion is infeasible.
 const MAX_CURVATURE: f64 = 0.3;
@@ -154,7 +154,8 @@ mod tests {
         ] {
             assert!(is_kept(x, y, degrees), "{x} {y} {degrees}");
         }
-        // Against the direction, behind the end, across the turn, a lane beside, and turns that are too tight.
+        // Against the direction, behind the end, across the turn, a lane beside, and turns that are too
+        // tight.
         for (x, y, degrees) in [
             (0.0, 0.0, 180.0),
             (10.0, 0.0, 180.0),

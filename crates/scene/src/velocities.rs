@@ -28,8 +28,8 @@ impl Scenario {
         }
     }
 
-    /// Makes velocities unknown that contradict positions: of the AV, or of all other agents of a kind, if most
-    /// of these that move are wrong. Frames after the current one are never used for the history.
+    /// Makes velocities unknown that contradict positions: of the AV, or of all other agents of a kind, if
+    /// most of these that move are wrong. Frames after the current one are never used for the history.
     fn forget_contradicting_velocities(&mut self) {
         let times = self.timestamps.clone();
         let tracks = self.split_tracks().map(|(group, track)| (group, track.concat()));
@@ -84,8 +84,8 @@ struct Group {
     kind: AgentKind,
 }
 
-/// Returns the groups in which most agents that move contradict, at least two apart from the AV. If most of all
-/// agents contradict, one is sufficient, or none if none shows whether it does.
+/// Returns the groups in which most agents that move contradict, at least two apart from the AV. If most of
+/// all agents contradict, one is sufficient, or none if none shows whether it does.
 fn wrong_groups(found: &VelocityContradiction, groups: &[Group]) -> Vec<Group> {
     let most = found.agents.len() > found.consistent.len().max(1);
     let is_wrong = |group: &Group| {

@@ -18,8 +18,8 @@ const ACCELERATIONS: [f64; 7] = [3.5, 1.5, 0.0, -1.5, -3.0, -4.5, -5.5];
 const CONTACT_COST: f64 = 100.0;
 /// Cost of a risky approach now.
 const RISKY_COST: f64 = 40.0;
-/// Part of the cost of a meeting that remains if an AV in reverse runs into the vehicle, which stands: it can do
-/// no more.
+/// Part of the cost of a meeting that remains if an AV in reverse runs into the vehicle, which stands: it can
+/// do no more.
 const STANDING_PART: f64 = 0.25;
 /// Time constant with which the cost of a later meeting decays, seconds: it may resolve itself.
 const DECAY_TIME: f64 = 2.5;

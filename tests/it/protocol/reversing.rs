@@ -11,8 +11,8 @@ use crate::scenes::{car, contact, lane, line, request, scene, scores, straight};
 /// Baselines with rules or a guard.
 const RULES: [&str; 4] = ["idm", "idm+qp", "ntp-guarded", "qp-regression"];
 
-/// Returns 80 states of an AV that starts at `now` and drives with the speeds `speed(t)`, m/s, negative in reverse,
-/// at a curvature, 1/m.
+/// Returns 80 states of an AV that starts at `now` and drives with the speeds `speed(t)`, m/s, negative in
+/// reverse, at a curvature, 1/m.
 fn driven(now: AgentState, curvature: f64, speed: impl Fn(f64) -> f64) -> Vec<AgentState> {
     let mut last = now;
     let step = |k: usize| {

@@ -17,8 +17,8 @@ const SAME_TIME: f64 = 1e-6;
 /// The AV when a plan is made, and its box after 0.1, 0.2, … s in the plan.
 type GivenPlan = (AgentState, Vec<Frame>);
 
-/// The plans of one scenario, by index of the rollout. Motion under perfect tracking is that of the plans, so that
-/// only plans that a tracker follows are kept.
+/// The plans of one scenario, by index of the rollout. Motion under perfect tracking is that of the plans, so
+/// that only plans that a tracker follows are kept.
 #[derive(Default)]
 pub(in super::super) struct GivenPlans(Mutex<BTreeMap<u32, Vec<GivenPlan>>>);
 

@@ -45,8 +45,8 @@ pub(super) struct GivenMotion<'a> {
 /// The given motion of a scenario.
 pub(super) struct GivenScene<'a> {
     pub(super) agents: Vec<GivenMotion<'a>>,
-    /// Agents at their recorded positions, whose velocities are not the recorded ones. Recordings contain jumps
-    /// and gaps: the motion of agents that move as recorded is not in doubt.
+    /// Agents at their recorded positions, whose velocities are not the recorded ones. Recordings contain
+    /// jumps and gaps: the motion of agents that move as recorded is not in doubt.
     pub(super) replayed: Vec<GivenMotion<'a>>,
     /// World coordinates of the origin of the states, metres.
     pub(super) origin: Vec2,

@@ -70,7 +70,8 @@ const OFF_GRID: f64 = 0.1;
 const MOST: f64 = 0.8;
 /// Smallest number of windows on a grid.
 const LEAST_WINDOWS: usize = 2;
-/// Correlation of successive accelerations below which they alternate, as rounding makes them: by rounding it is
+/// Correlation of successive accelerations below which they alternate, as rounding makes them: by rounding it
+/// is
 /// -0.67, by independent accelerations 0.
 const ALTERNATING: f64 = -0.3;
 
@@ -116,8 +117,8 @@ fn rounded(v: f64, bits: u32) -> f64 {
     f64::from_bits((v.to_bits() + (1 << (dropped - 1))) & !((1 << dropped) - 1))
 }
 
-/// Returns the spacing of the grid to which most tracks are rounded, the median if it differs, and the text of
-/// the format of the numbers.
+/// Returns the spacing of the grid to which most tracks are rounded, the median if it differs, and the text
+/// of the format of the numbers.
 fn grid(tracks: &[&[Frame]], quantity: &Quantity) -> Option<(f64, &'static str)> {
     let (mut spacings, mut free, mut product, mut square) = (Vec::new(), 0, 0.0, 0.0);
     for window in tracks.iter().flat_map(|track| track.chunks(WINDOW)) {

@@ -4,7 +4,8 @@ use reactsim_geometry::{Vec2, direction};
 
 use super::raw::RawScenario;
 
-/// Minimum displacement in metres from one frame to the next whose direction is compared with the heading: 2 m/s.
+/// Minimum displacement in metres from one frame to the next whose direction is compared with the heading: 2
+/// m/s.
 const MIN_DISPLACEMENT: f64 = 0.2;
 
 /// Returns the factor that converts the headings of a file to radians.

@@ -10,8 +10,8 @@ use crate::planner::{Light, LightState};
 
 use super::planning_lanes;
 
-/// The lanes of the planning map that each light of a scenario controls: none if the map leaves its lane out, all
-/// parts of a lane that is cut.
+/// The lanes of the planning map that each light of a scenario controls: none if the map leaves its lane out,
+/// all parts of a lane that is cut.
 #[derive(Clone, Debug)]
 pub(crate) struct LightLanes(Vec<Range<usize>>);
 

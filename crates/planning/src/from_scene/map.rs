@@ -13,9 +13,10 @@ use super::roadblocks::{Roadblocks, roadblocks};
 
 /// Creates the map that planners and metrics of a scenario use.
 ///
-/// Lanes for bicycles only are left out, as in the maps of nuPlan. A lane is cut where a lane beside it begins or
-/// ends, as the lanes of those maps are; roadblocks are groups of lanes side by side. Without outlines, intersections are where connectors are, or unknown if all lanes are connectors.
-/// Without drivable polygons, the left side of road edges and the driveways are drivable.
+/// Lanes for bicycles only are left out, as in the maps of nuPlan. A lane is cut where a lane beside it
+/// begins or ends, as the lanes of those maps are; roadblocks are groups of lanes side by side. Without
+/// outlines, intersections are where connectors are, or unknown if all lanes are connectors. Without drivable
+/// polygons, the left side of road edges and the driveways are drivable.
 ///
 /// # Errors
 /// [`SceneHistoryError`] if a polygon of the map has no area.
@@ -38,8 +39,8 @@ pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryErro
     PlanningMap::new(parts).map_err(|source| SceneHistoryError::Map { scenario: id.clone(), source })
 }
 
-/// Returns the lane of the scenario for each lane of its planning map, as indices. A lane that is cut has several
-/// lanes in the planning map, one after the other; lanes for bicycles only have none.
+/// Returns the lane of the scenario for each lane of its planning map, as indices. A lane that is cut has
+/// several lanes in the planning map, one after the other; lanes for bicycles only have none.
 pub fn planning_lanes(map: &RoadMap) -> Vec<usize> {
     Pieces::of(map).origins
 }

@@ -169,7 +169,8 @@ impl SceneHistory {
         Ok(scores)
     }
 
-    /// Returns the end of the route of the scenario, if ego has to brake for it in the last sample ([`route_end`]).
+    /// Returns the end of the route of the scenario, if ego has to brake for it in the last sample
+    /// ([`route_end`]).
     pub fn route_end(&self, scenario: &Scenario) -> Option<RouteEnd> {
         route_end(scenario, &self.map, &self.shape, self.ego.last()?)
     }

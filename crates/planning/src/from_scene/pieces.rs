@@ -1,8 +1,8 @@
 //! Lanes, cut where the lanes beside them are cut.
 //!
-//! In the maps of nuPlan all lanes of a road begin and end at the same places, so that the roadblocks of a road
-//! follow one another. Other maps cut every lane for itself. A lane that continues beside a cut would be in one
-//! roadblock with the lane before the cut and with the lane after it.
+//! In the maps of nuPlan all lanes of a road begin and end at the same places, so that the roadblocks of a
+//! road follow one another. Other maps cut every lane for itself. A lane that continues beside a cut would be
+//! in one roadblock with the lane before the cut and with the lane after it.
 
 use std::collections::BTreeSet;
 
@@ -12,9 +12,11 @@ use reactsim_scene::{LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, LaneKind, RoadM
 /// Distance in metres up to which ends of lanes side by side count as the same place. Stop lines are not
 /// perpendicular to the road, so recorded ends differ by some metres.
 const SAME_PLACE: f64 = 5.0;
-/// Distance in metres between first or last points of two lanes up to which the lanes are branches: a half-width.
+/// Distance in metres between first or last points of two lanes up to which the lanes are branches: a
+/// half-width.
 const SAME_POINT: f64 = LANE_HALF_WIDTH;
-/// Largest distance in metres between the centre lines of lanes side by side: wide lanes with a median between.
+/// Largest distance in metres between the centre lines of lanes side by side: wide lanes with a median
+/// between.
 const MAX_DISTANCE: f64 = 8.0;
 /// Distance in metres between the points at which two lanes are compared.
 const STEP: f64 = 2.0;
@@ -26,8 +28,8 @@ const HALVINGS: usize = 40;
 /// The lanes of a planning map.
 #[derive(Debug)]
 pub(super) struct Pieces {
-    /// Lanes and parts of lanes, in map order, with links to one another. Neighbours are left out: they are in
-    /// [`Self::beside`].
+    /// Lanes and parts of lanes, in map order, with links to one another. Neighbours are left out: they are
+    /// in [`Self::beside`].
     pub(super) lanes: Vec<Lane>,
     /// Index of the lane in the map of the scenario, per piece.
     pub(super) origins: Vec<usize>,
@@ -89,8 +91,8 @@ impl Pieces {
     }
 }
 
-/// Returns the pairs of neighbouring lanes, by index into `lanes`, the smaller one first. Connectors of maps that
-/// have other lanes too have no neighbours, and branches are not neighbours of one another.
+/// Returns the pairs of neighbouring lanes, by index into `lanes`, the smaller one first. Connectors of maps
+/// that have other lanes too have no neighbours, and branches are not neighbours of one another.
 fn neighbors(lanes: &[&Lane], origins: &[usize]) -> BTreeSet<(usize, usize)> {
     let has_lanes = lanes.iter().any(|lane| lane.kind == LaneKind::Lane);
     let is_cut = |lane: usize| !has_lanes || lanes[lane].kind == LaneKind::Lane;
@@ -108,8 +110,8 @@ pub(super) fn branch(a: &Lane, b: &Lane) -> bool {
     (a[0] - b[0]).norm() < SAME_POINT || (a[a.len() - 1] - b[b.len() - 1]).norm() < SAME_POINT
 }
 
-/// Returns the arc lengths in increasing order at which each lane is cut: where a lane beside it begins, ends or
-/// is cut itself.
+/// Returns the arc lengths in increasing order at which each lane is cut: where a lane beside it begins, ends
+/// or is cut itself.
 fn cuts(lanes: &[&Lane], neighbors: &BTreeSet<(usize, usize)>) -> Vec<Vec<f64>> {
     let mut cuts: Vec<Vec<f64>> = vec![Vec::new(); lanes.len()];
     // Cuts of a lane are apart from one another, so that they come to an end.
@@ -230,8 +232,8 @@ mod tests {
     use crate::fixtures::scenes::{agent, beside, lane, scenario, straight_track};
     use crate::from_scene::planning_map;
 
-    /// Returns the scenario of a road along the x axis. Per lane of the road, from right to left, the places at
-    /// which it is cut into lanes; lanes that meet are linked, and lanes side by side are neighbours.
+    /// Returns the scenario of a road along the x axis. Per lane of the road, from right to left, the places
+    /// at which it is cut into lanes; lanes that meet are linked, and lanes side by side are neighbours.
     fn road(rows: &[&[f64]], change: impl Fn(&mut LaneParts)) -> Scenario {
         let id = |row: usize, k: usize| format!("{row}-{k}");
         let mut lanes = Vec::new();

@@ -25,8 +25,8 @@ enum Group {
 /// Groups of the lanes before and after a connector.
 type Ends = (BTreeSet<Group>, BTreeSet<Group>);
 
-/// Groups lanes: lanes that are side by side, none of which leads to another or is a branch of it; connectors between
-/// the same groups. Without lanes between intersections, connectors are grouped as lanes are.
+/// Groups lanes: lanes that are side by side, none of which leads to another or is a branch of it; connectors
+/// between the same groups. Without lanes between intersections, connectors are grouped as lanes are.
 pub(super) fn roadblocks(pieces: &Pieces) -> Roadblocks {
     let lanes = &pieces.lanes;
     let has_lanes = lanes.iter().any(|lane| lane.kind == LaneKind::Lane);
@@ -47,8 +47,9 @@ pub(super) fn roadblocks(pieces: &Pieces) -> Roadblocks {
     numbered(lanes, (0..lanes.len()).map(representative).collect())
 }
 
-/// Returns the smallest index among the lanes side by side with each lane. Lanes that share most of their length
-/// are joined first, and only if no lane of one group leads to a lane of the other or is a branch of it.
+/// Returns the smallest index among the lanes side by side with each lane. Lanes that share most of their
+/// length are joined first, and only if no lane of one group leads to a lane of the other or is a branch of
+/// it.
 fn parallel_lanes(pieces: &Pieces) -> Vec<usize> {
     let lanes = &pieces.lanes;
     let next = |lane| led_to(lane, |lane| &lanes[lane].successors, |lane| lanes[lane].baseline.length());

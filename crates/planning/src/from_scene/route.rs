@@ -30,8 +30,9 @@ const STANDING_GAP: f64 = 3.0;
 /// Returns the route of a planner that drives the AV of a scenario; `None` if the map has no lanes.
 ///
 /// 1. The roadblocks that the logged AV passes from the current frame on, as the metric of progress finds
-///    them (where lanes overlap: along the likeliest sequence of lanes). Frames at which the AV is absent are left out; if there are any before the last logged position,
-///    roadblocks that are not linked are joined by a shortest sequence of roadblocks, where there is one.
+///    them (where lanes overlap: along the likeliest sequence of lanes). Frames at which the AV is absent are
+///    left out; if there are any before the last logged position, roadblocks that are not linked are joined
+///    by a shortest sequence of roadblocks, where there is one.
 /// 2. The log ends after 8 s. From the lane of the last logged position the route continues through the
 ///    successor that turns least, the first one in map order on ties, until 200 m of lanes are ahead of that
 ///    position, or there is no successor that the extension has not passed yet.
@@ -77,9 +78,9 @@ pub struct RouteEnd {
     pub ahead: f64,
 }
 
-/// Returns the end of the route of the AV of a scenario if the AV has to brake for it: it cannot stop before that
-/// end with its front after a reaction time of 1.5 s with a deceleration of 2 m/s², up to a margin of 3 m, or it
-/// stands there. `ego`: present state of the AV. `None` without a route.
+/// Returns the end of the route of the AV of a scenario if the AV has to brake for it: it cannot stop before
+/// that end with its front after a reaction time of 1.5 s with a deceleration of 2 m/s², up to a margin of 3
+/// m, or it stands there. `ego`: present state of the AV. `None` without a route.
 pub fn route_end(
     scenario: &Scenario,
     map: &PlanningMap,

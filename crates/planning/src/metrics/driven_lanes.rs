@@ -8,11 +8,11 @@ use reactsim_scene::LANE_HALF_WIDTH;
 use crate::search::led_to;
 use crate::{EgoState, PlanningMap};
 
-/// Largest distance in metres between the centre of a vehicle and the centre line of its lane: one or two lanes
-/// beside. Long vehicles cut corners.
+/// Largest distance in metres between the centre of a vehicle and the centre line of its lane: one or two
+/// lanes beside. Long vehicles cut corners.
 const MAX_DISTANCE: f64 = 6.0;
-/// Cost of a sample at which the vehicle is another half-width aside of its lane, in changes of lanes: 20 such
-/// samples, two seconds, are as unlikely as a change.
+/// Cost of a sample at which the vehicle is another half-width aside of its lane, in changes of lanes: 20
+/// such samples, two seconds, are as unlikely as a change.
 const ASIDE: f64 = 0.05;
 /// Cost of a sample per radian between the vehicle and its lane, in changes of lanes.
 const TURNED: f64 = 0.01;
@@ -25,9 +25,9 @@ struct Candidate {
     parent: Option<usize>,
 }
 
-/// Returns the sequence of lanes that a vehicle drives along, with the lanes between lanes that are linked through
-/// others: the one with the fewest changes to lanes that no link leads to, and among equals the one nearest to the
-/// vehicle. Where lanes fork, the later samples decide. Empty if the vehicle is along no lane.
+/// Returns the sequence of lanes that a vehicle drives along, with the lanes between lanes that are linked
+/// through others: the one with the fewest changes to lanes that no link leads to, and among equals the one
+/// nearest to the vehicle. Where lanes fork, the later samples decide. Empty if the vehicle is along no lane.
 pub(super) fn driven_lanes(map: &PlanningMap, states: &[EgoState], centers: &[Vec2]) -> Vec<usize> {
     let mut ways: BTreeMap<usize, BTreeMap<usize, Vec<usize>>> = BTreeMap::new();
     let mut samples: Vec<Vec<Candidate>> = Vec::new();
@@ -67,7 +67,8 @@ fn ways_from(map: &PlanningMap, lane: usize) -> BTreeMap<usize, Vec<usize>> {
     led_to(lane, |lane| &map.lane(lane).successors, |lane| map.lane(lane).baseline.length())
 }
 
-/// Returns the candidate `lane` after the cheapest candidate of the sample before, the first one among equals.
+/// Returns the candidate `lane` after the cheapest candidate of the sample before, the first one among
+/// equals.
 fn cheapest(
     before: &[Candidate],
     ways: &BTreeMap<usize, BTreeMap<usize, Vec<usize>>>,

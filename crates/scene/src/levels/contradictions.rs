@@ -17,8 +17,8 @@ pub(crate) const OUTLIERS: &str = "heights that contradict the ground around the
 /// Repair: agents that differ from the ground, if they are so many that no heights are used.
 pub(crate) const NO_AGREEMENT: &str = "agents whose heights contradict the map, so that no heights are used";
 
-/// Distance in metres to a lane or an edge up to which an agent is on the ground that these describe: cars are
-/// parked next to bridges, on ground without lanes.
+/// Distance in metres to a lane or an edge up to which an agent is on the ground that these describe: cars
+/// are parked next to bridges, on ground without lanes.
 const UNDER_DISTANCE: f64 = 4.0;
 /// Largest difference of an agent's height from the ground under it, metres: recorded boxes are less wrong.
 const GROUND_TOLERANCE: f64 = 2.0;
@@ -230,8 +230,8 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// Returns the heights without outliers, which are interpolated; none if the whole line is on another level
-    /// than the lines around it, and `None` if nothing changes.
+    /// Returns the heights without outliers, which are interpolated; none if the whole line is on another
+    /// level than the lines around it, and `None` if nothing changes.
     fn mended(&self) -> Option<Vec<f64>> {
         let runs = self.runs();
         if runs.len() > MAX_RUNS || (runs.len() == 1 && self.is_denied(&runs[0])) {
@@ -307,8 +307,8 @@ impl Line<'_> {
         2 * against > all
     }
 
-    /// Returns per point whether it is an outlier among points so far apart that it is no jump: it is on another
-    /// level than all other lines there, which the points before and after are not.
+    /// Returns per point whether it is an outlier among points so far apart that it is no jump: it is on
+    /// another level than all other lines there, which the points before and after are not.
     fn sparse_outliers(&self) -> Vec<bool> {
         let n = self.points.len();
         let is_sparse = |i: usize| {
@@ -424,7 +424,8 @@ fn points_along(points: &[Vec2], i: usize, angle: f64) -> bool {
     [before, after].into_iter().flatten().any(is_along)
 }
 
-/// Returns whether the height of an agent that turns is its heading, less a constant; `None` if it does not turn.
+/// Returns whether the height of an agent that turns is its heading, less a constant; `None` if it does not
+/// turn.
 fn is_heading<'a>(frames: impl Iterator<Item = (&'a Frame, &'a Option<f64>)>) -> Option<bool> {
     let known: Vec<(f64, f64)> =
         frames.filter_map(|(state, z)| Some((state.as_ref()?.heading, (*z)?))).collect();

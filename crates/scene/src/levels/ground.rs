@@ -73,8 +73,8 @@ impl Ground {
         Self { grid: Grid::new(&bounds, CELL_SIZE), segments, steepest }
     }
 
-    /// Returns the height at the point nearest to `p` of the segments within 10 m for which `keep` is true, metres.
-    /// It receives the segment and its height there.
+    /// Returns the height at the point nearest to `p` of the segments within 10 m for which `keep` is true,
+    /// metres. It receives the segment and its height there.
     pub(super) fn find(&self, p: Vec2, keep: impl Fn(&Segment, f64) -> bool) -> Option<f64> {
         let distance2 = |i: u32| {
             let segment = &self.segments[i as usize];
@@ -147,7 +147,8 @@ impl Road<'_> {
     }
 
     /// Returns whether something at a height, `distance` metres from `p`, is on another level than this road
-    /// ([`Road::on_level`]): another level than the ground that leads to `p` from the point of the road's level.
+    /// ([`Road::on_level`]): another level than the ground that leads to `p` from the point of the road's
+    /// level.
     pub fn is_off_level(&self, p: Vec2, height: f64, distance: f64) -> bool {
         let (_, own) = self.level;
         !own.is_nan()

@@ -151,8 +151,8 @@ fn heights_follow_the_road_under_a_track() {
     assert!(absent.iter().all(|h| h.is_nan()));
 }
 
-/// Returns a road along the x axis that rises by `slope` metres per metre, and the crossing with its bridge far
-/// away.
+/// Returns a road along the x axis that rises by `slope` metres per metre, and the crossing with its bridge
+/// far away.
 fn hill(slope: f64) -> ScenarioParts {
     let mut parts = crossing(7.0, 0.0);
     let moved = |points: &mut Vec<Vec2>| points.iter_mut().for_each(|p| p.y += 500.0);
