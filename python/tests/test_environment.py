@@ -155,6 +155,7 @@ class TestScoreStates:
             assert value == row[metric] or (value is None and np.isnan(row[metric])), metric
         assert any(scores.rollouts[0].metrics[m] is not None for m in ("undisturbed-loss", "ade"))
         logged = states.copy()
+        assert scenario.future is not None
         logged[:, 0] = scenario.future[0]
         with pytest.raises(reactsim.ReactsimError, match="from the prescribed trajectory"):
             reactsim.score_states(scenario, logged)
@@ -336,15 +337,16 @@ class TestEnv:
         env = closing(reactsim.Env(MINI, limit=one, seed=seed, every=one, scores=np.bool_(True)))
         _, info = env.reset(options={"scenario": np.int32(0), "rollout": seed})
         assert info["rollout"] == 3
-        assert len(list(reactsim.scenarios(MINI, limit=one))) > 0
+        assert len(list(reactsim.scenarios(MINI, limit=one))) > 0  # type: ignore[arg-type]
 
     @pytest.mark.parametrize("name", ["current_frame", "window_step", "all_agents"])
     def test_choices_without_effect_are_refused(self, name: str) -> None:
-        for kind in (reactsim.Env, reactsim.VectorEnv, reactsim.ParallelEnv):
+        kinds: tuple[object, ...] = (reactsim.Env, reactsim.VectorEnv, reactsim.ParallelEnv)
+        for kind in kinds:
             with pytest.raises(reactsim.ReactsimError, match=f"leave `{name}` out"):
-                kind(limit=2, **{name: 5 if name != "all_agents" else True})
+                kind(limit=2, **{name: 5 if name != "all_agents" else True})  # type: ignore[operator]
             with pytest.raises(ValueError, match=f"`{name}` is given with a `Scenario`"):
-                kind(next(reactsim.scenarios(MINI)), **{name: 5})
+                kind(next(reactsim.scenarios(MINI)), **{name: 5})  # type: ignore[operator]
 
     def test_a_state_too_far_away_changes_nothing(self, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))
