@@ -33,8 +33,8 @@ pub(super) struct Pieces {
     pub(super) lanes: Vec<Lane>,
     /// Index of the lane in the map of the scenario, per piece.
     pub(super) origins: Vec<usize>,
-    /// Pairs of pieces that are side by side over more than half of the shorter one, with this share; the
-    /// smaller index first.
+    /// Pairs of pieces that are side by side over more than half of the shorter one, with how parallel they
+    /// are, 0 to 1; the smaller index first.
     pub(super) beside: Vec<(usize, usize, f64)>,
 }
 
@@ -81,9 +81,11 @@ impl Pieces {
         let of = |lane: usize| firsts[lane]..=firsts[lane] + cuts[lane].len();
         for &(a, b) in neighbors {
             for (a, b) in of(a).flat_map(|a| of(b).map(move |b| (a, b))) {
-                let share = shared(&pieces.lanes[a].baseline, &pieces.lanes[b].baseline);
+                let [one, other] = [a, b].map(|lane| &pieces.lanes[lane].baseline);
+                let (short, long) = if one.length() <= other.length() { (one, other) } else { (other, one) };
+                let share = shared(short, long);
                 if share > 0.5 {
-                    pieces.beside.push((a, b, share));
+                    pieces.beside.push((a, b, share * parallelism(short, long)));
                 }
             }
         }
@@ -205,9 +207,15 @@ fn crossing(from: Vec2, to: Vec2, inside: &impl Fn(Vec2) -> f64) -> Vec2 {
     (from + to) * 0.5
 }
 
+/// Returns how well a line beside a longer one begins and ends with it and keeps its distance, 0 to 1.
+fn parallelism(short: &Polyline, long: &Polyline) -> f64 {
+    let distance = |s: f64| long.project(short.at(s)).distance;
+    let spread = (distance(0.0) - distance(short.length())).abs();
+    short.length() / long.length() * (1.0 - (spread / MAX_DISTANCE).min(1.0))
+}
+
 /// Returns the share of the shorter line that is beside the other one, in the same direction, 0 to 1.
-fn shared(a: &Polyline, b: &Polyline) -> f64 {
-    let (short, long) = if a.length() <= b.length() { (a, b) } else { (b, a) };
+fn shared(short: &Polyline, long: &Polyline) -> f64 {
     let count = (short.length() / STEP).ceil().clamp(4.0, MAX_POINTS);
     let is_beside = |i: u32| {
         let s = (f64::from(i) + 0.5) / count * short.length();
@@ -311,6 +319,27 @@ mod tests {
             };
             assert!(["0-", "1-", "2-"].into_iter().all(|row| (total(row) - 500.0).abs() < 1e-9), "{gap}");
         }
+    }
+
+    #[test]
+    fn lanes_that_keep_their_distance_are_joined_before_lanes_that_merge() {
+        let row = |id, y: f64, from: f64, to: f64, next: &[&str]| lane(id, &[(from, y), (to, y)], next);
+        let mut lanes = vec![
+            // Merges into the right lane, beside the left one.
+            lane("turn", &[(10.0, -3.0), (20.0, -1.5), (30.0, 0.0)], &["0-1"]),
+            row("0-0", 0.0, -100.0, 30.0, &["0-1"]),
+            row("0-1", 0.0, 30.0, 400.0, &[]),
+            row("1-0", 3.5, -100.0, 30.0, &["1-1"]),
+            row("1-1", 3.5, 30.0, 400.0, &[]),
+        ];
+        for (right, left) in [(0, "1-0"), (1, "1-0"), (2, "1-1")] {
+            lanes[right].left.push(beside(left));
+        }
+        let merging = scenario(vec![agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 10.0))], lanes);
+        let map = planning_map(&merging).unwrap();
+        let block = |id: &str| map.lane(map.find_lane(id).unwrap()).roadblock;
+        assert!((1..=2).all(|k| block(&format!("0-0#{k}")) == block(&format!("1-0#{k}"))));
+        assert_ne!(block("turn"), block("1-0#2"));
     }
 
     #[test]

@@ -47,9 +47,8 @@ pub(super) fn roadblocks(pieces: &Pieces) -> Roadblocks {
     numbered(lanes, (0..lanes.len()).map(representative).collect())
 }
 
-/// Returns the smallest index among the lanes side by side with each lane. Lanes that share most of their
-/// length are joined first, and only if no lane of one group leads to a lane of the other or is a branch of
-/// it.
+/// Returns the smallest index among the lanes side by side with each lane. The most parallel lanes are joined
+/// first, and only if no lane of one group leads to a lane of the other or is a branch of it.
 fn parallel_lanes(pieces: &Pieces) -> Vec<usize> {
     let lanes = &pieces.lanes;
     let next = |lane| led_to(lane, |lane| &lanes[lane].successors, |lane| lanes[lane].baseline.length());

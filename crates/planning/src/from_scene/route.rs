@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use reactsim_geometry::{Vec2, direction, wrap};
-use reactsim_scene::{AgentState, CURRENT, Scenario};
+use reactsim_scene::{AgentState, CURRENT, LANE_HALF_WIDTH, Scenario};
 
 use crate::metrics::passed_lanes;
 use crate::pdm::without_gaps;
@@ -96,7 +96,12 @@ pub fn route_end(
     if ego.speed() < STANDSTILL_SPEED {
         let distance = |&lane: &usize| (end_of(lane) - footprint.center).norm();
         let is_last = |lane: &usize| !map.lane(*lane).successors.iter().any(|next| lanes.contains(next));
-        if let Some(&lane) = lanes.iter().find(|lane| is_last(lane) && distance(lane) < margin) {
+        // Where lanes overlap, the AV may be along another lane than the one that it stopped in; the end of a
+        // lane beside it means nothing.
+        let is_before =
+            |&lane: &usize| footprint.axis.perp(&(end_of(lane) - footprint.center)).abs() < LANE_HALF_WIDTH;
+        let is_reached = |lane: &usize| is_last(lane) && distance(lane) < margin && is_before(lane);
+        if let Some(&lane) = lanes.iter().find(|lane| is_reached(lane)) {
             return Some(end(lane, distance(&lane)));
         }
     }
@@ -177,7 +182,7 @@ mod tests {
     use reactsim_scene::{AgentKind, LaneKind, LaneParts};
 
     use super::*;
-    use crate::fixtures::scenes::{agent, lane, scenario, straight_track, track};
+    use crate::fixtures::scenes::{agent, beside, lane, scenario, straight_track, track};
     use crate::from_scene::{ego_shape, planning_map};
 
     /// Returns the ids of the roadblocks of the route.
@@ -273,6 +278,12 @@ mod tests {
         assert!(end(&cut, -35.0, 10.0).is_some());
         assert_eq!(end(&cut, -36.0, 10.0), None);
         assert_eq!(end(&linked, 6.0, 10.0), None);
+        // A lane beside that of the AV ends.
+        let mut lanes = fork();
+        lanes.push(lane("turn", &[(-50.0, 3.5), (10.0, 3.5)], &[]));
+        lanes[0].left.push(beside("turn"));
+        let av = agent("av", AgentKind::Vehicle, straight_track(0.0, 0.0, 10.0));
+        assert_eq!(end(&scenario(vec![av], lanes), 6.0, 0.0), None);
         assert_eq!(end(&linked, 360.0, 10.0).unwrap().lane, "f");
     }
 
