@@ -17,16 +17,16 @@ struct MovingBox {
     footprint: OrientedBox,
     /// Velocity, m/s.
     velocity: Vec2,
-    /// Whether it is the AV, and reverses.
-    backs: bool,
+    /// Whether it is the AV, and reverses or has reversed.
+    has_backed: bool,
 }
 
 /// Speed against the heading from which the AV reverses, m/s: positions of a standing AV jitter.
 const REVERSING_SPEED: f64 = 0.3;
-/// Distance that is kept to an AV that reverses, in addition to the usual one, metres: it does not look
-/// ahead.
+/// Distance that is kept to an AV that reverses or has reversed, in addition to the usual one, metres: it
+/// does not look ahead, and may stand across a lane.
 const REVERSING_MARGIN: f64 = 1.0;
-/// Deceleration with which an agent halts before an AV that reverses, m/s².
+/// Deceleration with which an agent halts before an AV that reverses or has reversed, m/s².
 const HALTING_DECELERATION: f64 = 4.5;
 
 impl Traffic {
@@ -45,24 +45,33 @@ impl Traffic {
             let shown = av_next.filter(|_| slot == 0).map(|next| step(state, next));
             let velocity = shown.or(before.map(|b| step(b, state))).or(state.velocity());
             let (footprint, velocity) = (state.footprint(agent), velocity.unwrap_or_default());
-            let backs = slot == 0 && velocity.dot(&footprint.axis) < -REVERSING_SPEED;
-            Some(MovingBox { footprint, velocity, backs })
+            let backs = |state: AgentState, velocity: Vec2| {
+                velocity.dot(&direction(state.heading)) < -REVERSING_SPEED
+            };
+            let has_backed = slot == 0
+                && (backs(state, velocity)
+                    || track[..=frame].windows(2).any(|pair| match *pair {
+                        [Some(from), Some(to)] => backs(from, step(from, to)),
+                        _ => false,
+                    }));
+            Some(MovingBox { footprint, velocity, has_backed })
         });
         Self { boxes: boxes.collect() }
     }
 
     /// Returns the smallest distance in metres to the other agents, below 0 in contact, if an agent
     /// takes the states `planned` in its next frames and the others keep their velocities. Before an AV that
-    /// reverses, it must be able to halt after these frames. Only distances below the present one to the same
-    /// agent count, so that overlapping agents can separate. Infinite if no other agent is near.
+    /// reverses or has reversed, it must be able to halt after these frames. Only distances below the present
+    /// one to the same agent count, so that overlapping agents can separate. Infinite if no other agent is
+    /// near.
     pub(crate) fn clearance(&self, slot: usize, agent: &Agent, planned: &[Frame]) -> f64 {
         let Some(me) = self.boxes[slot] else { return f64::INFINITY };
         let mut least = f64::INFINITY;
         for other in self.others(slot) {
-            let margin = if other.backs { REVERSING_MARGIN } else { 0.0 };
+            let margin = if other.has_backed { REVERSING_MARGIN } else { 0.0 };
             let reach = me.footprint.radius() + other.footprint.radius() + margin;
             let mut now = None;
-            let halting = other.backs.then(|| halting(planned)).into_iter().flatten();
+            let halting = other.has_backed.then(|| halting(planned)).into_iter().flatten();
             let course = planned.iter().copied().chain(halting).enumerate();
             for (k, state) in course.filter_map(|(k, state)| Some((k, state?))) {
                 let center = other.footprint.center + other.velocity * ((k + 1) as f64 * DT);
@@ -72,7 +81,7 @@ impl Traffic {
                 let there = OrientedBox { center, ..other.footprint };
                 // Backing away, an agent is hit all the same, and moves.
                 let gone = (state.position() - me.footprint.center).dot(&me.footprint.axis);
-                let (own, margin) = match other.backs && gone < 0.0 {
+                let (own, margin) = match other.has_backed && gone < 0.0 {
                     true => (me.footprint, margin - gone),
                     false => (state.footprint(agent), margin),
                 };

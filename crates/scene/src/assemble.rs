@@ -39,9 +39,6 @@ impl Scenario {
     /// repeated, empty or invalid.
     pub fn assemble(parts: ScenarioParts) -> Result<Self, SceneError> {
         let mut scenario = Self::assemble_as_stored(parts)?;
-        if scenario.levels() == 1 {
-            scenario.drop_heights();
-        }
         scenario.complete();
         Ok(scenario)
     }
@@ -134,9 +131,9 @@ impl Scenario {
         self.unselected.iter_mut().for_each(|a| a.heights.clear());
     }
 
-    /// Drops heights that contradict one another, estimates velocities that are unknown or contradict
-    /// positions, and drops links between lanes that no vehicle can drive. A scenario that is complete does
-    /// not change.
+    /// Drops heights on one level and those that contradict one another, estimates velocities that are unknown
+    /// or contradict positions, and drops links between lanes that no vehicle can drive. A scenario that is
+    /// complete does not change.
     pub fn complete(&mut self) {
         self.mend_heights();
         self.estimate_velocities();

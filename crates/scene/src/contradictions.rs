@@ -7,7 +7,7 @@ use super::{AgentState, Frame};
 /// Number of steps of a window, 1 s: noise of positions cancels within it.
 const STEPS: usize = 10;
 /// Smallest number of steps of a window that are recorded.
-const LEAST_STEPS: usize = 8;
+const LEAST_STEPS: f64 = 8.0;
 /// Distance in metres, by positions or by velocities, from which a window shows a velocity.
 const LEAST_DISTANCE: f64 = 1.0;
 /// Speed in m/s from which a window shows a velocity: that of a slow pedestrian.
@@ -72,29 +72,27 @@ impl<'a> Window<'a> {
     }
 
     fn new(frames: &'a [Frame], step: impl Fn(usize) -> f64) -> Option<Self> {
-        let pairs: Vec<(f64, Vec2, Vec2)> = steps(frames)
-            .filter_map(|(i, a, b)| {
-                let stated = (a.velocity()? + b.velocity()?) / 2.0;
-                Some((step(i), (b.position() - a.position()) / step(i), stated))
-            })
-            .collect();
-        if pairs.len() < LEAST_STEPS {
-            return None;
-        }
-        let seconds: f64 = pairs.iter().map(|pair| pair.0).sum();
-        let moved = mean(pairs.iter().map(|pair| pair.1));
-        let stated = mean(pairs.iter().map(|pair| pair.2));
+        let pairs = steps(frames).filter_map(|(i, a, b)| {
+            let stated = (a.velocity()? + b.velocity()?) / 2.0;
+            Some((step(i), (b.position() - a.position()) / step(i), stated))
+        });
+        let none = (0.0, 0.0, Vec2::zeros(), Vec2::zeros());
+        let (n, seconds, moved, stated) =
+            pairs.clone().fold(none, |(n, seconds, moved, stated), (step, by, velocity)| {
+                (n + 1.0, seconds + step, moved + by, stated + velocity)
+            });
+        let (moved, stated) = (moved / n, stated / n);
         let speed = moved.norm().max(stated.norm());
-        if !(speed * seconds >= LEAST_DISTANCE && speed >= LEAST_SPEED) {
+        if n < LEAST_STEPS || !(speed * seconds >= LEAST_DISTANCE && speed >= LEAST_SPEED) {
             return None;
         }
         let mut contradicts = (stated - moved).norm() > CONTRADICTION * speed;
         if contradicts {
             // A jump of the positions changes their mean, but not their median.
-            let median_moved = median(pairs.iter().map(|pair| pair.1));
-            let median_stated = median(pairs.iter().map(|pair| pair.2));
+            let median_moved = median(pairs.clone().map(|pair| pair.1));
+            let median_stated = median(pairs.clone().map(|pair| pair.2));
             let speed = median_moved.norm().max(median_stated.norm());
-            let scatter = median(pairs.iter().map(|pair| Vec2::new((pair.1 - median_moved).norm(), 0.0))).x;
+            let scatter = median(pairs.map(|pair| Vec2::new((pair.1 - median_moved).norm(), 0.0))).x;
             if !(speed >= LEAST_SPEED && scatter <= SCATTER * speed) {
                 return None;
             }
@@ -113,7 +111,7 @@ impl<'a> Window<'a> {
 }
 
 /// Returns successive frames that are present, with the index of the second one.
-fn steps(frames: &[Frame]) -> impl Iterator<Item = (usize, &AgentState, &AgentState)> {
+fn steps(frames: &[Frame]) -> impl Iterator<Item = (usize, &AgentState, &AgentState)> + Clone {
     let pairs = frames.windows(2).enumerate();
     pairs.filter_map(|(i, pair)| Some((i + 1, pair[0].as_ref()?, pair[1].as_ref()?)))
 }

@@ -6,6 +6,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 
 use reactsim_geometry::{Projection, Vec2};
 
@@ -201,19 +202,25 @@ fn sample(points: &[Vec2], heights: &[f64], samples: &mut Vec<(Vec2, f64)>) {
 fn count_shifted(samples: &[(Vec2, f64)], shift: f64) -> usize {
     let place =
         |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
-    // Most maps are flat, so that the range of heights at each place decides. Successive points mostly share
-    // a place.
-    let mut ranges: HashMap<(i64, i64), (f64, f64)> = HashMap::new();
-    for same in samples.chunk_by(|a, b| place(a.0) == place(b.0)) {
-        let range = ranges.entry(place(same[0].0)).or_insert((f64::INFINITY, f64::NEG_INFINITY));
-        *range = same.iter().fold(*range, |(low, high), (_, z)| (low.min(*z), high.max(*z)));
-    }
-    let mut heights: BTreeMap<(i64, i64), Vec<f64>> = BTreeMap::new();
-    ranges.retain(|_, (low, high)| *high - *low > LEVEL_GAP);
-    for &(p, z) in samples.iter().filter(|_| !ranges.is_empty()) {
-        if ranges.contains_key(&place(p)) {
-            heights.entry(place(p)).or_default().push(z);
+    // Successive points mostly share a place.
+    let mut runs: Vec<((i64, i64), Range<usize>)> = Vec::new();
+    for (i, &(p, _)) in samples.iter().enumerate() {
+        let at = place(p);
+        match runs.last_mut() {
+            Some((last, run)) if *last == at => run.end = i + 1,
+            _ => runs.push((at, i..i + 1)),
         }
+    }
+    // Most maps are flat, so that the range of heights at each place decides.
+    let mut ranges: HashMap<(i64, i64), (f64, f64)> = HashMap::new();
+    for (at, run) in &runs {
+        let range = ranges.entry(*at).or_insert((f64::INFINITY, f64::NEG_INFINITY));
+        *range = samples[run.clone()].iter().fold(*range, |(low, high), (_, z)| (low.min(*z), high.max(*z)));
+    }
+    ranges.retain(|_, (low, high)| *high - *low > LEVEL_GAP);
+    let mut heights: BTreeMap<(i64, i64), Vec<f64>> = BTreeMap::new();
+    for (at, run) in runs.iter().filter(|(at, _)| ranges.contains_key(at)) {
+        heights.entry(*at).or_default().extend(samples[run.clone()].iter().map(|sample| sample.1));
     }
     let levels = |mut at: Vec<f64>| {
         at.sort_by(f64::total_cmp);

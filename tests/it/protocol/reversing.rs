@@ -75,8 +75,7 @@ fn an_av_that_begins_to_back_up_is_waited_for() {
 
 #[test]
 fn an_av_that_backs_out_of_a_drive_is_given_way() {
-    // `ntp-guarded` drives into an AV that stands across the lane after it backed out.
-    for id in RULES.into_iter().filter(|id| *id != "ntp-guarded") {
+    for id in RULES {
         for (speed, aside) in [(1.0, 6.0), (2.0, 8.0), (3.0, 9.0)] {
             let mut lanes = straight().lanes;
             lanes.push(lane("drive", line((60.0, 30.0), (60.0, 0.0)), Some(5.0)));

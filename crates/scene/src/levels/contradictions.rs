@@ -57,15 +57,21 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const MIN_TURN: f64 = 0.5;
 
 impl Scenario {
-    /// Replaces or drops the heights that contradict others, and counts them in [`Scenario::repairs`]. A
-    /// scenario that is mended does not change.
+    /// Drops the heights of a scenario of one level. In others, replaces or drops the heights that contradict
+    /// others, and counts them in [`Scenario::repairs`]. A scenario that is mended does not change.
     pub(crate) fn mend_heights(&mut self) {
-        if !self.start.has_levels() || self.levels() == 1 {
+        if !self.start.has_levels() {
             return;
         }
+        if self.levels() == 1 {
+            return self.drop_heights();
+        }
         let directions = self.drop_directions();
-        let mut outliers = mend_lines(&mut self.start.map);
-        let ground = Ground::new(&self.start.map);
+        let mut ground = Ground::new(&self.start.map);
+        let mut outliers = mend_lines(&mut self.start.map, &ground);
+        if outliers > 0 {
+            ground = Ground::new(&self.start.map);
+        }
         let votes = self.agents_mut().map(|agent| agent.mend(&ground)).fold(Votes::default(), Votes::and);
         outliers += votes.replaced;
         let is_denied =
@@ -75,7 +81,8 @@ impl Scenario {
             *self.repairs.entry(what.to_owned()).or_default() += count;
         }
         self.find_obstacle_heights();
-        if is_denied || self.levels() == 1 {
+        let changes = directions + outliers > 0;
+        if is_denied || (changes && self.levels() == 1) {
             self.drop_heights();
         }
     }
@@ -196,14 +203,13 @@ impl History<'_> {
 }
 
 /// Replaces heights that contradict the rest of their line, or other lines; returns their number.
-fn mend_lines(map: &mut RoadMap) -> u32 {
-    let ground = Ground::new(map);
+fn mend_lines(map: &mut RoadMap, ground: &Ground) -> u32 {
     let mended: Vec<Option<Vec<f64>>> = ground::lines(map)
         .enumerate()
         .map(|(number, (points, heights))| {
             let mut arc = vec![0.0];
             points.windows(2).for_each(|w| arc.push(arc[arc.len() - 1] + (w[1] - w[0]).norm()));
-            Line { ground: &ground, number: number as u32, points, heights, arc }.mended()
+            Line { ground, number: number as u32, points, heights, arc }.mended()
         })
         .collect();
     let MapHeights { lanes, road_edges, .. } = &mut map.heights;
@@ -395,17 +401,20 @@ impl RoadMap {
 /// Drops the heights of lines if they are the directions of the lines; returns the number of lines.
 fn drop_directions_of<'a>(lines: impl Iterator<Item = &'a [Vec2]> + Clone, heights: &mut [Vec<f64>]) -> u32 {
     let is_direction = |unit: f64| {
-        let (mut all, mut matching, mut telling) = (0_usize, 0_usize, 0_usize);
-        for (points, heights) in lines.clone().zip(heights.iter()).filter(|line| line.0.len() == line.1.len())
-        {
+        let known = lines.clone().zip(heights.iter()).filter(|line| line.0.len() == line.1.len());
+        let all: usize = known.clone().map(|line| line.1.len()).sum();
+        let (mut matching, mut telling) = (all, 0_usize);
+        for (points, heights) in known {
             for (i, angle) in heights.iter().map(|z| z * unit).enumerate() {
                 let is_match = angle.abs() < MAX_ANGLE && points_along(points, i, angle);
-                all += 1;
-                matching += usize::from(is_match);
+                matching -= usize::from(!is_match);
                 telling += usize::from(is_match && angle.abs() > TELLING_ANGLE);
             }
+            if (matching as f64) < MIN_DIRECTIONS * all as f64 {
+                return false;
+            }
         }
-        matching as f64 >= MIN_DIRECTIONS * all as f64 && telling as f64 > MIN_TELLING * all as f64
+        telling as f64 > MIN_TELLING * all as f64
     };
     if ![1.0, DEGREE].into_iter().any(is_direction) {
         return 0;
