@@ -82,9 +82,9 @@ fn an_av_that_backs_out_of_a_drive_is_given_way() {
             let map = MapParts { lanes, ..MapParts::default() };
             let agents = vec![car("av", 60.0, aside, FRAC_PI_2, -speed), car("comes", 0.0, 0.0, 0.0, 10.0)];
             let scenario = scene(&format!("backs out at {speed} m/s"), agents, map);
-            // It turns into the lane, stops and drives off.
+            // It turns into the lane, stops, and drives off along it.
             let speed = |t: f64| if t < 6.0 { -speed } else { (t - 6.0).min(3.0) };
-            check(id, &scenario, driven(scenario.start.now(0), -1.0 / 8.0, speed));
+            check(id, &scenario, driven(scenario.start.now(0), 1.0 / 8.0, speed));
         }
     }
 }
