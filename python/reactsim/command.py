@@ -13,7 +13,7 @@ def command(*arguments: PathLike, progress: bool = True) -> Text:
     """Runs a command of the program, as on the command line, and returns its standard output.
 
     It is for commands without a function of their own, such as
-    `reactsim.command("speed", "--limit", "8")`. Arguments are not checked: paths from elsewhere
+    `reactsim.command("completions", "bash")`. Arguments are not checked: paths from elsewhere
     belong after `"--"`, and values of options into `"--option=value"`.
 
     Args:

@@ -34,7 +34,6 @@ LEFT_OUT_COMMANDS = {
     "shard merge": "is `reactsim.ray.merge_units`",
     "shard run": "is `reactsim.ray.run_units`",
     "shard status": "is printed by `python -m reactsim.ray`",
-    "speed": "measures the program itself; its table is for reading",
 }
 ANYWHERE = {
     "--help": "docstrings replace it",

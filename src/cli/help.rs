@@ -7,7 +7,7 @@ pub(super) const TASKS: &[(&str, &[&str])] = &[
     ("Data", &["curate", "generate", "convert", "export"]),
     ("Train", &["train"]),
     ("Publish", &["verify", "reference", "leaderboard"]),
-    ("Scale", &["shard", "speed"]),
+    ("Scale", &["shard"]),
     ("Shell", &["completions", "man", HELP]),
 ];
 

@@ -30,7 +30,6 @@ mod session;
 mod shard;
 mod sharded;
 mod shell;
-mod speed;
 mod study;
 mod subject;
 mod suggestion;
@@ -145,8 +144,6 @@ enum Command {
     Leaderboard(leaderboard::LeaderboardArgs),
     /// Divide a run into units for clusters, run them, and merge their results
     Shard(shard::ShardArgs),
-    /// Measure the speed of networks on tensor backends, and how far backends agree
-    Speed(speed::SpeedArgs),
     /// Print a completion script for a shell
     Completions(shell::CompletionsArgs),
     /// Write manual pages
@@ -214,7 +211,6 @@ pub fn main() -> ExitCode {
         Command::Reference(args) => reference::reference(&args),
         Command::Leaderboard(args) => leaderboard::leaderboard(&args),
         Command::Shard(args) => shard::shard(args),
-        Command::Speed(args) => speed::speed(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
     });

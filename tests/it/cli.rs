@@ -144,7 +144,6 @@ fn help_fits_a_terminal() {
 
     Scale:
       shard        Divide a run into units for clusters, run them, and merge their results
-      speed        Measure the speed of networks on tensor backends, and how far backends agree
 
     Shell:
       completions  Print a completion script for a shell
@@ -178,7 +177,6 @@ fn help_fits_a_terminal() {
         "inspect",
         "export",
         "shard",
-        "speed",
         "list",
     ] {
         let help = stdout(&reactsim(&[verb, "--help"]));

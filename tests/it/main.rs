@@ -50,7 +50,6 @@ mod scripted_av;
 mod shard_commands;
 mod shards;
 mod shipped;
-mod speed;
 #[cfg(feature = "store")]
 mod store;
 mod study;
