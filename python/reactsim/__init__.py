@@ -46,7 +46,7 @@ from .comparison import Comparison, Comparisons, MetricDifference, compare
 from .conversion import convert, export_av, export_wosac
 from .curation import Candidates, curate
 from .display import Gif, Html, Markdown, Svg, Text
-from .generation import Generated, GeneratedComparison, compare_generated, generate
+from .generation import Generated, generate
 from .pages import Page, view
 from .pictures import animate, draw, inspect
 from .plot import plot_rollout, plot_scene
@@ -76,7 +76,6 @@ __all__ = [
     "Comparisons",
     "Event",
     "Generated",
-    "GeneratedComparison",
     "Gif",
     "Html",
     "Kind",
@@ -116,7 +115,6 @@ __all__ = [
     "catalog",
     "command",
     "compare",
-    "compare_generated",
     "convert",
     "curate",
     "draw",

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from .curation import Candidates
-from .display import Svg
 from .options import PathLike, joined
-from .program import arguments, invoke, local_folder, produce
+from .program import arguments, local_folder, produce
 
-__all__ = ["Generated", "GeneratedComparison", "compare_generated", "generate"]
+__all__ = ["Generated", "generate"]
 
 
 class Generated(NamedTuple):
@@ -71,38 +69,3 @@ def generate(
     names = [json.loads(name) for name in re.findall(r'^name = (".*")$', manifest, re.MULTILINE)]
     further = [path.with_name(name) for name in names if name != path.name]
     return Generated(path, Candidates(further[0]) if further else None, manifest)
-
-
-class GeneratedComparison(NamedTuple):
-    """Statistics of generated and recorded scenarios."""
-
-    statistics: Any
-    """All values, including histograms, as the program prints them in JSON."""
-    charts: Svg
-    """The histograms."""
-
-
-def compare_generated(
-    generated: PathLike,
-    reference: PathLike,
-    *,
-    limit: int | None = None,
-    jobs: int | None = None,
-) -> GeneratedComparison:
-    """Compares generated logs with recorded ones.
-
-    Args:
-        generated: File or folder of the generated scenarios.
-        reference: File or folder of the scenarios to compare them with.
-        limit: Only the first `limit` scenarios of every file.
-        jobs: Number of threads; one per core by default.
-
-    Raises:
-        ReactsimError: Scenarios cannot be read.
-
-    """
-    with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
-        charts = Path(folder, "charts.svg")
-        given = [("--format", "json"), ("--svg", charts), ("--limit", limit), ("--jobs", jobs)]
-        output = invoke(["generate", "compare", *arguments(given, [generated, reference])])
-        return GeneratedComparison(output.document, Svg(charts.read_text("utf-8")))

@@ -214,7 +214,6 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
         "generate": [
             lambda: reactsim.generate("o", count=1, maps=["a"], density=1.0, jobs=1, progress=False)
         ],
-        "generate compare": [lambda: reactsim.compare_generated("a", "b", limit=1, jobs=1)],
         "convert": [
             lambda: reactsim.convert(
                 "s",

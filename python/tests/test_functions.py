@@ -245,9 +245,6 @@ class TestDeviations:
         ids = [s.id for s in reactsim.scenarios(logs.path)]
         assert len(ids) == 3
         assert reactsim.list_scenarios(logs.path, ids=ids[0]).count("generated/") == 1
-        comparison = reactsim.compare_generated(logs.path, logs.path)
-        assert comparison.statistics["generated"] == comparison.statistics["reference"]
-        assert "</svg>" in comparison.charts
         parts = training.split(logs.path, tmp_path / "parts", parts={"a": 0.5, "b": 0.5})
         found = [
             s.id for path in parts.values() if path.is_file() for s in reactsim.scenarios(path)

@@ -133,7 +133,7 @@ mod tests {
     use crate::formats::native::Writer;
 
     /// Every writer: the line before its outputs, where `IN` is an input, and the options of the outputs.
-    const WRITERS: [(&str, &[&str]); 22] = [
+    const WRITERS: [(&str, &[&str]); 21] = [
         ("inspect IN", &["--svg", "--gif"]),
         ("inspect IN --rollout IN --simulator idm", &["--svg", "--gif"]),
         ("report IN", &["--out"]),
@@ -147,7 +147,6 @@ mod tests {
         ("curate IN", &["--out"]),
         ("curate apply IN", &["--out"]),
         ("curate stats IN", &["--svg"]),
-        ("generate compare IN b", &["--svg"]),
         ("convert IN", &["--out"]),
         ("convert a --futures IN --model idm", &["--out"]),
         ("export av IN", &["--out"]),

@@ -1,7 +1,6 @@
 //! `reactsim generate`: synthetic scenarios.
 
 mod bench;
-mod compare;
 mod files;
 mod make;
 mod manifest;
@@ -9,10 +8,7 @@ mod scenario_file;
 mod tried;
 mod units;
 
-use anyhow::bail;
-use clap::{Args, Subcommand};
-
-use super::ExitStatus;
+pub(super) use make::{GenerateArgs, generate};
 
 const AFTER: &str = "\
 The preset train writes scenarios as they are generated. The preset sensed makes traffic with the \
@@ -26,27 +22,3 @@ Examples:
   reactsim curate stats bench.deviations.parquet
 
 The manifest entry of the files is printed to stdout (TOML): command, settings and digests.";
-
-/// Arguments of `generate`.
-#[derive(Debug, Args)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, after_help = AFTER)]
-pub(super) struct GenerateArgs {
-    #[command(subcommand)]
-    command: Option<GenerateCommand>,
-    #[command(flatten)]
-    make: Option<make::MakeArgs>,
-}
-
-#[derive(Debug, Subcommand)]
-enum GenerateCommand {
-    /// Compare generated logs with recorded ones
-    Compare(compare::CompareArgs),
-}
-
-pub(super) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
-    match (&args.command, &args.make) {
-        (Some(GenerateCommand::Compare(args)), _) => compare::compare(args),
-        (None, Some(args)) => make::make(args),
-        (None, None) => bail!("give --preset, --count and --out to generate scenarios"),
-    }
-}

@@ -4,7 +4,6 @@ mod digests;
 mod levels;
 mod motion;
 mod people;
-mod realism;
 mod replay;
 mod right_of_way;
 mod sample;

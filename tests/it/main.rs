@@ -42,7 +42,6 @@ mod protocol;
 mod pufferdrive;
 mod qp;
 mod qp_regression;
-mod realism;
 mod reference;
 mod rollout_checks;
 mod scenes;

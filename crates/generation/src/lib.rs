@@ -9,7 +9,6 @@ mod heights;
 mod in_order;
 mod layout;
 pub mod maps;
-pub mod realism;
 mod scenario;
 mod sensor;
 mod settings;

@@ -14,8 +14,6 @@ mod long;
 mod markdown;
 mod parquet;
 pub mod page;
-pub mod realism_charts;
-pub mod realism_tables;
 pub mod study_tables;
 mod style;
 mod table;

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
+use super::AFTER;
 use super::bench::bench;
 use super::files::GeneratedFiles;
 use super::manifest::Manifest;
@@ -19,21 +20,22 @@ use crate::formats::native::Writer;
 use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
 use crate::work::available_threads;
 
-/// Arguments of `generate` itself.
+/// Arguments of `generate`.
 #[derive(Debug, Args)]
-pub(super) struct MakeArgs {
+#[command(after_help = AFTER)]
+pub(in crate::cli) struct GenerateArgs {
     /// Purpose: a benchmark with deviated AVs, or logs to train on
-    #[arg(long, required = true, value_name = "PRESET", value_parser = presets())]
-    preset: Option<String>,
+    #[arg(long, value_name = "PRESET", value_parser = presets())]
+    preset: String,
     /// Scenarios to write
-    #[arg(long, required = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    count: Option<u32>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) count: u32,
     /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
     /// File to write (Parquet)
-    #[arg(long, required = true, value_name = "FILE")]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
     /// Map types, separated by commas [default: all but those drawn only if requested, such as `overpass`];
     /// `list maps` names them
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
@@ -50,20 +52,10 @@ fn presets() -> PossibleValuesParser {
     PossibleValuesParser::new(Preset::ALL.iter().map(|p| p.name()))
 }
 
-impl MakeArgs {
+impl GenerateArgs {
     pub(super) fn settings(&self) -> anyhow::Result<GenerationSettings> {
-        let preset = self.preset.as_deref().and_then(Preset::from_name).context("give a --preset")?;
+        let preset = Preset::from_name(&self.preset).context("give a --preset")?;
         Ok(GenerationSettings { preset, seed: self.seed, maps: self.maps.clone(), density: self.density })
-    }
-
-    /// Returns the file to write.
-    pub(super) fn out(&self) -> anyhow::Result<&Path> {
-        self.out.as_deref().context("give the file to write with --out")
-    }
-
-    /// Returns the number of scenarios to write.
-    pub(super) fn wanted(&self) -> anyhow::Result<u32> {
-        self.count.context("give the number of scenarios with --count")
     }
 
     /// Returns the number of threads.
@@ -85,8 +77,8 @@ pub(super) struct Job<'a> {
     pub(super) stop: &'a AtomicBool,
 }
 
-pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
-    let (out, wanted, settings, jobs) = (args.out()?, args.wanted()?, &args.settings()?, args.jobs());
+pub(in crate::cli) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
+    let (out, wanted, settings, jobs) = (args.out.as_path(), args.count, &args.settings()?, args.jobs());
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     let job = Job { settings, wanted, jobs, out, progress: &progress, stop: &stop };
@@ -99,17 +91,17 @@ pub(super) fn make(args: &MakeArgs) -> anyhow::Result<ExitStatus> {
 }
 
 /// Prints the manifest entry of what was generated.
-pub(super) fn finish(args: &MakeArgs, generated: &GeneratedFiles) -> anyhow::Result<ExitStatus> {
+pub(super) fn finish(args: &GenerateArgs, generated: &GeneratedFiles) -> anyhow::Result<ExitStatus> {
     let GeneratedFiles { files, written, failed, unfilled, interrupted } = generated;
     if *written == 0 {
         bail!("no scenario was generated, and no file was written");
     }
     if *interrupted {
-        say_part(files, args.out()?, &count(*written, "scenario"));
+        say_part(files, &args.out, &count(*written, "scenario"));
         return Ok(ExitStatus::Interrupted);
     }
     let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    let entry = Manifest::new(&args.settings()?, args.wanted()?, &files)?.text()?;
+    let entry = Manifest::new(&args.settings()?, args.count, &files)?.text()?;
     write_result(None, |out| out.write_all(entry.as_bytes()))?;
     if *failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));

@@ -4,15 +4,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::bail;
 use serde::{Deserialize, Serialize};
 
 use super::bench::{bench, provenance};
 use super::files::GeneratedFiles;
-use super::make::{Job, MakeArgs, finish};
+use super::make::{GenerateArgs, Job, finish};
 use super::scenario_file::{ScenarioFile, read_scenarios};
 use super::tried::{Trial, TriedWriter, read_tried};
-use super::{GenerateArgs, GenerateCommand};
 use crate::cli::ExitStatus;
 use crate::cli::progress::Progress;
 use crate::cli::sharded::{Sharded, WorkSettings};
@@ -63,31 +61,14 @@ impl GenerationSubject {
     }
 }
 
-impl GenerateArgs {
-    /// Returns the arguments of generation itself.
-    fn made(&self) -> anyhow::Result<&MakeArgs> {
-        match (&self.command, &self.make) {
-            (None, Some(args)) => Ok(args),
-            (Some(GenerateCommand::Compare(_)), _) => {
-                bail!("`generate compare` cannot be divided into units")
-            }
-            (None, None) => bail!("give --preset, --count and --out to generate scenarios"),
-        }
-    }
-}
-
 impl Sharded for GenerateArgs {
     fn check(&self) -> anyhow::Result<()> {
-        let args = self.made()?;
-        args.out()?;
-        args.wanted()?;
-        Generator::new(args.settings()?)?;
+        Generator::new(self.settings()?)?;
         Ok(())
     }
 
     fn divide(&self, arguments: Vec<String>, records: usize) -> anyhow::Result<ShardPlan> {
-        let args = self.made()?;
-        let (settings, wanted) = (args.settings()?, args.wanted()?);
+        let (settings, wanted) = (self.settings()?, self.count);
         let numbers = match settings.preset {
             Preset::Train | Preset::Sensed => wanted as usize,
             Preset::Bench => TRIED_PER_SCENARIO * wanted as usize,
@@ -96,7 +77,7 @@ impl Sharded for GenerateArgs {
     }
 
     fn jobs(&self) -> usize {
-        self.made().map_or(1, MakeArgs::jobs)
+        self.jobs()
     }
 
     fn prepare<'a>(
@@ -105,9 +86,8 @@ impl Sharded for GenerateArgs {
         _: &[usize],
         settings: WorkSettings<'a>,
     ) -> anyhow::Result<Box<dyn Work + 'a>> {
-        let args = self.made()?;
-        let generation = args.settings()?;
-        let subject = GenerationSubject::of(&generation, args.wanted()?);
+        let generation = self.settings()?;
+        let subject = GenerationSubject::of(&generation, self.count);
         let generator = Generator::new(generation.clone())?;
         Ok(Box::new(GenerationWork { generation, generator, subject, how: settings }))
     }
@@ -118,19 +98,18 @@ impl Sharded for GenerateArgs {
         units: &FinishedUnits,
         progress: &Progress,
     ) -> anyhow::Result<ExitStatus> {
-        let args = self.made()?;
-        let (out, wanted, settings) = (args.out()?, args.wanted()?, args.settings()?);
+        let (out, wanted, settings) = (self.out.as_path(), self.count, self.settings()?);
         let generated = match settings.preset {
             Preset::Train | Preset::Sensed => merge_train(units, out, progress),
             Preset::Bench => {
                 plan.check(&GenerationSubject::of(&settings, wanted))?;
                 let tried = (plan.records() as u64, read_tried(&units.units));
-                let (settings, jobs, stop) = (&settings, args.jobs(), &AtomicBool::new(false));
+                let (settings, jobs, stop) = (&settings, self.jobs(), &AtomicBool::new(false));
                 bench(Job { settings, wanted, jobs, out, progress, stop }, tried)
             }
         };
         progress.end();
-        finish(args, &generated?)
+        finish(self, &generated?)
     }
 }
 
