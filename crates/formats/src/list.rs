@@ -19,13 +19,13 @@ use super::format::{
 use super::gpudrive::GpuDrive;
 use super::json::Json;
 use super::native::Native;
-use super::nuplan::NuPlan;
+use super::nuplan::NUPLAN;
 use super::scenarionet::ScenarioNet;
 use super::womd::Womd;
 
 /// All formats.
 pub const FORMATS: &[&dyn ScenarioFormat] =
-    &[&Womd, &Native, &NuPlan, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
+    &[&Womd, &Native, &NUPLAN, &Json, &GpuDrive, &Argoverse2, &ScenarioNet];
 
 /// A file with its format and reading options.
 #[derive(Clone)]
@@ -304,10 +304,13 @@ fn describe_content(path: &Path) -> std::io::Result<&'static str> {
         h if h.starts_with(GZIP) => "a gzip file without TFRecords (decompress it first)",
         h if h.starts_with(ZSTD) => "a zstd file without TFRecords (decompress it first)",
         [0x80, 0x02..=0x05, ..] => "a Python pickle",
-        _ if NuPlan.accompanies(path) => "a nuPlan map (give the logs, `.db`, that use it)",
+        _ if NUPLAN.accompanies(path) => "a nuPlan map (give the logs, `.db`, that use it)",
         _ if Argoverse2.accompanies(path) => "an Argoverse 2 map (give the scenario_*.parquet next to it)",
         _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
         _ if text.starts_with(b"<") => "an XML file",
+        _ if text.windows(15).any(|part| part == b"scenario_types:") => {
+            "a scenario filter of nuPlan (give it as --filter, and the logs as --nuplan)"
+        }
         _ if text.starts_with(b"version https://git-lfs") => {
             "a pointer of Git LFS (run `git lfs pull` in its repository)"
         }

@@ -165,20 +165,7 @@ impl Log {
 
     /// Reads the rows of the clock with their poses; returns all poses.
     fn sweeps(&mut self, database: &Database) -> Result<BTreeMap<Token, Ego>, Cause> {
-        let mut clocks = BTreeSet::new();
-        database.each("lidar", &["token", "channel"], |row| {
-            if row.text(1)? == CLOCK_CHANNEL {
-                clocks.insert(row.must_token(0)?);
-            }
-            Ok(())
-        })?;
-        if clocks.is_empty() {
-            return Err(Cause::schema(
-                "`lidar.channel`",
-                "without a merged cloud",
-                format!("a row `{CLOCK_CHANNEL}`"),
-            ));
-        }
+        let clocks = clock_lidars(database)?;
         let mut poses = BTreeMap::new();
         let columns = ["token", "x", "y", "qw", "qx", "qy", "qz", "vx", "vy", "epsg"];
         database.each("ego_pose", &columns, |row| {
@@ -300,13 +287,37 @@ impl Log {
     /// Returns the frames that the devkit offers as scenario starts: those of scenes with two scenes before
     /// and two after.
     pub(super) fn starts(&self) -> Vec<usize> {
-        let mut scenes: Vec<(&str, &Token)> = self.scenes.iter().map(|(t, s)| (s.name.as_str(), t)).collect();
-        scenes.sort();
-        let inner = scenes.get(2..scenes.len().saturating_sub(2)).unwrap_or_default();
-        let inner: BTreeSet<&Token> = inner.iter().map(|(_, token)| *token).collect();
+        let inner = inner_scenes(self.scenes.iter().map(|(token, scene)| (scene.name.as_str(), *token)));
         let frames = self.frames.iter().enumerate();
         frames.filter(|(_, f)| inner.contains(&f.scene)).map(|(i, _)| i).collect()
     }
+}
+
+/// Returns the tokens of the lidars whose rows define the clock.
+pub(super) fn clock_lidars(database: &Database) -> Result<BTreeSet<Token>, Cause> {
+    let mut clocks = BTreeSet::new();
+    database.each("lidar", &["token", "channel"], |row| {
+        if row.text(1)? == CLOCK_CHANNEL {
+            clocks.insert(row.must_token(0)?);
+        }
+        Ok(())
+    })?;
+    if clocks.is_empty() {
+        return Err(Cause::schema(
+            "`lidar.channel`",
+            "without a merged cloud",
+            format!("a row `{CLOCK_CHANNEL}`"),
+        ));
+    }
+    Ok(clocks)
+}
+
+/// Returns the scenes, given with their names, that have two scenes before them and two after.
+pub(super) fn inner_scenes<'a>(scenes: impl Iterator<Item = (&'a str, Token)>) -> BTreeSet<Token> {
+    let mut scenes: Vec<(&str, Token)> = scenes.collect();
+    scenes.sort();
+    let inner = scenes.get(2..scenes.len().saturating_sub(2)).unwrap_or_default();
+    inner.iter().map(|(_, token)| *token).collect()
 }
 
 /// Returns the heading in radians of a quaternion (w, x, y, z) of any norm, NaN if it is undefined. This is

@@ -1,9 +1,11 @@
 //! nuPlan: logs (`.db`, SQLite) with their maps (`map.gpkg`, GeoPackage), or selections of windows in logs
 //! (JSON).
 //!
-//! A log gives a scenario every ten seconds; a selection lists logs and selects windows by token, tag or
-//! time. Maps are read once and shared. Described in `docs/files.md`.
+//! A log gives a scenario every ten seconds; a selection lists logs and selects windows by token, tag, time
+//! or a scenario filter of nuPlan's devkit. Maps are read once and shared. Described in `docs/files.md`.
 
+mod filter;
+mod index;
 mod layers;
 mod library;
 mod log;
@@ -15,8 +17,9 @@ mod token;
 mod utm;
 mod window;
 mod wkb;
+mod yaml;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::vec::IntoIter;
@@ -24,16 +27,72 @@ use std::vec::IntoIter;
 use reactsim_files::as_url;
 use reactsim_scene::Scenario;
 
+use self::index::LogIndex;
 use self::log::Log;
 use self::map::Map;
-use self::selection::{Anchors, Selection, WindowChoice};
+use self::selection::{Anchors, Selection, WindowChoice, check_maps, logs_at};
 use self::sqlite::Database;
 use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
+use super::format::{CurrentFrames, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
+use super::list::Input;
 
 /// The nuPlan format.
-pub(super) struct NuPlan;
+pub(super) struct NuPlan {
+    /// Logs and folder of maps of a scenario filter, which states neither.
+    given: Option<(Vec<PathBuf>, Option<PathBuf>)>,
+}
+
+/// The format of logs and selections.
+pub(super) const NUPLAN: NuPlan = NuPlan { given: None };
+
+/// Returns the scenarios of logs (files, or folders that hold some) that a scenario filter of nuPlan's devkit
+/// chooses. Without a folder of maps, it is searched for above the logs.
+///
+/// # Errors
+/// [`FormatError`] if the logs or the maps are not there. Errors of the filter appear when it is opened.
+pub fn nuplan_filter(filter: &Path, logs: &[PathBuf], maps: Option<PathBuf>) -> Result<Input, FormatError> {
+    let mut found = Vec::new();
+    for path in logs {
+        found.extend(logs_at(path).map_err(|cause| FormatError::file(path, cause))?);
+        if found.is_empty() {
+            let cause =
+                Cause::value("the folder", "without logs", "`.db` files, or a folder that holds some");
+            return Err(FormatError::file(path, cause));
+        }
+    }
+    found.sort();
+    found.dedup();
+    maps.as_deref().map_or(Ok(()), check_maps)?;
+    // Formats live as long as the program, which has one for every filter that it is given.
+    let format: &'static NuPlan = Box::leak(Box::new(NuPlan { given: Some((found, maps)) }));
+    Ok(Input { path: filter.to_owned(), format, frames: CurrentFrames::Stated, all_agents: false })
+}
+
+/// Returns the names of the scenarios of an input as data sets on nuPlan name their files,
+/// `<map name>_<token of the scene>_<token of the current frame>`, by the id of the scenario.
+///
+/// # Errors
+/// [`FormatError`] if a log cannot be read, or the input has none.
+pub fn nuplan_names(input: &Input, ids: &BTreeSet<String>) -> Result<BTreeMap<String, String>, FormatError> {
+    let files = std::iter::once(input.path.clone()).chain(input.format.companions(&input.path));
+    let logs: Vec<PathBuf> =
+        files.filter(|path| sqlite::is_sqlite(path) && !NUPLAN.accompanies(path)).collect();
+    if input.format.id() != NUPLAN.id() || logs.is_empty() {
+        let cause = Cause::value("the format", format!("`{}`", input.format.id()), "logs of nuPlan");
+        return Err(FormatError::file(&input.path, cause));
+    }
+    let mut names = BTreeMap::new();
+    for log in logs {
+        let index = LogIndex::read(&log, false)?;
+        names.extend(index.sweeps.iter().filter_map(|(_, token, scene)| {
+            let id = token.to_string();
+            let name = format!("{}_{scene}_{token}", index.map_name);
+            ids.contains(&id).then_some((id, name))
+        }));
+    }
+    Ok(names)
+}
 
 impl ScenarioFormat for NuPlan {
     fn id(&self) -> &'static str {
@@ -65,20 +124,32 @@ impl ScenarioFormat for NuPlan {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(Reader::open(path)?.map(|record| record.and_then(|decode| decode()))))
+        Ok(Box::new(self.reader(path)?.map(|record| record.and_then(|decode| decode()))))
     }
 
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(Reader::open(path)?))
+        Ok(Box::new(self.reader(path)?))
     }
 
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
-        let Ok(Reader { single, logs, maps: folder, .. }) = Reader::open(path) else { return Vec::new() };
+        let Ok(Reader { single, logs, maps: folder, filter, .. }) = self.reader(path) else {
+            return Vec::new();
+        };
         let logs: Vec<PathBuf> = logs.collect();
         let maps: BTreeSet<PathBuf> =
             logs.iter().filter_map(|log| library::map_path(log, folder.as_deref()).ok()).collect();
         let logs = if single { Vec::new() } else { logs };
-        logs.into_iter().chain(maps).collect()
+        let filter = filter.filter(|filter| filter != path);
+        filter.into_iter().chain(logs).chain(maps).collect()
+    }
+}
+
+impl NuPlan {
+    fn reader(&self, path: &Path) -> Result<Reader, FormatError> {
+        match &self.given {
+            Some((logs, maps)) => Ok(Reader::of(path, Selection::filtered(path, logs, maps.clone())?)),
+            None => Reader::open(path),
+        }
     }
 }
 
@@ -97,23 +168,30 @@ struct Reader {
     /// Tags of the logs, if windows are chosen by tags.
     tags: BTreeSet<String>,
     failed: bool,
+    /// The scenario filter that chose the windows, if one did.
+    filter: Option<PathBuf>,
+    /// Keys of the filter with what is not among the logs; not reported so far.
+    absent: IntoIter<(&'static str, String)>,
 }
 
 impl Reader {
     fn open(path: &Path) -> Result<Self, FormatError> {
-        let single = !selection::is_selection(path);
-        let selection = if single {
-            Selection { logs: vec![path.to_owned()], maps: None, choice: WindowChoice::default() }
-        } else {
-            Selection::read(path)?
-        };
+        if selection::is_selection(path) {
+            return Ok(Self::of(path, Selection::read(path)?));
+        }
+        let (choice, maps) = (WindowChoice::default(), None);
+        let log = Selection { logs: vec![path.to_owned()], maps, choice, filter: None, absent: Vec::new() };
+        Ok(Self { single: true, ..Self::of(path, log) })
+    }
+
+    fn of(path: &Path, selection: Selection) -> Self {
         let missing = match &selection.choice.anchors {
             Anchors::Tokens(tokens) => tokens.iter().copied().collect(),
             _ => BTreeSet::new(),
         };
-        Ok(Self {
+        Self {
             path: path.to_owned(),
-            single,
+            single: false,
             logs: selection.logs.into_iter(),
             maps: selection.maps,
             choice: selection.choice,
@@ -122,7 +200,9 @@ impl Reader {
             missing,
             tags: BTreeSet::new(),
             failed: false,
-        })
+            filter: selection.filter,
+            absent: selection.absent.into_iter(),
+        }
     }
 
     /// Reads a log, and its map if a scenario needs it.
@@ -167,10 +247,23 @@ impl Reader {
             self.record += 1;
             return Some(error);
         }
+        if let Some((key, found)) = self.absent.next() {
+            let cause = Cause::value(key, format!("in part not among the logs: {found}"), "all of them");
+            self.record += 1;
+            return Some(FormatError::record(&self.path, self.record - 1, None, cause));
+        }
         if self.record > 0 || self.failed {
             return None;
         }
         self.failed = true;
+        if self.filter.is_some() {
+            let expected =
+                "keys that some frame of the logs meets, with two scenes before it and two after it";
+            return Some(FormatError::file(
+                &self.path,
+                Cause::value("the filter", "met by no frame", expected),
+            ));
+        }
         if let Anchors::Tagged(selected) = &self.choice.anchors
             && !selected.iter().any(|tag| self.tags.contains(tag))
         {

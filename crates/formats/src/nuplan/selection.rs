@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::filter::choose;
 use super::library::MAP_LIST;
 use super::log::Log;
 use super::token::Token;
@@ -28,6 +29,7 @@ struct RawSelection {
     format: String,
     logs: Vec<PathBuf>,
     maps: Option<PathBuf>,
+    filter: Option<PathBuf>,
     tokens: Option<Vec<String>>,
     tags: Option<Vec<String>>,
     every_seconds: Option<f64>,
@@ -88,7 +90,10 @@ impl WindowChoice {
             }
             due
         };
-        all.into_iter().filter(|frame| window::fits(log, *frame)).filter(|frame| is_due(frame)).collect()
+        all.into_iter()
+            .filter(|frame| window::fits(log.frames.len(), *frame))
+            .filter(|frame| is_due(frame))
+            .collect()
     }
 }
 
@@ -100,6 +105,10 @@ pub(super) struct Selection {
     pub(super) maps: Option<PathBuf>,
     /// Choice of windows.
     pub(super) choice: WindowChoice,
+    /// The scenario filter that chose the windows.
+    pub(super) filter: Option<PathBuf>,
+    /// Keys of the filter with what is not among the logs.
+    pub(super) absent: Vec<(&'static str, String)>,
 }
 
 /// Returns whether a file is a selection.
@@ -137,15 +146,10 @@ impl Selection {
         }
         let mut named = BTreeSet::new();
         logs.retain(|log: &PathBuf| named.insert(log.clone()));
-        if let Some(maps) = &raw.maps
-            && !folder.join(maps).join(MAP_LIST).is_file()
-        {
-            let found = format!("`{}`", maps.display());
-            return Err(refuse(Cause::value(
-                "maps",
-                found,
-                format!("a folder with `{MAP_LIST}`, relative to this file"),
-            )));
+        if let Some(maps) = &raw.maps {
+            let expected = format!("a folder with `{MAP_LIST}`, relative to this file");
+            check_maps(&folder.join(maps))
+                .map_err(|_| refuse(Cause::value("maps", format!("`{}`", maps.display()), expected)))?;
         }
         if raw.tokens.as_ref().is_some_and(Vec::is_empty) || raw.tags.as_ref().is_some_and(Vec::is_empty) {
             let key = if raw.tags.is_some() { "tags" } else { "tokens" };
@@ -161,6 +165,18 @@ impl Selection {
                 "without any log",
                 "`.db` files or folders that hold some",
             )));
+        }
+        let maps = raw.maps.map(|maps| folder.join(maps));
+        if let Some(filter) = raw.filter {
+            let others = [
+                ("tokens", raw.tokens.is_some()),
+                ("tags", raw.tags.is_some()),
+                ("every_seconds", raw.every_seconds.is_some()),
+            ];
+            if let Some((key, _)) = others.iter().find(|(_, is_given)| *is_given) {
+                return Err(refuse(Cause::value(*key, "given together with `filter`", "one of the two")));
+            }
+            return Self::filtered(&folder.join(filter), &logs, maps);
         }
         let anchors = match (raw.tokens, raw.tags) {
             (Some(_), Some(_)) => {
@@ -189,16 +205,35 @@ impl Selection {
         if !(0.0..1e9).contains(&interval) {
             return Err(refuse(Cause::value("every_seconds", interval, "seconds, 0 or more")));
         }
-        Ok(Self {
-            logs,
-            maps: raw.maps.map(|maps| folder.join(maps)),
-            choice: WindowChoice { anchors, interval },
-        })
+        Ok(Self { logs, maps, choice: WindowChoice { anchors, interval }, filter: None, absent: Vec::new() })
+    }
+
+    /// Selects the frames of logs that a scenario filter of nuPlan's devkit chooses.
+    ///
+    /// # Errors
+    /// [`FormatError`] names the key of the filter that cannot be expressed.
+    pub(super) fn filtered(
+        filter: &Path,
+        logs: &[PathBuf],
+        maps: Option<PathBuf>,
+    ) -> Result<Self, FormatError> {
+        let chosen = choose(filter, logs)?;
+        let choice = WindowChoice { anchors: Anchors::Tokens(chosen.tokens.clone()), interval: 0.0 };
+        let (logs, absent) = (chosen.logs.clone(), chosen.absent.clone());
+        Ok(Self { logs, maps, choice, filter: Some(filter.to_owned()), absent })
     }
 }
 
+/// Checks that a folder has the list of maps.
+pub(super) fn check_maps(folder: &Path) -> Result<(), FormatError> {
+    if folder.join(MAP_LIST).is_file() {
+        return Ok(());
+    }
+    Err(FormatError::file(folder, Cause::value("the folder of maps", "without the list of maps", MAP_LIST)))
+}
+
 /// Lists the log at a path, or those in a folder in order of their names.
-fn logs_at(path: &Path) -> Result<Vec<PathBuf>, Cause> {
+pub(super) fn logs_at(path: &Path) -> Result<Vec<PathBuf>, Cause> {
     let refuse = Cause::read;
     if !std::fs::metadata(path).map_err(refuse)?.is_dir() {
         return Ok(vec![path.to_owned()]);

@@ -1,5 +1,6 @@
 mod damage;
 mod expected;
+mod filter;
 mod hostile;
 mod small;
 

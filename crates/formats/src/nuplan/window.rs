@@ -10,9 +10,9 @@ const ROWS_PER_FRAME: usize = 2;
 /// Valid time in microseconds between successive frames; a longer time means missing rows.
 const FRAME_INTERVAL: std::ops::Range<i64> = 50_000..150_000;
 
-/// Returns whether there are enough rows before and after a frame.
-pub(super) fn fits(log: &Log, anchor: usize) -> bool {
-    anchor >= ROWS_PER_FRAME * CURRENT && log.frames.len() - anchor > ROWS_PER_FRAME * FUTURE
+/// Returns whether there are enough of all rows before and after a frame.
+pub(super) fn fits(rows: usize, anchor: usize) -> bool {
+    anchor >= ROWS_PER_FRAME * CURRENT && rows - anchor > ROWS_PER_FRAME * FUTURE
 }
 
 /// Returns the rows of the 91 frames around row `anchor`, counted without regard to time stamps.
@@ -20,7 +20,7 @@ pub(super) fn fits(log: &Log, anchor: usize) -> bool {
 /// # Errors
 /// [`Cause`] if there are not enough rows, or if time jumps between them.
 pub(super) fn rows(log: &Log, anchor: usize) -> Result<Vec<usize>, Cause> {
-    if !fits(log, anchor) {
+    if !fits(log.frames.len(), anchor) {
         let found = format!("{anchor} rows before and {} after it", log.frames.len() - anchor - 1);
         let expected = "at least 20 rows before and 160 after; choose another token";
         return Err(Cause::value("`lidar_pc` around the current frame", found, expected));
