@@ -133,7 +133,7 @@ mod tests {
     use crate::formats::native::Writer;
 
     /// Every writer: the line before its outputs, where `IN` is an input, and the options of the outputs.
-    const WRITERS: [(&str, &[&str]); 21] = [
+    const WRITERS: &[(&str, &[&str])] = &[
         ("inspect IN", &["--svg", "--gif"]),
         ("inspect IN --rollout IN --simulator idm", &["--svg", "--gif"]),
         ("report IN", &["--out"]),
@@ -150,6 +150,7 @@ mod tests {
         ("convert IN", &["--out"]),
         ("convert a --futures IN --model idm", &["--out"]),
         ("export av IN", &["--out"]),
+        ("export reactsim-bench run --scenarios IN", &["--out"]),
         ("export wosac run --scenarios IN --metadata m", &["--out"]),
         ("train regression IN=4", &["--out"]),
         ("train vocabulary IN --method k-disks", &["--out", "--map-out"]),

@@ -20,7 +20,7 @@ use crate::scene::Scenario;
 #[derive(Debug, Args)]
 pub(super) struct ConvertArgs {
     /// Files, folders or URLs of scenarios
-    #[arg(required = true, value_name = "IN")]
+    #[arg(required_unless_present = "filter", value_name = "IN")]
     inputs: Vec<PathBuf>,
     /// The native Parquet file to write
     #[arg(long, value_name = "FILE")]

@@ -1,25 +1,58 @@
 //! Runs to show and the location of their scenarios, shared by `report` and `view`.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
+
+use super::NuplanArgs;
 use super::find_inputs;
 use crate::evaluation::{EvaluationError, ScenarioFiles, Source, StudyResults, is_study, read_provenance};
+use crate::formats::Input;
 use crate::report::page::{Gallery, Member};
 
-/// Opens the runs in these folders, members of studies included, with the scenarios at these paths.
-/// The shipped benchmark is always available, and so are inputs of the runs that are in the current folder.
-pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result<Gallery> {
+/// Scenarios of finished runs.
+#[derive(Debug, Args)]
+pub(super) struct RunScenarioArgs {
+    /// Scenarios of the runs, unless they ship with the program or are in the current folder; may be repeated
+    #[arg(long, value_name = "PATH")]
+    scenarios: Vec<PathBuf>,
+    #[command(flatten)]
+    nuplan: NuplanArgs,
+}
+
+impl RunScenarioArgs {
+    /// Returns whether some are given.
+    pub(super) fn is_given(&self) -> bool {
+        !self.scenarios.is_empty() || self.nuplan.is_given()
+    }
+
+    /// Finds the files.
+    pub(super) fn inputs(&self) -> anyhow::Result<Vec<Input>> {
+        self.nuplan.find_inputs(&self.scenarios)
+    }
+}
+
+/// Opens the runs in these folders, members of studies included, with these scenarios.
+pub(super) fn open(folders: &[PathBuf], scenarios: &RunScenarioArgs) -> anyhow::Result<Gallery> {
+    let (members, studies) = members(folders)?;
+    let folders: Vec<&Path> = members.iter().map(|member| member.folder.as_path()).collect();
+    let files = scenario_files(&folders, &scenarios.inputs()?)?;
+    Ok(Gallery::open(members, studies, files)?)
+}
+
+/// Returns these scenarios of runs. The shipped benchmark is always available, and so are inputs of the runs that
+/// are in the current folder.
+pub(super) fn scenario_files(runs: &[&Path], given: &[Input]) -> anyhow::Result<ScenarioFiles> {
     let mut scenario_files = ScenarioFiles::default();
     scenario_files.add(Source::shipped(usize::MAX));
-    for input in find_inputs(scenarios)? {
-        scenario_files.add_file(&input)?;
+    for input in given {
+        scenario_files.add_file(input)?;
     }
-    let (members, studies) = members(folders)?;
     // Runs name their inputs without a folder; digests tell whether a file of this name is the same.
     let mut inputs = BTreeSet::new();
-    for member in &members {
-        let files = read_provenance(&member.folder)?.inputs.into_iter();
+    for run in runs {
+        let files = read_provenance(run)?.inputs.into_iter();
         inputs.extend(files.filter(|file| !scenario_files.has(file)).map(|file| PathBuf::from(file.name)));
     }
     for path in inputs.into_iter().filter(|path| path.is_file()) {
@@ -28,7 +61,7 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &[PathBuf]) -> anyhow::Result
             scenario_files.add_file(&input).ok();
         }
     }
-    Ok(Gallery::open(members, studies, scenario_files)?)
+    Ok(scenario_files)
 }
 
 /// Studies with their names.

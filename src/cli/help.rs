@@ -64,6 +64,7 @@ mod tests {
         "id",
         "keep-rollouts",
         "limit",
+        "maps",
         "model",
         "model-weights",
         "models",

@@ -103,13 +103,16 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
         id: args.case_study.map(|c| c.scenario).or(args.id.as_deref()),
         category: args.category.as_deref().and_then(Deviation::from_name),
     };
-    let Some(path) = &args.scenario else {
+    let paths = args.scenario.as_slice();
+    if args.reading.is_shipped(paths) {
         args.reading.check_absent()?;
         let scenarios = Source::shipped(usize::MAX).scenarios()?;
         return wanted.pick(scenarios, "the shipped benchmark");
-    };
-    let inputs = args.reading.find_inputs(std::slice::from_ref(path))?;
-    wanted.pick(formats::open_all(inputs)?, &path.display().to_string())
+    }
+    let inputs = args.reading.find_inputs(paths)?;
+    let name =
+        inputs.first().map(|input| args.scenario.as_ref().unwrap_or(&input.path).display().to_string());
+    wanted.pick(formats::open_all(inputs)?, &name.unwrap_or_default())
 }
 
 /// The scenario that is asked for.

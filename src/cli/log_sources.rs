@@ -27,7 +27,8 @@ pub(super) fn recorded(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
 /// Returns the sources of logs with the agents that a run simulates: recordings as they are if these are all,
 /// at the current frame that they state.
 pub(super) fn simulated(paths: &[PathBuf], reading: &ReadingArgs) -> anyhow::Result<Vec<LogSource>> {
-    if reading.all_agents && reading.frames() == CurrentFrames::Stated || paths.is_empty() {
+    let as_recorded = reading.all_agents && reading.frames() == CurrentFrames::Stated;
+    if reading.is_shipped(paths) || as_recorded && !reading.nuplan.is_given() {
         return recorded(paths);
     }
     Ok(reading.find_inputs(paths)?.into_iter().map(LogSource::Scenarios).collect())

@@ -20,6 +20,7 @@ mod leaderboard;
 mod list;
 mod live_table;
 mod log_sources;
+mod nuplan_args;
 mod progress;
 mod reference;
 mod report;
@@ -53,6 +54,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use self::nuplan_args::NuplanArgs;
 use self::suggestion::{did_you_mean, most_similar, question};
 use crate::evaluation::EvaluationError;
 use crate::files::{self, FolderLock};
@@ -484,9 +486,16 @@ struct ReadingArgs {
     /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
     #[arg(long)]
     all_agents: bool,
+    #[command(flatten)]
+    nuplan: NuplanArgs,
 }
 
 impl ReadingArgs {
+    /// Returns whether the shipped scenarios are meant, because no others are given.
+    fn is_shipped(&self, paths: &[PathBuf]) -> bool {
+        paths.is_empty() && !self.nuplan.is_given()
+    }
+
     /// Refuses options without effect on the shipped scenarios.
     fn check_absent(&self) -> anyhow::Result<()> {
         if self.current_frame.is_some() {
@@ -515,12 +524,13 @@ impl ReadingArgs {
         let frame = self.current_frame.map(|frame| ("current-frame", frame.to_string()));
         let step = self.window_step.map(|step| ("window-step", step.to_string()));
         let all = self.all_agents.then(|| ("all-agents", true.to_string()));
-        [frame, step, all].into_iter().flatten().map(|(name, value)| (name.to_owned(), value))
+        let filter = self.nuplan.named();
+        [frame, step, all].into_iter().flatten().chain(filter).map(|(name, value)| (name.to_owned(), value))
     }
 
     /// Finds inputs as [`find_inputs`] and sets how they are read.
     fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
-        let mut inputs = find_inputs(paths)?;
+        let mut inputs = self.nuplan.find_inputs(paths)?;
         for input in &mut inputs {
             (input.frames, input.all_agents) = (self.frames(), self.all_agents);
         }

@@ -47,9 +47,8 @@ pub(super) struct ReportArgs {
     /// Write to this file instead of stdout
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Scenarios of the runs, unless they ship with the program or are in the current folder; may be repeated
-    #[arg(long, value_name = "PATH", help_heading = PAGE)]
-    scenarios: Vec<PathBuf>,
+    #[command(flatten, next_help_heading = PAGE)]
+    scenarios: gallery::RunScenarioArgs,
     /// Number of scenes, of the scenarios in which simulators differ most [default: 12]
     #[arg(long, value_name = "N", help_heading = PAGE)]
     cases: Option<usize>,
@@ -66,7 +65,7 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         return page(args);
     }
     let of_page = [
-        ("--scenarios", !args.scenarios.is_empty()),
+        ("--scenarios", args.scenarios.is_given()),
         ("--cases", args.cases.is_some()),
         ("--case", !args.case.is_empty()),
         ("--all", args.all),

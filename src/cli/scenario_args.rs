@@ -52,7 +52,7 @@ impl ScenarioArgs {
     /// Finds the files of scenarios and recognises their formats.
     pub(super) fn sources(&self) -> anyhow::Result<Vec<Source>> {
         let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
-        if self.scenarios.is_empty() {
+        if self.reading.is_shipped(&self.scenarios) {
             self.reading.check_absent()?;
             return Ok(vec![Source::shipped(most)]);
         }
@@ -66,7 +66,7 @@ impl ScenarioArgs {
         known: &[FileRecord],
         checked: &BTreeSet<usize>,
     ) -> anyhow::Result<Vec<Source>> {
-        if self.scenarios.is_empty() {
+        if self.reading.is_shipped(&self.scenarios) {
             return self.sources();
         }
         let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);

@@ -14,9 +14,8 @@ pub(super) struct ViewArgs {
     /// Folders of runs or studies, written with --keep-rollouts
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Scenarios of the runs, unless they ship with the program or are in the current folder; may be repeated
-    #[arg(long, value_name = "PATH")]
-    scenarios: Vec<PathBuf>,
+    #[command(flatten)]
+    scenarios: gallery::RunScenarioArgs,
     /// Port of the page, on this machine only; 0 for any free one
     #[arg(long, default_value_t = 0, value_name = "PORT")]
     port: u16,

@@ -25,7 +25,7 @@ use crate::work::available_threads;
 #[derive(Debug, Args)]
 pub(super) struct MakeArgs {
     /// Files, folders or URLs of scenarios
-    #[arg(required = true, value_name = "SCENARIOS")]
+    #[arg(required_unless_present = "filter", value_name = "SCENARIOS")]
     pub(super) scenarios: Vec<PathBuf>,
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]

@@ -88,7 +88,7 @@ Example:
 #[command(after_help = AFTER)]
 pub(super) struct AdaptArgs {
     /// Files or folders of logs, in any format
-    #[arg(required = true, value_name = "LOGS")]
+    #[arg(required_unless_present = "filter", value_name = "LOGS")]
     logs: Vec<PathBuf>,
     /// Model to adapt: ntp-guarded, ntp-reactive, smart-small, trajtok-small, smart-reactive, regression or vbd
     #[arg(long, default_value = "ntp-guarded", value_name = "ID")]
@@ -200,6 +200,9 @@ fn check_folder(args: &AdaptArgs) -> anyhow::Result<Option<Value>> {
         "minutes": args.minutes,
         "seed": args.seed,
     });
+    for (name, value) in args.reading.nuplan.named() {
+        wanted[name] = json!(value);
+    }
     if !args.exclude.is_empty() {
         wanted["exclude"] = json!(args.exclude);
     }
