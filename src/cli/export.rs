@@ -1,6 +1,7 @@
 //! `reactsim export`: deviated AVs, scenarios and runs for other programs.
 
 mod av;
+mod reactsim_bench;
 mod scenes;
 mod wosac;
 
@@ -19,6 +20,8 @@ pub(super) struct ExportArgs {
 enum Export {
     /// Write the trajectories of deviated AVs, without anything of the recorded future
     Av(av::ExportAvArgs),
+    /// Write the rollouts of a run as files that are named like those of ReactSim-Bench
+    ReactsimBench(reactsim_bench::ExportBenchArgs),
     /// Write scenarios as frames that the Python package reads
     Scenes(scenes::ExportScenesArgs),
     /// Write a run in the realism protocol as a submission to the Waymo Open Sim Agents Challenge
@@ -28,6 +31,7 @@ enum Export {
 pub(super) fn export(args: &ExportArgs) -> anyhow::Result<ExitStatus> {
     match &args.what {
         Export::Av(args) => av::export(args),
+        Export::ReactsimBench(args) => reactsim_bench::export(args),
         Export::Scenes(args) => scenes::export(args),
         Export::Wosac(args) => wosac::export(args),
     }

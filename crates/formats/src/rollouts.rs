@@ -1,12 +1,14 @@
 //! Rollouts in Parquet: one row per scenario, simulator and rollout. Described in `docs/files.md`.
 
 mod by_name;
+mod pickle;
 
 use std::path::{Path, PathBuf};
 
 use arrow_array::RecordBatch;
 
 pub use by_name::ByName;
+pub use pickle::to_pickle;
 
 use super::error::{Cause, FormatError};
 use super::states::{self, StateColumns};
