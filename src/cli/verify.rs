@@ -1,15 +1,17 @@
 //! `reactsim verify`: checks that this program, on this machine, reproduces the numbers of a reference.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context, bail};
 use clap::Args;
 
 use super::progress::Progress;
 use super::subject::{ExecutionArgs, read_weights};
-use super::{ExitStatus, find_inputs, reference, say, stop_on_interrupt, write_result};
+use super::{ExitStatus, NuplanArgs, gallery, reference, say, stop_on_interrupt, write_result};
+use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
-use crate::evaluation::{Deviations, Source};
-use crate::report::verification;
+use crate::evaluation::{Deviations, FinishedRun, Source};
+use crate::report::{paper, verification};
 
 /// Stride in scenarios at which `--quick` runs networks.
 const QUICK_STRIDE: usize = 15;
@@ -21,26 +23,36 @@ Examples:
   reactsim verify
   reactsim verify --quick
   reactsim verify references/bench-v2-full --scenarios bench-v2-full.parquet
+  reactsim verify reactsim-bench-paper --run runs/official --scenarios official.selection.json
 
 Exit codes: 0 equal; 1 something differs; 2 the reference is damaged, or for another program or \
 benchmark.
 
 Simulators without a network must agree bit for bit. So must networks on the processor class and \
-backend of the reference; elsewhere, their mean paired differences must stay within its bounds.";
+backend of the reference; elsewhere, their mean paired differences must stay within its bounds.
+
+reactsim-bench-paper stands for the numbers that the paper ReactSim-Bench prints. Log replay of --run is compared with \
+them; where a number is not equal, the kept rollouts are scored again with other metric options.";
 
 /// Arguments of `verify`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER)]
 pub(super) struct VerifyArgs {
-    /// Name or folder of the reference of a run or study [default: that of the shipped benchmark]
+    /// Name or folder of the reference of a run or study, or reactsim-bench-paper [default: that of the shipped
+    /// benchmark]
     #[arg(value_name = "REFERENCE")]
     reference: Option<String>,
+    /// Finished run to compare with reactsim-bench-paper, with log replay and kept rollouts
+    #[arg(long, value_name = "RUN")]
+    run: Option<PathBuf>,
     /// Run networks only on every 15th scenario
     #[arg(long)]
     quick: bool,
     /// Scenarios of the runs, unless they ship with the program; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
+    #[command(flatten)]
+    nuplan: NuplanArgs,
     /// File of deviated AVs, if the reference has one
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
@@ -53,6 +65,12 @@ pub(super) struct VerifyArgs {
 }
 
 pub(super) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitStatus> {
+    match (&args.run, args.reference.as_deref()) {
+        (None, Some(PAPER)) => bail!("{PAPER}: give the run to compare with --run"),
+        (Some(run), Some(PAPER)) => return compare_with_paper(args, run),
+        (Some(_), _) => bail!("--run is compared with {PAPER} only: `reactsim compare` compares runs"),
+        (None, _) => {}
+    }
     let stop = stop_on_interrupt("stopping")?;
     let mut passed = true;
     let references = reference::find_all(args.reference.as_deref())?;
@@ -80,13 +98,35 @@ pub(super) fn verify(args: &VerifyArgs) -> anyhow::Result<ExitStatus> {
     Ok(if passed { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }
 
+/// Compares log replay of a run with the paper.
+fn compare_with_paper(args: &VerifyArgs, run: &Path) -> anyhow::Result<ExitStatus> {
+    let others = [
+        ("--quick", args.quick),
+        ("--deviations", args.deviations.is_some()),
+        ("--model-weights", !args.model_weights.is_empty()),
+    ];
+    if let Some((option, _)) = others.iter().find(|(_, is_given)| *is_given) {
+        bail!("{option}: {PAPER} is compared with what --run has; leave {option} out");
+    }
+    let finished = FinishedRun::open(run)?;
+    let scenarios = gallery::scenario_files(&[run], &args.nuplan.find_inputs(&args.scenarios)?)?;
+    let progress = Progress::new();
+    progress.set_total(Some(finished.tally().entries.len()));
+    let jobs = args.work.execution().jobs;
+    let compared = PaperComparison::of(&finished, &scenarios, jobs, &|n| progress.set_done(n));
+    progress.end();
+    let compared = compared.with_context(|| format!("could not compare {}", run.display()))?;
+    write_result(None, |out| paper::write(&compared, out))?;
+    Ok(if compared.passed() { ExitStatus::Done } else { ExitStatus::SomeFailed })
+}
+
 fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs> {
     let stated = &reference.provenance;
     let most = stated.settings.limit.unwrap_or(usize::MAX);
-    let sources = if args.scenarios.is_empty() {
+    let sources = if args.scenarios.is_empty() && !args.nuplan.is_given() {
         vec![Source::shipped(most)]
     } else {
-        let mut inputs = find_inputs(&args.scenarios)?;
+        let mut inputs = args.nuplan.find_inputs(&args.scenarios)?;
         // The provenance holds the current frames of each file.
         for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
             input.frames = file.frames();

@@ -34,6 +34,7 @@ mod mini_scenarios;
 mod model_weights;
 mod networks;
 mod ntp_reactive;
+mod official;
 mod page;
 mod planners;
 mod parameters;

@@ -42,6 +42,7 @@ mod left_out;
 mod long_tables;
 mod motion;
 mod navsim;
+pub mod paper;
 mod plan;
 mod pose;
 mod provenance;

@@ -12,6 +12,7 @@ mod latex;
 pub mod leaderboard;
 mod long;
 mod markdown;
+pub mod paper;
 mod parquet;
 pub mod page;
 pub mod study_tables;

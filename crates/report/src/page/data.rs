@@ -10,6 +10,7 @@ use serde_json::value::RawValue;
 use super::PageError;
 use super::choice::Lead;
 use super::gallery::{Gallery, GalleryScenario};
+use crate::paper::PaperTable;
 use crate::table::{self, Column};
 use crate::wosac_tables::{AGGREGATES, Aggregate};
 use crate::{Run, TableStyle, exporter, study_tables};
@@ -40,6 +41,8 @@ pub(super) struct Data<'a> {
     subjects: Vec<SubjectData<'a>>,
     scenarios: ScenarioData<'a>,
     studies: Vec<StudyData<'a>>,
+    /// The paper's rows, if a run may be comparable with them: deviated AVs on logs of nuPlan.
+    paper: Option<PaperTable>,
     downloads: Vec<Download>,
 }
 
@@ -177,6 +180,7 @@ impl Gallery {
                 .collect(),
             scenarios: self.scenario_data(scenes),
             studies: self.study_data()?,
+            paper: summaries.iter().any(|summary| is_like_paper(summary)).then(PaperTable::new),
             downloads,
         })
     }
@@ -248,6 +252,12 @@ impl Gallery {
             events: events.collect(),
         }
     }
+}
+
+/// Returns whether a run has deviated AVs on logs of nuPlan, as the paper.
+fn is_like_paper(summary: &Summary) -> bool {
+    let run = &summary.provenance.run;
+    run.deviations.is_some() && run.inputs.iter().any(|input| input.format == "nuplan")
 }
 
 /// Returns the explanation of the marks of a simulator.

@@ -103,7 +103,23 @@ function show() {
   for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
   $("main-about").textContent = `${count(size(part), "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles${isOneGroup ? "" : " among runs on the same scenarios with the same AV and settings"}.${marks}`;
   eventTable();
+  paperTable();
   onChange();
+}
+
+/** The paper's rows, each number as printed, and below them those of the runs on all scenarios. */
+function paperTable() {
+  const { paper } = data;
+  $("paper").hidden = !paper;
+  if (!paper) return;
+  const shown = paper.metrics.map(metric);
+  const own = (s) => shown.map((c) => s.summary.metrics[c.id]?.mean ?? null).map((mean, i) => (mean === null ? "–" : number(shown[i], mean)));
+  const row = (source, name, values) => el("tr", {}, el("td", {}, source), el("th", { scope: "row" }, name), ...values.map((v) => el("td", { class: "number" }, v)));
+  $("paper-table").replaceChildren(
+    el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Source"), el("th", { scope: "col" }, "Method"), ...shown.map((c) => el("th", { scope: "col", class: "number" }, titled(c))))),
+    el("tbody", {}, ...paper.rows.map(([name, values]) => row("paper", name, values)), ...subjects.filter((s) => s.summary).map((s) => row(several ? runs[s.run].name : "here", s.title, own(s)))),
+  );
+  $("paper-about").textContent = `ReactSim-Bench, arXiv 2606.14058, table 1: ${paper.scenarios} scenarios of nuPlan. Comparable with runs on these scenarios with their official AVs.`;
 }
 
 /** Table of events per scenario, and the share of scenarios with at least one. */

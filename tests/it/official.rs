@@ -1,0 +1,169 @@
+//! nuPlan's scenario filters, the paper's numbers and rollouts in the files of ReactSim-Bench, as commands.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use reactsim::evaluation::paper::{Agreement, PaperNumber};
+use reactsim::evaluation::{Estimate, read_summary};
+use reactsim_test_support::nuplan::Fixture;
+
+use crate::reference::{edit_both, run, said, text};
+
+const PAPER: &str = "reactsim-bench-paper";
+
+#[test]
+fn numbers_agree_as_they_are_printed_or_within_the_interval() {
+    let numbers: Vec<PaperNumber> = PaperNumber::all().collect();
+    let estimate = |mean, low, high| Estimate { mean: Some(mean), low, high, scenarios: 9 };
+    let (collisions, steering) = (numbers[0], numbers[6]);
+    assert_eq!((collisions.printed, steering.printed, numbers.len()), ("0.9829", "2.51", 9));
+    for (number, found, expected) in [
+        (collisions, estimate(0.982_94, None, None), Agreement::Equal),
+        (collisions, estimate(0.983, None, None), Agreement::Unknown),
+        (collisions, estimate(0.9, Some(0.8), Some(0.982_86)), Agreement::Within),
+        (collisions, estimate(0.9, Some(0.8), Some(0.982_84)), Agreement::Differs),
+        (collisions, Estimate::default(), Agreement::Unknown),
+        (steering, estimate(0.025_12, None, None), Agreement::Equal),
+        (steering, estimate(0.026, Some(0.025_14), Some(0.03)), Agreement::Within),
+        (steering, estimate(0.026, Some(0.025_16), Some(0.03)), Agreement::Differs),
+        (numbers[7], estimate(0.834_61, None, None), Agreement::Equal),
+        (numbers[8], estimate(0.981_3, None, None), Agreement::Unknown),
+    ] {
+        assert_eq!(number.agreement(&found), expected, "{number:?} {found:?}");
+    }
+}
+
+/// Returns the cells of the row of a table that begins with these.
+fn row<'a>(table: &'a str, begin: &[&str]) -> Vec<&'a str> {
+    let cells = |line: &'a str| line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>();
+    let found = table.lines().map(cells).find(|cells| cells.starts_with(begin));
+    found.unwrap_or_else(|| panic!("no row {begin:?}:\n{table}"))
+}
+
+#[test]
+fn log_replay_is_compared_with_the_paper() {
+    let (table, _) = said(&["verify", PAPER, "--run", text(run())], 1);
+    let summary = read_summary(run()).unwrap();
+    let found = &summary.simulators["log-replay"].metrics["aav-collision"];
+    let interval = format!("{:.4} to {:.4}", found.low.unwrap(), found.high.unwrap());
+    let expected = ["A-AV Coll.", "0.9829", &format!("{:.4}", found.mean.unwrap()), &interval, "differs"];
+    assert_eq!(row(&table, &["A-AV Coll.", "0.9829"]), expected);
+    assert!(table.contains("Here: 150 scenarios.") && table.contains("need not be equal"), "{table}");
+    assert!(!table.contains("Metric options of the run"), "{table}");
+    // Variants have the numbers of a run that is scored with the option.
+    let home = tempfile::tempdir().unwrap();
+    let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
+    let rollouts = run().join("rollouts.parquet");
+    for (title, metric, option, digits) in [
+        ("A-AV Coll.", "aav-collision", "corner_rounding=0", 4),
+        ("A-AV risky", "aav-ttc", "corner_rounding=0", 4),
+    ] {
+        let scored = home.path().join(metric);
+        let begin = ["score", text(&rollouts), "--scenarios", shipped, "--metric-option", option];
+        said(&[&begin[..], &["--out", text(&scored)]].concat(), 0);
+        let mean = read_summary(&scored).unwrap().simulators["log-replay"].metrics[metric].mean.unwrap();
+        let cells = row(&table, &[title, &format!("`{option}`")]);
+        assert_eq!(cells[3], format!("{mean:.digits$}"), "{cells:?}");
+    }
+    assert!(!table.contains("fault_order"), "it changes nothing here: {table}");
+    let steering = summary.simulators["log-replay"].metrics["curvature-velocity"].mean.unwrap();
+    assert_eq!(row(&table, &["Steer. (%)", "`curvature-velocity`"])[3], format!("{:.2}", 100.0 * steering));
+}
+
+#[test]
+fn runs_that_cannot_be_compared_with_the_paper_are_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let other = crate::reference::copy(run(), &home.path().join("other"));
+    assert!(said(&["verify", PAPER], 2).1.contains("give the run to compare with --run"));
+    assert!(said(&["verify", "--run", text(run())], 2).1.contains("with reactsim-bench-paper only"));
+    assert!(said(&["verify", PAPER, "--run", text(run()), "--quick"], 2).1.contains("leave --quick out"));
+    fs::remove_file(other.join("rollouts.parquet")).unwrap();
+    let (table, _) = said(&["verify", PAPER, "--run", text(&other)], 1);
+    assert!(table.contains("not computed: the run did not keep its rollouts"), "{table}");
+    assert!(row(&table, &["Steer. (%)", "`curvature-velocity`"]).len() == 6);
+    // Scenarios that are not there.
+    let moved = crate::reference::copy(run(), &home.path().join("moved"));
+    edit_both(&moved, |provenance| provenance["inputs"][0]["blake3"] = "00".repeat(32).into());
+    let (table, _) = said(&["verify", PAPER, "--run", text(&moved)], 1);
+    assert!(table.contains("not computed: the scenarios of the run are not there"), "{table}");
+    let idm = home.path().join("stop");
+    said(&["run", "--limit", "1", "--models", "stop", "--out", text(&idm)], 0);
+    assert!(said(&["verify", PAPER, "--run", text(&idm)], 2).1.contains("no simulator `log-replay`"));
+}
+
+/// Prints what a pickle has, if there is numpy.
+const SHOW: &str = "
+import pickle, sys
+try: import numpy
+except ImportError: sys.exit(3)
+it = pickle.load(open(sys.argv[1], 'rb'))
+x = it['trajectories']
+x += 0
+print(sorted(it), it['format'], it['scenario'], it['simulator'], it['first_frame'], it['agent_ids'][0], it['columns'])
+print(x.shape, x.dtype, it['valid'].shape, it['valid'].dtype, it['valid'].all(), numpy.isnan(x).any())
+print([round(float(v), 3) for v in x[0, 0, 0]])
+";
+
+#[test]
+fn filters_run_and_rollouts_are_named_as_in_the_benchmark() {
+    let made = Fixture::write();
+    let logs = made.log.parent().unwrap();
+    let at = |name: &str| logs.join(name);
+    fs::write(at("inner.yaml"), "scenario_types: [inner]\nscenario_tokens: null\n").unwrap();
+    let (filter, out, html_file, files) = (at("inner.yaml"), at("run"), at("page.html"), at("files"));
+    let selection = ["--nuplan", text(logs), "--filter", text(&filter)];
+    let models = ["--models", "log-replay,stop", "--av", "brake:1", "--keep-rollouts", "--out", text(&out)];
+    said(&[&["run"], &selection[..], &models].concat(), 0);
+    let summary = read_summary(&out).unwrap();
+    assert_eq!((summary.provenance.scenarios, summary.simulators.len()), (2, 2));
+    let input = &summary.provenance.run.inputs[0];
+    let companions: Vec<&str> = input.companions.iter().map(|file| file.name.as_str()).collect();
+    assert_eq!((input.name.as_str(), companions), ("inner.yaml", vec!["made.db", "map.gpkg"]));
+    let listed = said(&[&["list", "scenarios"], &selection[..]].concat(), 0).0;
+    assert!(listed.contains("700000000000001e") && listed.contains("700000000000001f"), "{listed}");
+    said(&[&["inspect"], &selection[..]].concat(), 0);
+    said(&[&["convert"], &selection[..], &["--out", text(&at("inner.parquet"))]].concat(), 0);
+    let page = ["report", text(&out), "--format", "html", "--out", text(&html_file)];
+    assert_eq!(said(&[&page, &selection[..]].concat(), 0).1, "");
+    // Beside deviated AVs on nuPlan, the page shows the paper's table.
+    let html = || fs::read_to_string(&html_file).unwrap();
+    assert!(html().contains(r#""paper":null"#));
+    edit_both(&out, |provenance| provenance["deviations"] = provenance["inputs"][0].clone());
+    said(&[&page, &selection[..]].concat(), 0);
+    assert!(html().contains(r#"["TrajTok",["0.1407","0.4173","2.23","0.61","1.03","3.23","3.93"]]"#));
+    for wrong in [&selection[..2], &selection[2..]] {
+        said(&[&["run"], wrong].concat(), 2);
+    }
+
+    let export = ["export", "reactsim-bench", text(&out), "--simulator", "stop", "--out", text(&files)];
+    let (_, note) = said(&[&export, &selection[..]].concat(), 0);
+    assert!(note.contains("2 scenarios of `stop`"), "{note}");
+    let file = files.join("town_7300000000000002_700000000000001f.pkl");
+    assert!(file.exists() && fs::read_dir(&files).unwrap().count() == 2);
+    let plain = [&export[..3], &["--out", text(&files)], &selection].concat();
+    assert!(said(&plain, 2).1.contains("give --simulator one of those of the run: log-replay, stop"));
+    let none = said(&export, 2).1;
+    assert!(none.contains("give them, or a selection of them, with --scenarios"), "{none}");
+    shows_its_content(&file);
+}
+
+fn shows_its_content(file: &Path) {
+    let shown = Command::new("python3").args(["-c", SHOW, text(file)]).output();
+    let Ok(shown) =
+        shown.map_err(|_| ()).and_then(|o| if o.status.code() == Some(3) { Err(()) } else { Ok(o) })
+    else {
+        return crate::skipped("no Python with numpy");
+    };
+    let lines = String::from_utf8(shown.stdout).unwrap();
+    let lines: Vec<&str> = lines.lines().collect();
+    assert_eq!(lines.len(), 3, "{}", String::from_utf8_lossy(&shown.stderr));
+    let keys =
+        "['agent_ids', 'columns', 'first_frame', 'format', 'scenario', 'simulator', 'trajectories', 'valid']";
+    let head = "reactsim-bench-rollouts-v1 700000000000001f stop 11 ego ['x', 'y', 'heading', 'vx', 'vy']";
+    assert_eq!(lines[0], format!("{keys} {head}"));
+    assert_eq!(lines[1], "(1, 2, 80, 5) float64 (1, 2, 80) bool True False");
+    // The AV of row 31 at 5 m/s, 0.1 s later, braking at 1 m/s²; 1.461 m ahead of its rear axle.
+    let x = 500_000.0 - 40.0 + 0.25 * 31.0 + 1.461 + 0.495;
+    assert!(lines[2].starts_with(&format!("[{x:.3}, 4982950.4, 0.0, 4.9")), "{}", lines[2]);
+}
