@@ -163,7 +163,7 @@ fn shows_its_content(file: &Path) {
     let head = "reactsim-bench-rollouts-v1 700000000000001f stop 11 ego ['x', 'y', 'heading', 'vx', 'vy']";
     assert_eq!(lines[0], format!("{keys} {head}"));
     assert_eq!(lines[1], "(1, 2, 80, 5) float64 (1, 2, 80) bool True False");
-    // The AV of row 31 at 5 m/s, 0.1 s later, braking at 1 m/s²; 1.461 m ahead of its rear axle.
-    let x = 500_000.0 - 40.0 + 0.25 * 31.0 + 1.461 + 0.495;
-    assert!(lines[2].starts_with(&format!("[{x:.3}, 4982950.4, 0.0, 4.9")), "{}", lines[2]);
+    // The AV of row 31, 0.1 s later, at 5 m/s; 1.461 m ahead of its rear axle.
+    let x = 500_000.0 - 40.0 + 0.25 * 31.0 + 1.461 + 0.5;
+    assert!(lines[2].starts_with(&format!("[{x:.3}, 4982950.4, 0.0, 4.99")), "{}", lines[2]);
 }
