@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::slice::from_ref;
 
 use reactsim_test_support::nuplan::Fixture;
 
@@ -84,7 +85,7 @@ fn filters_choose_as_the_devkit_does() {
     // Without a goal that is a pose.
     for goal in ["NULL", "x'0102030405060708'"] {
         let made = Fixture::write().log(&format!("UPDATE scene SET goal_ego_pose_token = {goal}"));
-        assert_eq!(rows(&[made.log.clone()], "remove_invalid_goals: true").unwrap(), Vec::<u32>::new());
+        assert_eq!(rows(from_ref(&made.log), "remove_invalid_goals: true").unwrap(), Vec::<u32>::new());
     }
 }
 
@@ -131,13 +132,13 @@ fn what_cannot_be_expressed_is_refused_by_name() {
         ("a: [", "not YAML"),
         ("a:\n\t- b: 'c", "not YAML"),
     ] {
-        let error = rows(&[made.log.clone()], text).unwrap_err().to_string();
+        let error = rows(from_ref(&made.log), text).unwrap_err().to_string();
         assert!(error.contains(expected), "{text}: {error}");
     }
     let deep = format!("a: {}", "[".repeat(100_000));
-    assert!(rows(&[made.log.clone()], &deep).is_err());
+    assert!(rows(from_ref(&made.log), &deep).is_err());
     let deep = format!("a:\n{}b", "- ".repeat(100_000));
-    assert!(rows(&[made.log.clone()], &deep).is_err());
+    assert!(rows(from_ref(&made.log), &deep).is_err());
 }
 
 #[test]
@@ -158,7 +159,7 @@ fn selections_and_inputs_take_filters() {
     let files = [made.log.clone(), made.map.clone()];
     assert_eq!(input.format.companions(&filter), files);
     let of_selection = crate::find_inputs(&selection).unwrap().remove(0);
-    assert_eq!(of_selection.format.companions(&selection), [&[filter.clone()], &files[..]].concat());
+    assert_eq!(of_selection.format.companions(&selection), [from_ref(&filter), &files].concat());
     // Files are named by map, scene and current frame.
     let wanted = ids.iter().cloned().collect();
     for input in [&input, &of_selection] {
