@@ -196,7 +196,7 @@ mod tests {
         fs::write(&input, "PAR1").unwrap();
         let input = input.to_str().unwrap();
         let mut tested = BTreeSet::new();
-        for (line, options) in WRITERS {
+        for &(line, options) in WRITERS {
             for option in options {
                 let others = options.iter().filter(|other| *other != option && line.starts_with("train"));
                 let others: String = others.map(|other| format!(" {other} o")).collect();
