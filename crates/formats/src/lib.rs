@@ -14,6 +14,7 @@ mod gpudrive;
 mod json;
 mod list;
 mod nuplan;
+mod pickle;
 mod scenarionet;
 mod states;
 pub mod table;

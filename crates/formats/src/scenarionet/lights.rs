@@ -3,7 +3,7 @@
 use reactsim_geometry::Vec2;
 use reactsim_scene::{FRAMES, LightParts, LightState, MapParts};
 
-use super::pickle::View;
+use crate::pickle::View;
 use super::window::Window;
 use crate::error::Cause;
 

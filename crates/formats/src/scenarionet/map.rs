@@ -9,7 +9,7 @@ use reactsim_scene::{
 };
 
 use super::ground;
-use super::pickle::View;
+use crate::pickle::View;
 use crate::error::Cause;
 use crate::gpudrive::links;
 

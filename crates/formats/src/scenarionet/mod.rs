@@ -5,7 +5,6 @@ mod ground;
 mod lights;
 mod map;
 mod parts;
-mod pickle;
 mod tracks;
 mod window;
 
@@ -13,11 +12,11 @@ use std::path::{Path, PathBuf};
 
 use reactsim_scene::Scenario;
 
-use self::pickle::Pickle;
 use super::error::{Cause, FormatError};
 use super::format::{
     PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole,
 };
+use super::pickle::Pickle;
 
 /// Maximum file size in bytes; the largest scenarios have some megabytes.
 const MAX_FILE_SIZE: u64 = 1 << 27;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
 
-use super::pickle::View;
+use crate::pickle::View;
 use super::window::Window;
 use super::{lights, map, tracks};
 use crate::error::Cause;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent, unknown_type};
 
-use super::pickle::{Grid, View};
+use crate::pickle::{Grid, View};
 use super::window::Window;
 use crate::error::Cause;
 

@@ -101,7 +101,7 @@ impl Array {
 }
 
 /// Numbers in rows and columns.
-pub(in crate::scenarionet) struct Grid<'a> {
+pub(crate) struct Grid<'a> {
     pub rows: usize,
     pub columns: usize,
     pub(super) numbers: Numbers<'a>,
@@ -115,7 +115,7 @@ pub(super) enum Numbers<'a> {
 
 impl Grid<'_> {
     /// Returns the number in a row and a column; NaN if they do not exist.
-    pub(in crate::scenarionet) fn at(&self, row: usize, column: usize) -> f64 {
+    pub(crate) fn at(&self, row: usize, column: usize) -> f64 {
         if row >= self.rows || column >= self.columns {
             return f64::NAN;
         }

@@ -16,10 +16,10 @@ mod tests;
 use std::cell::Cell;
 use std::ops::Range;
 
-pub(super) use self::array::Grid;
+pub(crate) use self::array::Grid;
 use self::array::{Array, Dtype};
 use self::globals::Global;
-pub(super) use self::view::View;
+pub(crate) use self::view::View;
 
 /// Index of a value in a pickle.
 type Id = u32;
@@ -48,7 +48,7 @@ enum Node {
 }
 
 /// Content of a pickle.
-pub(super) struct Pickle<'a> {
+pub(crate) struct Pickle<'a> {
     file: &'a [u8],
     nodes: Vec<Node>,
     root: Id,
@@ -62,13 +62,13 @@ const EXTRACTION_BUDGET: usize = 4_000_000;
 
 impl<'a> Pickle<'a> {
     /// Reads a pickle; errors name the byte offset.
-    pub(super) fn read(file: &'a [u8]) -> Result<Self, String> {
+    pub(crate) fn read(file: &'a [u8]) -> Result<Self, String> {
         let (nodes, root) = machine::run(file)?;
         Ok(Self { file, nodes, root, budget: Cell::new(EXTRACTION_BUDGET) })
     }
 
     /// Returns the outermost value.
-    pub(super) fn root(&self) -> View<'_> {
+    pub(crate) fn root(&self) -> View<'_> {
         View::new(self, self.root, String::new())
     }
 

@@ -27,12 +27,12 @@ impl<'a> View<'a> {
     }
 
     /// Returns the path from the outermost value.
-    pub(in crate::scenarionet) fn path(&self) -> &str {
+    pub(crate) fn path(&self) -> &str {
         &self.path
     }
 
     /// Returns the error of this value.
-    pub(in crate::scenarionet) fn wrong(&self, expected: impl Into<String>) -> Cause {
+    pub(crate) fn wrong(&self, expected: impl Into<String>) -> Cause {
         Cause::value(self.field(), self.describe(), expected)
     }
 
@@ -92,7 +92,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns an entry of a dictionary; `None` if it is missing or is Python's None.
-    pub(in crate::scenarionet) fn get(&self, key: &str) -> Result<Option<Self>, Cause> {
+    pub(crate) fn get(&self, key: &str) -> Result<Option<Self>, Cause> {
         let all = self.dict()?;
         if all.len() > MAX_KEYS {
             return Err(self.wrong(format!("a dictionary with the key `{key}` and at most {MAX_KEYS} keys")));
@@ -116,7 +116,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns the entries of a dictionary with their ids, in file order; at most `limit` of them.
-    pub(in crate::scenarionet) fn entries(&self, limit: usize) -> Result<Vec<(String, Self)>, Cause> {
+    pub(crate) fn entries(&self, limit: usize) -> Result<Vec<(String, Self)>, Cause> {
         let all = self.dict()?;
         if all.len() > limit {
             return Err(self.wrong(format!("at most {limit} entries: those of one scenario")));
@@ -132,7 +132,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns the items of a list, a tuple or an array of Python values.
-    pub(in crate::scenarionet) fn items(&self) -> Result<Vec<Self>, Cause> {
+    pub(crate) fn items(&self) -> Result<Vec<Self>, Cause> {
         let all = self.list().ok_or_else(|| self.wrong("a list"))?;
         if all.len() > MAX_ITEMS {
             return Err(self.wrong(format!("a list of at most {MAX_ITEMS} items")));
@@ -157,22 +157,22 @@ impl<'a> View<'a> {
     }
 
     /// Returns whether this is a dictionary.
-    pub(in crate::scenarionet) fn is_dict(&self) -> bool {
+    pub(crate) fn is_dict(&self) -> bool {
         matches!(self.node(), Node::Dict(_))
     }
 
     /// Returns whether this is Python's None.
-    pub(in crate::scenarionet) fn is_none(&self) -> bool {
+    pub(crate) fn is_none(&self) -> bool {
         matches!(self.node(), Node::None)
     }
 
     /// Returns whether this is a list, a tuple or an array of Python values.
-    pub(in crate::scenarionet) fn is_list(&self) -> bool {
+    pub(crate) fn is_list(&self) -> bool {
         self.list().is_some()
     }
 
     /// Returns the text; `None` if the value is not a text.
-    pub(in crate::scenarionet) fn as_text(&self) -> Option<&'a str> {
+    pub(crate) fn as_text(&self) -> Option<&'a str> {
         match self.node() {
             Node::Text(range) | Node::Bytes(range) => std::str::from_utf8(self.pickle.bytes(range)).ok(),
             _ => None,
@@ -219,7 +219,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns numbers in rows, from an array, a list of numbers (one column), or a list of rows.
-    pub(in crate::scenarionet) fn grid(&self) -> Result<Grid<'a>, Cause> {
+    pub(crate) fn grid(&self) -> Result<Grid<'a>, Cause> {
         match self.node() {
             Node::Array(array) if array.dtype.kind != Kind::Object => self.array_grid(array),
             _ => self.list_grid(),
@@ -267,7 +267,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns points from rows of x, y and an optional z, which is not read.
-    pub(in crate::scenarionet) fn points(&self) -> Result<Vec<Vec2>, Cause> {
+    pub(crate) fn points(&self) -> Result<Vec<Vec2>, Cause> {
         let grid = self.grid()?;
         if grid.rows == 0 {
             return Ok(Vec::new());
@@ -288,7 +288,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns the height of each point, metres; none if the points have two coordinates.
-    pub(in crate::scenarionet) fn heights(&self) -> Result<Vec<f64>, Cause> {
+    pub(crate) fn heights(&self) -> Result<Vec<f64>, Cause> {
         let grid = self.grid()?;
         if grid.columns < 3 {
             return Ok(Vec::new());
@@ -298,7 +298,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns one point from two or three numbers.
-    pub(in crate::scenarionet) fn point(&self) -> Result<Vec2, Cause> {
+    pub(crate) fn point(&self) -> Result<Vec2, Cause> {
         let grid = self.grid()?;
         let (x, y) = match (grid.rows, grid.columns) {
             (2 | 3, 1) => (grid.at(0, 0), grid.at(1, 0)),
