@@ -81,14 +81,16 @@ pub(super) enum Content {
     Value(super::Id),
 }
 
-/// An array of at most two dimensions.
+/// An array of numbers in planes, rows and columns, of which arrays of fewer dimensions have one.
 #[derive(Clone, Debug)]
 pub(super) struct Array {
     pub(super) dtype: Dtype,
-    pub(super) rows: usize,
-    pub(super) columns: usize,
-    /// Whether the numbers are stored column by column (Fortran order).
-    pub(super) by_column: bool,
+    /// Numbers of planes, rows and columns.
+    pub(super) shape: [usize; 3],
+    /// Distances between successive planes, rows and columns, in numbers.
+    pub(super) strides: [usize; 3],
+    /// Offset of the first number in the content, in bytes.
+    pub(super) start: usize,
     pub(super) content: Content,
 }
 
@@ -96,8 +98,59 @@ impl Array {
     /// Creates an array that is filled later.
     pub(super) fn empty() -> Self {
         let dtype = Dtype { kind: Kind::Unsigned, size: 1, big_endian: false };
-        Self { dtype, rows: 0, columns: 1, by_column: false, content: Content::Missing }
+        Self { dtype, shape: [1, 0, 1], strides: [0, 1, 0], start: 0, content: Content::Missing }
     }
+
+    /// Returns the shape as Python displays it.
+    pub(super) fn shown(&self) -> String {
+        let [planes, rows, columns] = self.shape;
+        if planes == 1 { format!("({rows}, {columns})") } else { format!("({planes}, {rows}, {columns})") }
+    }
+
+    /// Returns whether all numbers are within a content of so many bytes.
+    pub(super) fn is_within(&self, bytes: usize) -> bool {
+        if self.shape.contains(&0) {
+            return true;
+        }
+        let last = self.shape.iter().zip(&self.strides).try_fold(0_usize, |last, (side, stride)| {
+            (side - 1).checked_mul(*stride).and_then(|by| last.checked_add(by))
+        });
+        let end =
+            last.and_then(|last| last.checked_add(1)?.checked_mul(self.dtype.size)?.checked_add(self.start));
+        end.is_some_and(|end| end <= bytes)
+    }
+}
+
+/// Returns the distances between neighbours in an array without gaps, in numbers.
+pub(super) fn strides_of(sides: &[usize], by_column: bool) -> Vec<usize> {
+    let mut strides = vec![1_usize; sides.len()];
+    for i in 1..sides.len() {
+        let (here, inner) = if by_column { (i, i - 1) } else { (sides.len() - 1 - i, sides.len() - i) };
+        strides[here] = strides[inner].saturating_mul(sides[inner]);
+    }
+    strides
+}
+
+/// Returns the shape and the strides of an array of any number of dimensions as planes, rows and columns;
+/// `None` if its planes are not at equal distances.
+pub(super) fn folded(sides: &[usize], strides: &[usize]) -> Option<([usize; 3], [usize; 3])> {
+    let (mut planes, mut distance) = (1_usize, 0);
+    let outer = sides.len().saturating_sub(2);
+    for (side, stride) in sides[..outer].iter().zip(strides) {
+        if planes == 1 {
+            (planes, distance) = (*side, *stride);
+        } else if *side != 1 {
+            if distance != stride.checked_mul(*side)? {
+                return None;
+            }
+            (planes, distance) = (planes.checked_mul(*side)?, *stride);
+        }
+    }
+    Some(match (&sides[outer..], &strides[outer..]) {
+        ([rows, columns], [down, across]) => ([planes, *rows, *columns], [distance, *down, *across]),
+        ([rows], [down]) => ([1, *rows, 1], [0, *down, 0]),
+        _ => ([1, 1, 1], [0, 0, 0]),
+    })
 }
 
 /// Numbers in rows and columns.
@@ -109,7 +162,7 @@ pub(crate) struct Grid<'a> {
 
 /// Numbers of a grid.
 pub(super) enum Numbers<'a> {
-    Raw { bytes: &'a [u8], dtype: Dtype, by_column: bool },
+    Raw { bytes: &'a [u8], dtype: Dtype, start: usize, strides: [usize; 2] },
     Listed(Vec<f64>),
 }
 
@@ -121,10 +174,9 @@ impl Grid<'_> {
         }
         match &self.numbers {
             Numbers::Listed(all) => all.get(row * self.columns + column).copied().unwrap_or(f64::NAN),
-            Numbers::Raw { bytes, dtype, by_column } => {
-                let i = if *by_column { column * self.rows + row } else { row * self.columns + column };
-                let range = i * dtype.size..(i + 1) * dtype.size;
-                bytes.get(range).map_or(f64::NAN, |b| dtype.number(b))
+            Numbers::Raw { bytes, dtype, start, strides } => {
+                let at = start + (row * strides[0] + column * strides[1]) * dtype.size;
+                bytes.get(at..at + dtype.size).map_or(f64::NAN, |b| dtype.number(b))
             }
         }
     }

@@ -1,5 +1,7 @@
 //! Names that pickles may refer to, with their meaning here.
 
+use super::array::Dtype;
+
 /// Known name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Global {
@@ -23,6 +25,52 @@ pub(super) enum Global {
     Plain,
     /// Encodes a text as bytes; protocol 2 represents bytes this way.
     Encode,
+    /// Creates a tensor of PyTorch, a part of a storage.
+    Tensor,
+    /// Creates a storage from bytes that PyTorch wrote.
+    Storage,
+    /// The type of storages of such numbers.
+    StorageOf(Dtype),
+    /// Creates an object of a class.
+    NewObject,
+}
+
+/// Modules whose functions are called by files that attack who opens them.
+const ATTACKS: &[&str] = &[
+    "__builtin__",
+    "builtins",
+    "code",
+    "commands",
+    "ctypes",
+    "functools",
+    "importlib",
+    "multiprocessing",
+    "nt",
+    "operator",
+    "os",
+    "pickle",
+    "posix",
+    "pty",
+    "requests",
+    "runpy",
+    "shutil",
+    "socket",
+    "subprocess",
+    "sys",
+    "urllib",
+    "webbrowser",
+];
+
+/// Returns why a call of a name is refused: nothing is called, but such a file does harm in Python.
+pub(super) fn attack(name: &str) -> Option<String> {
+    let root = name.split('.').next().unwrap_or_default();
+    ATTACKS.contains(&root).then(|| {
+        let shown: String = name.chars().take(80).collect();
+        let shown = shown.escape_debug();
+        format!(
+            "it tries to run code: it calls `{shown}`, which is not run; do not open the file with Python"
+        )
+    })
 }
 
 /// Advice for files that refer to other names.
@@ -30,6 +78,27 @@ const ADVICE: &str = "a scenario contains only numpy arrays of numbers, lists, d
                       numbers: if you trust the file, save it again with these types only";
 
 impl Global {
+    /// Looks up a name that occurs beside those of [`Self::find`] in files of objects and tensors.
+    pub(super) fn of_objects(module: &str, name: &str) -> Option<Self> {
+        Some(match (module, name) {
+            ("torch._utils", "_rebuild_tensor_v2") => Self::Tensor,
+            ("torch.storage", "_load_from_bytes") => Self::Storage,
+            ("copyreg" | "copy_reg", "_reconstructor") => Self::NewObject,
+            ("torch", storage) => Self::StorageOf(Dtype::from_name(match storage {
+                "FloatStorage" => "f4",
+                "DoubleStorage" => "f8",
+                "LongStorage" => "i8",
+                "IntStorage" => "i4",
+                "ShortStorage" => "i2",
+                "CharStorage" => "i1",
+                "ByteStorage" => "u1",
+                "BoolStorage" => "b1",
+                _ => return None,
+            })?),
+            _ => return None,
+        })
+    }
+
     /// Looks up a name.
     pub(super) fn find(module: &str, name: &str) -> Result<Self, String> {
         // NumPy 2 moved its `core` to `_core`.

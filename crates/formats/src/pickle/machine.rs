@@ -5,7 +5,7 @@ mod calls;
 use std::ops::Range;
 
 use super::globals::Global;
-use super::{Id, Node};
+use super::{Id, Names, Node};
 
 /// Maximum number of values of a pickle; the largest scenarios have some hundred thousand.
 const MAX_NODES: usize = 2_000_000;
@@ -18,11 +18,12 @@ const MAX_NAME_LENGTH: usize = 1000;
 /// Marker of empty entries of the memo.
 const EMPTY: Id = Id::MAX;
 
-/// Runs a pickle; returns its values and the outermost one.
-pub(super) fn run(file: &[u8]) -> Result<(Vec<Node>, Id), String> {
+/// Runs a pickle in a part of a file; returns its values, the outermost one and where the pickle ends.
+pub(super) fn run(file: &[u8], part: Range<usize>, names: Names) -> Result<(Vec<Node>, Id, usize), String> {
     let mut machine = Machine {
-        file,
-        at: 0,
+        file: &file[..part.end],
+        at: part.start,
+        names,
         nodes: Vec::new(),
         stack: Vec::new(),
         marks: Vec::new(),
@@ -31,7 +32,7 @@ pub(super) fn run(file: &[u8]) -> Result<(Vec<Node>, Id), String> {
         copied: 0,
         encoded: 0,
     };
-    match file {
+    match file[part] {
         [0x80, 2..=5, ..] => {}
         [0x80, protocol, ..] => return Err(format!("it has protocol {protocol}, expected 2 to 5")),
         _ => return Err("it does not begin as pickles of protocol 2 to 5 do; save it with protocol 4".into()),
@@ -40,7 +41,7 @@ pub(super) fn run(file: &[u8]) -> Result<(Vec<Node>, Id), String> {
         let at = machine.at;
         match machine.step() {
             Ok(None) => {}
-            Ok(Some(root)) => return Ok((machine.nodes, root)),
+            Ok(Some(root)) => return Ok((machine.nodes, root, machine.at)),
             Err(what) => return Err(format!("at byte {at}: {what}")),
         }
     }
@@ -50,6 +51,7 @@ struct Machine<'a> {
     file: &'a [u8],
     /// Offset of the next byte.
     at: usize,
+    names: Names,
     nodes: Vec<Node>,
     stack: Vec<Id>,
     /// Heights of the stack at which containers were opened.
@@ -192,13 +194,13 @@ impl<'a> Machine<'a> {
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
-                let global = Global::find(&module, &name)?;
-                self.make(Node::Global(global))?;
+                let node = self.named(&module, &name)?;
+                self.make(node)?;
             }
             0x93 => {
                 let (name, module) = (self.pop()?, self.pop()?);
-                let global = Global::find(self.name(module)?, self.name(name)?)?;
-                self.make(Node::Global(global))?;
+                let node = self.named(self.name(module)?, self.name(name)?)?;
+                self.make(node)?;
             }
             b'R' => {
                 let (arguments, callee) = (self.pop()?, self.pop()?);
@@ -206,9 +208,13 @@ impl<'a> Machine<'a> {
                 self.make(made)?;
             }
             0x81 => {
-                let (_, class) = (self.pop()?, self.pop()?);
+                let (arguments, class) = (self.pop()?, self.pop()?);
                 match self.node(class) {
                     Node::Global(Global::Dict) => self.make(Node::Dict(Vec::new()))?,
+                    Node::Class(_) => {
+                        let object = self.object(arguments)?;
+                        self.make(object)?;
+                    }
                     _ => return Err("it creates an object of a class that cannot be created this way".into()),
                 }
             }
@@ -223,6 +229,11 @@ impl<'a> Machine<'a> {
                 Global::find(&module, &name)?;
                 return Err("it creates an object of an old-style class; save it with protocol 4".into());
             }
+            b'Q' if !matches!(self.names, Names::Listed) => {
+                let id = self.pop()?;
+                let storage = self.storage(id)?;
+                self.make(storage)?;
+            }
             b'P' | b'Q' => return Err("it refers to values outside the file; save it as one file".into()),
             0x97 | 0x98 => return Err("its arrays are outside the file; save it as one file".into()),
             0x82..=0x84 => return Err("it uses the extension registry of Python".into()),
@@ -233,6 +244,15 @@ impl<'a> Machine<'a> {
             }
         }
         Ok(None)
+    }
+
+    /// Returns the value of a name.
+    fn named(&self, module: &str, name: &str) -> Result<Node, String> {
+        if matches!(self.names, Names::Listed) {
+            return Global::find(module, name).map(Node::Global);
+        }
+        let known = Global::of_objects(module, name).or_else(|| Global::find(module, name).ok());
+        Ok(known.map_or_else(|| Node::Class(format!("{module}.{name}")), Node::Global))
     }
 
     fn remains(&self, length: usize) -> Result<(), String> {

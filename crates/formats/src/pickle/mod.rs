@@ -1,10 +1,13 @@
-//! Python pickles of plain containers and numpy arrays, read without running anything.
+//! Python pickles of plain containers, numpy arrays and, if wanted, objects and tensors, read without running
+//! anything.
 //!
 //! A pickle is a program for a small stack machine, two instructions of which call functions that the file
 //! refers to by name. Here names are looked up in a short list with fixed meanings ([`globals::Global`]); any
-//! other name is an error. Texts and arrays are not copied: they are ranges of the file. Opcodes: Python's
-//! `Lib/pickletools.py`; protocols 2 to 5.
+//! other name is an error, or, in files of objects ([`Pickle::read_objects`]), the name of a class, whose
+//! objects are dictionaries of their attributes. Texts and arrays are not copied: they are ranges of the
+//! file. Opcodes: Python's `Lib/pickletools.py`; protocols 2 to 5.
 
+mod archive;
 mod array;
 mod globals;
 mod machine;
@@ -14,6 +17,7 @@ mod view;
 mod tests;
 
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 pub(crate) use self::array::Grid;
@@ -43,8 +47,20 @@ enum Node {
     /// Pairs in file order; of equal keys the last one applies.
     Dict(Vec<(Id, Id)>),
     Global(Global),
+    /// Name of a class, or of a function that is not called.
+    Class(String),
     Dtype(Dtype),
     Array(Box<Array>),
+}
+
+/// Names that a pickle may refer to.
+enum Names {
+    /// Those with a meaning here.
+    Listed,
+    /// Any, and storages of tensors by these keys.
+    Any(BTreeMap<String, Range<u32>>),
+    /// Those of the description of a storage, whose numbers follow it.
+    Storage,
 }
 
 /// Content of a pickle.
@@ -63,7 +79,20 @@ const EXTRACTION_BUDGET: usize = 4_000_000;
 impl<'a> Pickle<'a> {
     /// Reads a pickle; errors name the byte offset.
     pub(crate) fn read(file: &'a [u8]) -> Result<Self, String> {
-        let (nodes, root) = machine::run(file)?;
+        Self::run(file, 0..file.len(), Names::Listed)
+    }
+
+    /// Reads a pickle, also in an archive of PyTorch, that may contain objects of any class and tensors.
+    pub(crate) fn read_objects(file: &'a [u8]) -> Result<Self, String> {
+        if !archive::is_archive(file) {
+            return Self::run(file, 0..file.len(), Names::Any(BTreeMap::new()));
+        }
+        let (pickle, storages) = archive::parts(file)?;
+        Self::run(file, pickle, Names::Any(storages))
+    }
+
+    fn run(file: &'a [u8], part: Range<usize>, names: Names) -> Result<Self, String> {
+        let (nodes, root, _) = machine::run(file, part, names)?;
         Ok(Self { file, nodes, root, budget: Cell::new(EXTRACTION_BUDGET) })
     }
 

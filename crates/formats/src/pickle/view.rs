@@ -45,7 +45,7 @@ impl<'a> View<'a> {
     }
 
     /// Describes the value in a few words.
-    fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         match self.node() {
             Node::None => "None".into(),
             Node::Bool(b) => b.to_string(),
@@ -60,8 +60,8 @@ impl<'a> View<'a> {
             Node::List(all) => format!("a list of {}", all.len()),
             Node::Tuple(all) => format!("a tuple of {}", all.len()),
             Node::Dict(all) => format!("a dictionary of {}", all.len()),
-            Node::Global(_) | Node::Dtype(_) => "a type".into(),
-            Node::Array(array) => format!("an array of shape ({}, {})", array.rows, array.columns),
+            Node::Global(_) | Node::Dtype(_) | Node::Class(_) => "a type".into(),
+            Node::Array(array) => format!("an array of shape {}", array.shown()),
         }
     }
 
@@ -221,12 +221,45 @@ impl<'a> View<'a> {
     /// Returns numbers in rows, from an array, a list of numbers (one column), or a list of rows.
     pub(crate) fn grid(&self) -> Result<Grid<'a>, Cause> {
         match self.node() {
-            Node::Array(array) if array.dtype.kind != Kind::Object => self.array_grid(array),
+            Node::Array(array) if array.dtype.kind != Kind::Object => self.array_grid(array, 0),
             _ => self.list_grid(),
         }
     }
 
-    fn array_grid(&self, array: &'a Array) -> Result<Grid<'a>, Cause> {
+    /// Returns the numbers of planes, rows and columns of an array of numbers.
+    pub(crate) fn shape(&self) -> Option<[usize; 3]> {
+        match self.node() {
+            Node::Array(array) if array.dtype.kind != Kind::Object => Some(array.shape),
+            _ => None,
+        }
+    }
+
+    /// Returns the numbers of a plane of an array.
+    pub(crate) fn plane(&self, plane: usize) -> Result<Grid<'a>, Cause> {
+        match self.node() {
+            Node::Array(array) if plane < array.shape[0] && array.dtype.kind != Kind::Object => {
+                self.array_grid(array, plane)
+            }
+            _ => Err(self.wrong("an array with this plane")),
+        }
+    }
+
+    /// Returns the values in a container of any kind, with their keys or indices.
+    pub(crate) fn children(&self) -> Result<Vec<(String, Self)>, Cause> {
+        if self.is_list() {
+            let items = self.items()?.into_iter().enumerate();
+            return Ok(items.map(|(i, item)| (format!("[{i}]"), item)).collect());
+        }
+        let Node::Dict(entries) = self.node() else { return Ok(Vec::new()) };
+        self.spend(entries.len())?;
+        let entry = |(key, value): &(Id, Id)| {
+            let name = Self::new(self.pickle, *key, String::new()).name().ok()?;
+            Some((name.clone(), self.child(*value, &name)))
+        };
+        Ok(entries.iter().filter_map(entry).collect())
+    }
+
+    fn array_grid(&self, array: &'a Array, plane: usize) -> Result<Grid<'a>, Cause> {
         let bytes = match &array.content {
             Content::File(range) => self.pickle.bytes(range),
             Content::Value(id) => match self.pickle.node(*id) {
@@ -235,8 +268,10 @@ impl<'a> View<'a> {
             },
             Content::Missing => return Err(self.wrong("an array with content")),
         };
-        let numbers = Numbers::Raw { bytes, dtype: array.dtype, by_column: array.by_column };
-        Ok(Grid { rows: array.rows, columns: array.columns, numbers })
+        let ([_, rows, columns], [planes, down, across]) = (array.shape, array.strides);
+        let start = array.start + plane * planes * array.dtype.size;
+        let numbers = Numbers::Raw { bytes, dtype: array.dtype, start, strides: [down, across] };
+        Ok(Grid { rows, columns, numbers })
     }
 
     fn list_grid(&self) -> Result<Grid<'a>, Cause> {
@@ -247,7 +282,7 @@ impl<'a> View<'a> {
             let row = match item.node() {
                 Node::Int(_) | Node::Float(_) | Node::Bool(_) => vec![item.number()?],
                 Node::Array(array) if array.dtype.kind != Kind::Object => {
-                    let row = item.array_grid(array)?;
+                    let row = item.array_grid(array, 0)?;
                     let length = row.rows.saturating_mul(row.columns);
                     item.spend(length)?;
                     (0..row.rows)

@@ -1,9 +1,9 @@
 //! Calls of names, and building of their results.
 
-use super::super::array::{Array, Content, Dtype, Kind};
-use super::super::globals::Global;
-use super::super::{Id, Node};
-use super::Machine;
+use super::super::array::{Array, Content, Dtype, Kind, folded, strides_of};
+use super::super::globals::{Global, attack};
+use super::super::{Id, Names, Node};
+use super::{Machine, run};
 
 /// Maximum number of entries that are copied between containers.
 const MAX_COPIED_ENTRIES: usize = 1_000_000;
@@ -13,8 +13,11 @@ const MAX_ENCODED_BYTES: usize = 1 << 26;
 impl Machine<'_> {
     /// Calls a name with arguments.
     pub(super) fn call(&mut self, callee: Id, arguments: Id) -> Result<Node, String> {
-        let Node::Global(callee) = *self.node(callee) else {
-            return Err("it calls a value that is not a name".into());
+        let callee = match self.node(callee) {
+            Node::Global(callee) => *callee,
+            // What it would make is represented by what it would be made of.
+            Node::Class(name) => return attack(name).map_or_else(|| self.object(arguments), Err),
+            _ => return Err("it calls a value that is not a name".into()),
         };
         let arguments = self.tuple(arguments)?;
         Ok(match (callee, arguments) {
@@ -87,6 +90,26 @@ impl Machine<'_> {
                 self.copies(all.len())?;
                 Node::Dict(all)
             }
+            (Global::NewObject, _) => Node::Dict(Vec::new()),
+            (Global::Storage, [bytes]) => self.storage_of_bytes(*bytes)?,
+            (Global::Tensor, [storage, offset, size, stride, ..]) => {
+                let Node::Array(storage) = self.node(*storage) else {
+                    return Err("a tensor without a storage".into());
+                };
+                let Node::Int(offset) = *self.node(*offset) else {
+                    return Err("a tensor without an offset".into());
+                };
+                let parts = folded(&self.sides(*size)?, &self.sides(*stride)?);
+                let (shape, strides) = parts.ok_or("a tensor whose planes are not at equal distances")?;
+                let (dtype, content) = (storage.dtype, storage.content.clone());
+                let offset = usize::try_from(offset).ok().and_then(|o| o.checked_mul(dtype.size));
+                let start = offset.and_then(|o| o.checked_add(storage.start));
+                let tensor = Array { dtype, shape, strides, start: start.unwrap_or(usize::MAX), content };
+                if !tensor.is_within(storage.start + storage.shape[1] * dtype.size) {
+                    return Err(format!("a tensor of shape {} beyond its storage", tensor.shown()));
+                }
+                Node::Array(Box::new(tensor))
+            }
             (Global::Encode, [text, codec]) => {
                 if !matches!(self.name(*codec)?, "latin1" | "latin-1") {
                     return Err("bytes in another encoding than latin1".into());
@@ -104,6 +127,64 @@ impl Machine<'_> {
             }
             _ => return Err(format!("{callee:?} is called with {} arguments", arguments.len())),
         })
+    }
+
+    /// Returns an object: the arguments from which it is made, or, without any, its attributes, which follow.
+    pub(super) fn object(&mut self, arguments: Id) -> Result<Node, String> {
+        let arguments = self.tuple(arguments)?.to_vec();
+        self.copies(arguments.len())?;
+        Ok(if arguments.is_empty() { Node::Dict(Vec::new()) } else { Node::Tuple(arguments) })
+    }
+
+    /// Returns the storage with a description: `storage`, type, key, place and number of entries.
+    pub(super) fn storage(&self, id: Id) -> Result<Node, String> {
+        let [_, kind, key, _, count, ..] = self.tuple(id)? else {
+            return Err("it refers to a value outside the file that is no storage of a tensor".into());
+        };
+        let (Node::Global(Global::StorageOf(dtype)), Node::Int(count)) =
+            (self.node(*kind), self.node(*count))
+        else {
+            return Err("a tensor of numbers other than floats and integers".into());
+        };
+        let count = usize::try_from(*count).map_err(|_| format!("a storage of {count} numbers"))?;
+        let content = match &self.names {
+            Names::Any(storages) => {
+                let key = self.name(*key)?;
+                let range = storages.get(key).ok_or("a tensor whose numbers are outside the file")?;
+                if count.checked_mul(dtype.size) != Some(range.len()) {
+                    return Err(format!("a storage of {count} numbers with {} bytes", range.len()));
+                }
+                Content::File(range.clone())
+            }
+            Names::Listed | Names::Storage => Content::Missing,
+        };
+        let (shape, strides) = ([1, count, 1], [0, 1, 0]);
+        Ok(Node::Array(Box::new(Array { dtype: *dtype, shape, strides, start: 0, content })))
+    }
+
+    /// Returns the storage in bytes that PyTorch wrote: a magic number, two descriptions of the program, that
+    /// of the storage, its key, the number of its entries, and the entries.
+    fn storage_of_bytes(&self, id: Id) -> Result<Node, String> {
+        const MAGIC: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.";
+        let Some(bytes) = self.raw(id).filter(|bytes| bytes.starts_with(MAGIC)) else {
+            return Err("a storage of a tensor in an unknown format; save numpy arrays".into());
+        };
+        let (mut at, mut described) = (MAGIC.len(), None);
+        for _ in 0..3 {
+            let (mut nodes, root, end) = run(bytes, at..bytes.len(), Names::Storage)?;
+            (at, described) = (end, Some(nodes.swap_remove(root as usize)));
+        }
+        let Some(Node::Array(mut storage)) = described else {
+            return Err("a tensor without the description of its storage".into());
+        };
+        let length = storage.shape[1].checked_mul(storage.dtype.size).filter(|n| *n + 8 <= bytes.len() - at);
+        let start = bytes.len() - length.ok_or("a storage that is cut; fetch the file again")?;
+        storage.start = start;
+        storage.content = match self.node(id) {
+            Node::Bytes(range) => Content::File(range.clone()),
+            _ => Content::Value(id),
+        };
+        Ok(Node::Array(storage))
     }
 
     /// Counts copied entries against their limit.
@@ -150,45 +231,74 @@ impl Machine<'_> {
                 dtype.big_endian = self.name(*order)? == ">";
                 self.nodes[object as usize] = Node::Dtype(dtype);
             }
-            // Attributes of a dictionary subclass are not part of the scenario.
-            Node::Dict(_) => {}
+            // Attributes of a dictionary subclass are not part of a scenario.
+            Node::Dict(_) if matches!(self.names, Names::Listed) => {}
+            Node::Dict(_) | Node::Tuple(_) if !matches!(self.names, Names::Listed) => {
+                self.set_attributes(object, state)?;
+            }
             _ => return Err("a state for a value without one".into()),
         }
         Ok(())
+    }
+
+    /// Adds attributes, which are a dictionary, or two of which one may be missing.
+    fn set_attributes(&mut self, object: Id, state: Id) -> Result<(), String> {
+        let parts = match self.node(state) {
+            Node::Tuple(parts) => parts.clone(),
+            _ => vec![state],
+        };
+        let dicts = parts.iter().filter_map(|part| match self.node(*part) {
+            Node::Dict(entries) => Some(entries.as_slice()),
+            _ => None,
+        });
+        let attributes = dicts.collect::<Vec<_>>().concat();
+        self.copies(attributes.len() + parts.len())?;
+        match &mut self.nodes[object as usize] {
+            Node::Dict(entries) => entries.extend(attributes),
+            _ if attributes.is_empty() => {}
+            other => *other = Node::Dict(attributes),
+        }
+        Ok(())
+    }
+
+    /// Returns the lengths in a tuple.
+    fn sides(&self, shape: Id) -> Result<Vec<usize>, String> {
+        let side = |id: &Id| match self.node(*id) {
+            Node::Int(side) => usize::try_from(*side).map_err(|_| format!("an array with a side of {side}")),
+            _ => Err("the shape of an array is not made of whole numbers".into()),
+        };
+        self.tuple(shape)?.iter().map(side).collect()
     }
 
     fn array(&self, shape: Id, dtype: Id, by_column: bool, data: Id) -> Result<Array, String> {
         let Node::Dtype(dtype) = *self.node(dtype) else {
             return Err("an array without a type".into());
         };
-        let mut sides = [1_usize; 2];
-        let shape = self.tuple(shape)?;
-        if shape.len() > 2 {
-            return Err(format!("an array of {} dimensions, expected one or two", shape.len()));
+        let sides = self.sides(shape)?;
+        if sides.len() > 2 && matches!(self.names, Names::Listed) {
+            return Err(format!("an array of {} dimensions, expected one or two", sides.len()));
         }
-        for (side, given) in sides.iter_mut().zip(shape) {
-            let Node::Int(given) = self.node(*given) else {
-                return Err("the shape of an array is not made of whole numbers".into());
-            };
-            *side = usize::try_from(*given).map_err(|_| format!("an array with a side of {given}"))?;
-        }
-        let [rows, columns] = sides;
-        let count = rows.checked_mul(columns).ok_or("an array that exceeds the memory")?;
-        let content = match (self.node(data), dtype.kind) {
+        let count = sides.iter().try_fold(1_usize, |count, side| count.checked_mul(*side));
+        let count = count.ok_or("an array that exceeds the memory")?;
+        let parts = folded(&sides, &strides_of(&sides, by_column));
+        let (shape, strides) = parts.ok_or("an array of more than three dimensions in Fortran order")?;
+        let mut array = Array { dtype, shape, strides, start: 0, content: Content::Missing };
+        array.content = match (self.node(data), dtype.kind) {
             (Node::List(items), Kind::Object) if items.len() == count => Content::Value(data),
             (Node::Bytes(range), kind) if kind != Kind::Object => Content::File(range.clone()),
             (Node::OwnedBytes(_), kind) if kind != Kind::Object => Content::Value(data),
-            _ => return Err(format!("an array of shape ({rows}, {columns}) without content")),
+            _ => return Err(format!("an array of shape {} without content", array.shown())),
         };
         if let Some(bytes) = self.raw(data) {
             let expected = count.checked_mul(dtype.size).ok_or("an array that exceeds the memory")?;
             if bytes.len() != expected {
                 let found = bytes.len();
                 return Err(format!(
-                    "an array of shape ({rows}, {columns}) with {found} bytes, expected {expected}"
+                    "an array of shape {} with {found} bytes, expected {expected}",
+                    array.shown()
                 ));
             }
         }
-        Ok(Array { dtype, rows, columns, by_column, content })
+        Ok(array)
     }
 }
