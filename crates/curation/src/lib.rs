@@ -34,7 +34,7 @@ pub use candidate_file::{CandidateFile, MAX_CANDIDATES};
 pub use choice::{Chooser, score};
 pub use filter::{CandidateFilter, FilterContext, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;
-pub use pipeline::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
+pub use pipeline::{CurationOutcome, CurationSettings, SOURCES, curate_scenario, taxonomy_of};
 pub use planner::PlannerSource;
 pub use preselect::{AV_ABSENT, FEW_VEHICLES, NO_APPROACH, Preselection};
 pub use quota::{DIFFICULTIES, PROPORTIONS, Quota, Strictness, in_proportion};

@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_rollout::{Purpose, Stream, stream};
+use reactsim_rollout::{AvError, Purpose, Stream, stream};
 use reactsim_scene::{AgentState, Scenario};
 
 use super::filter::{FilterContext, FilterSettings, Trial};
 use super::filters::FILTERS;
 use super::rules::Rules;
 use super::{
-    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, choice, taxonomy,
+    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, Taxonomy, choice,
+    taxonomy,
 };
 
 /// All sources of candidates apart from files ([`super::CandidateFile`]).
@@ -140,6 +141,30 @@ fn is_same(a: &[AgentState], b: &[AgentState]) -> bool {
     a.iter().zip(b).all(|(a, b)| (a.position() - b.position()).norm() <= SAME_TRAJECTORY_DISTANCE)
 }
 
+/// Determines the category of a trajectory that another program made.
+///
+/// # Errors
+/// [`AvError`] when the logged AV is absent at a step, or jumps.
+pub fn taxonomy_of(scenario: &Scenario, future: &[AgentState]) -> Result<Taxonomy, AvError> {
+    let context = FilterContext::new(scenario)?;
+    let track = std::iter::once(scenario.start.now(0)).chain(future.iter().copied()).collect();
+    let (source, maneuver) = (String::new(), String::new());
+    let candidate = Candidate { source, number: 0, intent: None, maneuver, track };
+    Ok(classified(&Trial::new(&context, &candidate, &FilterSettings::default())))
+}
+
+fn classified(trial: &Trial<'_>) -> Taxonomy {
+    let context = trial.context;
+    taxonomy::classify(
+        &context.scenario.start.road(),
+        &context.logged_path,
+        &context.log,
+        &trial.candidate.track,
+        &context.scenario.start.agents[0],
+        trial.conflict(),
+    )
+}
+
 /// Applies all filters to one candidate.
 fn judge(context: &FilterContext<'_>, candidate: Candidate, settings: &CurationSettings) -> CandidateRecord {
     let trial = Trial::new(context, &candidate, &settings.filters);
@@ -157,14 +182,7 @@ fn judge(context: &FilterContext<'_>, candidate: Candidate, settings: &CurationS
             rejected = Some((filter.id().to_owned(), reason));
         }
     }
-    let taxonomy = taxonomy::classify(
-        &context.scenario.start.road(),
-        &context.logged_path,
-        &context.log,
-        &candidate.track,
-        &context.scenario.start.agents[0],
-        trial.conflict(),
-    );
+    let taxonomy = classified(&trial);
     let (pressure, offsets) = (trial.pressure(), trial.offsets());
     let certificate = if rejected.is_none() { trial.certificate().as_ref().ok().cloned() } else { None };
     drop(trial);

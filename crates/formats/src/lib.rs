@@ -23,6 +23,7 @@ mod womd;
 pub mod deviations;
 pub mod document;
 pub mod native;
+pub mod reactsim_bench;
 pub mod rollouts;
 pub mod wosac;
 

@@ -10,6 +10,7 @@ use std::thread;
 pub mod documents;
 #[cfg(feature = "nuplan")]
 pub mod nuplan;
+pub mod pickle;
 pub mod proto;
 
 /// Environment variable that makes tests fail where the shared data is missing, instead of skipping them.

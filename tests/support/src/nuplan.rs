@@ -7,7 +7,7 @@ use reactsim_geometry::Vec2;
 use rusqlite::{Connection, params};
 
 /// Easting and northing, in metres, of 3° east and 45° north in UTM zone 31, where the map lies.
-const ORIGIN: (f64, f64) = (500_000.0, 4_982_950.400_226_551);
+pub const ORIGIN: (f64, f64) = (500_000.0, 4_982_950.400_226_551);
 
 /// Data folder with one log and one map.
 pub struct Fixture {
@@ -39,6 +39,23 @@ impl Fixture {
     /// Changes the log by SQL.
     pub fn log(self, sql: &str) -> Self {
         opened(&self.log).execute_batch(sql).unwrap();
+        self
+    }
+
+    /// Moves the AV: x and y of its rear axle in metres from the origin of the map, and heading, by row.
+    pub fn drive(self, pose: impl Fn(u32) -> [f64; 3]) -> Self {
+        let mut connection = opened(&self.log);
+        let db = connection.transaction().unwrap();
+        for row in 0..221 {
+            let [x, y, heading] = pose(row);
+            let (w, z) = ((0.5 * heading).cos(), (0.5 * heading).sin());
+            db.execute(
+                "UPDATE ego_pose SET x = ?1, y = ?2, qw = ?3, qz = ?4 WHERE token = ?5",
+                params![ORIGIN.0 + x, ORIGIN.1 + y, w, z, token(b'e', row)],
+            )
+            .unwrap();
+        }
+        db.commit().unwrap();
         self
     }
 

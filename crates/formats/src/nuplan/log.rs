@@ -164,7 +164,7 @@ impl Log {
     }
 
     /// Reads the rows of the clock with their poses; returns all poses.
-    fn sweeps(&mut self, database: &Database) -> Result<BTreeMap<Token, Ego>, Cause> {
+    pub(super) fn sweeps(&mut self, database: &Database) -> Result<BTreeMap<Token, Ego>, Cause> {
         let clocks = clock_lidars(database)?;
         let mut poses = BTreeMap::new();
         let columns = ["token", "x", "y", "qw", "qx", "qy", "qz", "vx", "vy", "epsg"];

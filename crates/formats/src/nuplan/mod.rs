@@ -4,6 +4,7 @@
 //! A log gives a scenario every ten seconds; a selection lists logs and selects windows by token, tag, time
 //! or a scenario filter of nuPlan's devkit. Maps are read once and shared. Described in `docs/files.md`.
 
+mod drive;
 mod filter;
 mod index;
 mod layers;
@@ -28,11 +29,13 @@ use reactsim_files::as_url;
 use reactsim_scene::Scenario;
 
 use self::index::LogIndex;
+pub use self::drive::Pose;
+pub(super) use self::drive::{Drive, ROWS_BEFORE, TO_CENTER, rows_among, scenes};
 use self::log::Log;
 use self::map::Map;
 use self::selection::{Anchors, Selection, WindowChoice, check_maps, logs_at};
 use self::sqlite::Database;
-use self::token::Token;
+pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};
 use super::format::{CurrentFrames, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
 use super::list::Input;

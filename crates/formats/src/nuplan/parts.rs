@@ -22,7 +22,7 @@ const AV_LENGTH: f64 = 5.176;
 /// Width of the AV in metres (the devkit's `get_pacifica_parameters`).
 const AV_WIDTH: f64 = 2.297;
 /// Distance in metres from the rear axle of the AV to the centre of its box.
-const AXLE_TO_CENTER: f64 = 1.461;
+pub(super) const AXLE_TO_CENTER: f64 = 1.461;
 /// Maximum number of objects of a scenario: usual scenarios have some hundred, and each object takes 91
 /// frames however often it was seen.
 const MAX_OBJECTS: usize = 10_000;

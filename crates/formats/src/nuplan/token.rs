@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Identifier of a row: 8 bytes, displayed as 16 hexadecimal digits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct Token([u8; 8]);
+pub(crate) struct Token([u8; 8]);
 
 impl Token {
     /// Creates a token from 8 bytes; `None` for another number of bytes.
@@ -13,7 +13,7 @@ impl Token {
     }
 
     /// Parses a token of 16 hexadecimal digits.
-    pub(super) fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         let good = text.len() == 16 && text.bytes().all(|b| b.is_ascii_hexdigit());
         good.then(|| u64::from_str_radix(text, 16).ok()).flatten().map(|n| Self(n.to_be_bytes()))
     }

@@ -6,7 +6,7 @@ use super::log::Log;
 use crate::error::Cause;
 
 /// Number of rows of the clock (20 Hz) per frame (10 Hz).
-const ROWS_PER_FRAME: usize = 2;
+pub(super) const ROWS_PER_FRAME: usize = 2;
 /// Valid time in microseconds between successive frames; a longer time means missing rows.
 const FRAME_INTERVAL: std::ops::Range<i64> = 50_000..150_000;
 

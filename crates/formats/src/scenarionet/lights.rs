@@ -3,9 +3,9 @@
 use reactsim_geometry::Vec2;
 use reactsim_scene::{FRAMES, LightParts, LightState, MapParts};
 
-use crate::pickle::View;
 use super::window::Window;
 use crate::error::Cause;
+use crate::pickle::View;
 
 /// Maximum number of lights of a scenario.
 const MAX_LIGHTS: usize = 10_000;

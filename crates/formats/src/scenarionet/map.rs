@@ -9,9 +9,9 @@ use reactsim_scene::{
 };
 
 use super::ground;
-use crate::pickle::View;
 use crate::error::Cause;
 use crate::gpudrive::links;
+use crate::pickle::View;
 
 /// One mile per hour in m/s.
 const MPH: f64 = 0.44704;

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use reactsim_scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
 
-use crate::pickle::View;
 use super::window::Window;
 use super::{lights, map, tracks};
 use crate::error::Cause;
 use crate::format::UNRECORDED_FRAMES;
+use crate::pickle::View;
 
 /// Scenario parts of a file, with the repairs made.
 pub(super) struct ConvertedScenario {

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent, unknown_type};
 
-use crate::pickle::{Grid, View};
 use super::window::Window;
 use crate::error::Cause;
+use crate::pickle::{Grid, View};
 
 /// Maximum number of frames of a recording; twenty seconds have 200.
 pub(super) const MAX_FRAMES: usize = 100_000;
