@@ -28,6 +28,7 @@ GUIDE = ROOT / "docs" / "guides" / "python.md"
 # What Python does not have, with the reason. The guide lists the commands.
 LEFT_OUT_COMMANDS = {
     "completions": "is for shells",
+    "import reactsim-bench": "is done once; its files are inputs of `run`",
     "man": "is for shells",
     "reference tables": "edits the documents of the repository of the program",
     "session": "is what `reactsim.Env` and `reactsim.score_states` start",

@@ -151,6 +151,7 @@ mod tests {
         ("convert a --futures IN --model idm", &["--out"]),
         ("export av IN", &["--out"]),
         ("export reactsim-bench run --scenarios IN", &["--out"]),
+        ("import reactsim-bench IN --nuplan a", &["--out"]),
         ("export wosac run --scenarios IN --metadata m", &["--out"]),
         ("train regression IN=4", &["--out"]),
         ("train vocabulary IN --method k-disks", &["--out", "--map-out"]),

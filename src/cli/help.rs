@@ -4,7 +4,7 @@
 pub(super) const TASKS: &[(&str, &[&str])] = &[
     ("Look", &["list", "inspect", "view", "report", "compare"]),
     ("Run", &["run", "study", "score", "session"]),
-    ("Data", &["curate", "generate", "convert", "export"]),
+    ("Data", &["curate", "generate", "convert", "import", "export"]),
     ("Train", &["train"]),
     ("Publish", &["verify", "reference", "leaderboard"]),
     ("Scale", &["shard"]),
@@ -59,6 +59,7 @@ mod tests {
     const DIFFERENT: &[&str] = &[
         "case",
         "category",
+        "columns",
         "deviations",
         "format",
         "id",
@@ -69,6 +70,7 @@ mod tests {
         "model-weights",
         "models",
         "out",
+        "pose",
         "radius",
         "resume",
         "reviews",

@@ -15,6 +15,7 @@ mod futures;
 mod gallery;
 mod generate;
 mod help;
+mod import;
 mod inspect;
 mod leaderboard;
 mod list;
@@ -134,6 +135,8 @@ enum Command {
     Generate(generate::GenerateArgs),
     /// Convert scenarios of any format to native Parquet
     Convert(convert::ConvertArgs),
+    /// Read the deviated AVs of other data sets
+    Import(import::ImportArgs),
     /// Write deviated AVs, scenarios or runs for other programs
     Export(export::ExportArgs),
     /// Train networks, build vocabularies and intention points
@@ -207,6 +210,7 @@ pub fn main() -> ExitCode {
         Command::Curate(args) => curate::curate(&args),
         Command::Generate(args) => generate::generate(&args),
         Command::Convert(args) => convert::convert(&args),
+        Command::Import(args) => import::import(&args),
         Command::Export(args) => export::export(&args),
         Command::Train(args) => train::train(&args),
         Command::Verify(args) => verify::verify(&args),

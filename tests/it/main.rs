@@ -26,6 +26,8 @@ mod ground;
 mod guard;
 mod hostile_input;
 mod idm;
+mod import;
+
 mod leaderboard;
 mod levels;
 mod long_tables;
