@@ -112,7 +112,7 @@ impl PaperNumber {
             return Agreement::Unknown;
         };
         let digits = self.printed.split_once('.').map_or(0, |(_, digits)| digits.len());
-        let half = 0.5 * 0.1_f64.powi(i32::try_from(digits).unwrap_or_default());
+        let half = (0..digits).fold(0.5, |half, _| half / 10.0);
         match (found.low, found.high) {
             _ if self.print(mean) == self.printed => Agreement::Equal,
             (Some(low), Some(high)) => {

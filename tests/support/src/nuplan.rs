@@ -48,10 +48,10 @@ impl Fixture {
         let db = connection.transaction().unwrap();
         for row in 0..221 {
             let [x, y, heading] = pose(row);
-            let (w, z) = ((0.5 * heading).cos(), (0.5 * heading).sin());
+            let half = reactsim_geometry::direction(0.5 * heading);
             db.execute(
                 "UPDATE ego_pose SET x = ?1, y = ?2, qw = ?3, qz = ?4 WHERE token = ?5",
-                params![ORIGIN.0 + x, ORIGIN.1 + y, w, z, token(b'e', row)],
+                params![ORIGIN.0 + x, ORIGIN.1 + y, half.x, half.y, token(b'e', row)],
             )
             .unwrap();
         }

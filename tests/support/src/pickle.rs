@@ -25,7 +25,7 @@ const STORAGE: &[&[u8]] = &[
     b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.",
     b"\x80\x02M\xe9\x03.",
     b"\x80\x02}.",
-    b"\x80\x02(X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\00X\x03\0\0\0cpuJ",
+    b"\x80\x02(X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\x000X\x03\0\0\0cpuJ",
 ];
 
 struct Writer {
@@ -182,7 +182,7 @@ impl Writer {
             }
             Py::Tensor(shape, strides, numbers) => self.tensor(shape, strides, |w| {
                 let count = (numbers.len() as u32).to_le_bytes();
-                let key = b"\x80\x02]X\x01\0\0\00a.";
+                let key = b"\x80\x02]X\x01\0\0\x000a.";
                 let length = (numbers.len() as u64).to_le_bytes();
                 w.name("torch.storage", "_load_from_bytes");
                 w.bytes(&[&STORAGE.concat(), &count[..], b"NtQ.", key, &length, &floats(numbers)].concat());

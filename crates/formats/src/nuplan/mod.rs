@@ -28,9 +28,9 @@ use std::vec::IntoIter;
 use reactsim_files::as_url;
 use reactsim_scene::Scenario;
 
-use self::index::LogIndex;
 pub use self::drive::Pose;
 pub(super) use self::drive::{Drive, ROWS_BEFORE, TO_CENTER, rows_among, scenes};
+use self::index::LogIndex;
 use self::log::Log;
 use self::map::Map;
 use self::selection::{Anchors, Selection, WindowChoice, check_maps, logs_at};

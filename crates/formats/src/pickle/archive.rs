@@ -17,8 +17,11 @@ pub(super) fn is_archive(file: &[u8]) -> bool {
     file.starts_with(MAGIC)
 }
 
-/// Returns the place of the pickle, and those of the storages by key.
-pub(super) fn parts(file: &[u8]) -> Result<(Range<usize>, BTreeMap<String, Range<u32>>), String> {
+/// The place of the pickle in a file, and those of the storages by key.
+pub(super) type Parts = (Range<usize>, BTreeMap<String, Range<u32>>);
+
+/// Returns the places of the parts of an archive.
+pub(super) fn parts(file: &[u8]) -> Result<Parts, String> {
     let cut = || "the list of its parts is missing: the file is cut; fetch it again".to_owned();
     let number = |at: usize, bytes: usize| -> Result<usize, String> {
         let field = file.get(at..at + bytes).ok_or_else(cut)?;

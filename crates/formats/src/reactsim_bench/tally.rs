@@ -18,6 +18,9 @@ const MAX_RIVALS: usize = 12;
 /// Largest distance between equal trajectories, metres.
 const SAME_TRACK: f64 = 0.1;
 
+/// Layouts with their totals, the best first.
+pub(super) type Ranked = Vec<(Layout, Total)>;
+
 /// How well a layout fits the files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Total {
@@ -54,11 +57,11 @@ impl LayoutTally {
     ///
     /// # Errors
     /// If there is none: the best ones.
-    pub(super) fn best(&self) -> Result<Vec<(Layout, Total)>, Vec<(Layout, Total)>> {
+    pub(super) fn best(&self) -> Result<Ranked, Ranked> {
         let n = self.files as f64;
         let cost = |total: &Total| total.cost + MISFIT * (self.files - total.files) as f64;
         let is_log = |total: &Total| total.logs as f64 >= NEARLY_ALL * total.files as f64;
-        let mut ranked: Vec<(Layout, Total)> =
+        let mut ranked: Ranked =
             self.totals.iter().filter(|(_, t)| !is_log(t)).map(|(l, t)| (l.clone(), *t)).collect();
         if ranked.is_empty() {
             ranked = self.totals.iter().map(|(layout, total)| (layout.clone(), *total)).collect();
