@@ -132,6 +132,7 @@ fn help_fits_a_terminal() {
       curate       Create AV trajectories that leave the log (deviated AVs), review and analyse them
       generate     Generate scenarios: maps, traffic and, for benchmarks, deviated AVs
       convert      Convert scenarios of any format to native Parquet
+      import       Read the deviated AVs of other data sets
       export       Write deviated AVs, scenarios or runs for other programs
 
     Train:
@@ -167,6 +168,7 @@ fn help_fits_a_terminal() {
         "generate",
         "train",
         "convert",
+        "import",
         "report",
         "compare",
         "verify",
