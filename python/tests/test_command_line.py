@@ -28,6 +28,7 @@ GUIDE = ROOT / "docs" / "guides" / "python.md"
 # What Python does not have, with the reason. The guide lists the commands.
 LEFT_OUT_COMMANDS = {
     "completions": "is for shells",
+    "export reactsim-bench": "is done once, for the official evaluation",
     "import reactsim-bench": "is done once; its files are inputs of `run`",
     "man": "is for shells",
     "reference tables": "edits the documents of the repository of the program",
@@ -37,6 +38,9 @@ LEFT_OUT_COMMANDS = {
     "shard status": "is printed by `python -m reactsim.ray`",
 }
 ANYWHERE = {
+    "--filter": "a selection of nuPlan frames contains it",
+    "--maps": "a selection of nuPlan frames contains it",
+    "--nuplan": "a selection of nuPlan frames contains it",
     "--help": "docstrings replace it",
     "--version": "`Results.provenance` has the version",
     "--quiet": "`progress=False`",
@@ -50,6 +54,7 @@ STUDIES = ("replan", "realism", "guards", "vocabulary", "planners", "errors")
 LEFT_OUT_OPTIONS: Dict[str, Dict[str, str]] = {
     "run": {**TABLES, **FORMAT},
     "score": TABLES,
+    "verify": {"--run": "compares a run with the paper's row; the table is for reading"},
     **{f"study {kind}": {**OF_STUDIES, **FORMAT} for kind in STUDIES},
 }
 
