@@ -97,8 +97,12 @@ impl PaperNumber {
 
     /// Returns a value as the paper prints it: with as many digits, rates and shares in percent.
     pub fn print(&self, value: f64) -> String {
-        let digits = self.printed.split_once('.').map_or(0, |(_, digits)| digits.len());
-        format!("{:.digits$}", self.scale() * value)
+        format!("{:.*}", self.digits(), self.scale() * value)
+    }
+
+    /// Returns the number of printed digits after the point.
+    fn digits(&self) -> usize {
+        self.printed.split_once('.').map_or(0, |(_, digits)| digits.len())
     }
 
     fn scale(&self) -> f64 {
@@ -111,8 +115,7 @@ impl PaperNumber {
         let (Some(mean), Ok(paper)) = (found.mean, self.printed.parse::<f64>()) else {
             return Agreement::Unknown;
         };
-        let digits = self.printed.split_once('.').map_or(0, |(_, digits)| digits.len());
-        let half = (0..digits).fold(0.5, |half, _| half / 10.0);
+        let half = (0..self.digits()).fold(0.5, |half, _| half / 10.0);
         match (found.low, found.high) {
             _ if self.print(mean) == self.printed => Agreement::Equal,
             (Some(low), Some(high)) => {
@@ -149,7 +152,7 @@ pub struct VariantNumber {
 pub struct PaperComparison {
     /// Number of scenarios of log replay.
     pub scenarios: usize,
-    /// The paper's numbers with those of log replay.
+    /// Numbers of the paper, each with the estimate for log replay in the run.
     pub numbers: Vec<(PaperNumber, Estimate)>,
     /// Numbers that are not equal, with the variants of their metrics that change them.
     pub variants: Vec<VariantNumber>,

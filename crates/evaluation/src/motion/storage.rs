@@ -71,8 +71,7 @@ const MOST: f64 = 0.8;
 /// Smallest number of windows on a grid.
 const LEAST_WINDOWS: usize = 2;
 /// Correlation of successive accelerations below which they alternate, as rounding makes them: by rounding it
-/// is
-/// -0.67, by independent accelerations 0.
+/// is -0.67, by independent accelerations 0.
 const ALTERNATING: f64 = -0.3;
 
 /// A number of each state, and the spacing of a grid that is too coarse for it.
