@@ -20,6 +20,8 @@ pub(super) enum Kind {
     Float,
     /// Any Python value: such an array contains a list.
     Object,
+    /// Texts and others, which are not read.
+    Other,
 }
 
 impl Dtype {
@@ -39,12 +41,26 @@ impl Dtype {
             "u2" => (Kind::Unsigned, 2),
             "u4" => (Kind::Unsigned, 4),
             "u8" => (Kind::Unsigned, 8),
+            "f2" => (Kind::Float, 2),
             "f4" => (Kind::Float, 4),
             "f8" => (Kind::Float, 8),
             "O" | "O8" => (Kind::Object, 8),
             _ => return None,
         };
         Some(Self { kind, size, big_endian })
+    }
+
+    /// Parses numpy's short name of a type of texts, times, complex numbers or bytes.
+    pub(super) fn other(name: &str) -> Option<Self> {
+        let code = name.trim_start_matches(['<', '=', '|', '>']);
+        let (kind, length) = code.split_at_checked(1).filter(|(kind, _)| "SUVacmM".contains(kind))?;
+        let size = length.parse::<usize>().ok()?.checked_mul(if kind == "U" { 4 } else { 1 })?;
+        Some(Self { kind: Kind::Other, size, big_endian: false })
+    }
+
+    /// Returns whether arrays of this type contain numbers.
+    pub(super) fn is_number(self) -> bool {
+        !matches!(self.kind, Kind::Object | Kind::Other)
     }
 
     /// Decodes a number from [`Dtype::size`] bytes.
@@ -63,11 +79,23 @@ impl Dtype {
                 let unused = 64 - 8 * n.max(1) as u32;
                 (((unsigned << unused) as i64) >> unused) as f64
             }
+            Kind::Float if n == 2 => half(unsigned),
             Kind::Float if n == 4 => f64::from(f32::from_bits(unsigned as u32)),
             Kind::Float => f64::from_bits(unsigned),
-            Kind::Object => f64::NAN,
+            Kind::Object | Kind::Other => f64::NAN,
         }
     }
+}
+
+/// Decodes a number of 16 bits: a sign, an exponent of 5 bits and a fraction of 10.
+fn half(bits: u64) -> f64 {
+    let (exponent, fraction) = (bits >> 10 & 0x1f, bits & 0x3ff);
+    let size = match exponent {
+        0 => fraction as f64 / f64::from(1_u32 << 24),
+        0x1f => f64::from_bits(0x7ff << 52 | fraction << 42),
+        _ => f64::from_bits((exponent + 1008) << 52 | fraction << 42),
+    };
+    if bits >> 15 == 0 { size } else { -size }
 }
 
 /// Location of an array's content.
@@ -132,8 +160,11 @@ pub(super) fn strides_of(sides: &[usize], by_column: bool) -> Vec<usize> {
 }
 
 /// Returns the shape and the strides of an array of any number of dimensions as planes, rows and columns;
-/// `None` if its planes are not at equal distances.
+/// `None` if its planes are not at equal distances, or if there are not as many strides as sides.
 pub(super) fn folded(sides: &[usize], strides: &[usize]) -> Option<([usize; 3], [usize; 3])> {
+    if sides.len() != strides.len() {
+        return None;
+    }
     let (mut planes, mut distance) = (1_usize, 0);
     let outer = sides.len().saturating_sub(2);
     for (side, stride) in sides[..outer].iter().zip(strides) {

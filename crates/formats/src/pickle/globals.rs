@@ -19,7 +19,7 @@ pub(super) enum Global {
     Dict,
     /// A dictionary with a default value for new entries.
     DefaultDict,
-    /// A set.
+    /// A set, or a list with a limit.
     Set,
     /// A type that occurs only as the argument of [`Global::DefaultDict`].
     Plain,
@@ -35,36 +35,42 @@ pub(super) enum Global {
     NewObject,
 }
 
-/// Modules whose functions are called by files that attack who opens them.
-const ATTACKS: &[&str] = &[
-    "__builtin__",
-    "builtins",
-    "code",
-    "commands",
-    "ctypes",
-    "functools",
-    "importlib",
-    "multiprocessing",
-    "nt",
-    "operator",
-    "os",
-    "pickle",
-    "posix",
-    "pty",
-    "requests",
-    "runpy",
-    "shutil",
-    "socket",
-    "subprocess",
-    "sys",
-    "urllib",
-    "webbrowser",
-];
+/// Beginnings of names that make only data of what they are called with.
+const DATA: &str = "array. builtins.bytearray builtins.complex builtins.object builtins.range builtins.slice \
+    builtins.xrange collections. datetime. decimal.Decimal fractions.Fraction nuplan.common. \
+    pandas._libs. pathlib. shapely. torch._utils. torch.device types.SimpleNamespace uuid.UUID";
 
-/// Returns why a call of a name is refused: nothing is called, but such a file does harm in Python.
+/// Packages of Python itself; its other ones begin with an underscore.
+const PYTHON: &str = "abc aifc argparse array ast asynchat asyncio asyncore atexit audioop base64 bdb \
+    binascii bisect builtins bz2 cProfile calendar cgi cgitb chunk cmath cmd code codecs codeop \
+    collections colorsys compileall concurrent configparser contextlib contextvars copy copyreg crypt csv \
+    ctypes curses dataclasses datetime dbm decimal difflib dis distutils doctest email encodings ensurepip \
+    enum errno faulthandler fcntl filecmp fileinput fnmatch fractions ftplib functools gc genericpath \
+    getopt getpass gettext glob graphlib grp gzip hashlib heapq hmac html http idlelib imaplib imghdr imp \
+    importlib inspect io ipaddress itertools json keyword lib2to3 linecache locale logging lzma mailbox \
+    mailcap marshal math mimetypes mmap modulefinder msilib msvcrt multiprocessing netrc nis nntplib nt \
+    ntpath nturl2path numbers opcode operator optparse os ossaudiodev pathlib pdb pickle pickletools pipes \
+    pkgutil platform plistlib poplib posix posixpath pprint profile pstats pty pwd py_compile pyclbr pydoc \
+    pydoc_data pyexpat queue quopri random re readline reprlib resource rlcompleter runpy sched secrets \
+    select selectors shelve shlex shutil signal site smtpd smtplib sndhdr socket socketserver spwd sqlite3 \
+    sre_compile sre_constants sre_parse ssl stat statistics string stringprep struct subprocess sunau \
+    symtable sys sysconfig syslog tabnanny tarfile telnetlib tempfile termios textwrap threading time \
+    timeit tkinter token tokenize tomllib trace traceback tracemalloc tty turtle turtledemo types typing \
+    unicodedata unittest urllib uu uuid venv warnings wave weakref webbrowser winreg winsound wsgiref \
+    xdrlib xml xmlrpc zipapp zipfile zipimport zlib zoneinfo pip";
+
+/// Returns why what a name makes is refused: nothing is called, but such a file does harm in Python. Of other
+/// packages than Python's, classes are data, and functions are not.
 pub(super) fn attack(name: &str) -> Option<String> {
     let root = name.split('.').next().unwrap_or_default();
-    ATTACKS.contains(&root).then(|| {
+    let class = name.rsplit('.').next().unwrap_or_default().trim_start_matches('_');
+    let is_python = root.starts_with('_') || PYTHON.split(' ').any(|package| package == root);
+    let is_class = !is_python && class.starts_with(char::is_uppercase);
+    let plain = name.replacen("__builtin__.", "builtins.", 1);
+    // Python's packages refer to one another: `pathlib.os.system`.
+    let is_own = |rest: &str| !(is_python && rest.contains('.'));
+    let is_data = is_class || DATA.split(' ').any(|data| plain.strip_prefix(data).is_some_and(is_own));
+    (!is_data).then(|| {
         let shown: String = name.chars().take(80).collect();
         let shown = shown.escape_debug();
         format!(
@@ -84,7 +90,9 @@ impl Global {
             ("torch._utils", "_rebuild_tensor_v2") => Self::Tensor,
             ("torch.storage", "_load_from_bytes") => Self::Storage,
             ("copyreg" | "copy_reg", "_reconstructor") => Self::NewObject,
+            ("collections", "deque") => Self::Set,
             ("torch", storage) => Self::StorageOf(Dtype::from_name(match storage {
+                "HalfStorage" => "f2",
                 "FloatStorage" => "f4",
                 "DoubleStorage" => "f8",
                 "LongStorage" => "i8",

@@ -212,7 +212,7 @@ impl<'a> Machine<'a> {
                 match self.node(class) {
                     Node::Global(Global::Dict) => self.make(Node::Dict(Vec::new()))?,
                     Node::Class(_) => {
-                        let object = self.object(arguments)?;
+                        let object = self.call(class, arguments)?;
                         self.make(object)?;
                     }
                     _ => return Err("it creates an object of a class that cannot be created this way".into()),

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests stop at what they did not expect")]
 
+use reactsim_test_support::pickle as support;
+
 use super::Pickle;
 
 /// A pickle of protocol 4 with these instructions.
@@ -285,4 +287,73 @@ fn damage_is_an_error() {
     }
     assert!(refusal(&pickle(b"}(Nu")).contains("a key without a value"));
     assert!(refusal(&pickle(b"X\x02\0\0\0\xff\xfe")).contains("UTF-8"));
+}
+
+#[test]
+fn objects_of_any_class_are_read_but_nothing_that_runs_code() {
+    let objects = |body: &[u8]| Pickle::read_objects(&pickle(body)).map(|_| ());
+    let new = [b")\x81".as_slice(), b"X\x04\0\0\0true\x85\x81", b"X\x04\0\0\0true\x85R", b"(K\x01K\x02tR"];
+    for (module, name) in [
+        ("builtins", "eval"),
+        ("timeit", "Timer"),
+        ("io", "FileIO"),
+        ("pathlib", "os.system"),
+        ("_pickle", "loads"),
+        ("asyncio.subprocess", "Process"),
+        ("pip._internal", "Main"),
+        ("torch.hub", "load"),
+        ("numpy", "load"),
+    ] {
+        for tail in new {
+            let error = objects(&[global(module, name).as_slice(), tail].concat()).unwrap_err();
+            assert!(error.contains(&format!("tries to run code: it calls `{module}.{name}`")), "{error}");
+        }
+        let class = [global("copyreg", "_reconstructor"), b"(".to_vec(), global(module, name)].concat();
+        let error = objects(&[class, global("builtins", "object"), b"NtR".to_vec()].concat()).unwrap_err();
+        assert!(error.contains("tries to run code"), "{error}");
+    }
+    for (module, name) in [
+        ("planner.output", "Trajectory"),
+        ("builtins", "range"),
+        ("__builtin__", "xrange"),
+        ("datetime", "datetime"),
+        ("pathlib", "PosixPath"),
+    ] {
+        for tail in new {
+            objects(&[global(module, name).as_slice(), tail].concat()).unwrap();
+        }
+    }
+    objects(&[global("collections", "deque"), b")K\x09\x86R(K\x01e".to_vec()].concat()).unwrap();
+}
+
+#[test]
+fn other_types_of_arrays_do_no_harm() {
+    let halves: Vec<u8> = [0x3c00_u16, 0xc500, 0x0001, 0x7c00].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let expected = [1.0, -5.0, 1.0 / f64::from(1 << 24), f64::INFINITY];
+    assert_eq!(numbers(&with_array("numpy.core", "f2", "<", false, &halves)), expected);
+    let texts = with_array("numpy.core", "U1", "<", false, &[0; 16]);
+    let read = Pickle::read_objects(&texts).unwrap();
+    assert!(read.root().need("a").unwrap().grid().is_err());
+    assert!(refusal(&texts).contains("type `U1`"));
+}
+
+#[test]
+fn tensors_of_odd_shapes_and_nested_storages_are_refused() {
+    for (shape, strides) in [(vec![2, 2, 2], vec![1]), (vec![2], vec![]), (vec![2], vec![1, 1])] {
+        let file = support::pickle(&support::Py::Tensor(shape, strides, vec![0.0; 8]), 4, 2);
+        let error = Pickle::read_objects(&file).map(|_| ()).unwrap_err();
+        assert!(error.contains("sides and strides"), "{error}");
+    }
+    const HEAD: &[u8] = b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19.";
+    let mut bytes = HEAD.to_vec();
+    for _ in 0..2000 {
+        let call =
+            [b"\x80\x04".to_vec(), global("torch.storage", "_load_from_bytes"), b"B".to_vec()].concat();
+        let length = (bytes.len() as u32).to_le_bytes();
+        bytes = [HEAD, &call, &length, &bytes, b"\x85R."].concat();
+    }
+    let body = [global("torch.storage", "_load_from_bytes"), b"B".to_vec()].concat();
+    let length = (bytes.len() as u32).to_le_bytes();
+    let file = pickle(&[body.as_slice(), &length, &bytes, b"\x85R"].concat());
+    assert!(Pickle::read_objects(&file).map(|_| ()).unwrap_err().contains("Storage is called"));
 }

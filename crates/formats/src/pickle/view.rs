@@ -71,7 +71,7 @@ impl<'a> View<'a> {
     }
 
     /// Subtracts `count` from the budget of the pickle.
-    fn spend(&self, count: usize) -> Result<(), Cause> {
+    pub(crate) fn spend(&self, count: usize) -> Result<(), Cause> {
         let left = self.pickle.budget.get().checked_sub(count);
         self.pickle.budget.set(left.unwrap_or(0));
         left.map(|_| ()).ok_or_else(|| {
@@ -221,7 +221,7 @@ impl<'a> View<'a> {
     /// Returns numbers in rows, from an array, a list of numbers (one column), or a list of rows.
     pub(crate) fn grid(&self) -> Result<Grid<'a>, Cause> {
         match self.node() {
-            Node::Array(array) if array.dtype.kind != Kind::Object => self.array_grid(array, 0),
+            Node::Array(array) if array.dtype.is_number() => self.array_grid(array, 0),
             _ => self.list_grid(),
         }
     }
@@ -229,7 +229,7 @@ impl<'a> View<'a> {
     /// Returns the numbers of planes, rows and columns of an array of numbers.
     pub(crate) fn shape(&self) -> Option<[usize; 3]> {
         match self.node() {
-            Node::Array(array) if array.dtype.kind != Kind::Object => Some(array.shape),
+            Node::Array(array) if array.dtype.is_number() => Some(array.shape),
             _ => None,
         }
     }
@@ -237,7 +237,7 @@ impl<'a> View<'a> {
     /// Returns the numbers of a plane of an array.
     pub(crate) fn plane(&self, plane: usize) -> Result<Grid<'a>, Cause> {
         match self.node() {
-            Node::Array(array) if plane < array.shape[0] && array.dtype.kind != Kind::Object => {
+            Node::Array(array) if plane < array.shape[0] && array.dtype.is_number() => {
                 self.array_grid(array, plane)
             }
             _ => Err(self.wrong("an array with this plane")),
@@ -281,7 +281,7 @@ impl<'a> View<'a> {
         for (i, item) in items.iter().enumerate() {
             let row = match item.node() {
                 Node::Int(_) | Node::Float(_) | Node::Bool(_) => vec![item.number()?],
-                Node::Array(array) if array.dtype.kind != Kind::Object => {
+                Node::Array(array) if array.dtype.is_number() => {
                     let row = item.array_grid(array, 0)?;
                     let length = row.rows.saturating_mul(row.columns);
                     item.spend(length)?;

@@ -24,7 +24,8 @@ impl Machine<'_> {
             (Global::Reconstruct, [_, _, _]) => Node::Array(Box::new(Array::empty())),
             (Global::Dtype, [name, ..]) => {
                 let name = self.name(*name)?;
-                let dtype = Dtype::from_name(name).ok_or_else(|| {
+                let other = || Dtype::other(name).filter(|_| !matches!(self.names, Names::Listed));
+                let dtype = Dtype::from_name(name).or_else(other).ok_or_else(|| {
                     let shown: String = name.chars().take(20).collect();
                     format!(
                         "an array of type `{}`, expected numbers such as f4, f8, i8 or b1",
@@ -58,6 +59,7 @@ impl Machine<'_> {
                     Kind::Float => Node::Float(number),
                     // Exact up to 2^53, which ids of map features do not reach.
                     Kind::Signed | Kind::Unsigned => Node::Int(number as i64),
+                    Kind::Other => Node::None,
                     Kind::Object => return Err("a numpy number of an object type".into()),
                 }
             }
@@ -65,7 +67,7 @@ impl Machine<'_> {
                 Global::Set => Node::List(Vec::new()),
                 _ => Node::Dict(Vec::new()),
             },
-            (Global::Set, [items]) => match self.node(*items) {
+            (Global::Set, [items, ..]) => match self.node(*items) {
                 Node::List(all) | Node::Tuple(all) => {
                     let all = all.clone();
                     self.copies(all.len())?;
@@ -90,8 +92,16 @@ impl Machine<'_> {
                 self.copies(all.len())?;
                 Node::Dict(all)
             }
-            (Global::NewObject, _) => Node::Dict(Vec::new()),
-            (Global::Storage, [bytes]) => self.storage_of_bytes(*bytes)?,
+            (Global::NewObject, [class, ..]) => {
+                if let Node::Class(name) = self.node(*class) {
+                    attack(name).map_or(Ok(()), Err)?;
+                }
+                Node::Dict(Vec::new())
+            }
+            // A storage contains no storages.
+            (Global::Storage, [bytes]) if matches!(self.names, Names::Any(_)) => {
+                self.storage_of_bytes(*bytes)?
+            }
             (Global::Tensor, [storage, offset, size, stride, ..]) => {
                 let Node::Array(storage) = self.node(*storage) else {
                     return Err("a tensor without a storage".into());
@@ -100,7 +110,7 @@ impl Machine<'_> {
                     return Err("a tensor without an offset".into());
                 };
                 let parts = folded(&self.sides(*size)?, &self.sides(*stride)?);
-                let (shape, strides) = parts.ok_or("a tensor whose planes are not at equal distances")?;
+                let (shape, strides) = parts.ok_or("a tensor whose sides and strides do not fit")?;
                 let (dtype, content) = (storage.dtype, storage.content.clone());
                 let offset = usize::try_from(offset).ok().and_then(|o| o.checked_mul(dtype.size));
                 let start = offset.and_then(|o| o.checked_add(storage.start));
