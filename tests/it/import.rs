@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Output;
 
 use reactsim::formats::deviations;
-use reactsim_test_support::nuplan::{Fixture, ORIGIN, token};
+use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name as name, hex, token};
 use reactsim_test_support::pickle::{Py, archive, pickle};
 
 use crate::program::reactsim;
@@ -28,15 +28,6 @@ fn turning() -> Vec<f64> {
 fn global(row: u32) -> Py {
     let from = [ORIGIN.0 - 40.0 + 0.25 * f64::from(row), ORIGIN.1, 0.0];
     Py::Array(vec![80, 3], turning().iter().enumerate().map(|(i, v)| v + from[i % 3]).collect())
-}
-
-fn hex(token: [u8; 8]) -> String {
-    token.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Name of the file whose current frame is this row.
-fn name(row: u32) -> String {
-    format!("town_{}_{}.pkl", hex(token(b's', 2)), hex(token(b'p', row)))
 }
 
 struct Home {
@@ -81,6 +72,7 @@ fn faults_are_counted_and_named_and_the_rest_is_imported() {
     let sample = |row: u32| hex(token(b'p', row));
     let other_scene = format!("town_{}_{}.pkl", hex(token(b's', 9)), sample(25));
     home.put("data/lateral", &other_scene, &good(25));
+    home.put("data/lateral", &name(25), &good(25));
     home.put("data", &format!("town_{scene}_{}.pkl", sample(26)), &good(26)[..900]);
     let attack = Py::List(vec![global(27), Py::Call("posix", "system", "true")]);
     home.put("data", &format!("town_{scene}_{}.pkl", sample(27)), &pickle(&attack, 4, 2));
@@ -97,11 +89,11 @@ fn faults_are_counted_and_named_and_the_rest_is_imported() {
     let output = home.import("data", &[]);
     let text = texts(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
-    assert!(text.contains("7 of 17 files: 80 × 3"), "{text}");
+    assert!(text.contains("7 of 18 files: 80 × 3"), "{text}");
     assert!(text.contains("1 longitudinal, 6 lateral, 0 directional (as the files, their lists"), "{text}");
-    assert!(text.contains("warning: 1 frame of another scene"), "{text}");
     let refused = fs::read_to_string(home.path("official.refused.tsv")).unwrap();
     for (file, reason) in [
+        (sample(25), "no log of --nuplan has the scene"),
         (sample(26), "the file is cut"),
         (sample(27), "it tries to run code: it calls `posix.system`"),
         (sample(28), "does not continue the logged AV"),
@@ -116,7 +108,7 @@ fn faults_are_counted_and_named_and_the_rest_is_imported() {
         let line = refused.lines().find(|line| line.contains(&file)).unwrap_or_default();
         assert!(line.contains(reason), "{file}: {line}\n{refused}");
     }
-    assert_eq!(refused.lines().count(), 10, "{refused}");
+    assert_eq!(refused.lines().count(), 11, "{refused}");
     let records = deviations::read(home.path("official.parquet")).unwrap();
     // The centre of the box, 1.461 m ahead of the rear axle.
     let (last, end) = (records[&sample(22)].track[79], &turning()[237..]);
@@ -128,7 +120,7 @@ fn faults_are_counted_and_named_and_the_rest_is_imported() {
     home.import("data", &[]);
     assert_eq!(fs::read_to_string(home.path("official.logs.jsonl")).unwrap(), index);
     fs::write(home.path("official.logs.jsonl"), &index[..index.len() / 2]).unwrap();
-    assert!(texts(&home.import("data", &[])).contains("7 of 17 files"));
+    assert!(texts(&home.import("data", &[])).contains("7 of 18 files"));
 }
 
 #[test]
@@ -138,7 +130,10 @@ fn the_printed_line_runs_the_imported_deviations() {
         home.put("data", &name(row), &archive("plan", &[80, 3], &turning()));
     }
     let maps = home.fixture.list.parent().unwrap().to_str().unwrap();
-    let output = home.import("data", &["--maps", maps]);
+    // On a straight log, axle and centre continue it equally well.
+    let refused = texts(&home.import("data", &["--maps", maps]));
+    assert!(refused.contains("several layouts fit") && refused.contains("--pose rear-axle"), "{refused}");
+    let output = home.import("data", &["--maps", maps, "--pose", "rear-axle"]);
     let text = texts(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
     assert!(text.contains("by the taxonomy of this program: the files state none"), "{text}");

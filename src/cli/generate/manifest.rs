@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::cli::quoted;
 use crate::evaluation::FileRecord;
 use crate::generation::{GenerationSettings, VERSION};
 
@@ -75,10 +76,4 @@ impl Manifest {
     pub(super) fn text(&self) -> anyhow::Result<String> {
         Ok(toml::to_string(self)?)
     }
-}
-
-/// Quotes a word for a shell, if necessary.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._-+".contains(c);
-    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
 }

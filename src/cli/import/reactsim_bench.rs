@@ -12,13 +12,13 @@ use parking_lot::Mutex;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::cli::{ExitStatus, count, note, nothing, say, write_file, write_result};
+use crate::cli::{ExitStatus, count, note, nothing, quoted, say, write_file, write_result};
 use crate::curation::taxonomy_of;
 use crate::evaluation::program_version;
 use crate::files;
 use crate::formats;
 use crate::formats::reactsim_bench::{
-    self as bench, Axes, BenchName, Choice, Content, Decided, Imported, IndexedLog, Located, Point, Sample,
+    self as bench, Axes, BenchName, Choice, Decided, Imported, IndexedLog, Located, Point, Sample,
 };
 use crate::scene::{AgentState, Deviation};
 
@@ -74,12 +74,6 @@ pub(super) struct ImportBenchArgs {
     /// Point of the AV that is given [default: found]
     #[arg(long, value_name = "POSE", value_parser = ["centre", "rear-axle"])]
     pose: Option<String>,
-    /// Frame of the first entry; frame 10 is the current one [default: found]
-    #[arg(long, value_name = "N")]
-    first_frame: Option<i32>,
-    /// Seconds between two entries [default: found]
-    #[arg(long, value_name = "SECONDS")]
-    step: Option<f64>,
     /// Frame that the second token of a file name names [default: found]
     #[arg(long, value_name = "FRAME", value_parser = ["current", "first"])]
     sample: Option<String>,
@@ -89,18 +83,23 @@ pub(super) struct ImportBenchArgs {
 type Refused = Vec<(PathBuf, String)>;
 
 pub(super) fn import(args: &ImportBenchArgs) -> anyhow::Result<ExitStatus> {
+    let choice = args.choice()?;
+    args.maps.as_deref().map_or(Ok(()), bench::check_maps)?;
     let mut refused = Refused::new();
-    let named = named_files(args, &mut refused)?;
+    let (named, lists) = named_files(args, &mut refused)?;
     let total = named.len() + refused.len();
-    let files = located(args, named, &mut refused)?;
-    let choice = args.choice();
+    let files = located(args, &named, &mut refused)?;
     let (files, tally) = bench::measure(files, &choice, &mut refused);
     if files.is_empty() {
         report_refused(&args.out, &refused)?;
         return Err(nothing("no file could be imported"));
     }
-    let Decided { about, layout, tracks } = bench::decide(&files, &tally, &choice)?;
-    let mut imported = collected(args, &files, layout.sample, tracks, &mut refused)?;
+    let decided = bench::decide(&files, &tally, &choice);
+    if decided.is_err() {
+        report_refused(&args.out, &refused)?;
+    }
+    let Decided { about, layout, tracks } = decided?;
+    let mut imported = collected(args, &files, layout.sample, tracks, &lists, &mut refused)?;
     let selection = write_selection(args, &imported)?;
     let from_files = imported.iter().filter(|(one, _)| one.category.is_some()).count();
     classify(&selection, &mut imported)?;
@@ -115,19 +114,20 @@ pub(super) fn import(args: &ImportBenchArgs) -> anyhow::Result<ExitStatus> {
 }
 
 impl ImportBenchArgs {
-    fn choice(&self) -> Choice {
+    fn choice(&self) -> anyhow::Result<Choice> {
+        if !(self.columns.is_empty() || self.columns.windows(2).any(|pair| *pair == ["x", "y"])) {
+            bail!("--columns {}: expected x, and y after it", self.columns.join(","));
+        }
         let is = |value: &Option<String>, name: &str| value.as_deref().map(|value| value == name);
         let axle = is(&self.pose, "rear-axle");
         let current = is(&self.sample, "current");
-        Choice {
+        Ok(Choice {
             array: self.array.clone(),
             columns: self.columns.clone(),
             frame: self.frame.clone(),
             point: axle.map(|axle| if axle { Point::Axle } else { Point::Center }),
-            first_frame: self.first_frame,
-            step: self.step,
             sample: current.map(|current| if current { Sample::Current } else { Sample::First }),
-        }
+        })
     }
 }
 
@@ -136,17 +136,20 @@ fn has_ending(path: &Path, endings: &[&str]) -> bool {
     endings.iter().any(|ending| name.ends_with(ending))
 }
 
-/// Lists the files and parses their names.
-fn named_files(args: &ImportBenchArgs, refused: &mut Refused) -> anyhow::Result<Vec<(PathBuf, BenchName)>> {
-    let found: BTreeSet<PathBuf> = ENDINGS
-        .iter()
-        .map(|ending| bench::logs_in(&args.files, ending))
-        .collect::<Result<Vec<_>, _>>()?
-        .concat()
-        .into_iter()
-        .collect();
+/// Lists the files, parses their names, and reads the lists of categories among them.
+fn named_files(
+    args: &ImportBenchArgs,
+    refused: &mut Refused,
+) -> anyhow::Result<(Vec<(PathBuf, BenchName)>, BTreeMap<String, Deviation>)> {
+    let found = bench::files_in(&args.files, &[&ENDINGS[..], &LISTS[..]].concat())?;
+    let (lists, found): (Vec<_>, Vec<_>) = found.into_iter().partition(|path| has_ending(path, &LISTS));
+    let mut categories = BTreeMap::new();
+    for path in lists {
+        let text = std::fs::read(&path).with_context(|| path.display().to_string())?;
+        categories.extend(bench::sidecar(&String::from_utf8_lossy(&text)));
+    }
     let mut named = Vec::new();
-    for path in found.into_iter().filter(|path| !has_ending(path, &LISTS)) {
+    for path in found {
         match BenchName::of(&path) {
             Ok(name) => named.push((path, name)),
             Err(reason) => refused.push((path, reason)),
@@ -155,12 +158,12 @@ fn named_files(args: &ImportBenchArgs, refused: &mut Refused) -> anyhow::Result<
     if named.is_empty() && refused.is_empty() {
         bail!("there are no files with the ending {} at the given paths", ENDINGS.join(", "));
     }
-    Ok(named)
+    Ok((named, categories))
 }
 
 /// Reads the scenes of all logs, those from the cache that are unchanged.
 fn index(args: &ImportBenchArgs) -> anyhow::Result<Vec<IndexedLog>> {
-    let logs = bench::logs_in(&args.nuplan, ".db")?;
+    let logs = bench::files_in(&args.nuplan, &[".db"])?;
     if logs.is_empty() {
         bail!("--nuplan: there are no logs with the ending .db at the given paths");
     }
@@ -197,76 +200,43 @@ fn index(args: &ImportBenchArgs) -> anyhow::Result<Vec<IndexedLog>> {
     Ok(indexed)
 }
 
-/// Finds the frames of the files: in the log with the scene of the name or, failing that, in any log.
+/// Finds the frames of the files in the logs with the scenes that their names state; each log is read once.
 fn located(
     args: &ImportBenchArgs,
-    named: Vec<(PathBuf, BenchName)>,
+    named: &[(PathBuf, BenchName)],
     refused: &mut Refused,
 ) -> anyhow::Result<Vec<Located>> {
     let logs = index(args)?;
     let scenes = logs.iter().flat_map(|log| log.scenes.iter().map(move |scene| (scene.as_str(), &log.path)));
     let scenes: BTreeMap<&str, &PathBuf> = scenes.collect();
-    let mut by_log: BTreeMap<&PathBuf, Vec<usize>> = BTreeMap::new();
-    let mut reasons: BTreeMap<usize, String> = BTreeMap::new();
-    for (i, (_, name)) in named.iter().enumerate() {
-        match scenes.get(name.scene().as_str()) {
-            Some(log) => by_log.entry(log).or_default().push(i),
+    let mut by_log: BTreeMap<&PathBuf, Vec<&(PathBuf, BenchName)>> = BTreeMap::new();
+    for file in named {
+        let scene = file.1.scene();
+        match scenes.get(scene.as_str()) {
+            Some(log) => by_log.entry(log).or_default().push(file),
             None => {
-                let reason =
-                    format!("no log of --nuplan has the scene {}; add the log that has it", name.scene());
-                reasons.insert(i, reason);
+                let reason = format!("no log of --nuplan has the scene {scene}; add the log that has it");
+                refused.push((file.0.clone(), reason));
             }
         }
     }
-    let mut found = BTreeMap::new();
-    locate_in(&by_log, &named, &mut found, &mut reasons);
-    let lost: BTreeMap<usize, BenchName> = reasons.keys().map(|i| (*i, named[*i].1.clone())).collect();
-    if !lost.is_empty() {
-        // Reads the frames of all logs, which takes long, but only if names and logs do not agree.
-        note(format_args!("looking for the frames of {} in all logs", count(lost.len(), "file")));
-        let rows = |log: &IndexedLog| bench::rows_of(&log.path, &lost).unwrap_or_default();
-        let rows: Vec<Vec<usize>> = logs.par_iter().map(rows).collect();
-        let by_log = logs.iter().zip(rows).filter(|(_, rows)| !rows.is_empty());
-        let by_log = by_log.map(|(log, rows)| (&log.path, rows)).collect();
-        locate_in(&by_log, &named, &mut found, &mut reasons);
-    }
+    let one = |(log, files): (&&PathBuf, &Vec<&(PathBuf, BenchName)>)| {
+        let found = bench::locate(log, files);
+        let found = found.unwrap_or_else(|e| files.iter().map(|_| Err(e.to_string())).collect());
+        files.iter().map(|(path, _)| path.clone()).zip(found).collect::<Vec<_>>()
+    };
     let mut files = Vec::new();
-    for (i, (path, _)) in named.into_iter().enumerate() {
-        match found.remove(&i) {
-            Some(located) if located.windows.iter().all(Option::is_none) => {
+    for (path, found) in by_log.par_iter().map(one).collect::<Vec<_>>().into_iter().flatten() {
+        match found {
+            Ok(located) if located.windows.iter().all(Option::is_none) => {
                 refused.push((path, format!("its scenario is not in the log: {}", located.missing[0])));
             }
-            Some(located) => files.push(located),
-            None => refused.push((path, reasons.remove(&i).unwrap_or_default())),
+            Ok(located) => files.push(located),
+            Err(reason) => refused.push((path, reason)),
         }
     }
+    files.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(files)
-}
-
-/// Reads each log once for all files with frames in it.
-fn locate_in(
-    by_log: &BTreeMap<&PathBuf, Vec<usize>>,
-    named: &[(PathBuf, BenchName)],
-    found: &mut BTreeMap<usize, Located>,
-    reasons: &mut BTreeMap<usize, String>,
-) {
-    let one = |(log, wanted): (&&PathBuf, &Vec<usize>)| {
-        let files: Vec<&(PathBuf, BenchName)> = wanted.iter().map(|i| &named[*i]).collect();
-        let located = bench::locate(log, &files);
-        let located = located.unwrap_or_else(|e| files.iter().map(|_| Err(e.to_string())).collect());
-        wanted.iter().copied().zip(located).collect::<Vec<_>>()
-    };
-    for (i, located) in by_log.par_iter().map(one).collect::<Vec<_>>().into_iter().flatten() {
-        match located {
-            Ok(located) => {
-                reasons.remove(&i);
-                found.insert(i, located);
-            }
-            Err(reason) => {
-                reasons.insert(i, reason);
-            }
-        }
-    }
 }
 
 /// Takes the trajectories of the files that fit, one per scenario, with the categories that files state.
@@ -275,9 +245,9 @@ fn collected(
     files: &[Located],
     sample: Sample,
     tracks: Vec<Option<Vec<AgentState>>>,
+    lists: &BTreeMap<String, Deviation>,
     refused: &mut Refused,
 ) -> anyhow::Result<Vec<(Imported, PathBuf)>> {
-    let lists = categories(args)?;
     let mut imported: Vec<(Imported, PathBuf)> = Vec::new();
     let mut ids: BTreeMap<String, usize> = BTreeMap::new();
     let mut moved = 0;
@@ -297,13 +267,13 @@ fn collected(
         let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let digest = files::digest(&file.path).with_context(|| file.path.display().to_string())?.blake3;
         let stem = file.path.file_stem().unwrap_or_default().to_string_lossy();
-        let stated = Content::read(&file.path).ok().and_then(|content| content.category);
-        let category = stated
+        let category = file
+            .category
             .or_else(|| lists.get(stem.as_ref()).copied())
             .or_else(|| bench::category_of_path(&file.path));
         if let Some(earlier) = ids.get(&id).map(|at| &mut imported[*at].0) {
-            earlier.category = earlier.category.or(category);
             let same = if earlier.source.1 == digest {
+                earlier.category = earlier.category.or(category);
                 "the same file as"
             } else {
                 "another file of the scenario of"
@@ -325,18 +295,6 @@ fn collected(
         return Err(nothing("no file could be imported"));
     }
     Ok(imported)
-}
-
-/// Reads the lists of categories among the files.
-fn categories(args: &ImportBenchArgs) -> anyhow::Result<BTreeMap<String, Deviation>> {
-    let mut all = BTreeMap::new();
-    for ending in LISTS {
-        for path in bench::logs_in(&args.files, ending)?.iter().filter(|path| has_ending(path, &LISTS)) {
-            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-            all.extend(bench::sidecar(&text));
-        }
-    }
-    Ok(all)
 }
 
 /// Writes the selection of the scenarios.
@@ -437,13 +395,18 @@ fn summary(
     });
     let of = |category: Option<Deviation>| deviations.iter().filter(|d| d.category == category).count();
     let counts = Deviation::ALL.map(|category| format!("{} {}", of(Some(category)), category.name()));
+    let without = match of(None) {
+        0 => String::new(),
+        n => format!(", {n} without"),
+    };
     let from = match from_files {
         n if n == deviations.len() => "as the files, their lists or folders state".to_owned(),
         0 => "by the taxonomy of this program: the files state none".to_owned(),
         n => format!("{n} as the files state, the others by the taxonomy of this program"),
     };
-    writeln!(text, "categories: {} ({from})", counts.join(", ")).ok();
-    let (selection, out) = (args.out.with_extension("selection.json"), args.out.display());
-    writeln!(text, "reactsim run {} --deviations {out} --out runs/official", selection.display()).ok();
+    writeln!(text, "categories: {}{without} ({from})", counts.join(", ")).ok();
+    let [selection, out] =
+        [&args.out.with_extension("selection.json"), &args.out].map(|path| quoted(&path.to_string_lossy()));
+    writeln!(text, "reactsim run {selection} --deviations {out} --out runs/official").ok();
     text
 }

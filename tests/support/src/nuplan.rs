@@ -72,6 +72,16 @@ pub fn token(table: u8, number: u32) -> [u8; 8] {
     [table, 0, 0, 0, a, b, c, d]
 }
 
+/// Token as text.
+pub fn hex(token: [u8; 8]) -> String {
+    format!("{:016x}", u64::from_be_bytes(token))
+}
+
+/// Name of the file of ReactSim-Bench whose current frame is this row.
+pub fn bench_name(row: u32) -> String {
+    format!("town_{}_{}.pkl", hex(token(b's', 2)), hex(token(b'p', row)))
+}
+
 /// Opens a database that does not wait for the disk.
 fn opened(path: &Path) -> Connection {
     let connection = Connection::open(path).unwrap();

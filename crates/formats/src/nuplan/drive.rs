@@ -1,6 +1,5 @@
 //! The drive of the AV in a log, without the other agents, and the tokens of logs.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use reactsim_geometry::{Vec2, direction};
@@ -30,9 +29,6 @@ impl Pose {
         self.axle + direction(self.heading) * AXLE_TO_CENTER
     }
 }
-
-/// Distance in metres from the rear axle of the AV to the centre of its box.
-pub(crate) const TO_CENTER: f64 = AXLE_TO_CENTER;
 
 /// The frames of a log.
 pub(crate) struct Drive(Log);
@@ -77,24 +73,12 @@ impl Drive {
 /// Reads the tokens of the scenes of a log.
 pub(crate) fn scenes(path: &Path) -> Result<Vec<Token>, FormatError> {
     let mut scenes = Vec::new();
-    tokens(path, "scene", |token| scenes.push(token))?;
-    Ok(scenes)
-}
-
-/// Returns which tokens are those of rows of a log.
-pub(crate) fn rows_among(path: &Path, wanted: &BTreeSet<Token>) -> Result<Vec<Token>, FormatError> {
-    let mut found = Vec::new();
-    tokens(path, "lidar_pc", |token| found.extend(wanted.get(&token)))?;
-    Ok(found)
-}
-
-fn tokens(path: &Path, table: &str, mut take: impl FnMut(Token)) -> Result<(), FormatError> {
     let database = Database::open(path)?;
-    let read = database.each(table, &["token"], |row| {
-        take(row.must_token(0)?);
+    let read = database.each("scene", &["token"], |row| {
+        scenes.push(row.must_token(0)?);
         Ok(())
     });
-    read.map_err(|cause| FormatError::file(path, cause))
+    read.map_err(|cause| FormatError::file(path, cause)).map(|()| scenes)
 }
 
 impl Log {

@@ -29,11 +29,12 @@ use reactsim_files::as_url;
 use reactsim_scene::Scenario;
 
 pub use self::drive::Pose;
-pub(super) use self::drive::{Drive, ROWS_BEFORE, TO_CENTER, rows_among, scenes};
+pub(super) use self::drive::{Drive, ROWS_BEFORE, scenes};
 use self::index::LogIndex;
 use self::log::Log;
 use self::map::Map;
-use self::selection::{Anchors, Selection, WindowChoice, check_maps, logs_at};
+pub use self::selection::check_maps;
+use self::selection::{Anchors, Selection, WindowChoice, logs_at};
 use self::sqlite::Database;
 pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};

@@ -225,7 +225,10 @@ impl Selection {
 }
 
 /// Checks that a folder has the list of maps.
-pub(super) fn check_maps(folder: &Path) -> Result<(), FormatError> {
+///
+/// # Errors
+/// [`FormatError`] if it has none.
+pub fn check_maps(folder: &Path) -> Result<(), FormatError> {
     if folder.join(MAP_LIST).is_file() {
         return Ok(());
     }

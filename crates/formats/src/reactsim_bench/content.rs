@@ -1,5 +1,6 @@
 //! The numbers in a file, whatever its containers: tables that may be trajectories.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use reactsim_scene::Deviation;
@@ -22,14 +23,21 @@ const MAX_SLOTS: usize = 128;
 const MAX_DEPTH: usize = 12;
 /// Most values of a container that are looked at.
 const MAX_VALUES: usize = 512;
+/// Most origins of coordinates that are tried.
+const MAX_ORIGINS: usize = 32;
 /// Most values that are described to a person.
 const MAX_DESCRIBED: usize = 16;
+/// Words in the names of categories, and words beside a category in a text that states one.
+const CATEGORY: &[&str] =
+    &["behavior", "behaviour", "category", "class", "deviation", "kind", "label", "type"];
+const BESIDE: &[&str] =
+    &["av", "avs", "category", "deviated", "deviation", "deviations", "scenarios", "type"];
 /// Names of the index of the AV among the agents of a file.
 const AV_INDEX: &[&str] = &["av_index", "av_idx", "ego_index", "ego_idx", "sdc_index", "sdc_track_index"];
 
 /// Content of a file.
 #[derive(Debug, Default)]
-pub struct Content {
+pub(super) struct Content {
     /// Tables that may be trajectories.
     pub(super) tables: Vec<Table>,
     /// Index of the AV among the agents.
@@ -37,9 +45,9 @@ pub struct Content {
     /// Numbers that may be the origin of coordinates (x, y and, last, a heading), with their keys.
     pub(super) origins: Vec<(String, Vec<f64>)>,
     /// Category that the file states.
-    pub category: Option<Deviation>,
+    pub(super) category: Option<Deviation>,
     /// What the file contains, for a person.
-    pub outline: Vec<String>,
+    pub(super) outline: Vec<String>,
 }
 
 /// Rows of numbers, for one trajectory or several (slots).
@@ -61,13 +69,15 @@ impl Table {
         self.numbers.get(at).copied().unwrap_or(f64::NAN)
     }
 
-    fn of(key: &str, grids: &[Grid<'_>], turned: bool) -> Option<Self> {
+    fn of(view: &View<'_>, key: &str, grids: &[Grid<'_>], turned: bool) -> Option<Self> {
         let first = grids.first()?;
         let (rows, columns) = if turned { (first.columns, first.rows) } else { (first.rows, first.columns) };
         let is_possible = (MIN_ROWS..=MAX_ROWS).contains(&rows) && columns <= MAX_COLUMNS;
         if !is_possible || grids.len() > MAX_SLOTS {
             return None;
         }
+        // Many references to one array are as many copies.
+        view.spend(grids.len() * rows * columns).ok()?;
         let mut numbers = Vec::with_capacity(grids.len() * rows * columns);
         for grid in grids {
             for row in 0..rows {
@@ -104,26 +114,26 @@ impl Content {
     ///
     /// # Errors
     /// [`FormatError`] if the file is no pickle, or one that tries to run code.
-    pub fn read(path: &Path) -> Result<Self, FormatError> {
+    pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
         let refuse = |text| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {text}")));
         let pickle = Pickle::read_objects(&file).map_err(refuse)?;
         let (mut content, mut scope) = (Self::default(), Scope::default());
         content.look(&pickle.root(), "", 0, &mut scope);
         content.join(scope, "");
+        number_repeated(content.tables.iter_mut().map(|table| &mut table.key));
+        number_repeated(content.origins.iter_mut().map(|(key, _)| key));
         Ok(content)
     }
 
     /// Looks at a value and all within it; tables and columns of this value itself go to `scope`.
     fn look(&mut self, view: &View<'_>, name: &str, depth: usize, scope: &mut Scope) {
         let key = anonymous(view.path());
-        if let Some([planes, ..]) = view.shape() {
-            let grids: Vec<Grid<'_>> =
-                (0..planes.min(MAX_SLOTS + 1)).filter_map(|i| view.plane(i).ok()).collect();
-            return self.found(view, &key, name, &grids, scope);
-        }
         if let Some(text) = view.as_text() {
-            return self.category = self.category.or_else(|| category_in(text));
+            let is_stated =
+                name.starts_with('[') || words(name).any(|word| CATEGORY.contains(&word.as_str()));
+            self.category = self.category.or_else(|| category_in(text).filter(|_| is_stated));
+            return;
         }
         if let Ok(number) = view.number() {
             if AV_INDEX.contains(&name) && number >= 0.0 {
@@ -131,10 +141,9 @@ impl Content {
             }
             return;
         }
-        if let Ok(grid) = if view.is_list() { view.grid() } else { Err(view.wrong("a list")) }
-            && grid.rows > 0
-        {
-            return self.found(view, &key, name, &[grid], scope);
+        let grids = grids_of(view);
+        if !grids.is_empty() {
+            return self.found(view, &key, name, &grids, scope);
         }
         let children = view.children().unwrap_or_default();
         if depth >= MAX_DEPTH || children.is_empty() {
@@ -163,21 +172,24 @@ impl Content {
             let key = if key.is_empty() { "the file" } else { key };
             self.outline.push(format!("{key}: {} ({} ...)", view.describe(), begin.join(", ")));
         }
-        let length = first.rows * first.columns;
+        let length = first.rows.saturating_mul(first.columns);
         if grids.len() == 1 && (2..=4).contains(&length) {
             let numbers = (0..length).map(|i| first.at(i / first.columns, i % first.columns)).collect();
-            return self.origins.push((key.to_owned(), numbers));
+            if self.origins.len() < MAX_ORIGINS {
+                self.origins.push((key.to_owned(), numbers));
+            }
+            return;
         }
         let mut column = |table: Option<Table>| {
             scope.columns.extend(table.map(|t| Table { names: vec![name.to_owned()], ..t }));
         };
         if first.columns == 1 {
-            return column(Table::of(key, grids, false));
+            return column(Table::of(view, key, grids, false));
         }
-        scope.tables.extend(Table::of(key, grids, false));
+        scope.tables.extend(Table::of(view, key, grids, false));
         // One row per agent, or one row per coordinate.
         if grids.len() == 1 && first.rows <= MAX_SLOTS && first.columns >= MIN_ROWS {
-            let turned = Table::of(key, grids, true);
+            let turned = Table::of(view, key, grids, true);
             column(turned.clone().map(|t| {
                 let numbers = (0..first.rows).flat_map(|r| (0..first.columns).map(move |c| first.at(r, c)));
                 Table { slots: first.rows, numbers: numbers.collect(), ..t }
@@ -262,15 +274,52 @@ fn leaves(view: &View<'_>, name: &str, depth: usize, found: &mut Vec<(String, f6
     }
 }
 
-/// Returns the category that a text names, if it names one.
-pub(super) fn category_in(text: &str) -> Option<Deviation> {
-    let text = text.to_lowercase();
-    let mut named = Deviation::ALL.into_iter().filter(|category| text.contains(category.name()));
-    named.next().filter(|_| named.next().is_none())
+/// Returns the planes of an array, or of a list of numbers, of rows or of tables with the same sides; none if
+/// the value is none of these.
+fn grids_of<'a>(view: &View<'a>) -> Vec<Grid<'a>> {
+    if let Some([planes, ..]) = view.shape() {
+        return (0..planes.min(MAX_SLOTS + 1)).filter_map(|i| view.plane(i).ok()).collect();
+    }
+    let items = if view.is_list() { view.items().unwrap_or_default() } else { Vec::new() };
+    let is_flat = |item: &View<'_>| item.shape().is_none_or(|[planes, ..]| planes == 1);
+    let table = |item: &View<'a>| item.grid().ok().filter(|g| is_flat(item) && g.rows > 1 && g.columns > 1);
+    let tables: Vec<Grid<'a>> = items.iter().map_while(table).collect();
+    let sides = |grid: &Grid<'_>| [grid.rows, grid.columns];
+    match tables.first().map(sides) {
+        Some(first) if tables.len() == items.len() && tables.iter().all(|t| sides(t) == first) => tables,
+        None if items.iter().all(is_flat) => view.grid().into_iter().filter(|grid| grid.rows > 0).collect(),
+        _ => Vec::new(),
+    }
 }
 
-/// Replaces tokens in a path, which differ from file to file.
+/// Numbers keys that occur again, as those of several tokens do.
+fn number_repeated<'a>(keys: impl Iterator<Item = &'a mut String>) {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for key in keys {
+        let count = counts.entry(key.clone()).or_default();
+        *count += 1;
+        if *count > 1 {
+            *key = format!("{key}#{count}");
+        }
+    }
+}
+
+/// Returns the words of a text in small letters.
+fn words(text: &str) -> impl Iterator<Item = String> {
+    text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).map(str::to_lowercase)
+}
+
+/// Returns the category that a text states; one that only mentions it, such as a kind of scenario, states none.
+pub(super) fn category_in(text: &str) -> Option<Deviation> {
+    let is_number = |word: &str| word.bytes().all(|b| b.is_ascii_digit());
+    let mut words = words(text).filter(|word| !BESIDE.contains(&word.as_str()) && !is_number(word));
+    let category = Deviation::from_name(&words.next()?)?;
+    words.next().is_none().then_some(category)
+}
+
+/// Replaces names with tokens in a path, which differ from file to file.
 fn anonymous(path: &str) -> String {
     let is_token = |part: &str| part.len() == 16 && part.bytes().all(|b| b.is_ascii_hexdigit());
-    path.split('.').map(|part| if is_token(part) { "*" } else { part }).collect::<Vec<_>>().join(".")
+    let is_own = |part: &str| part.split('_').any(is_token);
+    path.split('.').map(|part| if is_own(part) { "*" } else { part }).collect::<Vec<_>>().join(".")
 }

@@ -9,8 +9,13 @@ use reactsim_scene::AgentState;
 use super::content::Content;
 use super::layout::{Choice, Layout};
 use super::logs::Located;
-use super::tally::{HeadingTally, LayoutTally, MISFIT, Total, are_same};
-use super::track::{Heading, Slip, slip, states};
+use super::tally::{MISFIT, Tally, Total, is_same};
+use super::track::{Heading, states};
+
+/// Fewest files whose costs show which of two readings of an array is right.
+const FEWEST: f64 = 5.0;
+/// Most layouts that are listed.
+const MAX_LISTED: usize = 12;
 
 /// Layout of all files.
 #[derive(Debug)]
@@ -55,18 +60,18 @@ pub fn measure(
     files: Vec<Located>,
     choice: &Choice,
     refused: &mut Vec<(PathBuf, String)>,
-) -> (Vec<Located>, LayoutTally) {
+) -> (Vec<Located>, Tally<Layout>) {
     let one = |file: &Located| {
         let content = Content::read(&file.path).map_err(|error| error.cause.to_string())?;
-        Ok::<_, String>(Layout::fitting(&content, &file.windows, choice))
+        Ok::<_, String>((Layout::fitting(&content, &file.windows, choice), content.category))
     };
     let all: Vec<_> = files.par_iter().map(one).collect();
-    let (mut read, mut tally) = (Vec::new(), LayoutTally::default());
+    let (mut read, mut tally) = (Vec::new(), Tally::default());
     for (file, fitting) in files.into_iter().zip(all) {
         match fitting {
-            Ok(fitting) => {
+            Ok((fitting, category)) => {
                 tally.add(fitting);
-                read.push(file);
+                read.push(Located { category, ..file });
             }
             Err(reason) => refused.push((file.path, reason)),
         }
@@ -78,74 +83,58 @@ pub fn measure(
 ///
 /// # Errors
 /// [`Undecided`] shows what the files contain and which options decide.
-pub fn decide(files: &[Located], tally: &LayoutTally, choice: &Choice) -> Result<Decided, Undecided> {
+pub fn decide(files: &[Located], tally: &Tally<Layout>, choice: &Choice) -> Result<Decided, Undecided> {
     let example = files.first().map_or(Path::new(""), |file| &file.path);
     let rivals = tally.best().map_err(|best| {
-        let listed: String = best.iter().map(line).collect();
+        let listed: String = best.iter().take(MAX_LISTED).map(line).collect();
         let listed = if listed.is_empty() { "  none\n".to_owned() } else { listed };
         Undecided::None { files: files.len(), listed, options: options(example) }
     })?;
     let headings = headings(files, &rivals, choice);
+    // The trajectory of a file under the best layout; by how much each costs more, and whether it is the same.
     let one = |file: &Located| {
         let (content, windows) = (Content::read(&file.path).unwrap_or_default(), &file.windows);
         let of = |((layout, _), heading): (&(Layout, Total), &Heading)| {
-            let fit = layout.fit(&content, windows);
-            let states = fit.and_then(|_| states(&content, windows, layout, *heading));
-            let slip = slip(&content, windows, layout, *heading);
-            Trial { cost: fit.map_or(MISFIT, |fit| fit.cost), states, slip }
+            let cost = layout.fit(&content, windows).map(|fit| fit.cost);
+            (cost.unwrap_or(MISFIT), cost.and_then(|_| states(&content, windows, layout, *heading)))
         };
-        rivals.iter().zip(&headings).map(of).collect::<Vec<_>>()
+        let mut trials: Vec<(f64, Option<Vec<AgentState>>)> = rivals.iter().zip(&headings).map(of).collect();
+        let (least, best) = (trials[0].0, trials[0].1.as_deref());
+        let more: Vec<(f64, bool)> =
+            trials.iter().map(|(cost, states)| (cost - least, is_same(best, states.as_deref()))).collect();
+        (trials.swap_remove(0).1, more)
     };
-    let tracks: Vec<Vec<Trial>> = files.par_iter().map(one).collect();
-    let moves_otherwise = |at: &usize| {
-        let mut slip = Slip::default();
-        tracks.iter().for_each(|file| slip.add(&file[*at].slip));
-        slip.point().is_some_and(|point| point != rivals[*at].0.point)
+    let (tracks, more): (Vec<_>, Vec<_>) = files.par_iter().map(one).collect::<Vec<_>>().into_iter().unzip();
+    let (layout, total) = &rivals[0];
+    let is_rival = |at: &usize| {
+        let other = &rivals[*at].0;
+        let is_other_sample = other.sample != layout.sample;
+        // In the frame of the AV only its speed shows when a trajectory begins, and only bends show which point
+        // of the AV it is.
+        let is_same_array = (&other.key, other.slot) == (&layout.key, layout.slot);
+        let is_worse = is_same_array && is_clear(more.iter().map(|file| file[*at].0));
+        let different = more.iter().filter(|file| !file[*at].1).count();
+        !is_worse && (is_other_sample || 50 * different >= files.len())
     };
-    let mut left: Vec<usize> = (0..rivals.len()).filter(|at| !moves_otherwise(at)).collect();
-    if left.is_empty() {
-        left = (0..rivals.len()).collect();
-    }
-    // In the frame of the AV only its speed shows when a trajectory begins.
-    let first = left[0];
-    let begins_otherwise = |at: usize| {
-        let costs = tracks.iter().map(|file| file[at].cost - file[first].cost);
-        rivals[at].0.sample != rivals[first].0.sample && is_above_zero(costs)
-    };
-    left.retain(|at| !begins_otherwise(*at));
-    let best = left[0];
-    let differs = |at: usize| {
-        let pairs = tracks.iter().map(|file| (file[best].states.as_deref(), file[at].states.as_deref()));
-        rivals[at].0.sample != rivals[best].0.sample || !are_same(pairs)
-    };
-    let others: Vec<usize> = left.into_iter().skip(1).filter(|at| differs(*at)).collect();
+    let others: Vec<usize> = (1..rivals.len()).filter(is_rival).collect();
     if !others.is_empty() {
-        let listed = std::iter::once(best).chain(others).map(|at| line(&rivals[at])).collect();
+        let listed = std::iter::once(0).chain(others).take(MAX_LISTED).map(|at| line(&rivals[at])).collect();
         return Err(Undecided::Several { listed, options: options(example) });
     }
-    let (layout, total) = rivals[best].clone();
-    let tracks = tracks.into_iter().map(|mut file| file.swap_remove(best).states).collect();
     let [rows, columns] = total.shape;
-    let about = format!("{rows} × {columns}, {layout}, {}", headings[best]);
-    Ok(Decided { about, layout, tracks })
-}
-
-/// A file under a layout.
-struct Trial {
-    cost: f64,
-    states: Option<Vec<AgentState>>,
-    slip: Slip,
+    let about = format!("{rows} × {columns}, {layout}, {}", headings[0]);
+    Ok(Decided { about, layout: layout.clone(), tracks })
 }
 
 /// Returns whether the mean of numbers is above zero beyond chance, and by more than 2 cm.
-fn is_above_zero(numbers: impl Iterator<Item = f64>) -> bool {
+pub(super) fn is_clear(numbers: impl Iterator<Item = f64>) -> bool {
     let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
     for number in numbers {
         (sum, squares, count) = (sum + number, squares + number * number, count + 1.0);
     }
     let mean = sum / count;
-    let error = ((squares / count - mean * mean).max(0.0) / f64::max(count - 1.0, 1e-9)).sqrt();
-    mean > f64::max(0.02, 3.0 * error)
+    let error = ((squares / count - mean * mean).max(0.0) / (count - 1.0)).sqrt();
+    count >= FEWEST && mean > f64::max(0.02, 3.0 * error)
 }
 
 /// Returns the place of the headings under each layout.
@@ -155,11 +144,11 @@ fn headings(files: &[Located], rivals: &[(Layout, Total)], choice: &Choice) -> V
         let of = |(layout, _): &(Layout, Total)| Heading::fitting(&content, &file.windows, layout, choice);
         rivals.iter().map(of).collect::<Vec<_>>()
     };
-    let mut tallies: Vec<HeadingTally> = rivals.iter().map(|_| HeadingTally::default()).collect();
+    let mut tallies: Vec<Tally<Heading>> = rivals.iter().map(|_| Tally::default()).collect();
     for file in files.par_iter().map(one).collect::<Vec<_>>() {
-        tallies.iter_mut().zip(file).for_each(|(tally, fitting)| tally.add(&fitting));
+        tallies.iter_mut().zip(file).for_each(|(tally, fitting)| tally.add(fitting));
     }
-    tallies.iter().map(HeadingTally::best).collect()
+    tallies.iter().map(Tally::<Heading>::best).collect()
 }
 
 fn line((layout, total): &(Layout, Total)) -> String {
@@ -178,6 +167,6 @@ fn options(path: &Path) -> String {
     for line in outline {
         writeln!(text, "  {line}").ok();
     }
-    text + "State what is meant with --array KEY, --columns x,y,heading, --frame global, --pose rear-axle, \
-            --first-frame 11, --step 0.1 or --sample current"
+    text + "State what is meant with --array KEY, --columns x,y,heading, --frame global, --pose rear-axle \
+            or --sample current"
 }

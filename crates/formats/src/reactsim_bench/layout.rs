@@ -118,10 +118,6 @@ pub struct Choice {
     pub frame: Option<String>,
     /// Point of the AV.
     pub point: Option<Point>,
-    /// Frame of the first entry, 10 is the current one.
-    pub first_frame: Option<i32>,
-    /// Seconds between entries.
-    pub step: Option<f64>,
     /// Frame that the file names name.
     pub sample: Option<Sample>,
 }
@@ -273,8 +269,9 @@ impl Layout {
 
 /// Returns the possible times of the entries of a table and its columns of x.
 fn starts(table: &Table, choice: &Choice) -> Vec<(Sample, usize, i32, i32)> {
-    let columns = if table.names.len() > 2 { 0..2 } else { 0..1 };
     let stated = choice.columns.iter().position(|name| name == "x");
+    let columns = (1..table.names.len()).map(|next| next - 1);
+    let columns = columns.filter(|column| stated.map_or(*column < 2, |stated| stated == *column));
     let mut found = Vec::new();
     for (sample, column) in Sample::ALL.into_iter().flat_map(|s| columns.clone().map(move |c| (s, c))) {
         for step in STEPS {
@@ -282,13 +279,7 @@ fn starts(table: &Table, choice: &Choice) -> Vec<(Sample, usize, i32, i32)> {
                 let end = first + (table.rows as i32 - 1) * step;
                 // One missing step is continued.
                 let is_long = end >= END - 2 && (first == step || first % step == 0);
-                let frame = CURRENT as f64 + 0.5 * f64::from(first);
-                if is_long
-                    && stated.is_none_or(|stated| stated == column)
-                    && choice.sample.is_none_or(|s| s == sample)
-                    && choice.step.is_none_or(|s| (s - f64::from(step) * TICK).abs() < 1e-6)
-                    && choice.first_frame.is_none_or(|stated| f64::from(stated) == frame)
-                {
+                if is_long && choice.sample.is_none_or(|s| s == sample) {
                     found.push((sample, column, first, step));
                 }
             }

@@ -1,15 +1,16 @@
 //! The frames of logs that file names refer to.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
+use reactsim_scene::Deviation;
 use serde::{Deserialize, Serialize};
 
 use super::layout::{Sample, Windows};
 use crate::error::{Cause, FormatError};
 use crate::format::named;
-use crate::nuplan::{Drive, ROWS_BEFORE, Token, rows_among, scenes};
+use crate::nuplan::{Drive, ROWS_BEFORE, Token, scenes};
 
 /// What the name of a file refers to.
 #[derive(Clone, Debug)]
@@ -76,11 +77,11 @@ fn about(path: &Path) -> std::io::Result<(u64, u64)> {
     Ok((about.len(), u64::try_from(changed.as_nanos()).unwrap_or(u64::MAX)))
 }
 
-/// Lists files with an ending (`.db`, `.pkl`) in folders and those below them, in order of their paths.
+/// Lists files with one of the endings (`.db`, `.pkl`) in folders and those below them, in order of their paths.
 ///
 /// # Errors
 /// [`FormatError`] names the folder that cannot be read.
-pub fn logs_in(paths: &[PathBuf], ending: &str) -> Result<Vec<PathBuf>, FormatError> {
+pub fn files_in(paths: &[PathBuf], endings: &[&str]) -> Result<Vec<PathBuf>, FormatError> {
     let mut found = BTreeSet::new();
     let mut waiting: Vec<PathBuf> = paths.to_vec();
     while let Some(path) = waiting.pop() {
@@ -91,7 +92,7 @@ pub fn logs_in(paths: &[PathBuf], ending: &str) -> Result<Vec<PathBuf>, FormatEr
         }
         for entry in std::fs::read_dir(&path).map_err(refuse)? {
             let inner = entry.map_err(refuse)?.path();
-            if inner.is_dir() || named(&inner, ending) {
+            if inner.is_dir() || endings.iter().any(|ending| named(&inner, ending)) {
                 waiting.push(inner);
             }
         }
@@ -114,6 +115,8 @@ pub struct Located {
     pub missing: [String; 2],
     /// Whether the frame is in another scene than the name states.
     pub other_scene: bool,
+    /// Category that the file states.
+    pub category: Option<Deviation>,
 }
 
 /// Finds the frames of a log that names refer to; `Ok(Err)` is a name that contradicts the log.
@@ -143,6 +146,7 @@ fn in_drive(log: &Path, drive: &Drive, path: &Path, name: &BenchName) -> Result<
         current: [None, None],
         missing: Default::default(),
         other_scene: drive.tokens(row).is_none_or(|(_, scene)| scene != name.scene),
+        category: None,
     };
     for sample in Sample::ALL {
         let (at, i) = (row + if sample == Sample::First { ROWS_BEFORE } else { 0 }, sample as usize);
@@ -153,14 +157,4 @@ fn in_drive(log: &Path, drive: &Drive, path: &Path, name: &BenchName) -> Result<
         located.current[i] = drive.tokens(at).map(|(token, _)| token.to_string());
     }
     Ok(located)
-}
-
-/// Returns which files have their frame in a log, by index.
-///
-/// # Errors
-/// [`FormatError`] if the log cannot be read.
-pub fn rows_of(log: &Path, names: &BTreeMap<usize, BenchName>) -> Result<Vec<usize>, FormatError> {
-    let wanted: BTreeSet<Token> = names.values().map(|name| name.sample).collect();
-    let found: BTreeSet<Token> = rows_among(log, &wanted)?.into_iter().collect();
-    Ok(names.iter().filter(|(_, name)| found.contains(&name.sample)).map(|(i, _)| *i).collect())
 }

@@ -15,13 +15,12 @@ mod tally;
 mod tests;
 mod track;
 
-pub use super::nuplan::Pose;
-pub use content::Content;
+pub use super::nuplan::{Pose, check_maps};
 pub use decide::{Decided, Undecided, decide, measure};
 pub use layout::{Axes, Choice, Layout, Point, Sample, Slot, Windows};
-pub use logs::{BenchName, IndexedLog, Located, locate, logs_in, rows_of};
+pub use logs::{BenchName, IndexedLog, Located, files_in, locate};
 pub use sidecar::{category_of_path, sidecar};
-pub use tally::LayoutTally;
+pub use tally::Tally;
 
 use std::path::Path;
 

@@ -7,9 +7,11 @@ use std::path::PathBuf;
 
 use reactsim_geometry::wrap;
 use reactsim_scene::Deviation;
-use reactsim_test_support::nuplan::{Fixture, ORIGIN, token};
+use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name as name};
 use reactsim_test_support::pickle::{Py, pickle};
 
+use super::content::category_in;
+use super::decide::is_clear;
 use super::{BenchName, Choice, Located, Point, decide, locate, measure, sidecar};
 
 /// Rows of the log that become current frames.
@@ -189,6 +191,52 @@ const FOUND: &[(&str, Make, &str)] = &[
         },
         "origin and heading in `center`",
     ),
+    ("in a list", |a, _| Py::List(vec![plain(&a[11..])]), "`the array`, global, rear axle"),
+    ("in a tuple", |a, _| Py::Tuple(vec![plain(&a[11..])]), "`the array`, global, rear axle"),
+    (
+        "list of agents",
+        |a, _| {
+            let of =
+                |by: f64| plain(&a[11..].iter().map(|[x, y, h]| [x + by, y - by, *h]).collect::<Vec<_>>());
+            dict([("agents", Py::List([9.0, 0.0, 30.0].map(of).into()))])
+        },
+        "`agents`[1], global, rear axle",
+    ),
+    (
+        "names as keys",
+        |a, i| {
+            let key = name(ROWS[i]).replace(".pkl", "");
+            Py::Dict(vec![(key.clone(), Py::List(vec![plain(&a[11..])])), (key + "b", plain(&a[..80]))])
+        },
+        "`*`, global, rear axle",
+    ),
+    (
+        "two tokens as keys",
+        |a, _| {
+            let far: Vec<Pose> = a[11..].iter().map(|[x, y, h]| [x + 50.0, *y, *h]).collect();
+            Py::Dict([(1, plain(&far)), (2, plain(&a[11..]))].map(|(n, v)| (format!("{n:016x}"), v)).into())
+        },
+        "`*#2`, global, rear axle",
+    ),
+    (
+        "headings from differences",
+        |a, _| {
+            let c = within(&centers(a), centers(a)[10], a[10][2]);
+            let turned = |k: usize| [c[k][0], c[k][1], (c[k][1] - c[k - 1][1]).atan2(c[k][0] - c[k - 1][0])];
+            plain(&(11..91).map(turned).collect::<Vec<_>>())
+        },
+        "frame av, box centre",
+    ),
+    (
+        "no headings, rear axle",
+        |a, _| array(&within(&a[11..], a[10], a[10][2]), |[x, y, _]| [*x, *y]),
+        "frame av, rear axle",
+    ),
+    (
+        "a column like headings",
+        |a, _| array(&within(&a[11..], a[10], a[10][2]), |[x, y, h]| [*x, *y, 0.8 * h]),
+        "headings from the motion",
+    ),
     ("no headings", |a, _| array(&centers(a)[10..], |[x, y, _]| [*x, *y]), "headings from the motion"),
     (
         "degrees",
@@ -249,9 +297,34 @@ const REFUSED: &[(&str, Make, &str)] = &[
         "several layouts fit equally well",
     ),
     (
+        "another one among many that are the same",
+        |a, _| {
+            let same = vec![within(&a[11..], a[10], a[10][2]); 14];
+            let other = same[0].iter().map(|p| [0.8 * p[0], p[1], p[2]]).collect();
+            dict([("samples", Py::Array(vec![15, 80, 3], [same, vec![other]].concat().concat().concat()))])
+        },
+        "several layouts fit equally well",
+    ),
+    (
         "axle or centre",
-        |a, _| array(&within(&a[11..], a[10], a[10][2]), |[x, y, _]| [*x, *y]),
+        |a, _| {
+            let middle: Vec<Pose> = a
+                .iter()
+                .zip(&centers(a))
+                .map(|(a, c)| [0.5 * (a[0] + c[0]), 0.5 * (a[1] + c[1]), a[2]])
+                .collect();
+            plain(&within(&middle[11..], middle[10], a[10][2]))
+        },
         "frame av, box centre",
+    ),
+    (
+        "the log alone in the frame of the AV",
+        |_, i| {
+            let now = 0.05 * f64::from(ROWS[i]);
+            let log: Vec<Pose> = (0..=80).map(|k| logged(now + 0.1 * f64::from(k))).collect();
+            plain(&within(&log[1..], log[0], log[0][2]))
+        },
+        "it is the logged drive",
     ),
     (
         "the log alone",
@@ -263,15 +336,6 @@ const REFUSED: &[(&str, Make, &str)] = &[
         "it is the logged drive",
     ),
 ];
-
-fn hex(token: [u8; 8]) -> String {
-    token.iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// Name of the file whose current frame is this row.
-fn name(row: u32) -> String {
-    format!("town_{}_{}.pkl", hex(token(b's', 2)), hex(token(b'p', row)))
-}
 
 /// Imports the files of a layout; returns what is printed, or the refusal, and the largest error of a
 /// trajectory.
@@ -314,7 +378,8 @@ fn every_layout_is_found_by_its_content() {
     for (i, (layout, make, expected)) in FOUND.iter().enumerate() {
         let versions = [2 + (i % 4) as u8, 1 + (i / 4 % 2) as u8];
         let tolerance = match *layout {
-            "no headings" => 0.2,
+            "no headings" | "no headings, rear axle" | "a column like headings" => 0.2,
+            "headings from differences" => 0.1,
             layout if layout.contains("Hz") || layout == "one short" => 0.05,
             layout if layout.contains("tensor") => 1e-4,
             _ => 1e-6,
@@ -343,7 +408,7 @@ fn layouts_that_are_not_unique_are_refused_with_what_decides() {
     let point = Some(Point::Axle);
     let (about, error) =
         import(&fixture, make("axle or centre"), [4, 2], &Choice { point, ..Choice::default() }).unwrap();
-    assert!(error < 0.2, "{about}: {error}");
+    assert!(about.contains("rear axle") && error < 1.5, "{about}: {error}");
 }
 
 #[test]
@@ -361,4 +426,30 @@ fn lists_of_categories_are_read_in_any_format() {
         let expected = [(a.clone(), Deviation::Lateral), (b.clone(), Deviation::Directional)];
         assert_eq!(found.into_iter().collect::<Vec<_>>(), expected, "{text}");
     }
+}
+
+#[test]
+fn only_texts_that_are_a_category_state_one() {
+    let [a, b] = [name(1), name(2)];
+    assert_eq!(sidecar(&format!("file,longitudinal,lateral,directional\n{a},1,0,0\n")).len(), 0);
+    let found = sidecar(&format!("file,category\n{a},\n{b},lateral\n"));
+    assert_eq!(found.into_values().collect::<Vec<_>>(), [Deviation::Lateral]);
+    assert_eq!(sidecar(&format!("lateral\n{a}\n{b}\n")).len(), 2);
+    assert_eq!(category_in("Lateral_deviation"), Some(Deviation::Lateral));
+    assert_eq!(category_in("high_lateral_acceleration"), None);
+}
+
+#[test]
+fn one_file_does_not_decide_which_frame_its_name_names() {
+    let files = |count: usize| is_clear(std::iter::repeat_n(0.03, count));
+    assert!(!files(1) && !files(4) && files(5));
+}
+
+#[test]
+fn columns_that_are_stated_may_follow_others() {
+    let make: Make = |a, _| array(&a[11..], |[x, y, h]| [1.0, 2.0, 3.0, *x, *y, *h]);
+    let columns = ["a", "b", "c", "x", "y", "heading"].map(str::to_owned).to_vec();
+    let choice = Choice { columns, ..Choice::default() };
+    let (about, error) = import(&fixture(), make, [4, 2], &choice).unwrap();
+    assert!(about.contains("x in column 3") && error < 1e-6, "{about}: {error}");
 }

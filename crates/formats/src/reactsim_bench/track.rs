@@ -7,13 +7,16 @@ use reactsim_geometry::{Vec2, direction, heading_of, math, wrap};
 use reactsim_scene::{AgentState, CURRENT, FUTURE};
 
 use super::content::Content;
-use super::layout::{Choice, END, Layout, Point, TICK, Windows};
-use crate::nuplan::{Pose, TO_CENTER};
+use super::layout::{Choice, END, Fit, Layout, Point, TICK, Windows};
+use crate::nuplan::Pose;
 
 /// Speed from which the direction of motion shows the heading, m/s.
 const MOVING: f64 = 2.0;
 /// Largest difference of a heading from that of the log, and mean one from the direction of motion, radians.
 const SAME_HEADING: f64 = 0.25;
+/// Radians by which headings from the motion must fit better than those of a column to be taken; columns of other
+/// numbers fit worse.
+const CLOSER: f64 = 0.02;
 /// Shortest distance that shows a direction, metres.
 const SHORTEST: f64 = 0.05;
 
@@ -50,16 +53,6 @@ struct Knot {
     heading: f64,
 }
 
-/// Sums over the entries of a file: of the difference of the direction of motion from the heading, and of that
-/// of the centre of the AV in the bend, radians.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Slip {
-    product: f64,
-    carried: f64,
-    off: f64,
-    count: f64,
-}
-
 impl Heading {
     /// Returns how well the headings fit to the log and to the motion, by place, if they do.
     pub(super) fn fitting(
@@ -67,7 +60,7 @@ impl Heading {
         windows: &Windows,
         layout: &Layout,
         choice: &Choice,
-    ) -> Vec<(Self, f64)> {
+    ) -> Vec<(Self, Fit)> {
         let Some((table, _)) = layout.find(content) else { return Vec::new() };
         let columns: Vec<usize> =
             (0..table.names.len()).filter(|c| *c != layout.column && *c != layout.column + 1).collect();
@@ -80,10 +73,13 @@ impl Heading {
                 let single = columns.iter().flat_map(|c| [Self::Radians(*c), Self::Degrees(*c)]);
                 let next = |c: &usize| columns.contains(&(c + 1)).then_some((*c, c + 1));
                 let pairs = columns.iter().filter_map(next);
-                single.chain(pairs.flat_map(|(a, b)| [Self::Vector(a, b), Self::Vector(b, a)])).collect()
+                let pairs = pairs.flat_map(|(a, b)| [Self::Vector(a, b), Self::Vector(b, a)]);
+                single.chain(pairs).chain([Self::Motion]).collect()
             }
         };
-        all.into_iter().filter_map(|h| Some((h, h.cost(content, windows, layout)?))).collect()
+        let fit =
+            |h: Self| Some(Fit { cost: h.cost(content, windows, layout)?, is_log: false, shape: [0; 2] });
+        all.into_iter().filter_map(|h| Some((h, fit(h)?))).collect()
     }
 
     fn cost(self, content: &Content, windows: &Windows, layout: &Layout) -> Option<f64> {
@@ -100,7 +96,8 @@ impl Heading {
             }
         }
         let off = sum / f64::from(count.max(1));
-        (begin <= SAME_HEADING && off <= SAME_HEADING).then_some(begin + off)
+        let more = if self == Self::Motion { CLOSER } else { 0.0 };
+        (begin <= SAME_HEADING && off <= SAME_HEADING).then_some(begin + off + more)
     }
 
     fn at(self, number: impl Fn(usize) -> f64) -> Option<f64> {
@@ -203,47 +200,4 @@ fn between(knots: &[Knot], time: i32) -> Option<(Vec2, f64)> {
     let (c, d) = (u * (1.0 - u) * (1.0 - u) * span, u * u * (u - 1.0) * span);
     let at = before.at * a + after.at * b + from * c + to * d;
     Some((at, before.heading * a + after.heading * b + from_turn * c + to_turn * d))
-}
-
-/// Returns how the direction of motion differs from the heading in bends: the rear axle moves along the
-/// heading, the centre is carried outwards.
-pub(super) fn slip(content: &Content, windows: &Windows, layout: &Layout, heading: Heading) -> Slip {
-    let knots = knots(content, windows, layout, heading).filter(|_| heading != Heading::Motion);
-    let mut slip = Slip::default();
-    for pair in knots.as_deref().unwrap_or_default().windows(2) {
-        let by = pair[1].at - pair[0].at;
-        if by.norm() >= MOVING * TICK * f64::from(pair[1].time - pair[0].time) {
-            let carried = math::atan(TO_CENTER * wrap(pair[1].heading - pair[0].heading) / by.norm());
-            let off = wrap(heading_of(by) - middle(pair));
-            slip.add(&Slip {
-                product: off * carried,
-                carried: carried * carried,
-                off: off * off,
-                count: 1.0,
-            });
-        }
-    }
-    slip
-}
-
-impl Slip {
-    /// Adds that of another file.
-    pub(super) fn add(&mut self, other: &Self) {
-        self.product += other.product;
-        self.carried += other.carried;
-        self.off += other.off;
-        self.count += other.count;
-    }
-
-    /// Returns the point of the AV that moves like this, if it shows.
-    pub(super) fn point(&self) -> Option<Point> {
-        let share = self.product / self.carried;
-        let noise = ((self.off - share * self.product).max(0.0) / self.count / self.carried).sqrt();
-        let is_near = |whole: f64| noise <= 0.1 && (share - whole).abs() < 0.4;
-        // NaN, without bends, is near neither.
-        [(0.0, Point::Axle), (1.0, Point::Center)]
-            .into_iter()
-            .find(|(whole, _)| is_near(*whole))
-            .map(|(_, p)| p)
-    }
 }
