@@ -150,7 +150,7 @@ mod tests {
         ("convert IN", &["--out"]),
         ("convert a --futures IN --model idm", &["--out"]),
         ("export av IN", &["--out"]),
-        ("export reactsim-bench run --scenarios IN", &["--out"]),
+        ("export reactsim-bench run --deviations IN", &["--out"]),
         ("import reactsim-bench IN --nuplan a", &["--out"]),
         ("export wosac run --scenarios IN --metadata m", &["--out"]),
         ("train regression IN=4", &["--out"]),

@@ -6,7 +6,8 @@ use std::process::Command;
 
 use reactsim::evaluation::paper::{Agreement, PaperNumber};
 use reactsim::evaluation::{Estimate, read_summary};
-use reactsim_test_support::nuplan::Fixture;
+use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name};
+use reactsim_test_support::pickle::{Py, pickle};
 
 use crate::reference::{edit_both, run, said, text};
 
@@ -106,12 +107,12 @@ print([round(float(v), 3) for v in x[0, 0, 0]])
 ";
 
 #[test]
-fn filters_run_and_rollouts_are_named_as_in_the_benchmark() {
+fn filters_select_the_scenarios_of_runs_and_pages() {
     let made = Fixture::write();
     let logs = made.log.parent().unwrap();
     let at = |name: &str| logs.join(name);
     fs::write(at("inner.yaml"), "scenario_types: [inner]\nscenario_tokens: null\n").unwrap();
-    let (filter, out, html_file, files) = (at("inner.yaml"), at("run"), at("page.html"), at("files"));
+    let (filter, out, html_file) = (at("inner.yaml"), at("run"), at("page.html"));
     let selection = ["--nuplan", text(logs), "--filter", text(&filter)];
     let models = ["--models", "log-replay,stop", "--av", "brake:1", "--keep-rollouts", "--out", text(&out)];
     said(&[&["run"], &selection[..], &models].concat(), 0);
@@ -135,17 +136,42 @@ fn filters_run_and_rollouts_are_named_as_in_the_benchmark() {
     for wrong in [&selection[..2], &selection[2..]] {
         said(&[&["run"], wrong].concat(), 2);
     }
+}
 
+#[test]
+fn rollouts_are_exported_with_the_names_of_the_imported_files() {
+    let made = Fixture::write();
+    let home = made.log.parent().unwrap();
+    let at = |name: &str| home.join(name);
+    let data = at("data");
+    fs::create_dir(&data).unwrap();
+    let rows = [22, 31, 36, 43, 50, 57];
+    for row in rows {
+        let x = |step: u32| ORIGIN.0 - 40.0 + 0.25 * f64::from(row) + 0.4 * f64::from(step);
+        let poses = (1..=80).flat_map(|step| [x(step), ORIGIN.1, 0.0]).collect();
+        fs::write(data.join(bench_name(0, row)), pickle(&Py::Array(vec![80, 3], poses), 4, 2)).unwrap();
+    }
+    let (file, out, files) = (at("official.parquet"), at("run"), at("files"));
+    said(&["import", "reactsim-bench", text(&data), "--nuplan", text(&made.log), "--out", text(&file)], 0);
+    let with = ["--deviations", text(&file)];
+    let selection = at("official.selection.json");
+    let models = ["--models", "log-replay,stop", "--keep-rollouts", "--out", text(&out)];
+    said(&[&["run", text(&selection)], &with[..], &models].concat(), 0);
     let export = ["export", "reactsim-bench", text(&out), "--simulator", "stop", "--out", text(&files)];
-    let (_, note) = said(&[&export, &selection[..]].concat(), 0);
-    assert!(note.contains("2 scenarios of `stop`"), "{note}");
-    let file = files.join("town_7300000000000002_700000000000001f.pkl");
-    assert!(file.exists() && fs::read_dir(&files).unwrap().count() == 2);
-    let plain = [&export[..3], &["--out", text(&files)], &selection].concat();
-    assert!(said(&plain, 2).1.contains("give --simulator one of those of the run: log-replay, stop"));
-    let none = said(&export, 2).1;
-    assert!(none.contains("give them, or a selection of them, with --scenarios"), "{none}");
-    shows_its_content(&file);
+    let (_, note) = said(&[&export, &with[..]].concat(), 0);
+    assert!(note.contains("6 scenarios of `stop`"), "{note}");
+    for row in rows {
+        assert!(files.join(bench_name(0, row)).exists());
+    }
+    shows_its_content(&files.join(bench_name(0, 31)));
+    // Official files have these names: nothing that exists is replaced.
+    let full = said(&[&export[..6], &[text(&data)], &with[..]].concat(), 2).1;
+    assert!(full.contains("the folder has files; give a new one"), "{full}");
+    let several = said(&[&export[..3], &["--out", text(&at("other"))], &with[..]].concat(), 2).1;
+    assert!(several.contains("give --simulator one of those of the run: log-replay, stop"), "{several}");
+    let fresh = at("other");
+    let other = [&export[..6], &[text(&fresh), "--deviations", text(&selection)]].concat();
+    assert!(said(&other, 2).1.contains("it is not the file of"));
 }
 
 fn shows_its_content(file: &Path) {
@@ -163,7 +189,7 @@ fn shows_its_content(file: &Path) {
     let head = "reactsim-bench-rollouts-v1 700000000000001f stop 11 ego ['x', 'y', 'heading', 'vx', 'vy']";
     assert_eq!(lines[0], format!("{keys} {head}"));
     assert_eq!(lines[1], "(1, 2, 80, 5) float64 (1, 2, 80) bool True False");
-    // The AV of row 31, 0.1 s later, at 5 m/s; 1.461 m ahead of its rear axle.
-    let x = 500_000.0 - 40.0 + 0.25 * 31.0 + 1.461 + 0.5;
+    // The AV of row 31, 0.1 s later, at 4 m/s; 1.461 m ahead of its rear axle.
+    let x = 500_000.0 - 40.0 + 0.25 * 31.0 + 1.461 + 0.4;
     assert!(lines[2].starts_with(&format!("[{x:.3}, 4982950.4, 0.0, 4.99")), "{}", lines[2]);
 }

@@ -29,6 +29,7 @@ const COLUMNS: &[&str] = &[
     "maneuver",
     "scenario_digest",
     "chosen",
+    "source",
     "origin_x",
     "origin_y",
     "x",
@@ -61,6 +62,8 @@ pub struct DeviationRecord {
     pub category: Option<Deviation>,
     /// Description of the maneuver in a few words; empty if the file contains none.
     pub maneuver: String,
+    /// Name of the file that it was imported from, if the file contains it.
+    pub source: Option<String>,
     /// Digest of the scenario that the trajectory was made for, if the file contains it.
     pub scenario_digest: Option<String>,
     /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
@@ -163,6 +166,7 @@ struct Texts<'a> {
     scenario: &'a str,
     category: Option<&'a str>,
     maneuver: Option<&'a str>,
+    source: Option<&'a str>,
     scenario_digest: Option<&'a str>,
     certificate: Option<Certificate>,
 }
@@ -218,8 +222,8 @@ impl Rows<'_> {
         let file = |cause| FormatError::file(self.path, cause);
         let ids = View::need(batch, "scenario_id", Leaf::Text, 0).map_err(file)?;
         let text = |name| View::find(batch, name, Leaf::Text, 0).map_err(file);
-        let [categories, maneuvers, digests] =
-            [text("category")?, text("maneuver")?, text("scenario_digest")?];
+        let [categories, maneuvers, sources, digests] =
+            [text("category")?, text("maneuver")?, text("source")?, text("scenario_digest")?];
         let chosen = match self.wanted {
             Wanted::Chosen => View::find(batch, "chosen", Leaf::Flag, 0).map_err(file)?,
             Wanted::All => None,
@@ -252,6 +256,7 @@ impl Rows<'_> {
                 scenario,
                 category: categories.as_ref().and_then(|c| c.text(row)),
                 maneuver: maneuvers.as_ref().and_then(|c| c.text(row)),
+                source: sources.as_ref().and_then(|c| c.text(row)),
                 scenario_digest: digests.as_ref().and_then(|c| c.text(row)),
                 certificate,
             };
@@ -275,6 +280,7 @@ impl Rows<'_> {
                 scenario: &one.scenario_id,
                 category: one.category.as_deref(),
                 maneuver: one.maneuver.as_deref(),
+                source: None,
                 scenario_digest: one.scenario_digest.as_deref(),
                 certificate: None,
             };
@@ -305,6 +311,7 @@ impl Texts<'_> {
         Ok(DeviationRecord {
             category,
             maneuver: self.maneuver.unwrap_or_default().to_owned(),
+            source: self.source.map(str::to_owned),
             scenario_digest: self.scenario_digest.filter(|d| !d.is_empty()).map(str::to_owned),
             origin,
             now: now?,

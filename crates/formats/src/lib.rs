@@ -34,5 +34,5 @@ pub use format::{
 };
 pub use json::parse as parse_json;
 pub use list::{FORMATS, Input, PassedOver, Survey, find_inputs, open, open_all, survey};
-pub use nuplan::{nuplan_filter, nuplan_names};
+pub use nuplan::nuplan_filter;
 pub use womd::record::tf_record;

@@ -79,6 +79,10 @@ pub(super) struct ImportBenchArgs {
     sample: Option<String>,
 }
 
+/// A file with what its name states.
+type NamedFile = (PathBuf, BenchName);
+/// Categories of lists, by the stem of the file.
+type Categories = BTreeMap<String, Deviation>;
 /// Files that are not imported, with their reasons.
 type Refused = Vec<(PathBuf, String)>;
 
@@ -140,7 +144,7 @@ fn has_ending(path: &Path, endings: &[&str]) -> bool {
 fn named_files(
     args: &ImportBenchArgs,
     refused: &mut Refused,
-) -> anyhow::Result<(Vec<(PathBuf, BenchName)>, BTreeMap<String, Deviation>)> {
+) -> anyhow::Result<(Vec<NamedFile>, Categories)> {
     let found = bench::files_in(&args.files, &[&ENDINGS[..], &LISTS[..]].concat())?;
     let (lists, found): (Vec<_>, Vec<_>) = found.into_iter().partition(|path| has_ending(path, &LISTS));
     let mut categories = BTreeMap::new();
@@ -203,13 +207,13 @@ fn index(args: &ImportBenchArgs) -> anyhow::Result<Vec<IndexedLog>> {
 /// Finds the frames of the files in the logs with the scenes that their names state; each log is read once.
 fn located(
     args: &ImportBenchArgs,
-    named: &[(PathBuf, BenchName)],
+    named: &[NamedFile],
     refused: &mut Refused,
 ) -> anyhow::Result<Vec<Located>> {
     let logs = index(args)?;
     let scenes = logs.iter().flat_map(|log| log.scenes.iter().map(move |scene| (scene.as_str(), &log.path)));
     let scenes: BTreeMap<&str, &PathBuf> = scenes.collect();
-    let mut by_log: BTreeMap<&PathBuf, Vec<&(PathBuf, BenchName)>> = BTreeMap::new();
+    let mut by_log: BTreeMap<&PathBuf, Vec<&NamedFile>> = BTreeMap::new();
     for file in named {
         let scene = file.1.scene();
         match scenes.get(scene.as_str()) {
@@ -220,7 +224,7 @@ fn located(
             }
         }
     }
-    let one = |(log, files): (&&PathBuf, &Vec<&(PathBuf, BenchName)>)| {
+    let one = |(log, files): (&&PathBuf, &Vec<&NamedFile>)| {
         let found = bench::locate(log, files);
         let found = found.unwrap_or_else(|e| files.iter().map(|_| Err(e.to_string())).collect());
         files.iter().map(|(path, _)| path.clone()).zip(found).collect::<Vec<_>>()
@@ -245,7 +249,7 @@ fn collected(
     files: &[Located],
     sample: Sample,
     tracks: Vec<Option<Vec<AgentState>>>,
-    lists: &BTreeMap<String, Deviation>,
+    lists: &Categories,
     refused: &mut Refused,
 ) -> anyhow::Result<Vec<(Imported, PathBuf)>> {
     let mut imported: Vec<(Imported, PathBuf)> = Vec::new();

@@ -1,5 +1,6 @@
 //! A small nuPlan log with its map, written by the tests.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -59,6 +60,21 @@ impl Fixture {
         self
     }
 
+    /// Writes a copy of the log with tokens of its own, whose AV drives `10 * number` metres further north.
+    pub fn copy_log(&self, number: u8) {
+        let path = self.log.with_file_name(format!("made-{number}.db"));
+        fs::copy(&self.log, &path).unwrap();
+        let own = |table: &str, column: &str| {
+            let digits = format!("substr(hex({column}), 1, 2) || '{number:02X}' || substr(hex({column}), 5)");
+            format!("UPDATE {table} SET {column} = unhex({digits});")
+        };
+        let columns = [("lidar_pc", "token"), ("lidar_pc", "scene_token"), ("scene", "token")];
+        let boxes = [("lidar_box", "lidar_pc_token"), ("scenario_tag", "lidar_pc_token")];
+        let sql: String = columns.iter().chain(&boxes).map(|(table, column)| own(table, column)).collect();
+        let sql = format!("{sql} UPDATE ego_pose SET y = y + {};", 10 * u32::from(number));
+        opened(&path).execute_batch(&sql).unwrap();
+    }
+
     /// Changes the map by SQL.
     pub fn map(self, sql: &str) -> Self {
         opened(&self.map).execute_batch(sql).unwrap();
@@ -77,9 +93,23 @@ pub fn hex(token: [u8; 8]) -> String {
     format!("{:016x}", u64::from_be_bytes(token))
 }
 
-/// Name of the file of ReactSim-Bench whose current frame is this row.
-pub fn bench_name(row: u32) -> String {
-    format!("town_{}_{}.pkl", hex(token(b's', 2)), hex(token(b'p', row)))
+/// Name of the file of ReactSim-Bench whose current frame is this row of the log, or of a copy of it.
+pub fn bench_name(copy: u8, row: u32) -> String {
+    let of_copy = |mut token: [u8; 8]| {
+        token[1] = copy;
+        hex(token)
+    };
+    format!("town_{}_{}.pkl", of_copy(token(b's', 2)), of_copy(token(b'p', row)))
+}
+
+/// Returns the names of the files of ReactSim-Bench by the token of the current frame, for all rows of a log.
+pub fn bench_names(log: &Path) -> BTreeMap<String, String> {
+    let connection = opened(log);
+    let sql = "SELECT lower(hex(lidar_pc.token)), replace(map_version, '.gpkg', '') || '_' ||
+               lower(hex(scene_token)) || '_' || lower(hex(lidar_pc.token)) || '.pkl' FROM lidar_pc, log";
+    let mut rows = connection.prepare(sql).unwrap();
+    let names = rows.query_map([], |row| Ok((row.get(0)?, row.get(1)?))).unwrap();
+    names.map(Result::unwrap).collect()
 }
 
 /// Opens a database that does not wait for the disk.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use parking_lot::Mutex;
+use rayon::prelude::*;
 
 use super::index::LogIndex;
 use super::token::Token;
@@ -66,6 +67,8 @@ struct Candidate {
 }
 
 type ByType = BTreeMap<String, Vec<Candidate>>;
+/// Candidates of a log with their types, and tokens of the filter that it has.
+type Candidates = (Vec<(String, Candidate)>, Vec<Token>);
 
 /// Content of a filter and logs, with what was chosen from them.
 type Known = (Vec<u8>, Vec<PathBuf>, Arc<Chosen>);
@@ -79,12 +82,13 @@ static CACHE: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 pub(super) fn choose(path: &Path, logs: &[PathBuf]) -> Result<Arc<Chosen>, FormatError> {
     let refuse = |cause| FormatError::file(path, cause);
     let content = read_whole(path, MAX_SIZE, "a scenario filter of at most 32 MiB")?;
-    let mut cache = CACHE.lock();
-    if let Some((.., chosen)) = cache.iter().find(|known| known.0 == content && known.1 == logs) {
+    let is_known = |known: &&Known| known.0 == content && known.1 == logs;
+    if let Some((.., chosen)) = CACHE.lock().iter().find(is_known) {
         return Ok(Arc::clone(chosen));
     }
     let filter = Filter::parse(&content).map_err(refuse)?;
     let chosen = Arc::new(filter.choose(logs).map_err(refuse)?);
+    let mut cache = CACHE.lock();
     if cache.len() >= CACHE_SIZE {
         cache.remove(0);
     }
@@ -157,18 +161,29 @@ impl Filter {
         let mut absent_tokens = self.tokens.clone().unwrap_or_default();
         let mut absent_logs = self.log_names.clone().unwrap_or_default();
         let (mut by_type, mut used) = (ByType::new(), BTreeSet::new());
-        for (log, path) in logs.iter().enumerate() {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            absent_logs.remove(name.as_ref());
-            if self.log_names.as_ref().is_some_and(|names| !names.contains(name.as_ref())) {
-                continue;
-            }
-            match LogIndex::read(path, self.needs_goal) {
-                Ok(index) => self.add(&index, log, &mut by_type, &mut absent_tokens),
-                Err(_) => {
+        let name = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let is_wanted = |path: &PathBuf| self.log_names.as_ref().is_none_or(|n| n.contains(&name(path)));
+        let read = |(log, path): (usize, &PathBuf)| {
+            let index = is_wanted(path).then(|| LogIndex::read(path, self.needs_goal));
+            index.map(|index| index.map(|index| self.candidates(&index, log)).map_err(|_| log))
+        };
+        // Of each log only what may be chosen is kept.
+        let read: Vec<Option<Result<Candidates, usize>>> = logs.par_iter().enumerate().map(read).collect();
+        for found in read.into_iter().flatten() {
+            match found {
+                Ok((named, tokens)) => {
+                    for token in tokens {
+                        absent_tokens.remove(&token);
+                    }
+                    named.into_iter().for_each(|(name, one)| by_type.entry(name).or_default().push(one));
+                }
+                Err(log) => {
                     used.insert(log);
                 }
             }
+        }
+        for path in logs {
+            absent_logs.remove(&name(path));
         }
         if let Some(number) = self.per_type {
             for (name, list) in &mut by_type {
@@ -216,31 +231,31 @@ impl Filter {
         })
     }
 
-    /// Adds the frames of a log that the filter allows, each to the last of its allowed types.
-    fn add(&self, index: &LogIndex, log: usize, by_type: &mut ByType, absent: &mut BTreeSet<Token>) {
+    /// Returns the frames of a log that the filter allows, each with the last of its allowed types, and those
+    /// of its tokens that the log has.
+    fn candidates(&self, index: &LogIndex, log: usize) -> Candidates {
         let is_other_map = self.map_names.as_ref().is_some_and(|names| !names.contains(&index.map_name));
+        let (mut candidates, mut found) = (Vec::new(), Vec::new());
         for (row, &(timestamp, token, scene)) in index.sweeps.iter().enumerate() {
-            absent.remove(&token);
-            let is_wanted = self.tokens.as_ref().is_none_or(|tokens| tokens.contains(&token));
+            match &self.tokens {
+                Some(tokens) if tokens.contains(&token) => found.push(token),
+                Some(_) => continue,
+                None => {}
+            }
             let is_start = index.inner.contains(&scene) && (!self.needs_goal || index.has_goal(scene));
-            if is_other_map || !is_wanted || !is_start {
+            if is_other_map || !is_start {
                 continue;
             }
             let tags = index.tags.get(&token).map(Vec::as_slice).unwrap_or_default();
             let allowed = tags.iter().filter(|tag| self.types.as_ref().is_none_or(|t| t.contains(*tag)));
             let name = match allowed.max() {
-                Some(name) => name.as_str(),
-                None if self.types.is_none() => UNTAGGED,
+                Some(name) => name.clone(),
+                None if self.types.is_none() => UNTAGGED.to_owned(),
                 None => continue,
             };
-            let candidate = Candidate { timestamp, token, log, fits: fits(index.sweeps.len(), row) };
-            match by_type.get_mut(name) {
-                Some(list) => list.push(candidate),
-                None => {
-                    by_type.insert(name.to_owned(), vec![candidate]);
-                }
-            }
+            candidates.push((name, Candidate { timestamp, token, log, fits: fits(index.sweeps.len(), row) }));
         }
+        (candidates, found)
     }
 
     /// Takes a number of frames at equal intervals. A random choice is refused, unless all are taken.

@@ -20,7 +20,7 @@ mod window;
 mod wkb;
 mod yaml;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::vec::IntoIter;
@@ -30,7 +30,6 @@ use reactsim_scene::Scenario;
 
 pub use self::drive::Pose;
 pub(super) use self::drive::{Drive, ROWS_BEFORE, scenes};
-use self::index::LogIndex;
 use self::log::Log;
 use self::map::Map;
 pub use self::selection::check_maps;
@@ -58,12 +57,13 @@ pub(super) const NUPLAN: NuPlan = NuPlan { given: None };
 pub fn nuplan_filter(filter: &Path, logs: &[PathBuf], maps: Option<PathBuf>) -> Result<Input, FormatError> {
     let mut found = Vec::new();
     for path in logs {
-        found.extend(logs_at(path).map_err(|cause| FormatError::file(path, cause))?);
-        if found.is_empty() {
+        let here = logs_at(path).map_err(|cause| FormatError::file(path, cause))?;
+        if here.is_empty() {
             let cause =
                 Cause::value("the folder", "without logs", "`.db` files, or a folder that holds some");
             return Err(FormatError::file(path, cause));
         }
+        found.extend(here);
     }
     found.sort();
     found.dedup();
@@ -71,31 +71,6 @@ pub fn nuplan_filter(filter: &Path, logs: &[PathBuf], maps: Option<PathBuf>) -> 
     // Formats live as long as the program, which has one for every filter that it is given.
     let format: &'static NuPlan = Box::leak(Box::new(NuPlan { given: Some((found, maps)) }));
     Ok(Input { path: filter.to_owned(), format, frames: CurrentFrames::Stated, all_agents: false })
-}
-
-/// Returns the names of the scenarios of an input as data sets on nuPlan name their files,
-/// `<map name>_<token of the scene>_<token of the current frame>`, by the id of the scenario.
-///
-/// # Errors
-/// [`FormatError`] if a log cannot be read, or the input has none.
-pub fn nuplan_names(input: &Input, ids: &BTreeSet<String>) -> Result<BTreeMap<String, String>, FormatError> {
-    let files = std::iter::once(input.path.clone()).chain(input.format.companions(&input.path));
-    let logs: Vec<PathBuf> =
-        files.filter(|path| sqlite::is_sqlite(path) && !NUPLAN.accompanies(path)).collect();
-    if input.format.id() != NUPLAN.id() || logs.is_empty() {
-        let cause = Cause::value("the format", format!("`{}`", input.format.id()), "logs of nuPlan");
-        return Err(FormatError::file(&input.path, cause));
-    }
-    let mut names = BTreeMap::new();
-    for log in logs {
-        let index = LogIndex::read(&log, false)?;
-        names.extend(index.sweeps.iter().filter_map(|(_, token, scene)| {
-            let id = token.to_string();
-            let name = format!("{}_{scene}_{token}", index.map_name);
-            ids.contains(&id).then_some((id, name))
-        }));
-    }
-    Ok(names)
 }
 
 impl ScenarioFormat for NuPlan {

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use reactsim_geometry::wrap;
 use reactsim_scene::Deviation;
-use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name as name};
+use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name};
 use reactsim_test_support::pickle::{Py, pickle};
 
 use super::content::category_in;
@@ -205,7 +205,7 @@ const FOUND: &[(&str, Make, &str)] = &[
     (
         "names as keys",
         |a, i| {
-            let key = name(ROWS[i]).replace(".pkl", "");
+            let key = bench_name(0, ROWS[i]).replace(".pkl", "");
             Py::Dict(vec![(key.clone(), Py::List(vec![plain(&a[11..])])), (key + "b", plain(&a[..80]))])
         },
         "`*`, global, rear axle",
@@ -348,7 +348,7 @@ fn import(
     let folder = tempfile::tempdir().unwrap();
     let mut files = Vec::new();
     for (i, row) in ROWS.iter().enumerate() {
-        let path = folder.path().join(name(*row));
+        let path = folder.path().join(bench_name(0, *row));
         fs::write(&path, pickle(&make(&deviated(*row), i), protocol, numpy)).unwrap();
         files.push((path.clone(), BenchName::of(&path).unwrap()));
     }
@@ -413,7 +413,8 @@ fn layouts_that_are_not_unique_are_refused_with_what_decides() {
 
 #[test]
 fn lists_of_categories_are_read_in_any_format() {
-    let [a, b] = [name(1), name(2)].map(|name| name.strip_suffix(".pkl").unwrap().to_owned());
+    let [a, b] =
+        [bench_name(0, 1), bench_name(0, 2)].map(|name| name.strip_suffix(".pkl").unwrap().to_owned());
     for text in [
         format!("file,category\n{a}.pkl,lateral\n{b}.pkl,directional\n"),
         format!("{{\"lateral\": [\"{a}\"], \"directional\": [\"{b}\"]}}"),
@@ -430,7 +431,7 @@ fn lists_of_categories_are_read_in_any_format() {
 
 #[test]
 fn only_texts_that_are_a_category_state_one() {
-    let [a, b] = [name(1), name(2)];
+    let [a, b] = [bench_name(0, 1), bench_name(0, 2)];
     assert_eq!(sidecar(&format!("file,longitudinal,lateral,directional\n{a},1,0,0\n")).len(), 0);
     let found = sidecar(&format!("file,category\n{a},\n{b},lateral\n"));
     assert_eq!(found.into_values().collect::<Vec<_>>(), [Deviation::Lateral]);

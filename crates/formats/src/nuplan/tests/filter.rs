@@ -8,7 +8,7 @@ use reactsim_test_support::nuplan::Fixture;
 
 use super::super::filter::choose;
 use super::{all, refusal};
-use crate::{FormatError, nuplan_filter, nuplan_names};
+use crate::{FormatError, nuplan_filter};
 
 /// First and last row of the only scene with two scenes before it and two after it.
 const INNER: std::ops::RangeInclusive<u32> = 20..=200;
@@ -160,13 +160,6 @@ fn selections_and_inputs_take_filters() {
     assert_eq!(input.format.companions(&filter), files);
     let of_selection = crate::find_inputs(&selection).unwrap().remove(0);
     assert_eq!(of_selection.format.companions(&selection), [from_ref(&filter), &files].concat());
-    // Files are named by map, scene and current frame.
-    let wanted = ids.iter().cloned().collect();
-    for input in [&input, &of_selection] {
-        let names = nuplan_names(input, &wanted).unwrap();
-        let name = format!("town_7300000000000002_{}", token(31));
-        assert_eq!((names.len(), names.get(&token(31))), (2, Some(&name)));
-    }
     assert!(refusal(&filter).contains("give it as --filter"), "{}", refusal(&filter));
     for (key, value) in [("tokens", r#"["00"]"#), ("tags", r#"["a"]"#), ("every_seconds", "1")] {
         let text = fs::read_to_string(&selection).unwrap().replace('}', &format!(r#", "{key}": {value}}}"#));
