@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from .display import Markdown
@@ -44,11 +43,6 @@ class Candidates:
     def table(self) -> Markdown:
         """Returns the statistics as Markdown tables."""
         return Markdown(self._stats([]).text)
-
-    def charts(self, folder: PathLike) -> list[Path]:
-        """Draws charts of the statistics into a folder; returns the SVG files."""
-        self._stats([("--svg", folder)])
-        return sorted(Path(folder).glob("*.svg"))
 
     def review(
         self,

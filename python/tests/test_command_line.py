@@ -212,7 +212,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
                 **READING,
             )
         ],
-        "curate stats": [candidates(file).stats, lambda: candidates(file).charts("c")],
+        "curate stats": [candidates(file).stats],
         "curate review": [lambda: candidates(file).review(reviewer="a", reviews="b", port=1)],
         "curate apply": [
             lambda: candidates(file).apply("o", reviews=["b"], majority=True, allow_rejected=True)

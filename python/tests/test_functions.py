@@ -218,7 +218,6 @@ class TestDeviations:
         assert 0 < stats["chosen"] <= stats["scenarios"] < 12
         chosen = re.search(r"\| 4 Chosen +\| +(\d+) \|", found.table())
         assert chosen is not None and int(chosen[1]) == stats["chosen"]
-        assert len(found.charts(tmp_path / "charts")) > 0
         few = reactsim.curate(
             MINI, tmp_path / "b.parquet", min_vehicles=1, candidates=1, limit=1, progress=False
         )

@@ -146,7 +146,6 @@ mod tests {
         ("score IN", &["--out"]),
         ("curate IN", &["--out"]),
         ("curate apply IN", &["--out"]),
-        ("curate stats IN", &["--svg"]),
         ("convert IN", &["--out"]),
         ("convert a --futures IN --model idm", &["--out"]),
         ("export av IN", &["--out"]),

@@ -78,7 +78,6 @@ mod tests {
         "scenarios",
         "set",
         "simulator",
-        "svg",
     ];
 
     #[test]

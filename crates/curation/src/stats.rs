@@ -12,7 +12,7 @@ use super::{CandidateRecord, CurationProvenance, Funnel, Offsets, ScenarioRecord
 use reactsim_formats::FormatError;
 use reactsim_scene::{Deviation, Difficulty};
 
-pub use distribution::{Bins, Distribution};
+pub use distribution::Distribution;
 
 /// Statistics of a set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,14 +44,10 @@ pub struct Statistics {
     /// Statistics of chosen candidates by difficulty; contains every difficulty. Candidates of
     /// unmeasured difficulty are in none.
     pub difficulties: BTreeMap<&'static str, Part>,
-    /// Bins of the histograms.
-    pub bins: QuantityBins,
     /// Agreement between the intended and the determined category.
     pub agreement: Agreement,
     /// Statistics of the chosen candidates' certificates.
     pub certificates: Certificates,
-    /// Endpoint of each chosen candidate.
-    pub endpoints: Vec<Endpoint>,
 }
 
 /// Statistics of the chosen candidates of one category, of one difficulty, or of all.
@@ -83,25 +79,6 @@ pub struct Shares {
     pub overlap: Option<f64>,
     /// An agent comes closer to the AV than 0.5 s.
     pub risky: Option<f64>,
-}
-
-/// The bins of each quantity, the same for all categories.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct QuantityBins {
-    /// Of the ADE, metres.
-    pub ade: Bins,
-    /// Of the mean-speed difference, m/s.
-    pub mean_speed_difference: Bins,
-    /// Of the endpoint's offset ahead, metres.
-    pub endpoint_longitudinal: Bins,
-    /// Of the endpoint's offset to the left, metres.
-    pub endpoint_lateral: Bins,
-    /// Of the peak deceleration of certificates, m/s².
-    pub peak_deceleration: Bins,
-    /// Of the required deceleration, m/s².
-    pub required_deceleration: Bins,
-    /// Of the time to react, s.
-    pub time_to_react: Bins,
 }
 
 /// Agreement between the intended category, where a source has one, and the determined category.
@@ -155,19 +132,6 @@ pub struct Certificates {
     pub time_to_react: Distribution,
 }
 
-/// Endpoint of a chosen candidate relative to the log, in the AV's frame at step 0.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Endpoint {
-    /// Id of the scenario.
-    pub scenario_id: String,
-    /// The category.
-    pub category: &'static str,
-    /// Metres, ahead positive; `None` if the log has no endpoint.
-    pub longitudinal: Option<f64>,
-    /// Metres, left positive.
-    pub lateral: Option<f64>,
-}
-
 impl Statistics {
     /// Computes the statistics of a file.
     ///
@@ -198,7 +162,6 @@ pub struct Collector {
     peaks: Vec<f64>,
     required: Vec<f64>,
     times: Vec<f64>,
-    endpoints: Vec<Endpoint>,
 }
 
 /// Data of a chosen candidate that the statistics need.
@@ -245,30 +208,13 @@ impl Collector {
             self.required.extend(certificate.required_deceleration());
             self.times.extend(certificate.time_to_react());
         }
-        let known = |v: f64| Some(v).filter(|v| v.is_finite());
-        self.endpoints.push(Endpoint {
-            scenario_id: record.scenario_id.clone(),
-            category: taxonomy.category.name(),
-            longitudinal: known(offsets.endpoint_longitudinal),
-            lateral: known(offsets.endpoint_lateral),
-        });
     }
 
     /// Computes the statistics of the scenarios added so far.
     pub fn finish(self, provenance: &CurationProvenance) -> Statistics {
-        let all = |of: fn(&ChosenCandidate) -> f64| self.chosen.iter().map(of).collect::<Vec<_>>();
-        let bins = QuantityBins {
-            ade: Bins::of(&all(|k| k.offsets.ade)),
-            mean_speed_difference: Bins::of(&all(|k| k.offsets.mean_speed_difference)),
-            endpoint_longitudinal: Bins::of(&all(|k| k.offsets.endpoint_longitudinal)),
-            endpoint_lateral: Bins::of(&all(|k| k.offsets.endpoint_lateral)),
-            peak_deceleration: Bins::of(&self.peaks),
-            required_deceleration: Bins::of(&self.required),
-            time_to_react: Bins::of(&self.times),
-        };
         let part = |is_in: &dyn Fn(&ChosenCandidate) -> bool| {
             let members: Vec<&ChosenCandidate> = self.chosen.iter().filter(|k| is_in(k)).collect();
-            Part::of(&members, self.chosen.len(), &bins)
+            Part::of(&members, self.chosen.len())
         };
         let of_category = |c: Deviation| (c.name(), part(&|k| k.category == c));
         let of_difficulty = |d: Difficulty| (d.name(), part(&|k| k.difficulty == Some(d)));
@@ -288,34 +234,32 @@ impl Collector {
                 chosen: self.agreement.chosen.finish(),
             },
             certificates: Certificates {
-                peak_deceleration: Distribution::of(&self.peaks, &bins.peak_deceleration),
-                required_deceleration: Distribution::of(&self.required, &bins.required_deceleration),
-                time_to_react: Distribution::of(&self.times, &bins.time_to_react),
+                peak_deceleration: Distribution::of(&self.peaks),
+                required_deceleration: Distribution::of(&self.required),
+                time_to_react: Distribution::of(&self.times),
                 ..self.certificates
             },
             reviewed: self.reviewed,
             chosen_although_rejected: self.although_rejected,
             chosen_without_certificate: self.chosen.len() - self.certificates.certified,
-            bins,
-            endpoints: self.endpoints,
         }
     }
 }
 
 impl Part {
-    fn of(members: &[&ChosenCandidate], set: usize, bins: &QuantityBins) -> Self {
+    fn of(members: &[&ChosenCandidate], set: usize) -> Self {
         let share = |n: usize, of: usize| (of > 0).then(|| n as f64 / of as f64);
         let pressed = |k: usize| share(members.iter().filter(|c| c.pressure[k]).count(), members.len());
-        let spread = |of: fn(&Offsets) -> f64, bins: &Bins| {
-            Distribution::of(&members.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>(), bins)
+        let spread = |of: fn(&Offsets) -> f64| {
+            Distribution::of(&members.iter().map(|k| of(&k.offsets)).collect::<Vec<_>>())
         };
         Self {
             count: members.len(),
             share: share(members.len(), set),
-            ade: spread(|o| o.ade, &bins.ade),
-            mean_speed_difference: spread(|o| o.mean_speed_difference, &bins.mean_speed_difference),
-            endpoint_longitudinal: spread(|o| o.endpoint_longitudinal, &bins.endpoint_longitudinal),
-            endpoint_lateral: spread(|o| o.endpoint_lateral, &bins.endpoint_lateral),
+            ade: spread(|o| o.ade),
+            mean_speed_difference: spread(|o| o.mean_speed_difference),
+            endpoint_longitudinal: spread(|o| o.endpoint_longitudinal),
+            endpoint_lateral: spread(|o| o.endpoint_lateral),
             pressure: Shares { at_fault: pressed(0), overlap: pressed(1), risky: pressed(2) },
         }
     }

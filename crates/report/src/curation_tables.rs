@@ -116,7 +116,7 @@ fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
 
 /// Returns the numbers of scenarios rejected by each rule of step 1, in the order of the rules; rules
 /// unknown to this program come last.
-pub(super) fn dropped(statistics: &Statistics) -> Vec<(&str, u64)> {
+fn dropped(statistics: &Statistics) -> Vec<(&str, u64)> {
     const RULES: [&str; 3] = [FEW_VEHICLES, NO_APPROACH, AV_ABSENT];
     let place = |rule: &str| RULES.iter().position(|known| *known == rule).unwrap_or(RULES.len());
     let rules = &statistics.funnel.preselection;
@@ -127,7 +127,7 @@ pub(super) fn dropped(statistics: &Statistics) -> Vec<(&str, u64)> {
 
 /// Returns the numbers of candidates that each filter was the first to reject, in the order of the
 /// filters.
-pub(super) fn rejections(statistics: &Statistics) -> Vec<(&str, u64)> {
+fn rejections(statistics: &Statistics) -> Vec<(&str, u64)> {
     let rejected = &statistics.funnel.rejected;
     let known = statistics.filters.iter().map(|f| (f.as_str(), rejected.get(f).copied().unwrap_or(0)));
     let others = rejected.iter().filter(|(f, _)| !statistics.filters.contains(f));

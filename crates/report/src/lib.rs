@@ -5,7 +5,6 @@ pub mod birdseye;
 pub mod blocks;
 pub mod comparison;
 mod csv;
-pub mod curation_charts;
 pub mod curation_tables;
 mod json;
 mod latex;

@@ -2,14 +2,18 @@
 
 use std::collections::BTreeMap;
 
+use plotters::coord::Shift;
 use plotters::prelude::*;
-use plotters::style::text_anchor::HPos;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use reactsim_training::Row;
 
 use super::birdseye::palette;
-use super::curation_charts::{self, Area, ChartError, DrawResult, color, styled, tick};
 
 type Points = Vec<(f64, f64)>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type DrawResult = Result<(), Box<dyn std::error::Error>>;
+
+const FONT: &str = "sans-serif";
 
 /// Charts per row.
 const COLUMNS: usize = 3;
@@ -36,8 +40,22 @@ pub fn draw(rows: &[Row]) -> Result<String, ChartError> {
     let panels = panels(rows);
     let lines = panels.len().div_ceil(COLUMNS);
     let size = (SIZE.0 * COLUMNS as u32, HEAD_HEIGHT + SIZE.1 * lines as u32);
-    curation_charts::picture("the curves of the training", size, |area| picture(area, &panels, rows))
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+    let drawn = area
+        .fill(&WHITE)
+        .map_err(|e| e.to_string())
+        .and_then(|()| picture(&area, &panels, rows).map_err(|e| e.to_string()))
+        .and_then(|()| area.present().map_err(|e| e.to_string()));
+    drop(area);
+    drawn.map_err(ChartError)?;
+    Ok(svg)
 }
+
+/// Error of the drawing library.
+#[derive(Debug, thiserror::Error)]
+#[error("could not draw the curves of the training: {0}")]
+pub struct ChartError(String);
 
 /// Returns the charts with their titles, in order.
 fn panels(rows: &[Row]) -> Vec<(String, Panel)> {
@@ -88,7 +106,8 @@ fn picture(area: &Area<'_>, panels: &[(String, Panel)], rows: &[Row]) -> DrawRes
     });
     let steps = rows.last().map_or(0, Row::step);
     let about = format!("{}{}", super::table::count(steps as usize, "step"), best.unwrap_or_default());
-    curation_charts::title(&head, "Training", &about)?;
+    styled(&head, "Training", (24, 26), 21, HPos::Left, color(palette::STOP))?;
+    styled(&head, &about, (24, 50), 14, HPos::Left, color(palette::GHOST))?;
     for (x, name, ink) in [(24, "training", LEARNED), (180, "validation", HELD_OUT)] {
         head.draw(&PathElement::new(vec![(x, 74), (x + 20, 74)], color(ink).stroke_width(3)))?;
         styled(&head, name, (x + 28, 74), 15, HPos::Left, color(palette::STOP))?;
@@ -120,7 +139,18 @@ fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> DrawResult {
     builder.margin_top(34).margin_right(18).margin_bottom(4).margin_left(4);
     builder.x_label_area_size(24).y_label_area_size(58);
     let mut chart = builder.build_cartesian_2d(0.0..end, low - room..high + room)?;
-    curation_charts::small_axes(&mut chart, (5, 5), &tick)?;
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(color(palette::ROAD))
+        .axis_style(color(palette::GHOST))
+        .label_style((FONT, 12))
+        .x_labels(5)
+        .y_labels(5)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .draw()?;
     chart.draw_series([PathElement::new(learned, color(LEARNED).stroke_width(2))])?;
     if !panel.held_out.is_empty() {
         chart.draw_series([PathElement::new(panel.held_out.clone(), color(HELD_OUT).stroke_width(2))])?;
@@ -129,6 +159,26 @@ fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> DrawResult {
         chart.draw_series(panel.held_out.iter().map(|p| Circle::new(*p, 2, color(HELD_OUT).filled())))?;
     }
     Ok(())
+}
+
+/// Converts a colour of the palette.
+fn color(hex: &str) -> RGBColor {
+    let part = |i: usize| hex.get(i..i + 2).and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
+    RGBColor(part(1), part(3), part(5))
+}
+
+/// Draws text; `at` is its left or centre (by `side`), at half its height.
+fn styled(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos, ink: RGBColor) -> DrawResult {
+    let style = (FONT, size).into_font().color(&ink).pos(Pos::new(side, VPos::Center));
+    area.draw_text(what, &style, at)?;
+    Ok(())
+}
+
+/// Formats a number on an axis, without trailing zeros.
+fn tick(value: &f64) -> String {
+    // The library accumulates rounding errors in the last bits.
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }
 }
 
 /// Averages neighbouring points, down to at most [`MAX_POINTS`].

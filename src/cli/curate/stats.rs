@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::cli::{ExitStatus, lock_folder, write_result};
+use crate::cli::{ExitStatus, write_result};
 use crate::curation::stats::Statistics;
-use crate::report::{curation_charts, curation_tables};
+use crate::report::curation_tables;
 
 /// Arguments of `curate stats`.
 #[derive(Debug, Args)]
@@ -17,9 +17,6 @@ pub(super) struct StatsArgs {
     /// Format of the output
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Also draw charts into this folder, as SVG
-    #[arg(long, value_name = "FOLDER")]
-    svg: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -30,13 +27,6 @@ enum Format {
 
 pub(super) fn stats(args: &StatsArgs) -> anyhow::Result<ExitStatus> {
     let statistics = Statistics::of_file(&args.file)?;
-    if let Some(folder) = &args.svg {
-        let _lock = lock_folder(folder)?;
-        for chart in curation_charts::charts(&statistics)? {
-            let path = folder.join(chart.name);
-            write_result(Some(&path), |out| out.write_all(chart.svg.as_bytes()))?;
-        }
-    }
     write_result(None, |out| match args.format {
         Format::Text => curation_tables::write_statistics(out, &statistics),
         Format::Json => {

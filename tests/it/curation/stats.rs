@@ -1,6 +1,5 @@
 //! Statistics of sets with known values.
 
-use std::fs;
 use std::sync::atomic::AtomicBool;
 
 use reactsim::curation::driver::{Curation, CurationObserver, Input};
@@ -10,7 +9,7 @@ use reactsim::curation::{
     NoProposal, Offsets, Preselection, Pressure, Proposal, ScenarioRecord, store,
 };
 use reactsim::formats::decoded;
-use reactsim::report::{curation_charts, curation_tables};
+use reactsim::report::curation_tables;
 use reactsim::rollout::Stream;
 use reactsim::scene::{Deviation, Scenario};
 
@@ -78,14 +77,9 @@ fn figures_are_those_of_a_calculation_by_hand() {
     assert_eq!(all.mean_speed_difference.mean, Some(-0.375));
     // Unknown values are left out, not zero.
     assert_eq!((all.endpoint_lateral.n, all.endpoint_lateral.mean), (4, Some(0.5)));
-    assert_eq!((s.endpoints[3].longitudinal, s.endpoints[3].lateral), (Some(-5.0), None));
     assert_eq!(all.pressure.at_fault, Some(0.2));
     assert_eq!((all.pressure.overlap, all.pressure.risky), (Some(0.6), Some(1.0)));
     assert_eq!(directional.pressure.risky, None);
-    // All histograms of a quantity have the same bins, and contain all values.
-    assert_eq!(all.ade.histogram.len(), s.bins.ade.count);
-    assert_eq!(all.ade.histogram.iter().sum::<u64>(), 5);
-    assert_eq!(lateral.ade.histogram.len(), s.bins.ade.count);
     assert_eq!(
         (s.agreement.chosen.share, s.agreement.chosen.counts["lateral"]["longitudinal"]),
         (Some(0.8), 1)
@@ -126,92 +120,12 @@ fn tables_are_for_people() {
 }
 
 #[test]
-fn json_has_stable_keys() {
-    let mut value = serde_json::to_value(known()).unwrap();
-    value["endpoints"].as_array_mut().unwrap().truncate(2);
-    for part in ["longitudinal", "directional"] {
-        value["categories"][part] = "as overall".into();
-    }
-    insta::assert_snapshot!(serde_json::to_string_pretty(&value).unwrap());
-}
-
-#[test]
 fn an_empty_set_has_figures_too() {
     let statistics = Collector::default().finish(&CurationProvenance::default());
     assert_eq!((statistics.chosen, statistics.overall.ade.mean), (0, None));
     let mut text = Vec::new();
     curation_tables::write_statistics(&mut text, &statistics).unwrap();
     assert!(String::from_utf8(text).unwrap().contains("| All          |      0 |         – |"));
-    let charts = curation_charts::charts(&statistics).unwrap();
-    assert!(charts[0].svg.contains("No candidate is chosen."));
-}
-
-/// Returns a set as large as a real one, with a similar spread.
-fn large() -> Statistics {
-    let mut collector = Collector::default();
-    let noise = |i: usize| ((i as f64 * 12.9898).sin() * 43_758.545).fract().abs();
-    for i in 0..1200 {
-        let (a, b, c) = (noise(4 * i), noise(4 * i + 1), noise(4 * i + 2));
-        let category = Deviation::ALL[(c * 3.0) as usize];
-        let mut record = chosen(i, category, 2.0 + 9.0 * a * a + 6.0 * b * c);
-        let offsets = &mut record.candidates[1].offsets;
-        let wide = |v: f64| 2.0 * v - 1.0;
-        (offsets.endpoint_longitudinal, offsets.endpoint_lateral) = match category {
-            Deviation::Longitudinal => (40.0 * wide(a), 0.4 * wide(b)),
-            Deviation::Lateral => (6.0 * wide(a), 4.0 * wide(b).signum() * (0.4 + noise(4 * i + 3))),
-            Deviation::Directional => (-30.0 * a, 35.0 * wide(b)),
-        };
-        offsets.mean_speed_difference = offsets.endpoint_longitudinal / 8.0;
-        collector.add(&record);
-    }
-    let text = |s: &str| s.to_owned();
-    let funnel = Funnel {
-        scenarios: 2636,
-        preselection: [(text(FEW_VEHICLES), 612), (text(NO_APPROACH), 251)].into(),
-        preselected: 1773,
-        candidates: 26_103,
-        unproposed: [(text("no lane to change to"), 2265)].into(),
-        rejected: [
-            "ade",
-            "drivable",
-            "kinematics",
-            "pressure",
-            "active-collision",
-            "early-contact",
-            "avoidable",
-        ]
-        .iter()
-        .zip([4000, 3120, 12, 9800, 801, 95, 2133])
-        .map(|(f, n)| (text(f), n))
-        .collect(),
-        survivors: 6142,
-        chosen: 1200,
-    };
-    collector.finish(&CurationProvenance { funnel, ..provenance() })
-}
-
-#[test]
-fn charts_are_drawn_and_always_the_same() {
-    let charts = curation_charts::charts(&large()).unwrap();
-    assert_eq!(charts, curation_charts::charts(&large()).unwrap());
-    let names: Vec<_> = charts.iter().map(|c| c.name).collect();
-    assert_eq!(names, ["endpoints.svg", "ade.svg", "mean-speed-difference.svg", "funnel.svg"]);
-    // Written to be looked at.
-    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("curation-charts");
-    fs::create_dir_all(&folder).unwrap();
-    for chart in &charts {
-        assert!(chart.svg.starts_with("<svg width=\"800\" height=\"500\""), "{}", chart.name);
-        assert!(!chart.svg.contains("NaN"), "{}", chart.name);
-        fs::write(folder.join(chart.name), &chart.svg).unwrap();
-    }
-    let (endpoints, funnel) = (&charts[0].svg, &charts[3].svg);
-    for part in
-        ["Longitudinal (", "Longitudinal offset (m, ahead positive)", "Lateral offset (m, left positive)"]
-    {
-        assert!(endpoints.contains(part), "{part}");
-    }
-    assert!(funnel.contains("3: avoidable") && funnel.contains("−2133"));
-    curation_charts::charts(&known()).unwrap();
 }
 
 /// Proposes nothing for every other scenario.
@@ -264,11 +178,12 @@ fn what_is_counted_is_what_the_file_holds() {
 
 #[test]
 fn rules_of_the_preselection_stand_in_the_order_in_which_they_are_asked() {
+    let preselection = [(NO_APPROACH.to_owned(), 251), (FEW_VEHICLES.to_owned(), 612)].into();
+    let funnel = Funnel { scenarios: 2636, preselection, ..Funnel::default() };
+    let statistics = Collector::default().finish(&CurationProvenance { funnel, ..provenance() });
     let mut text = Vec::new();
-    curation_tables::write_overview(&mut text, &large()).unwrap();
+    curation_tables::write_overview(&mut text, &statistics).unwrap();
     let text = String::from_utf8(text).unwrap();
     let place = |rule: &str| text.find(rule).unwrap_or_else(|| panic!("{rule} is not in\n{text}"));
     assert!(place(FEW_VEHICLES) < place(NO_APPROACH), "{text}");
-    let funnel = curation_charts::charts(&large()).unwrap().pop().unwrap().svg;
-    assert!(funnel.find(FEW_VEHICLES).unwrap() < funnel.find(NO_APPROACH).unwrap());
 }

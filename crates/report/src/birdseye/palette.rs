@@ -1,6 +1,6 @@
 //! Colours (Okabe and Ito, "Color Universal Design").
 
-use reactsim_scene::{AgentKind, Deviation, LightState};
+use reactsim_scene::{AgentKind, LightState};
 
 /// Colours of an agent.
 pub(super) struct Paint {
@@ -57,15 +57,6 @@ pub(super) const fn of(kind: AgentKind) -> &'static Paint {
 /// Generated data in charts, and reference data in charts.
 pub(crate) const GENERATED: &str = AV.line;
 pub(crate) const REFERENCE: &str = "#a9cfea";
-
-/// Returns the colour of a category of deviations.
-pub(crate) const fn category(category: Deviation) -> &'static str {
-    match category {
-        Deviation::Longitudinal => VEHICLE.fill,
-        Deviation::Lateral => AV.fill,
-        Deviation::Directional => "#0b7a5b",
-    }
-}
 
 /// Returns the colour of a light; grey if it was not observed.
 pub(super) fn light(state: Option<LightState>) -> &'static str {
