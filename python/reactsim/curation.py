@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .display import Markdown
-from .options import Options, PathLike, each, paths, reading
-from .pages import Page, open_page
+from .options import Options, PathLike, paths, reading
 from .program import arguments, invoke, local_folder, produce
 
 __all__ = ["Candidates", "curate"]
@@ -44,54 +43,42 @@ class Candidates:
         """Returns the statistics as Markdown tables."""
         return Markdown(self._stats([]).text)
 
-    def review(
-        self,
-        *,
-        reviewer: str | None = None,
-        reviews: PathLike | Sequence[PathLike] = (),
-        port: int = 0,
-    ) -> Page:
-        """Opens a page on which the candidates are verified by hand, until it is closed.
+    def review(self, out: PathLike, *, first: int = 1, limit: int = 500) -> None:
+        """Writes an HTML page on which the candidates are verified by hand in a browser.
 
-        Decisions are in the file FILE.reviews.jsonl next to the candidates.
+        The page keeps decisions in the browser and exports them to a file.
 
         Args:
-            reviewer: Your name, recorded with your decisions; the page asks by default.
-            reviews: Journals of other reviewers, to show next to your own decisions.
-            port: Port of the page, on this machine only; 0 for any free one.
+            out: File to write.
+            first: Number of the first scenario of the page, from 1.
+            limit: Maximum number of scenarios of the page.
 
         """
-        given = [("--port", port), ("--reviewer", reviewer), *each("--reviews", reviews)]
-        return open_page(["curate", "review", *arguments(given, [self.path])])
+        given = [("--from", first), ("--limit", limit), ("--out", out)]
+        produce(["curate", "review", *arguments(given, [self.path])], out, show=False)
 
     def apply(
         self,
+        decisions: PathLike | Sequence[PathLike],
         out: PathLike,
         *,
-        reviews: PathLike | Sequence[PathLike] = (),
-        majority: bool = False,
         allow_rejected: bool = False,
     ) -> Candidates:
         """Applies the decisions of a review and writes a new file of candidates.
 
         Args:
+            decisions: Files that the review page exported. Of several decisions about a scenario,
+                the latest counts.
             out: File to write, with all candidates.
-            reviews: Journals of other reviewers, in addition to FILE.reviews.jsonl.
-            majority: Apply what more than half of the reviewers of a scenario decided; by default
-                the latest decision.
             allow_rejected: Also accept picked candidates that a filter rejected.
 
         Raises:
             ReactsimError: There are no decisions, or they are for other candidates.
 
         """
-        given = [
-            *each("--reviews", reviews),
-            ("--majority", majority),
-            ("--allow-rejected", allow_rejected),
-            ("--out", out),
-        ]
-        produce(["curate", "apply", *arguments(given, [self.path])], out, show=False)
+        given = [("--allow-rejected", allow_rejected), ("--out", out)]
+        inputs: list[PathLike] = [self.path, *paths(decisions)]
+        produce(["curate", "apply", *arguments(given, inputs)], out, show=False)
         return Candidates(out)
 
     def _stats(self, given: Options) -> Any:

@@ -213,10 +213,8 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
             )
         ],
         "curate stats": [candidates(file).stats],
-        "curate review": [lambda: candidates(file).review(reviewer="a", reviews="b", port=1)],
-        "curate apply": [
-            lambda: candidates(file).apply("o", reviews=["b"], majority=True, allow_rejected=True)
-        ],
+        "curate review": [lambda: candidates(file).review("o", first=1, limit=1)],
+        "curate apply": [lambda: candidates(file).apply(["b"], "o", allow_rejected=True)],
         "generate": [
             lambda: reactsim.generate("o", count=1, maps=["a"], density=1.0, jobs=1, progress=False)
         ],

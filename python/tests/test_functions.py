@@ -226,9 +226,11 @@ class TestDeviations:
         assert len(results.rows) > 0
         avs = reactsim.export_av(MINI, tmp_path / "avs.json", deviations=found)
         assert len(json.loads(avs.read_text())["deviations"]) == stats["chosen"]
-        with found.review(reviewer="me") as page:
-            urllib.request.urlopen(page.url, timeout=30).close()
-        applied = found.apply(tmp_path / "applied.parquet")  # there are no decisions
+        found.review(tmp_path / "review.html", limit=1)
+        assert (tmp_path / "review.html").read_text().startswith("<!doctype html>")
+        decisions = tmp_path / "none.jsonl"
+        decisions.write_text("")
+        applied = found.apply(decisions, tmp_path / "applied.parquet")
         assert applied.stats()["chosen"] == stats["chosen"]
         with pytest.raises(FileNotFoundError):
             reactsim.curation.Candidates(tmp_path / "none")

@@ -22,8 +22,9 @@ Examples:
   reactsim curate LOGS --source file:c.parquet --out a.parquet
                                                    the same with the candidates of your planner
   reactsim curate stats a.parquet                  print statistics of the result
-  reactsim curate review a.parquet                 verify candidates in a browser
-  reactsim curate apply a.parquet --out b.parquet  apply the decisions
+  reactsim curate review a.parquet --out a.html    verify candidates in a browser
+  reactsim curate apply a.parquet a.parquet.decisions.jsonl --out b.parquet
+                                                   apply the decisions that the page exported
   reactsim run LOGS --deviations b.parquet         run simulators against the chosen AVs";
 
 /// Arguments of `curate`.
@@ -43,7 +44,7 @@ pub(super) struct CurateArgs {
 enum CurateCommand {
     /// Print statistics of a file of candidates: categories, distances to the log, rejections
     Stats(stats::StatsArgs),
-    /// Verify candidates by hand in a browser
+    /// Write an HTML page on which candidates are verified by hand
     Review(review::ReviewArgs),
     /// Apply the decisions of a review and write a new file of candidates
     Apply(apply::ApplyArgs),

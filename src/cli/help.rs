@@ -73,7 +73,6 @@ mod tests {
         "pose",
         "radius",
         "resume",
-        "reviews",
         "rollouts",
         "scenarios",
         "set",

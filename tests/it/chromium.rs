@@ -165,12 +165,6 @@ impl Served {
         assert!(url.starts_with("http://127.0.0.1:"), "{url:?}");
         Self { process, url: url.trim().to_owned() }
     }
-
-    /// Kills the program, as SIGKILL does.
-    pub(crate) fn kill(&mut self) {
-        self.process.kill().unwrap();
-        self.process.wait().unwrap();
-    }
 }
 
 impl Drop for Served {

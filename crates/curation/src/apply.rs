@@ -4,18 +4,8 @@ use std::path::Path;
 
 use reactsim_formats::FormatError;
 
-use super::{Application, Decision, ReviewMark, ScenarioRecord, store};
-
-/// The decision that counts for a scenario after all reviews.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FinalDecision {
-    /// Reviewer and decision.
-    pub mark: ReviewMark,
-    /// Number of the candidate; `None` for the scenario as a whole.
-    pub candidate: Option<u32>,
-    /// Whether the decision refers to the trajectory that the record has under this number.
-    pub fits: bool,
-}
+use super::decisions::{Decisions, ReviewLine};
+use super::{Application, Decision, ScenarioRecord, store};
 
 /// Result of applying decisions.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -33,6 +23,10 @@ pub struct ApplyReport {
     /// Scenarios whose decision refers to another trajectory, from a file with other settings: not
     /// applied.
     pub unfit: Vec<String>,
+    /// Number of scenarios with decisions that are not in the file, or whose content differs.
+    pub unknown: usize,
+    /// Number of scenarios in the new file.
+    pub scenarios: usize,
     /// Number of scenarios in the new file that have a candidate.
     pub chosen: usize,
 }
@@ -55,8 +49,8 @@ pub struct RefusedPick {
 /// candidates. A pick of a candidate that a filter had rejected is not applied unless `application`
 /// allows it: such a candidate may be unavoidable, or even infeasible.
 ///
-/// `decided` returns the decision for a scenario, if any. Marks of earlier decisions stay in scenarios
-/// without a new decision. `application` is added to the provenance.
+/// Marks of earlier decisions stay in scenarios without a new decision. `application` is added to the
+/// provenance.
 ///
 /// # Errors
 /// [`FormatError`] when a file cannot be read or written; then there is no new file.
@@ -64,17 +58,19 @@ pub fn apply(
     from: &Path,
     out: &Path,
     application: Application,
-    mut decided: impl FnMut(&ScenarioRecord) -> Option<FinalDecision>,
+    decisions: &Decisions,
 ) -> Result<ApplyReport, FormatError> {
     let records = store::read(from)?;
     let mut provenance = records.provenance().clone();
     let mut writer = store::Writer::create(out)?;
-    let mut applied = ApplyReport::default();
+    let mut applied = ApplyReport { unknown: decisions.scenarios(), ..ApplyReport::default() };
     for record in records {
         let mut record = record?;
-        if let Some(decided) = decided(&record) {
-            applied.one(&mut record, &decided, application.allow_rejected);
+        if let Some(line) = decisions.about(&record) {
+            applied.unknown -= 1;
+            applied.one(&mut record, line, application.allow_rejected);
         }
+        applied.scenarios += 1;
         applied.chosen += usize::from(record.chosen().is_some());
         writer.write(&record)?;
     }
@@ -86,11 +82,11 @@ pub fn apply(
 
 impl ApplyReport {
     /// Applies one decision to its scenario.
-    fn one(&mut self, record: &mut ScenarioRecord, decided: &FinalDecision, allow_rejected: bool) {
-        let decision = decided.mark.decision;
+    fn one(&mut self, record: &mut ScenarioRecord, line: &ReviewLine, allow_rejected: bool) {
+        let decision = line.decision;
         let chosen = record.candidates.iter().position(|c| c.chosen);
-        let named = decided.candidate.map(|n| record.candidates.iter().position(|c| c.candidate.number == n));
-        if !decided.fits || named == Some(None) || (decision == Decision::Pick && named.is_none()) {
+        let named = line.candidate.map(|n| record.candidates.iter().position(|c| c.candidate.number == n));
+        if !line.fits(record) || (decision == Decision::Pick && named.is_none()) {
             self.unfit.push(record.scenario_id.clone());
             return;
         }
@@ -124,7 +120,7 @@ impl ApplyReport {
             (Decision::Pick | Decision::Reject | Decision::Flag, _) => self.marked += 1,
         }
         for (i, candidate) in record.candidates.iter_mut().enumerate() {
-            candidate.review = (whole || at == Some(i)).then(|| decided.mark.clone());
+            candidate.review = (whole || at == Some(i)).then(|| line.mark());
         }
     }
 }

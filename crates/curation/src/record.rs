@@ -112,7 +112,7 @@ pub enum Decision {
     Reject,
     /// To be reviewed again.
     Flag,
-    /// Withdraws the previous decision. Occurs in journals only, never in a [`ReviewMark`] of a file.
+    /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a file.
     Clear,
 }
 
@@ -212,7 +212,7 @@ pub struct Application {
     pub commit: String,
     /// The file of candidates that they were applied to.
     pub file: InputFile,
-    /// The journals that contain them.
+    /// The files of decisions.
     pub reviews: Vec<InputFile>,
     /// Whether picks of candidates rejected by a filter were accepted.
     pub allow_rejected: bool,

@@ -2,17 +2,14 @@
 //! `docs/files.md`.
 //!
 //! It is a file of deviations ([`reactsim_formats::deviations`]): readers that need only the chosen
-//! trajectories may ignore the other columns. A row group holds whole scenarios, so that one scenario
-//! can be read without the others.
+//! trajectories may ignore the other columns. A row group holds whole scenarios.
 
 mod columns;
 mod decode;
 mod encode;
-mod index;
 mod reader;
 mod writer;
 
-pub use index::{CandidateEntry, ScenarioEntry, Store};
 pub use reader::{Reader, read};
 pub use writer::Writer;
 
@@ -24,8 +21,7 @@ use reactsim_formats::deviations::{KIND, VERSION};
 use reactsim_formats::error::Cause;
 use reactsim_formats::table::{FRAME, METADATA_CHECKSUM, TableReader};
 
-/// Number of scenarios in a row group: a reader holds one group in memory, and the review page decodes
-/// one to show a scenario.
+/// Number of scenarios in a row group: a reader holds one group in memory.
 const SCENARIOS_PER_GROUP: usize = 8;
 /// Key of the file metadata that holds the provenance as JSON.
 const PROVENANCE_KEY: &str = "reactsim.curation";

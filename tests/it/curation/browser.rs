@@ -1,18 +1,16 @@
 //! The review page in a real browser.
 
-use std::io::Read;
-use std::path::Path;
-use std::process::Command;
-use std::thread;
-use std::time::Duration;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use reactsim::curation::Decision;
-use reactsim::curation::review::Journal;
-use serde_json::Value;
+use reactsim::curation::decisions::Decisions;
+use reactsim::curation::{Decision, store};
+use serde_json::{Value, json};
 
 use super::hand;
 use super::review::{file, records};
-use crate::chromium::{Browser, Served, chromium};
+use crate::chromium::{Browser, chromium};
+use crate::program::reactsim;
 
 /// Access to the scenario that the page shows and to the selected candidate.
 trait Reviewed {
@@ -24,7 +22,7 @@ trait Reviewed {
 
 impl Reviewed for Browser {
     fn shows(&mut self, index: usize) {
-        self.until(&format!("document.body.dataset.scenario === '{index}'"));
+        self.until(&format!("document.body?.dataset.scenario === '{index}'"));
     }
 
     fn selected(&mut self) -> Value {
@@ -32,41 +30,40 @@ impl Reviewed for Browser {
     }
 }
 
-/// Serves the review page of a file.
-fn reviewing(file: &Path) -> Served {
-    Served::new(&["curate", "review", "--reviewer", "anna", file.to_str().unwrap()])
+/// Writes the review page of a file; returns its address.
+fn page(file: &Path) -> String {
+    let page = file.with_extension("html");
+    let (file, out) = (file.to_str().unwrap(), page.to_str().unwrap());
+    assert_eq!(reactsim(&["curate", "review", file, "--out", out]).status.code(), Some(0));
+    format!("file://{out}")
 }
 
-/// Returns the decisions in the journal, by number of the scenario.
-fn decided(file: &Path) -> Vec<Option<(Decision, Option<u32>)>> {
-    let (decisions, warnings) = Journal::read_all(&[Journal::path_for(file)]).unwrap();
-    assert!(warnings.is_empty(), "{warnings:?}");
-    let verdict = |id: &str, digest: &str| {
-        decisions.get(id)?.verdict(digest).map(|line| (line.decision, line.candidate))
-    };
-    records(5).iter().map(|r| verdict(&r.scenario_id, &r.scenario_digest)).collect()
+/// Exports the decisions of the page; returns the file.
+fn exported(page: &mut Browser, folder: &Path) -> PathBuf {
+    page.call("Browser.setDownloadBehavior", json!({"behavior": "allow", "downloadPath": folder}));
+    page.press("e");
+    let path = folder.join("set.parquet.decisions.jsonl");
+    while fs::metadata(&path).map_or(0, |found| found.len()) == 0 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    path
 }
 
 #[test]
-fn decisions_survive_a_killed_server() {
+fn decisions_survive_the_page_and_are_applied() {
     let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
-    let (_folder, file) = file(5);
-    let mut program = reviewing(&file);
+    let (folder, file) = file(5);
+    let address = page(&file);
     let mut page = Browser::new(&chromium);
-    page.open(&program.url);
+    page.open(&address);
     page.shows(0);
     assert_eq!(page.text("scenario"), records(1)[0].scenario_id);
-    assert_eq!(page.text("reviewer"), "anna");
     assert_eq!(page.text("progress-text"), "0 / 5 decided");
 
     // Time runs while the scene is played, and stops otherwise.
     assert_eq!(page.text("time"), "0.0 s");
     page.press(" ");
     page.until("parseFloat(document.getElementById('time').textContent) > 0.4");
-    page.press(" ");
-    let paused = page.text("time");
-    thread::sleep(Duration::from_millis(200));
-    assert_eq!(page.text("time"), paused);
     page.press("0");
     page.until("document.getElementById('time').textContent === '0.0 s'");
 
@@ -76,78 +73,63 @@ fn decisions_survive_a_killed_server() {
     page.press("k");
     page.press("j");
     assert_eq!(page.selected(), "3");
-    page.press("p");
+    assert!(page.text("shown").starts_with("candidate #3: "));
+    // The first decision asks for the name.
+    page.press("a");
+    page.until("document.getElementById('ask').open");
+    page.evaluate(
+        "document.getElementById('ask-text').value = 'anna'; document.getElementById('ask-ok').click()",
+    );
     page.shows(1);
-    assert_eq!(decided(&file)[0], Some((Decision::Pick, Some(3))));
+    assert_eq!(page.text("reviewer"), "anna");
     page.press("x");
     page.shows(2);
-    assert_eq!(decided(&file)[1], Some((Decision::Reject, None)));
     page.press("u");
     page.shows(1);
-    page.until("document.getElementById('verdict').textContent === 'undecided'");
-    assert_eq!(decided(&file)[1], None);
+    assert_eq!(page.text("verdict"), "undecided");
     page.press("x");
     page.shows(2);
-    page.press("f");
-    page.shows(3);
-    assert_eq!(page.text("progress-text"), "2 / 5 decided");
-    let before = decided(&file);
-    let flag = (Decision::Flag, Some(1));
-    let expected = [Some((Decision::Pick, Some(3))), Some((Decision::Reject, None)), Some(flag), None, None];
-    assert_eq!(before, expected);
-
-    // A decision that cannot be written is reported and does not count.
-    program.kill();
-    page.press("p");
-    page.until("!document.getElementById('alarm').hidden");
-    assert!(page.text("alarm").starts_with("NOT written"));
-    assert_eq!(page.text("progress-text"), "2 / 5 decided");
-    assert_eq!(decided(&file), before);
-
-    // The browser reports only that the server is gone.
-    page.errors.retain(|error| !error.contains("ERR_CONNECTION_REFUSED"));
-
-    // Opened again, the page continues where it was.
-    let program = reviewing(&file);
-    page.open(&program.url);
-    page.shows(3);
-    assert_eq!(page.text("progress-text"), "2 / 5 decided");
-    assert_eq!(page.text("tally"), "✓ 1✗ 1⚑ 1");
-    page.press("u");
-    page.shows(2);
-    page.until("document.getElementById('verdict').textContent === 'undecided'");
-    assert_eq!(decided(&file)[2], None);
     // A single candidate is rejected and the scenario stays; then the decision is dropped.
     page.press("X");
     page.until("document.getElementById('verdict').textContent.startsWith('rejected #1')");
-    assert_eq!(decided(&file)[2], Some((Decision::Reject, Some(1))));
     page.press("d");
     page.until("document.getElementById('verdict').textContent === 'undecided'");
-    assert_eq!(decided(&file)[2], None);
+    page.press("f");
+    page.until("document.getElementById('ask').open");
+    page.evaluate(
+        "document.getElementById('ask-text').value = 'late?'; document.getElementById('ask-ok').click()",
+    );
+    page.shows(3);
+
+    // Opened again, the page continues where it was.
+    page.open("about:blank");
+    page.open(&address);
+    page.shows(3);
+    assert_eq!(page.text("progress-text"), "2 / 5 decided");
+    assert_eq!(page.text("tally"), "✓ 1✗ 1⚑ 1");
     // Only scenarios that match the selection are visited.
     page.evaluate(
         "const s = document.getElementById('state'); s.value = 'pick'; s.dispatchEvent(new Event('change'))",
     );
     page.shows(0);
     assert_eq!(page.text("position"), "1 of 1");
+    assert_eq!(page.text("verdict").split(' ').next(), Some("accepted"));
+
+    let lines = exported(&mut page, folder.path());
+    let decisions = Decisions::read(&[&lines]).unwrap();
+    let decided =
+        records(5).iter().map(|r| decisions.about(r).map(|l| (l.decision, l.candidate))).collect::<Vec<_>>();
+    let (pick, reject, flag) =
+        ((Decision::Pick, Some(3)), (Decision::Reject, None), (Decision::Flag, Some(1)));
+    assert_eq!(decided, [Some(pick), Some(reject), Some(flag), None, None]);
+    let out = folder.path().join("applied.parquet");
+    let [file, lines, out] = [&file, &lines, &out].map(|path| path.to_str().unwrap());
+    assert_eq!(reactsim(&["curate", "apply", file, lines, "--out", out]).status.code(), Some(0));
+    let chosen: Vec<Option<u32>> =
+        store::read(out).unwrap().map(|r| r.unwrap().chosen().map(|c| c.candidate.number)).collect();
+    assert_eq!(chosen, [Some(3), None, Some(1), Some(1), Some(1)]);
     assert_eq!(page.errors, Vec::<String>::new());
-
-    let wrong = format!("{}{}/", &program.url[..program.url.len() - 33], "0".repeat(32));
-    page.open(&wrong);
-    assert!(page.evaluate("document.body.innerText").as_str().unwrap().starts_with("not found"));
-}
-
-#[test]
-#[cfg(unix)]
-fn an_interrupt_ends_the_review() {
-    let (_folder, file) = file(1);
-    let mut program = reviewing(&file);
-    let id = program.process.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    assert_eq!(program.process.wait().unwrap().code(), Some(0));
-    let mut said = String::new();
-    program.process.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-    assert!(said.contains("decisions are in ") && said.contains("set.parquet.reviews.jsonl"), "{said}");
+    assert!(page.requests.iter().all(|url| !url.starts_with("http")), "{:?}", page.requests);
 }
 
 #[test]
@@ -157,15 +139,14 @@ fn a_scene_of_another_form_is_not_drawn_and_the_page_says_so() {
     let mut all = records(2);
     all[0].scene = all[0].scene.as_ref().map(|scene| scene.replacen("{\"v\":1,", "{\"v\":7,", 1));
     hand::write(&file, &all);
-    let program = reviewing(&file);
-    let mut page = Browser::new(&chromium);
-    page.open(&program.url);
-    page.shows(0);
-    let said = page.text("modes");
+    let mut shown = Browser::new(&chromium);
+    shown.open(&page(&file));
+    shown.shows(0);
+    let said = shown.text("modes");
     assert!(said.contains("the scene has form 7, this page draws form 1"), "{said}");
-    // Candidates are shown and can be decided on.
-    page.press("p");
-    page.shows(1);
-    assert_eq!(page.text("modes"), "");
-    assert_eq!(page.errors, Vec::<String>::new());
+    // Candidates are shown.
+    shown.press("n");
+    shown.shows(1);
+    assert_eq!(shown.text("modes"), "");
+    assert_eq!(shown.errors, Vec::<String>::new());
 }

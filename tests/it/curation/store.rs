@@ -2,10 +2,9 @@
 
 use std::fs;
 use std::path::Path;
-use std::time::Instant;
 
 use reactsim::curation::ScenarioRecord;
-use reactsim::curation::store::{self, Store, Writer};
+use reactsim::curation::store::{self, Writer};
 use reactsim::formats::{FormatError, deviations};
 
 use super::hand::{provenance, scenario, write};
@@ -31,29 +30,6 @@ fn records_survive_bit_for_bit() {
     write(&path, &twenty());
     assert_eq!(text(&all(&path).unwrap()), text(&twenty()));
     assert_eq!(store::read(&path).unwrap().provenance(), &provenance());
-    let opened = Store::open(&path).unwrap();
-    assert_eq!(opened.provenance(), &provenance());
-    assert_eq!((opened.scenarios().len(), opened.find("s17"), opened.find("x")), (20, Some(17), None));
-    for i in [0, 7, 8, 17, 19, 3] {
-        let (record, entry) = (opened.scenario(i).unwrap(), &opened.scenarios()[i]);
-        assert_eq!(
-            text(std::slice::from_ref(&record)),
-            text(&[scenario(&format!("s{i}"), 1 + i as u32 % 5)])
-        );
-        assert_eq!(
-            (&entry.scenario_id, &entry.scenario_digest),
-            (&record.scenario_id, &record.scenario_digest)
-        );
-        assert_eq!(entry.candidates.len(), record.candidates.len());
-        assert_eq!(entry.chosen().map(|c| c.number), record.chosen().map(|c| c.candidate.number));
-        for (light, whole) in entry.candidates.iter().zip(&record.candidates) {
-            assert_eq!((light.number, &light.maneuver), (whole.candidate.number, &whole.candidate.maneuver));
-            assert_eq!((light.intent, light.category), (whole.candidate.intent, whole.taxonomy.category));
-            assert_eq!((&light.rejected_by, &light.review), (&whole.rejected_by, &whole.review));
-            assert_eq!(light.score.to_bits(), whole.score.to_bits());
-            assert_eq!((light.chosen, light.has_certificate), (whole.chosen, whole.certificate.is_some()));
-        }
-    }
     // The same records give the same bytes.
     let again = folder.path().join("d.parquet");
     write(&again, &twenty());
@@ -66,7 +42,6 @@ fn an_empty_curation_is_a_file_too() {
     let path = folder.path().join("c.parquet");
     write(&path, &[scenario("without candidates", 0)]);
     assert!(all(&path).unwrap().is_empty());
-    assert!(Store::open(&path).unwrap().scenarios().is_empty());
 }
 
 #[test]
@@ -112,10 +87,9 @@ fn foreign_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.parquet");
     let refusal = || {
-        let (a, b) = (all(&path).unwrap_err().to_string(), Store::open(&path).err().unwrap().to_string());
-        assert_eq!(a, b);
-        assert!(a.contains("c.parquet: "), "{a}");
-        a
+        let error = all(&path).unwrap_err().to_string();
+        assert!(error.contains("c.parquet: "), "{error}");
+        error
     };
     assert!(refusal().contains("could not read"));
     fs::write(&path, "{}").unwrap();
@@ -164,9 +138,6 @@ fn damage_is_found() {
             Ok(found) => assert!(found == sound, "{what}: other records, no error"),
             Err(error) => assert!(error.to_string().contains("c.parquet"), "{what}: {error}"),
         }
-        if let Ok(opened) = Store::open(&path) {
-            (0..opened.scenarios().len()).for_each(|i| drop(opened.scenario(i)));
-        }
         drop(deviations::read(&path));
     };
     for (k, at) in (0..data.len()).step_by(83).enumerate() {
@@ -178,56 +149,5 @@ fn damage_is_found() {
     for length in (0..data.len()).step_by(311) {
         fs::write(&path, &data[..length]).unwrap();
         assert!(all(&path).is_err(), "cut to {length}");
-        assert!(Store::open(&path).is_err(), "cut to {length}");
     }
-}
-
-#[test]
-fn a_file_that_changes_under_an_open_store_is_an_error() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("c.parquet");
-    write(&path, &twenty());
-    let opened = Store::open(&path).unwrap();
-    // Replacing the file does not disturb the open store; truncating it does.
-    write(&path, &[scenario("other", 1)]);
-    assert_eq!(opened.scenario(19).unwrap().scenario_id, "s19");
-    let opened = Store::open(&path).unwrap();
-    fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(100).unwrap();
-    assert!(opened.scenario(0).unwrap_err().to_string().contains("is truncated"));
-}
-
-/// The file is as large as the largest that is expected. Slow without optimisation, so run by hand.
-#[test]
-#[ignore = "measures speed; run with --release"]
-fn large_files_open_fast() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("c.parquet");
-    let mut record = scenario("", 16);
-    let noise = |i: usize| (i as f64 * 12.9898).sin() * 43_758.545;
-    let mut writer = Writer::create(&path).unwrap();
-    let began = Instant::now();
-    for i in 0..2636 {
-        record.scenario_id = i.to_string();
-        let points: Vec<String> =
-            (0..20_000).map(|k| format!("{:.2}", noise(i * 20_000 + k).fract())).collect();
-        record.scene = Some(points.join(","));
-        for (n, candidate) in record.candidates.iter_mut().enumerate() {
-            let track = candidate.candidate.track.iter_mut().enumerate();
-            track.for_each(|(k, s)| s.x += noise((i * 16 + n) * 81 + k));
-        }
-        writer.write(&record).unwrap();
-    }
-    writer.finish(&provenance()).unwrap();
-    println!("written in {:?}: {} MB", began.elapsed(), fs::metadata(&path).unwrap().len() >> 20);
-    let began = Instant::now();
-    let opened = Store::open(&path).unwrap();
-    println!("opened in {:?}", began.elapsed());
-    assert!(began.elapsed().as_secs_f64() < 2.0);
-    let began = Instant::now();
-    (0..100).for_each(|i| drop(opened.scenario(i * 26).unwrap()));
-    println!("a scenario in {:?}", began.elapsed() / 100);
-    assert!(began.elapsed().as_secs_f64() < 3.0);
-    let began = Instant::now();
-    assert_eq!(deviations::read(&path).unwrap().len(), 2636);
-    println!("deviations in {:?}", began.elapsed());
 }

@@ -57,22 +57,5 @@ pub(super) fn columns() -> Vec<Column> {
     all
 }
 
-/// Columns that the index of a file needs, all of them small.
-pub(super) const INDEX_COLUMNS: &[&str] = &[
-    "scenario_id",
-    "scenario_digest",
-    "candidate",
-    "maneuver",
-    "intent",
-    "category",
-    "rejected_by",
-    "score",
-    "chosen",
-    "reviewer",
-    "reviewed_at",
-    "decision",
-    "has_certificate",
-];
-
 /// Columns of the values of a state, in order.
 pub(super) const STATE: [&str; 5] = ["x", "y", "heading", "vx", "vy"];

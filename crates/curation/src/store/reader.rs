@@ -56,7 +56,7 @@ impl Reader {
 }
 
 /// Returns the error for a scenario whose rows are not contiguous.
-pub(super) fn repeated(path: &Path, id: &str) -> FormatError {
+fn repeated(path: &Path, id: &str) -> FormatError {
     let cause = Cause::value("`scenario_id`", format!("`{id}` again"), "the rows of a scenario together");
     FormatError::file(path, cause)
 }

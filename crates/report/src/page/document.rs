@@ -7,7 +7,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use reactsim_web::{Asset, JAVASCRIPT, PALETTE, SHARED, bundle};
+use reactsim_web::{Asset, PALETTE, SHARED, bundle};
 use sha2::{Digest, Sha256};
 
 use super::PageError;
@@ -18,9 +18,17 @@ const STYLE: &str = include_str!("assets/style.css");
 
 macro_rules! script {
     ($name:literal) => {
-        Asset { name: $name, kind: JAVASCRIPT, text: include_str!(concat!("assets/", $name)) }
+        script!("", $name)
+    };
+    ($folder:literal, $name:literal) => {
+        reactsim_web::Asset {
+            name: $name,
+            kind: reactsim_web::JAVASCRIPT,
+            text: include_str!(concat!("assets/", $folder, $name)),
+        }
     };
 }
+pub(super) use script;
 
 /// The scripts of the page, each after those that it imports.
 const SCRIPTS: &[Asset] = &[
@@ -70,18 +78,15 @@ impl Gallery {
         for id in cases {
             scenes.insert(self.find(id).ok_or_else(|| PageError::UnknownScenario(id.clone()))?);
         }
-        let mut texts = Vec::new();
+        let mut texts = String::new();
         let mut drawn = BTreeSet::new();
         for index in scenes {
             if let Some(json) = self.scene(index)? {
-                texts.push(format!(
-                    "<script type=\"application/gzip\" id=\"scene-{index}\">{}</script>\n",
-                    compressed(&json)?
-                ));
+                texts.push_str(&packed(index, &json)?);
                 drawn.insert(index);
             }
         }
-        let document = self.document(&drawn, false, &texts.concat())?;
+        let document = self.document(&drawn, false, &texts)?;
         Ok(out.write_all(document.text.as_bytes())?)
     }
 
@@ -91,32 +96,44 @@ impl Gallery {
         live: bool,
         scenes: &str,
     ) -> Result<Document, PageError> {
-        let data = escape_json(&serde_json::to_string(&self.data(drawn, live)?)?);
-        let script = bundle(SHARED.iter().chain(SCRIPTS));
+        let data = serde_json::to_string(&self.data(drawn, live)?)?;
         let connect = if live { "'self'" } else { "'none'" };
-        let policy = format!(
-            "default-src 'none'; script-src 'sha256-{}'; style-src 'unsafe-inline'; img-src data: blob:; \
-             connect-src {connect}; base-uri 'none'; form-action 'none'",
-            STANDARD.encode(Sha256::digest(script.as_bytes()))
-        );
-        let mut text = String::with_capacity(PAGE.len() + data.len() + script.len() + scenes.len());
-        let mut rest = PAGE;
-        for (mark, part) in [
-            ("<!--policy-->", policy.as_str()),
-            ("/*palette*/", PALETTE.text),
-            ("/*style*/", STYLE),
-            ("<!--data-->", data.as_str()),
-            ("<!--scenes-->", scenes),
-            ("/*script*/", script.as_str()),
-        ] {
-            let (before, after) = rest.split_once(mark).unwrap_or((rest, ""));
-            text.push_str(before);
-            text.push_str(part);
-            rest = after;
-        }
-        text.push_str(rest);
-        Ok(Document { text, policy })
+        Ok(assemble((PAGE, STYLE), SCRIPTS, &data, scenes, connect))
     }
+}
+
+/// Joins a page, its style, its scripts, its data as JSON and its scenes. The page can connect to `connect`.
+pub(super) fn assemble(
+    (page, style): (&str, &str),
+    scripts: &[Asset],
+    data: &str,
+    scenes: &str,
+    connect: &str,
+) -> Document {
+    let data = escape_json(data);
+    let script = bundle(SHARED.iter().chain(scripts));
+    let policy = format!(
+        "default-src 'none'; script-src 'sha256-{}'; style-src 'unsafe-inline'; img-src data: blob:; \
+             connect-src {connect}; base-uri 'none'; form-action 'none'",
+        STANDARD.encode(Sha256::digest(script.as_bytes()))
+    );
+    let mut text = String::with_capacity(page.len() + data.len() + script.len() + scenes.len());
+    let mut rest = page;
+    for (mark, part) in [
+        ("<!--policy-->", policy.as_str()),
+        ("/*palette*/", PALETTE.text),
+        ("/*style*/", style),
+        ("<!--data-->", data.as_str()),
+        ("<!--scenes-->", scenes),
+        ("/*script*/", script.as_str()),
+    ] {
+        let (before, after) = rest.split_once(mark).unwrap_or((rest, ""));
+        text.push_str(before);
+        text.push_str(part);
+        rest = after;
+    }
+    text.push_str(rest);
+    Document { text, policy }
 }
 
 /// Escapes JSON so that no name in it can end an HTML element.
@@ -124,16 +141,18 @@ fn escape_json(json: &str) -> String {
     json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
 }
 
-/// Compresses JSON with gzip and encodes it in Base64.
-fn compressed(json: &str) -> io::Result<String> {
+/// Returns the element of a scene: its JSON, compressed with gzip and encoded in Base64.
+pub(super) fn packed(index: usize, json: &str) -> io::Result<String> {
     let mut gzip = GzEncoder::new(Vec::new(), Compression::best());
     gzip.write_all(json.as_bytes())?;
-    Ok(STANDARD.encode(gzip.finish()?))
+    let text = STANDARD.encode(gzip.finish()?);
+    Ok(format!("<script type=\"application/gzip\" id=\"scene-{index}\">{text}</script>\n"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::page::review;
 
     #[test]
     fn nothing_in_the_data_ends_its_element() {
@@ -145,14 +164,16 @@ mod tests {
 
     #[test]
     fn scripts_can_be_embedded_in_a_page() {
-        let script = bundle(SHARED.iter().chain(SCRIPTS));
-        assert!(!script.contains("</script") && !script.contains("<!--"));
-        // Module syntax left by the bundler would not run in a page.
-        assert!(!script.contains("\nimport ") && !script.contains("\nexport "));
-        for mark in
-            ["<!--policy-->", "/*palette*/", "/*style*/", "<!--data-->", "<!--scenes-->", "/*script*/"]
-        {
-            assert_eq!(PAGE.matches(mark).count(), 1, "{mark}");
+        for (page, scripts) in [(PAGE, SCRIPTS), (review::PAGE, review::SCRIPTS)] {
+            let script = bundle(SHARED.iter().chain(scripts));
+            assert!(!script.contains("</script") && !script.contains("<!--"));
+            // Module syntax left by the bundler would not run in a page.
+            assert!(!script.contains("\nimport ") && !script.contains("\nexport "));
+            for mark in
+                ["<!--policy-->", "/*palette*/", "/*style*/", "<!--data-->", "<!--scenes-->", "/*script*/"]
+            {
+                assert_eq!(page.matches(mark).count(), 1, "{mark}");
+            }
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Errors of the page.
 
 use std::io;
+use std::path::PathBuf;
 
 use reactsim_evaluation::EvaluationError;
+use reactsim_formats::FormatError;
 use reactsim_web::ServeError;
 
 /// Error in creating or serving a page.
@@ -12,6 +14,19 @@ pub enum PageError {
     /// A run cannot be read.
     #[error(transparent)]
     Run(#[from] EvaluationError),
+    /// A file of candidates cannot be read.
+    #[error(transparent)]
+    Candidates(#[from] FormatError),
+    /// A file of candidates has no scenario that the page could show.
+    #[error("{path} has {total} scenarios with candidates: there is none to review from number {from} on")]
+    NoCandidates {
+        /// The file.
+        path: PathBuf,
+        /// Number of the first scenario of the page.
+        from: usize,
+        /// Number of scenarios in the file.
+        total: usize,
+    },
     /// Two runs have the same name.
     #[error("two runs are named `{0}`: give each once")]
     SameRun(String),

@@ -10,9 +10,11 @@ mod data;
 mod document;
 mod error;
 mod gallery;
+mod review;
 mod scene;
 mod site;
 mod tracks;
 
 pub use error::PageError;
 pub use gallery::{Gallery, Member};
+pub use review::write_review;

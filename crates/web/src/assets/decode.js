@@ -142,3 +142,33 @@ export function map(raw) {
     lights: raw.lights.map(([x, y, states]) => ({ x: x / 100, y: y / 100, states })),
   };
 }
+
+/**
+ * Decodes a track of 91 frames: the log up to the current frame, then the spans of
+ * src/page/tracks.rs. Velocities are differences of positions.
+ */
+export function realised(spans, logged) {
+  const track = new Array(FRAMES).fill(null);
+  for (let f = 0; f <= NOW; f++) track[f] = logged[f];
+  for (const span of spans) {
+    const at = [0, 0, 0], by = [0, 0, 0];
+    for (let i = 1, f = NOW + span[0]; i + 2 < span.length; i += 3, f++) {
+      for (let k = 0; k < 3; k++) {
+        if (i === 1) at[k] = span[i + k];
+        else at[k] += by[k] += span[i + k];
+      }
+      track[f] = { x: at[0] / 1000, y: at[1] / 1000, h: at[2] / 1000, v: NaN };
+    }
+  }
+  for (let f = NOW + 1; f < FRAMES; f++) {
+    const [a, b] = [track[f - 1], track[f]];
+    if (a && b) b.v = Math.hypot(b.x - a.x, b.y - a.y) / 0.1;
+  }
+  return track;
+}
+
+/** JSON of an element of this id, compressed with gzip and encoded in Base64. */
+export async function unpack(id) {
+  const packed = Uint8Array.from(atob(document.getElementById(id).textContent), (c) => c.charCodeAt(0));
+  return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
+}

@@ -1,8 +1,7 @@
 // Scenes: loading and decoding.
 
 import { data, scenarios } from "./data.js";
-import { FRAMES, NOW, agent, map } from "./decode.js";
-import { $ } from "./dom.js";
+import { FRAMES, NOW, agent, map, realised, unpack } from "./decode.js";
 import { analyse } from "./geometry.js";
 
 /** Supported version of the scene format. */
@@ -32,32 +31,7 @@ async function raw(index) {
     if (!response.ok) throw new Error((await response.text()).trim() || `the server answered ${response.status}`);
     return response.json();
   }
-  const packed = Uint8Array.from(atob($(`scene-${index}`).textContent), (c) => c.charCodeAt(0));
-  return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
-}
-
-/**
- * Decodes a track of 91 frames: the log up to the current frame, then the spans of
- * src/report/page/tracks.rs. Velocities are differences of positions.
- */
-function realised(spans, logged) {
-  const track = new Array(FRAMES).fill(null);
-  for (let f = 0; f <= NOW; f++) track[f] = logged[f];
-  for (const span of spans) {
-    const at = [0, 0, 0], by = [0, 0, 0];
-    for (let i = 1, f = NOW + span[0]; i + 2 < span.length; i += 3, f++) {
-      for (let k = 0; k < 3; k++) {
-        if (i === 1) at[k] = span[i + k];
-        else at[k] += by[k] += span[i + k];
-      }
-      track[f] = { x: at[0] / 1000, y: at[1] / 1000, h: at[2] / 1000, v: NaN };
-    }
-  }
-  for (let f = NOW + 1; f < FRAMES; f++) {
-    const [a, b] = [track[f - 1], track[f]];
-    if (a && b) b.v = Math.hypot(b.x - a.x, b.y - a.y) / 0.1;
-  }
-  return track;
+  return unpack(`scene-${index}`);
 }
 
 /** Kinds of states, the most severe first. */

@@ -1,15 +1,10 @@
-// The panel next to the view: the decision, the candidates, and the figures of the selected one. Text is
-// inserted as text nodes only.
+// The panel next to the views: the decision, the candidates, and the figures of the selected one.
 
+import { el } from "./dom.js";
 import { colour } from "./palette.js";
 
-/** Creates an element with classes, text and children. */
-function make(tag, classes = "", ...content) {
-  const element = document.createElement(tag);
-  if (classes) element.className = classes;
-  element.append(...content.filter((part) => part !== null && part !== undefined));
-  return element;
-}
+/** Creates an element with classes and content. */
+const make = (tag, classes, ...content) => el(tag, { class: classes || null }, ...content);
 
 /** Formats a number with fixed decimals; a dash if there is none. */
 const number = (value, decimals = 1) =>
@@ -24,9 +19,9 @@ const figure = (value) => number(value, Math.abs(value) >= 100 ? 0 : Math.abs(va
 const decisive = (candidate) =>
   candidate.figures.find((f) => f.filter === candidate.rejected_by)?.value ?? null;
 
-const WORDS = { pick: "picked", reject: "rejected", flag: "flagged", clear: "decision dropped" };
+const WORDS = { pick: "accepted", reject: "rejected", flag: "flagged" };
 
-/** Describes a decision in words, such as `picked #3`. */
+/** Describes a decision in words, such as `accepted #3`. */
 export function words(line) {
   const what = WORDS[line.decision] ?? line.decision;
   if (line.candidate !== null) return `${what} #${line.candidate}`;
@@ -34,26 +29,12 @@ export function words(line) {
 }
 
 /** Shows the decision about the scenario, and its reviewer. */
-export function verdict(element, standing, isStale) {
-  element.replaceChildren();
-  const line = standing?.verdict;
-  if (!line) {
-    element.append(make("div", "dim", "undecided"));
-    return;
-  }
+export function verdict(element, line) {
+  if (!line) return element.replaceChildren(make("div", "dim", "undecided"));
   const time = line.at.replace("T", " ").slice(0, 16);
   const mark = make("span", `mark ${line.decision}`, words(line));
-  element.append(make("div", "", mark, make("span", "dim", `${line.reviewer} · ${time} UTC`)));
+  element.replaceChildren(make("div", "", mark, make("span", "dim", `${line.reviewer} · ${time} UTC`)));
   if (line.note) element.append(make("div", "", `“${line.note}”`));
-  if (isStale) {
-    const text = "made for another trajectory of that number: the file has since changed; decide again";
-    element.append(make("div", "stale", text));
-  }
-  if (standing.opinions.length > 1) {
-    const others = standing.opinions.map((o) => `${o.reviewer} ${words(o)}`).join(" · ");
-    const prefix = standing.disagree ? "disagree: " : "";
-    element.append(make("div", standing.disagree ? "reject" : "", `${prefix}${others}`));
-  }
 }
 
 /** Lists the candidates; `choose` is called with the clicked one. */
@@ -68,7 +49,7 @@ export function candidates(element, scenario, selected, line, choose) {
     row.classList.toggle("rejected", !!candidate.rejected_by);
     const stripe = make("span", "stripe");
     stripe.style.background = colour(candidate.category);
-    const badges = make("span");
+    const badges = make("span", "");
     if (candidate.chosen) badges.append(make("span", "badge dim", "chosen"));
     if (line && line.candidate === candidate.number) {
       badges.append(make("span", `badge ${line.decision}`, WORDS[line.decision] ?? ""));
@@ -131,7 +112,7 @@ export function details(element, c) {
   const half = Math.ceil(c.figures.length / 2);
   const parts = [c.figures.slice(0, half), c.figures.slice(half)].filter((part) => part.length);
   const columns = parts.map((part) => {
-    const body = make("tbody");
+    const body = make("tbody", "");
     for (const { filter, value, passed } of part) {
       const row = make("tr", passed === false ? "failed" : passed === null ? "unasked" : "");
       row.append(
@@ -169,7 +150,7 @@ export function legend(element) {
   entry("longitudinal", "longitudinal");
   entry("lateral", "lateral");
   entry("directional", "directional");
-  entry("ghost", "log");
+  entry("accent", "log");
   entry("vehicle", "vehicle", true);
   entry("pedestrian", "pedestrian", true);
   entry("cyclist", "cyclist", true);

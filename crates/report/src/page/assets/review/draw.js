@@ -19,18 +19,19 @@ export class View {
 
   /** Adopts the size of the element; returns whether it changed. */
   resize() {
-    const ratio = devicePixelRatio || 1;
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    if (width === this.camera.width && height === this.camera.height && ratio === this.ratio) return false;
-    [this.camera.width, this.camera.height, this.ratio] = [width, height, ratio];
-    this.canvas.width = Math.round(width * ratio);
-    this.canvas.height = Math.round(height * ratio);
+    this.ratio = devicePixelRatio || 1;
+    const { clientWidth, clientHeight } = this.canvas;
+    const [width, height] = [Math.round(clientWidth * this.ratio), Math.round(clientHeight * this.ratio)];
+    if (width === this.canvas.width && height === this.canvas.height) return false;
+    [this.canvas.width, this.canvas.height] = [width, height];
+    [this.camera.width, this.camera.height] = [clientWidth, clientHeight];
     return true;
   }
 
   /**
-   * Draws `scenario` at frame `t`. Flags of `show`: responses of the selected candidate's certificate replace
-   * the logs (`certificate`); the logged AV (`ghost`) and the other candidates (`others`) are visible.
+   * Draws `scenario` at frame `t` with the selected candidate, or with the logged AV if it is null. Flags of
+   * `show`: responses of the candidate's certificate replace the logs (`certificate`); the other candidates are
+   * visible (`others`).
    */
   draw(scenario, selected, analysis, t, show) {
     const c = this.context, { camera, ratio } = this;
@@ -60,8 +61,8 @@ export class View {
       this.agent(agent, state, px, { fill, strong, label: fill ? agent.id : null });
     }
     const av = scenario.agents[0];
-    if (show.ghost) this.agent(av, between(av.track, t), px, { ghost: true });
     if (selected) {
+      this.agent(av, between(av.track, t), px, { ghost: true });
       const isHit = touching.size > 0;
       const strong = isHit ? colour("contact") : colour("text");
       const style = { fill: colour(selected.category), strong, label: "AV" };
@@ -76,7 +77,7 @@ export class View {
     ruler(c, camera);
   }
 
-  /** Draws all candidates: survivors solid, rejected dashed, the selected one wide with a dot per second. */
+  /** Draws the log, and all candidates: survivors solid, rejected dashed, the selected one wide with a dot per second. */
   trajectories(scenario, selected, show, px) {
     const c = this.context;
     const line = (frames, from) => {
@@ -90,7 +91,7 @@ export class View {
       c.stroke();
     };
     c.lineCap = "round";
-    if (show.others) {
+    if (selected && show.others) {
       for (const candidate of [...scenario.candidates].reverse()) {
         if (candidate === selected) continue;
         c.strokeStyle = colour(candidate.category);
@@ -101,12 +102,10 @@ export class View {
       }
     }
     c.globalAlpha = 1;
-    if (show.ghost) {
-      c.setLineDash([2 * px, 4 * px]);
-      c.strokeStyle = colour("ghost");
-      c.lineWidth = 1.6 * px;
-      line(scenario.agents[0].track, 0);
-    }
+    c.setLineDash(selected ? [2 * px, 4 * px] : []);
+    c.strokeStyle = colour(selected ? "ghost" : "accent");
+    c.lineWidth = 1.6 * px;
+    line(scenario.agents[0].track, 0);
     c.setLineDash([]);
     if (selected) {
       c.strokeStyle = colour(selected.category);

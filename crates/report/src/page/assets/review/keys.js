@@ -1,5 +1,7 @@
 // Key bindings. The help list is built from the same table.
 
+import { $, el } from "./dom.js";
+
 /**
  * Returns the bindings: values of KeyboardEvent.key (a leading `!` requires shift), description, action, and
  * whether the action ignores key repeat, so that holding a key down does not decide many scenarios.
@@ -8,13 +10,13 @@ export function table(act) {
   return [
     [["j", "ArrowDown"], "next candidate", () => act.select(1)],
     [["k", "ArrowUp"], "previous candidate", () => act.select(-1)],
-    [["p"], "pick the selected candidate", act.pick, true],
+    [["a", "p"], "accept the selected candidate", act.pick, true],
     [["x"], "reject the scenario: no candidate fits", act.rejectScenario, true],
     [["X"], "reject the selected candidate only", act.rejectCandidate, true],
-    [["f"], "flag for another look", act.flag, true],
-    [["F"], "flag with a note", act.flagWithNote, true],
-    [["d"], "drop your decision about the scenario", act.clear, true],
+    [["f"], "flag for another look, with a note", act.flag, true],
+    [["d"], "drop the decision about the scenario", act.clear, true],
     [["u"], "undo the last decision", act.undo, true],
+    [["e"], "export all decisions to a file", act.exportAll, true],
     [["n"], "next scenario", () => act.step(1)],
     [["N"], "previous scenario", () => act.step(-1)],
     [["t"], "next scenario to decide", act.nextToDo],
@@ -28,7 +30,6 @@ export function table(act) {
     [["b"], "to the first contact or close call", act.toConflict],
     [["s"], "replay speed", act.speed],
     [["c"], "responses of the certificate or log replay", act.certificate],
-    [["l"], "the log's AV", act.ghost],
     [["o"], "the other candidates", act.others],
     [["v"], "follow the AV", act.follow],
     [["r"], "show everything", act.fit],
@@ -40,7 +41,7 @@ export function table(act) {
 
 const NAMES = { ArrowDown: "↓", ArrowUp: "↑", ArrowLeft: "←", ArrowRight: "→", " ": "space" };
 
-/** Listens to keys, except those typed into fields or dialogs. */
+/** Listens to keys, except those typed into fields or dialogs, and fills the help list. */
 export function listen(keys) {
   const find = (event) => {
     const shifted = `!${event.key}`;
@@ -57,21 +58,8 @@ export function listen(keys) {
     document.activeElement?.blur?.();
     if (!(event.repeat && found[3])) found[2]();
   });
-}
-
-/** Fills the help list. */
-export function fill(element, keys) {
-  for (const [names, text] of keys) {
-    const cell = document.createElement("span");
-    for (const name of names) {
-      const key = document.createElement("kbd");
-      key.textContent = name.startsWith("!") && name.length > 1
-        ? `shift ${NAMES[name.slice(1)] ?? name.slice(1)}`
-        : NAMES[name] ?? name;
-      cell.append(key);
-    }
-    const what = document.createElement("span");
-    what.textContent = text;
-    element.append(cell, what);
-  }
+  const name = (key) => NAMES[key] ?? key;
+  const shown = (key) => (key.startsWith("!") ? `shift ${name(key.slice(1))}` : name(key));
+  $("help-keys").append(...keys.flatMap(([names, text]) =>
+    [el("span", {}, ...names.map((key) => el("kbd", {}, shown(key)))), el("span", {}, text)]));
 }

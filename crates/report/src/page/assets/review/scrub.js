@@ -1,8 +1,7 @@
-// The charts of the panel, and the time bar, which also covers the history.
+// The time bar, which also covers the history.
 
-import { Chart, seekable, sharp } from "./curves.js";
+import { seekable, sharp } from "./curves.js";
 import { FRAMES, NOW } from "./decode.js";
-import { NO_RISK, RISKY } from "./geometry.js";
 import { colour } from "./palette.js";
 
 /** The time bar under the view, with marks where an agent touches the AV or comes close. */
@@ -40,17 +39,4 @@ export class Scrub {
     c.arc(x(t), y + thick / 2, 6, 0, 7);
     c.fill();
   }
-}
-
-/** Creates the charts of the panel. */
-export function charts(elements, seek) {
-  return {
-    speed: new Chart(elements.speed, { title: "AV speed", unit: "m/s", floor: 5 }, seek),
-    ttc: new Chart(
-      elements.ttc,
-      { title: "Time to collision", unit: "s", top: NO_RISK, line: RISKY, cap: NO_RISK },
-      seek,
-    ),
-    gap: new Chart(elements.gap, { title: "Nearest agent", unit: "m", top: 15 }, seek),
-  };
 }
