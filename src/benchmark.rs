@@ -377,7 +377,7 @@ impl Benchmark {
         if self.resume && self.folder.is_none() {
             return Err(BenchmarkError::NoFolder);
         }
-        crate::set_up();
+        crate::evaluation::set_program_commit(crate::COMMIT);
         let threads = self.threads.map_or_else(available_threads, NonZeroUsize::get);
         let execution = Execution { jobs: threads, batch: self.batch.get() };
         let (observer, stop) = (Arc::clone(&self.observer), Arc::clone(&self.stop));

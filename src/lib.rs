@@ -50,9 +50,6 @@ pub use reactsim_scene as scene;
 #[cfg(feature = "shards")]
 #[doc(inline)]
 pub use reactsim_shards as shards;
-#[cfg(feature = "store")]
-#[doc(inline)]
-pub use reactsim_store as store;
 #[cfg(feature = "training")]
 #[doc(inline)]
 pub use reactsim_training as training;
@@ -74,14 +71,6 @@ const COMMIT: &str = match option_env!("REACTSIM_COMMIT") {
     Some(commit) => commit,
     None => "unknown",
 };
-
-/// Sets what crates below take from the program: the commit, and what reads URLs.
-#[cfg(feature = "report")]
-fn set_up() {
-    evaluation::set_program_commit(COMMIT);
-    #[cfg(feature = "store")]
-    store::install();
-}
 
 #[cfg(feature = "report")]
 pub use benchmark::{Benchmark, BenchmarkError, Results};

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from .program import ReactsimError, environment, find_program
+from .program import ReactsimError, find_program
 
 
 def main() -> None:
@@ -16,9 +16,9 @@ def main() -> None:
     except ReactsimError as error:
         raise SystemExit(f"reactsim: {error}") from None
     if sys.platform == "win32":
-        raise SystemExit(subprocess.call(command, env=environment()))
+        raise SystemExit(subprocess.call(command))
     sys.stdout.flush()
-    os.execve(command[0], command, environment())
+    os.execv(command[0], command)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,6 @@ __all__ = [
     "ReactsimError",
     "arguments",
     "call",
-    "environment",
     "find_program",
     "interrupt",
     "invoke",
@@ -102,16 +101,6 @@ def text_of(value: Any) -> str:
     return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
 
 
-def environment() -> dict[str, str]:
-    """Returns the environment for the program, which reads URLs with this Python."""
-    store = os.path.join(os.path.dirname(os.path.abspath(__file__)), "store.py")
-    # Ray workers can have this function without the package. `-m` would look for modules in the
-    # current folder.
-    code = "import sys; sys.path = [p for p in sys.path if p]; import reactsim.store as s; s.main()"
-    arguments = [store] if os.path.isfile(store) else ["-c", code]
-    return {"REACTSIM_STORE": shlex.join([sys.executable, *arguments]), **os.environ}
-
-
 def local_folder(path: PathLike) -> Path:
     """Returns the path of a folder of a file system.
 
@@ -129,7 +118,7 @@ def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
     Raises ReactsimError if the file cannot be executed.
     """
     try:
-        options = {"stdin": subprocess.DEVNULL, "env": environment(), **options}
+        options = {"stdin": subprocess.DEVNULL, **options}
         return subprocess.Popen(command, **options)
     except OSError as error:
         # So it is with a script whose first line names no interpreter, and a program of another

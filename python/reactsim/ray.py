@@ -30,7 +30,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Union
 
-from .program import ReactsimError, call, environment, find_program, local_folder, start
+from .program import ReactsimError, call, find_program, local_folder, start
 from .program import arguments as program_arguments
 from .results import Results
 from .upload import check_url, upload_run
@@ -443,7 +443,6 @@ def _run_child(command: list[str], folder: str) -> tuple[int, str]:
             stdout=subprocess.DEVNULL,
             stderr=errors,
             cwd=folder,
-            env=environment(),
             # An interrupt in a terminal reaches the driver alone, which ends its workers.
             start_new_session=True,
         )

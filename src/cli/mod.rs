@@ -181,7 +181,7 @@ impl From<ExitStatus> for ExitCode {
 
 /// Runs the program: parses the arguments, runs the subcommand, prints errors.
 pub fn main() -> ExitCode {
-    crate::set_up();
+    crate::evaluation::set_program_commit(crate::COMMIT);
     if let Some(refusal) = too_little_memory() {
         say(format_args!("error: {refusal}"));
         return ExitStatus::BadInput.into();
@@ -442,8 +442,6 @@ fn stop_on_interrupt(then: &'static str) -> anyhow::Result<Arc<AtomicBool>> {
         }
         INTERRUPTED.store(true, Ordering::Relaxed);
         crate::external::interrupt();
-        #[cfg(feature = "store")]
-        crate::store::interrupt();
         say(format_args!("\ninterrupted: {then}; interrupt again to end at once"));
     })
     .context("could not install the interrupt handler")?;

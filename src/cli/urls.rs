@@ -81,8 +81,7 @@ pub(super) fn name_of(argument: &clap::Arg) -> String {
 fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
     let text = format!(
         "{} is the URL `{url}`, where a path is needed; only scenarios, deviated AVs and weights are \
-         read from URLs. Results are written to file systems, and `python -m reactsim.ray --upload URL` \
-         copies finished runs to URLs\n",
+         read from URLs. Results are written to file systems\n",
         name_of(argument)
     );
     all.clone().error(ErrorKind::ValueValidation, text)

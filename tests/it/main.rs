@@ -52,8 +52,6 @@ mod scripted_av;
 mod shard_commands;
 mod shards;
 mod shipped;
-#[cfg(feature = "store")]
-mod store;
 mod study;
 mod study_reference;
 mod terminal;

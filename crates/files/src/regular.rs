@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::store::{RemoteFile, store};
+#[cfg(feature = "cloud")]
+use super::cloud;
 use super::url::as_url;
 
 /// A file that is open for reading.
@@ -12,7 +13,8 @@ pub enum InputFile {
     /// A file of a file system.
     Local(File),
     /// A file behind a URL.
-    Remote(Box<dyn RemoteFile>),
+    #[cfg(feature = "cloud")]
+    Remote(Box<cloud::RemoteFile>),
 }
 
 impl InputFile {
@@ -23,7 +25,8 @@ impl InputFile {
     pub fn size(&self) -> io::Result<u64> {
         match self {
             Self::Local(file) => Ok(file.metadata()?.len()),
-            Self::Remote(file) => Ok(file.size()),
+            #[cfg(feature = "cloud")]
+            Self::Remote(file) => Ok(file.meta.size),
         }
     }
 }
@@ -32,6 +35,7 @@ impl Read for InputFile {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Local(file) => file.read(buffer),
+            #[cfg(feature = "cloud")]
             Self::Remote(file) => file.read(buffer),
         }
     }
@@ -39,6 +43,7 @@ impl Read for InputFile {
     fn read_to_end(&mut self, buffer: &mut Vec<u8>) -> io::Result<usize> {
         match self {
             Self::Local(file) => file.read_to_end(buffer),
+            #[cfg(feature = "cloud")]
             Self::Remote(file) => file.read_to_end(buffer),
         }
     }
@@ -48,6 +53,7 @@ impl Seek for InputFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         match self {
             Self::Local(file) => file.seek(to),
+            #[cfg(feature = "cloud")]
             Self::Remote(file) => file.seek(to),
         }
     }
@@ -56,10 +62,14 @@ impl Seek for InputFile {
 /// Opens a regular file, or a file behind a URL, for reading.
 ///
 /// # Errors
-/// Those of the system or of the store, and [`io::ErrorKind::InvalidInput`] for a pipe, a device or a folder.
+/// Those of the system or of the store, [`io::ErrorKind::InvalidInput`] for a pipe, a device or a folder, and
+/// [`io::ErrorKind::Unsupported`] for a URL without the feature `cloud`.
 pub fn open_regular(path: &Path) -> io::Result<InputFile> {
     if let Some(url) = as_url(path) {
-        return store()?.open(url).map(InputFile::Remote);
+        #[cfg(feature = "cloud")]
+        return Ok(InputFile::Remote(Box::new(cloud::open(url)?)));
+        #[cfg(not(feature = "cloud"))]
+        return Err(unread(url));
     }
     open_local(path).map(InputFile::Local)
 }
@@ -95,11 +105,27 @@ pub fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
 /// Lists the file at a URL, or all files below it, in the order in which a folder is read.
 ///
 /// # Errors
-/// Those of the store, and if nothing is there.
+/// Those of the store, if nothing is there, and without the feature `cloud`.
 pub fn list_url(url: &str) -> io::Result<Vec<PathBuf>> {
-    let mut files: Vec<PathBuf> = store()?.list(url)?.into_iter().map(PathBuf::from).collect();
-    files.sort();
-    Ok(files)
+    #[cfg(feature = "cloud")]
+    return cloud::list(url).map(|mut files| {
+        files.sort();
+        files
+    });
+    #[cfg(not(feature = "cloud"))]
+    Err(unread(url))
+}
+
+#[cfg(not(feature = "cloud"))]
+fn unread(url: &str) -> io::Error {
+    let text = match url.split_once("://") {
+        Some(("s3" | "s3a" | "gs" | "az" | "azure" | "abfs" | "abfss" | "http" | "https", _)) => {
+            "it is a URL, which this program does not read: download the file first, or build the program \
+             with `--features cloud`"
+        }
+        _ => "it is a URL, which this program does not read: download the file first",
+    };
+    io::Error::new(io::ErrorKind::Unsupported, text)
 }
 
 #[cfg(test)]
@@ -107,14 +133,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn urls_need_a_store() {
+    #[cfg(not(feature = "cloud"))]
+    fn urls_need_a_feature() {
         let opened = open_regular(Path::new("s3://bucket/file")).map(drop).unwrap_err();
         let listed = list_url("s3://bucket").unwrap_err();
         for error in [opened, listed] {
             assert_eq!(error.kind(), io::ErrorKind::Unsupported);
             let text = error.to_string();
-            assert!(text.contains("feature `store`") && text.contains("copy it to a file system"), "{text}");
+            assert!(
+                text.contains("`--features cloud`") && text.contains("download the file first"),
+                "{text}"
+            );
         }
+        let other = list_url("hf://datasets/a/b").unwrap_err().to_string();
+        assert!(other.contains("download the file first") && !other.contains("feature"), "{other}");
     }
 
     #[test]
