@@ -19,7 +19,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from .catalog import catalog, list_scenarios
+from .adaptation import Adaptation, train_adapt
 from .client import (
     DT,
     Kind,
@@ -43,16 +43,10 @@ from .client import (
 )
 from .command import command
 from .comparison import Comparison, Comparisons, MetricDifference, compare
-from .conversion import convert, export_av, export_wosac
 from .curation import Candidates, curate
-from .display import Gif, Html, Markdown, Svg, Text
-from .generation import Generated, generate
-from .pages import Page, view
-from .pictures import animate, draw, inspect
+from .display import Gif, Markdown, Svg
 from .plot import plot_rollout, plot_scene
-from .program import ReactsimError, find_program
-from .publishing import Leaderboard, leaderboard, make_reference
-from .report import report
+from .program import Output, ReactsimError, find_program
 from .results import Results, Rollout
 from .run import run
 from .scenarios import Scenario, scenarios
@@ -61,26 +55,20 @@ from .scoring import (
     RolloutScores,
     StatesScores,
     score,
-    score_document,
     score_states,
 )
-from .study import Study, study
-from .training import train, train_adapt, train_quick
-from .verification import Verification, verify
 from .wosac import WosacRollouts, WosacScores, wosac
 
 __all__ = [
     "DT",
+    "Adaptation",
     "Candidates",
     "Comparison",
     "Comparisons",
     "Event",
-    "Generated",
     "Gif",
-    "Html",
     "Kind",
     "Lane",
-    "Leaderboard",
     "Light",
     "Lights",
     "Line",
@@ -90,7 +78,7 @@ __all__ = [
     "MetricDifference",
     "Neighbor",
     "Observation",
-    "Page",
+    "Output",
     "Plan",
     "Planner",
     "PlannerObservation",
@@ -105,42 +93,21 @@ __all__ = [
     "Scenes",
     "Simulator",
     "StatesScores",
-    "Study",
     "Svg",
-    "Text",
-    "Verification",
     "WosacRollouts",
     "WosacScores",
-    "animate",
-    "catalog",
     "command",
     "compare",
-    "convert",
     "curate",
-    "draw",
-    "export_av",
-    "export_wosac",
     "find_program",
-    "generate",
-    "inspect",
-    "leaderboard",
-    "list_scenarios",
-    "make_reference",
     "plot_rollout",
     "plot_scene",
-    "report",
     "run",
     "scenarios",
     "score",
-    "score_document",
     "score_states",
     "serve",
-    "study",
-    "train",
     "train_adapt",
-    "train_quick",
-    "verify",
-    "view",
     "wosac",
 ]
 

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
-from .display import Text
-from .options import PathLike
-from .program import invoke, text_of
+import shlex
+import warnings
+from typing import Any
+
+from .options import PathLike, of_keywords
+from .program import Output, arguments, invoke, text_of
 
 __all__ = ["command"]
 
 
-def command(*arguments: PathLike, progress: bool = True) -> Text:
-    """Runs a command of the program, as on the command line, and returns its standard output.
+def command(*words: PathLike, progress: bool = True, **options: Any) -> Output:
+    """Runs a command of the program and returns its exit code, its text and the path it wrote.
 
-    It is for commands without a function of their own, such as
-    `reactsim.command("completions", "bash")`. Arguments are not checked: paths from elsewhere
-    belong after `"--"`, and values of options into `"--option=value"`.
+    `reactsim.command("generate", preset="train", count=5, out="logs.parquet")` is
+    `reactsim generate --preset=train --count=5 --out=logs.parquet`.
 
     Args:
-        arguments: Command, options and paths.
+        words: Command, options and paths, as on the command line. Paths that may begin with `-`
+            follow `"--"`.
         progress: Show the messages of the program.
+        options: Options by name, with `_` for `-`. True is an option without a value; None and
+            False leave it out; a list is an option per value, a dictionary one per `KEY=VALUE`.
 
     Raises:
-        ReactsimError: The exit code of the program is not 0; the message has its last lines.
+        ReactsimError: The exit code is neither 0 nor 1; the message has the last lines of the
+            program. Exit code 1 (scenarios that failed, numbers that differ) is a warning.
 
     """
-    output = invoke([text_of(argument) for argument in arguments], show=progress)
-    return Text(output.data.decode("utf-8"))
+    line = [text_of(word) for word in words]
+    end = line.index("--") if "--" in line else len(line)
+    line[end:end] = arguments(of_keywords(options))
+    output = invoke(line, codes=(0, 1), show=progress)
+    if output.code == 1:
+        text = "\n".join(output.messages)
+        warnings.warn(f"`reactsim {shlex.join(line)}` ended with code 1:\n{text}", stacklevel=2)
+    return output

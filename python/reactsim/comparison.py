@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from .display import Markdown
-from .options import Options, Run, each, folders, joined
+from .options import Options, PathLike, each, joined, paths
 from .program import arguments, invoke
 from .results import frame_of
 
@@ -137,8 +137,8 @@ class Comparisons(Sequence[Comparison]):
 
 
 def compare(
-    first: Run,
-    second: Run,
+    first: PathLike,
+    second: PathLike,
     *,
     models: Sequence[str] = (),
     despite: str | Sequence[str] = (),
@@ -169,7 +169,7 @@ def compare(
         *each("--despite", despite),
         ("--seed", seed),
     ]
-    runs = [*folders(first), *folders(second)]
+    runs = [*paths(first), *paths(second)]
     given = [*common, *bounds, ("--format", "json"), ("--quiet", True)]
     output = invoke(["compare", *arguments(given, runs)], codes=(0, 1) if bounds else (0,))
     pairs = [_comparison(pair) for pair in output.document]

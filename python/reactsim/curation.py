@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .display import Markdown
-from .options import Options, PathLike, paths, reading
+from .options import PathLike, paths, reading
 from .program import arguments, invoke, local_folder, produce
 
 __all__ = ["Candidates", "curate"]
@@ -36,53 +36,13 @@ class Candidates:
 
     def stats(self) -> dict[str, Any]:
         """Returns the statistics: steps of the selection, categories, distances to the log."""
-        result: dict[str, Any] = self._stats([("--format", "json")]).document
+        given = arguments([("--format", "json")], [self.path])
+        result: dict[str, Any] = invoke(["curate", "stats", *given]).document
         return result
 
     def table(self) -> Markdown:
         """Returns the statistics as Markdown tables."""
-        return Markdown(self._stats([]).text)
-
-    def review(self, out: PathLike, *, first: int = 1, limit: int = 500) -> None:
-        """Writes an HTML page on which the candidates are verified by hand in a browser.
-
-        The page keeps decisions in the browser and exports them to a file.
-
-        Args:
-            out: File to write.
-            first: Number of the first scenario of the page, from 1.
-            limit: Maximum number of scenarios of the page.
-
-        """
-        given = [("--from", first), ("--limit", limit), ("--out", out)]
-        produce(["curate", "review", *arguments(given, [self.path])], out, show=False)
-
-    def apply(
-        self,
-        decisions: PathLike | Sequence[PathLike],
-        out: PathLike,
-        *,
-        allow_rejected: bool = False,
-    ) -> Candidates:
-        """Applies the decisions of a review and writes a new file of candidates.
-
-        Args:
-            decisions: Files that the review page exported. Of several decisions about a scenario,
-                the latest counts.
-            out: File to write, with all candidates.
-            allow_rejected: Also accept picked candidates that a filter rejected.
-
-        Raises:
-            ReactsimError: There are no decisions, or they are for other candidates.
-
-        """
-        given = [("--allow-rejected", allow_rejected), ("--out", out)]
-        inputs: list[PathLike] = [self.path, *paths(decisions)]
-        produce(["curate", "apply", *arguments(given, inputs)], out, show=False)
-        return Candidates(out)
-
-    def _stats(self, given: Options) -> Any:
-        return invoke(["curate", "stats", *arguments(given, [self.path])])
+        return Markdown(invoke(["curate", "stats", *arguments([], [self.path])]).text)
 
 
 def curate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, Union, cast
+from typing import Any, Union
 
 import numpy as np
 
@@ -14,11 +14,10 @@ from .program import text_of
 __all__ = [
     "Options",
     "PathLike",
-    "Run",
     "Sources",
     "each",
-    "folders",
     "joined",
+    "of_keywords",
     "paths",
     "reading",
     "selection",
@@ -35,18 +34,6 @@ Options = list[tuple[str, Any]]
 """Names and values, as `program.arguments` takes them."""
 
 
-class HasFolder(Protocol):
-    """Anything with a run folder, such as `Results`."""
-
-    @property
-    def folder(self) -> os.PathLike[str]:
-        """The run folder."""
-
-
-Run = Union[PathLike, HasFolder]
-"""A run folder: its path, or its `Results`."""
-
-
 def paths(sources: Sources) -> list[str]:
     """Returns the paths of scenarios: none for the shipped benchmark."""
     if sources is None:
@@ -54,16 +41,6 @@ def paths(sources: Sources) -> list[str]:
     if isinstance(sources, (str, os.PathLike)):
         return [os.fspath(sources)]
     return [os.fspath(path) for path in sources]
-
-
-def folders(runs: Run | Sequence[Run]) -> list[str]:
-    """Returns the paths of run folders."""
-    several: Sequence[Any] = [runs] if _is_one(runs) else cast("Sequence[Any]", runs)
-    return [os.fspath(getattr(run, "folder", run)) for run in several]
-
-
-def _is_one(runs: Any) -> bool:
-    return isinstance(runs, (str, os.PathLike)) or hasattr(runs, "folder")
 
 
 def each(name: str, values: Any) -> Options:
@@ -81,6 +58,20 @@ def joined(values: str | Sequence[Any]) -> str | None:
 def settings(name: str, values: Mapping[str, Any]) -> Options:
     """Returns an option NAME=KEY=VALUE for each key."""
     return [(name, f"{key}={text_of(value)}") for key, value in values.items()]
+
+
+def of_keywords(keywords: Mapping[str, Any]) -> Options:
+    """Returns options for keyword arguments, whose names have `_` instead of `-`."""
+    options: Options = []
+    for keyword, value in keywords.items():
+        name = "--" + keyword.replace("_", "-")
+        if isinstance(value, Mapping):
+            options += settings(name, value)
+        elif isinstance(value, Sequence):
+            options += each(name, value)
+        else:
+            options.append((name, value))
+    return options
 
 
 def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int:

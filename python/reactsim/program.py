@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import html
 import json
 import os
 import re
@@ -43,6 +44,7 @@ CHECK = "check that REACTSIM_BINARY, or `reactsim` in PATH, is the program of th
 """What to do if another program was found."""
 
 LAST_LINES = 30  # lines of standard error in a message
+PAGE_HEIGHT = 800  # height of a page in a notebook, CSS pixels
 INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to write what is finished
 
 
@@ -127,21 +129,19 @@ def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
 
 
 class Output(NamedTuple):
-    """What a command of the program wrote."""
+    """What a command of the program wrote. Notebooks show its text, or its page."""
 
     code: int
     """Exit code."""
-    data: bytes
+    text: str
     """Standard output."""
     messages: list[str]
     """Last lines of standard error."""
+    path: Path | None
+    """File or folder of the option `--out`."""
 
-    @property
-    def text(self) -> str:
-        """Standard output as text. Raises ReactsimError if there is none."""
-        if not self.data:
-            raise ReactsimError(f"the program ended without any result; {CHECK}")
-        return self.data.decode("utf-8")
+    def __str__(self) -> str:
+        return self.text
 
     @property
     def document(self) -> Any:
@@ -153,13 +153,21 @@ class Output(NamedTuple):
                 f"the result of the program is no JSON ({error}); {CHECK}"
             ) from None
 
+    def _repr_html_(self) -> str:
+        text = html.escape(self.text)
+        if not self.text.startswith("<!doctype html>"):
+            return f"<pre>{text}</pre>"
+        # The frame contains the text of the page itself, so that its styles and scripts and those
+        # of the notebook do not meet.
+        style = f'width="100%" height="{PAGE_HEIGHT}" style="border: 0"'
+        return f'<iframe srcdoc="{text}" {style}></iframe>'
+
 
 def invoke(
     command: Sequence[str],
     *,
     codes: Sequence[int] = (0,),
     show: bool = False,
-    folder: str | None = None,
 ) -> Output:
     """Runs a command of the program to its end. All functions of the package call it through this.
 
@@ -169,7 +177,6 @@ def invoke(
         command: Arguments of the program, such as `["compare", *arguments(options, runs)]`.
         codes: Exit codes that are no failure.
         show: Copy the messages of the program to standard error.
-        folder: Working folder of the program.
 
     Raises:
         ReactsimError: The program could not be started, or ended with another code; the message has
@@ -180,7 +187,6 @@ def invoke(
         [find_program(), *command],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        cwd=folder,
         # An interrupt reaches only this process, which passes it on.
         start_new_session=True,
     )
@@ -203,15 +209,24 @@ def invoke(
     if code not in codes:
         text = "\n".join(last).strip() or CHECK
         raise ReactsimError(f"`reactsim {shlex.join(command)}` ended with code {code}:\n{text}")
-    return Output(code, data, list(last))
+    return Output(code, data.decode("utf-8"), list(last), _path_of(command))
 
 
-def call(command: Sequence[str], folder: str | None = None) -> str:
+def _path_of(command: Sequence[str]) -> Path | None:
+    for word, following in zip(command, [*command[1:], ""]):
+        if word == "--out" or word.startswith("--out="):
+            return Path(following if word == "--out" else word[len("--out=") :])
+        if word == "--":
+            break
+    return None
+
+
+def call(command: Sequence[str]) -> str:
     """Runs a command of the program and returns its standard output.
 
     Raises ReactsimError with the last lines of the program if it fails.
     """
-    return invoke(command, folder=folder).data.decode("utf-8")
+    return invoke(command).text
 
 
 def produce(command: Sequence[str], out: PathLike, *, show: bool) -> Output:

@@ -12,8 +12,8 @@ import numpy as np
 
 from .client import HISTORY, Array
 from .display import Gif, Markdown, Svg
-from .options import PathLike, Run, Sources
-from .pictures import animate, draw
+from .options import PathLike, Sources
+from .pictures import picture
 from .program import local_folder
 
 if TYPE_CHECKING:
@@ -58,6 +58,9 @@ class Results:
 
     def __repr__(self) -> str:
         return f"Results({str(self.folder)!r})"
+
+    def __fspath__(self) -> str:
+        return str(self.folder)
 
     def _repr_markdown_(self) -> str:
         return str(self.table())
@@ -139,7 +142,8 @@ class Results:
         self, scenario: str, simulator: str, *, source: PathLike | None = None, step: int = 40
     ) -> Svg:
         """Returns a picture of a kept rollout at a step, made by the program."""
-        return draw(source, id=scenario, rollout=self, simulator=simulator, steps=step)
+        given = {"id": scenario, "rollout": self, "simulator": simulator, "steps": step}
+        return Svg(picture("svg", source, **given).decode("utf-8"))
 
     def gif(
         self,
@@ -162,23 +166,11 @@ class Results:
             follow: Keep the AV in the middle, which makes larger files.
 
         """
-        return animate(
-            source,
-            id=scenario,
-            rollout=self,
-            simulators=simulators or self.simulators,
-            size=size,
-            every=every,
-            follow=follow,
-        )
+        given = {"id": scenario, "rollout": self, "simulator": simulators or self.simulators}
+        further = {"size": size, "every": every, "follow": follow}
+        return Gif(picture("gif", source, **given, **further))
 
-    def report(self, format: str = "markdown", **options: Any) -> str:
-        """Returns the tables of the run, or its page; the arguments are those of `report`."""
-        from .report import report
-
-        return report(self, format=format, **options)
-
-    def compare(self, other: Run, **options: Any) -> Comparisons:
+    def compare(self, other: PathLike, **options: Any) -> Comparisons:
         """Compares the run with a second one; the arguments are those of `compare`."""
         from .comparison import compare
 

@@ -157,7 +157,8 @@ def run(
     command = ["run", *arguments(given, paths(scenarios), options)]
     try:
         if session is None:
-            code, _, last = invoke(command, codes=range(256), show=progress)
+            output = invoke(command, codes=range(256), show=progress)
+            code, last = output.code, output.messages
         else:
             code, last = _carry_out([program, *command], session, progress)
         if code in (0, 1) and not (folder / "provenance.json").is_file():

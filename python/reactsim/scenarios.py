@@ -15,7 +15,7 @@ import numpy as np
 from .client import HISTORY, Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
 from .display import Gif, Svg
 from .options import PathLike, Sources, paths, reading, selection
-from .pictures import animate, draw
+from .pictures import picture
 from .program import CHECK, ReactsimError, arguments, find_program, start
 
 __all__ = ["STEPS", "Scenario", "reading_of", "scenarios"]
@@ -122,14 +122,8 @@ class Scenario(Scene):
                 the deviated AV in the file of the scenario.
 
         """
-        return draw(
-            self.source,
-            id=self.id,
-            radius=radius,
-            steps=steps,
-            simulator=simulator,
-            **self._reading,
-        )
+        given = {"radius": radius, "steps": steps, "simulator": simulator, **self._reading}
+        return Svg(picture("svg", self.source, id=self.id, **given).decode("utf-8"))
 
     def gif(
         self,
@@ -140,20 +134,23 @@ class Scenario(Scene):
         every: int | None = None,
         follow: bool = False,
     ) -> Gif:
-        """Returns an animation of 8 s, made by the program; the arguments are those of `animate`.
+        """Returns an animation of 8 s, made by the program.
 
-        A deviated AV is taken from the file of the scenario, not from a file of `deviations`.
+        Without simulators the AV follows its deviated trajectory, and all other agents follow the
+        log. A deviated AV is taken from the file of the scenario, not from a file of `deviations`.
+
+        Args:
+            simulators: Simulators to draw side by side; the program runs them first, against the
+                deviated AV of the scenario.
+            radius: Half of the side of a picture, metres; by default large enough for the path of
+                the AV, or 40 with `follow`.
+            size: Side of a panel, pixels, 100 to 1200; 480 by default.
+            every: Show only every Nth step; 1, the default, is 10 frames per second.
+            follow: Keep the AV in the middle, which makes larger files.
+
         """
-        return animate(
-            self.source,
-            id=self.id,
-            simulators=simulators,
-            radius=radius,
-            size=size,
-            every=every,
-            follow=follow,
-            **self._reading,
-        )
+        given = {"simulator": simulators, "radius": radius, "size": size, "every": every}
+        return Gif(picture("gif", self.source, id=self.id, follow=follow, **given, **self._reading))
 
     def _repr_svg_(self) -> str:
         return str(self.svg())

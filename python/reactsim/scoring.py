@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,11 +12,11 @@ import numpy as np
 from .client import Array, as_array
 from .options import PathLike, each, paths, settings
 from .process import shared_request
-from .program import arguments, invoke, produce, text_of
+from .program import arguments, produce, text_of
 from .results import Results, value_of
 from .scenarios import STEPS, Scenario
 
-__all__ = ["Event", "RolloutScores", "StatesScores", "score", "score_document", "score_states"]
+__all__ = ["Event", "RolloutScores", "StatesScores", "score", "score_states"]
 
 
 def score(
@@ -65,35 +63,6 @@ def score(
     command = ["score", *arguments(given, paths(rollouts))]
     produce(command, Path(out, "provenance.json"), show=progress)
     return Results(out)
-
-
-def score_document(
-    document: PathLike | Mapping[str, Any], *, metric_options: Mapping[str, Any] | None = None
-) -> dict[str, Any]:
-    """Scores a rollout document: scenarios with one judged rollout each.
-
-    Args:
-        document: The document, with the format "reactsim-rollouts-v1", or its JSON file.
-        metric_options: Variants of the metrics, such as `{"fault_order": "nuplan"}`.
-
-    Returns:
-        `aggregate` (means), `valid_scenarios` (number of scenarios behind each mean), `scenarios`
-        with their agents, and `options`.
-
-    Raises:
-        ReactsimError: The document is wrong; the message names the place.
-
-    """
-    with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
-        if isinstance(document, Mapping):
-            path: PathLike = Path(folder, "rollouts.json")
-            Path(path).write_text(json.dumps(document, allow_nan=False), "utf-8")
-        else:
-            path = document
-        given = settings("--metric-option", metric_options or {})
-        output = invoke(["score", *arguments(given, [path])])
-        result: dict[str, Any] = output.document
-        return result
 
 
 class Event(NamedTuple):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .client import Array, as_array
-from .options import PathLike, Run, Sources, each, folders, joined, paths
+from .options import PathLike, Sources, each, joined, paths
 from .process import shared_request
 from .program import arguments, invoke
 from .scenarios import STEPS, reading_of
@@ -105,7 +105,7 @@ def wosac(
 
 
 def score_run(
-    run: Run,
+    run: PathLike,
     scenarios: Sources = None,
     *,
     simulator: str | None = None,
@@ -140,7 +140,7 @@ def score_run(
             ("--format", "json"),
             ("--jobs", jobs),
         ]
-        output = invoke(["score", *arguments(given, folders(run)[:1])], codes=(0, 1))
+        output = invoke(["score", *arguments(given, paths(run))], codes=(0, 1))
         return _read(output.document, Path(out, "wosac.jsonl").read_text(encoding="utf-8"))
 
 

@@ -136,7 +136,7 @@ class TestScoreStates:
 
     def test_the_av_is_that_of_the_deviations(self, tmp_path: Path) -> None:
         logs, deviations = tmp_path / "logs.parquet", tmp_path / "deviations.parquet"
-        reactsim.generate(logs, preset="train", count=12, seed=3, progress=False)
+        reactsim.command("generate", preset="train", count=12, seed=3, out=logs, progress=False)
         reactsim.curate(logs, deviations, progress=False)
         folder = tmp_path / "run"
         run = reactsim.run(
@@ -281,7 +281,7 @@ class TestEnv:
     def test_nothing_of_the_future_is_observed(self, tmp_path: Path, closing: Any) -> None:
         # The route is the path of the log, which the copy without a future does not have.
         past = tmp_path / "past.parquet"
-        reactsim.convert(MINI, past, history_only=True, progress=False)
+        reactsim.command("convert", MINI, history_only=True, out=past, progress=False)
         seen = []
         for source in (MINI, past):
             env = closing(reactsim.Env(source, **{**SMALL, "route": 0}))

@@ -128,8 +128,9 @@ def test_runs_arrays_and_submissions_have_the_same_scores(
         "uses_lidar_data = false\nuses_camera_data = false\n"
         "uses_public_model_pretraining = false\n"
     )
-    archive = reactsim.export_wosac(
-        run, tmp_path / "a.tar.gz", scenarios=scenario, metadata=metadata
+    archive = tmp_path / "a.tar.gz"
+    reactsim.command(
+        "export", "wosac", run, scenarios=scenario, metadata=metadata, out=archive, progress=False
     )
     submission = score_run(archive, scenario)
     assert submission.means["2025"]["metametric"] == pytest.approx(metrics["metametric"], abs=1e-3)

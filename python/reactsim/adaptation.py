@@ -1,0 +1,95 @@
+"""Adapts shipped networks to logs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from .options import PathLike, each, paths, reading
+from .program import arguments, local_folder, produce
+from .results import Results
+
+__all__ = ["Adaptation", "train_adapt"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Adaptation:
+    """A simulator that was adapted to logs.
+
+    Attributes:
+        baseline: Name of the simulator for `run(baselines=[...])`, such as "ntp-guarded@mine".
+        options: Options of `run` with its weights and parameters.
+        weights: File of the weights.
+        realism: Results before and after on the scenarios to judge by, in the realism protocol.
+        reactive: The same in the reactive protocol, with AVs that deviate; None if none could.
+
+    """
+
+    baseline: str
+    options: list[str]
+    weights: Path
+    realism: Results
+    reactive: Results | None
+
+
+def train_adapt(
+    logs: PathLike | Sequence[PathLike],
+    out: PathLike,
+    *,
+    model: str = "ntp-guarded",
+    minutes: float = 10.0,
+    seed: int = 0,
+    exclude: PathLike | Sequence[PathLike] = (),
+    resume: bool = False,
+    jobs: int | None = None,
+    current_frame: int | None = None,
+    window_step: int | None = None,
+    all_agents: bool = False,
+    progress: bool = True,
+) -> Adaptation:
+    """Adapts a shipped network to logs and runs it next to what it was before.
+
+    Args:
+        logs: Files or folders of logs.
+        out: Folder to write: scenarios, training, runs.
+        model: Simulator to adapt.
+        minutes: Time for everything.
+        seed: Seed of all random choices.
+        exclude: Files or folders of scenarios that are left out, even if they are among the logs.
+        resume: Continue in `out` where it was interrupted.
+        jobs: Number of threads; one per core by default.
+        current_frame: Index of the current frame, for formats that leave it open.
+        window_step: Frames between the scenarios of one recording of 20 s.
+        all_agents: Simulate all agents that are present at the current frame.
+        progress: Show the messages of the program.
+
+    Raises:
+        ReactsimError: A step failed.
+
+    """
+    given = [
+        ("--model", model),
+        ("--minutes", minutes),
+        ("--out", out),
+        ("--seed", seed),
+        *each("--exclude", exclude),
+        ("--resume", resume),
+        ("--jobs", jobs),
+        *reading(current_frame, window_step, all_agents),
+    ]
+    folder = Path(local_folder(out))
+    produce(["train", "adapt", *arguments(given, paths(logs))], folder / "realism", show=progress)
+    baseline, weights = f"{model}@mine", folder / "training" / "weights.safetensors"
+    options = [f"--model-weights={baseline}={weights}"]
+    haste = folder / "haste.txt"
+    if haste.exists():
+        options.append(f"--set={baseline}.haste.weight={haste.read_text('utf-8').strip()}")
+    reactive = folder / "reactive"
+    return Adaptation(
+        baseline,
+        options,
+        weights,
+        Results(folder / "realism"),
+        Results(reactive) if reactive.is_dir() else None,
+    )
