@@ -34,7 +34,6 @@ TABLES = dict.fromkeys(OF_TABLES, "`report` makes the tables of a run folder")
 LEFT_OUT_OPTIONS: Dict[str, Dict[str, str]] = {
     "run": {**TABLES, "--format": "`report` makes tables in all formats"},
     "score": TABLES,
-    "curate stats": {"--svg": "files are written by `reactsim.command`"},
 }
 
 READING: Dict[str, Any] = {"current_frame": 20, "window_step": 10, "all_agents": True}

@@ -148,11 +148,13 @@ def test_runs_arrays_and_submissions_have_the_same_scores(
     assert "is given twice" in several.failures[1]
 
     with pytest.raises(reactsim.ReactsimError, match="realism"):
-        reactsim.export_wosac(
+        reactsim.command(
+            *("export", "wosac"),
             reactsim.run(baselines=["stop"], scenarios=scenario, av="log", progress=False),
-            tmp_path / "b.tar.gz",
             scenarios=scenario,
             metadata=metadata,
+            out=tmp_path / "b.tar.gz",
+            progress=False,
         )
 
 

@@ -16,7 +16,7 @@ pub(super) struct ReviewArgs {
     file: PathBuf,
     /// Number of the first scenario of the page
     #[arg(long, default_value = "1", value_name = "N")]
-    from: NonZeroUsize,
+    first: NonZeroUsize,
     /// Maximum number of scenarios of the page
     #[arg(long, default_value = "500", value_name = "N")]
     limit: NonZeroUsize,
@@ -26,14 +26,14 @@ pub(super) struct ReviewArgs {
 }
 
 pub(super) fn review(args: &ReviewArgs) -> anyhow::Result<ExitStatus> {
-    let (from, limit) = (args.from.get(), args.limit.get());
+    let (from, limit) = (args.first.get(), args.limit.get());
     let mut page = Vec::new();
     let total = write_review(&args.file, from, limit, &mut page)?;
     write_result(args.out.as_deref(), |out| out.write_all(&page))?;
     let next = from.saturating_add(limit);
     if next <= total {
         let last = next - 1;
-        say(format_args!("scenarios {from} to {last} of {total}; the next page begins with --from {next}"));
+        say(format_args!("scenarios {from} to {last} of {total}; the next page begins with --first {next}"));
     }
     Ok(ExitStatus::Done)
 }

@@ -20,7 +20,8 @@ numpy arrays, which docs/files.md describes. The layout that the official evalua
 the names are known.
 
 Example:
-  reactsim export reactsim-bench runs/official --deviations official.parquet --simulator idm --out rollouts";
+  reactsim export reactsim-bench runs/official --deviations official.parquet \\
+      --simulator idm --out rollouts";
 
 /// Arguments of `export reactsim-bench`.
 #[derive(Debug, Args)]
