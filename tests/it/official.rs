@@ -191,5 +191,5 @@ fn shows_its_content(file: &Path) {
     assert_eq!(lines[1], "(1, 2, 80, 5) float64 (1, 2, 80) bool True False");
     // The AV of row 31, 0.1 s later, at 4 m/s; 1.461 m ahead of its rear axle.
     let x = 500_000.0 - 40.0 + 0.25 * 31.0 + 1.461 + 0.4;
-    assert!(lines[2].starts_with(&format!("[{x:.3}, 4982950.4, 0.0, 4.99")), "{}", lines[2]);
+    assert!(lines[2].starts_with(&format!("[{x:.3}, 4982950.4, 0.0, 4.0, 0.0]")), "{}", lines[2]);
 }
