@@ -1,4 +1,4 @@
-//! `reactsim export reactsim-bench`: rollouts in files that are named like those of ReactSim-Bench.
+//! `reactsim export reactsim-bench`: one file of rollouts per file of the data set, with its name.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,9 +15,9 @@ use crate::formats::deviations;
 use crate::formats::rollouts::{RolloutRecord, read, to_pickle};
 
 const AFTER: &str = "\
-Writes one file per scenario with the name of the file that its deviated AV was imported from: a dictionary with \
-numpy arrays, which docs/files.md describes. The layout that the official evaluation reads is not published; only \
-the names are known.
+Writes one file per scenario with the name of the file that its deviated AV was imported from: a dictionary \
+with numpy arrays, which docs/files.md describes. The layout that the official evaluation reads is not \
+published; only the names are known.
 
 Example:
   reactsim export reactsim-bench runs/official --deviations official.parquet \\
