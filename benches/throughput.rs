@@ -339,6 +339,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
         },
         keep_rollouts: false,
         allowed: Vec::new(),
+        partition: None,
     };
     let tally = Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), 1);
     let folder = RunFolder::create(out, &plan.provenance())?;

@@ -47,9 +47,6 @@ pub use reactsim_report as report;
 pub use reactsim_rollout as rollout;
 #[doc(inline)]
 pub use reactsim_scene as scene;
-#[cfg(feature = "shards")]
-#[doc(inline)]
-pub use reactsim_shards as shards;
 #[cfg(feature = "training")]
 #[doc(inline)]
 pub use reactsim_training as training;

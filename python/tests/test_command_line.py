@@ -25,6 +25,7 @@ ANYWHERE = {
     "--maps": "a selection of nuPlan frames contains it",
     "--nuplan": "a selection of nuPlan frames contains it",
     "--help": "docstrings replace it",
+    "--partition": "`reactsim.ray.run_partitions` gives it",
     "--version": "`Results.provenance` has the version",
     "--quiet": "`progress=False`",
     "--verbose": "lines for terminals; their numbers are in `Results.rows`",

@@ -5,11 +5,13 @@ mod make;
 mod review;
 mod source;
 mod stats;
-mod units;
 
-use anyhow::bail;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
+use super::partition::{PartitionArg, Partitions};
 use super::{ExitStatus, ReadingArgs};
 
 const AFTER: &str = "\
@@ -38,6 +40,8 @@ pub(super) struct CurateArgs {
     // Not within the optional arguments: their presence would no longer be recognised.
     #[command(flatten)]
     reading: ReadingArgs,
+    #[command(flatten)]
+    partition: PartitionArg,
 }
 
 #[derive(Debug, Subcommand)]
@@ -55,7 +59,12 @@ pub(super) fn curate(args: &CurateArgs) -> anyhow::Result<ExitStatus> {
         (Some(CurateCommand::Stats(args)), _) => stats::stats(args),
         (Some(CurateCommand::Review(args)), _) => review::review(args),
         (Some(CurateCommand::Apply(args)), _) => apply::apply(args),
-        (None, Some(make)) => make::make(make, &args.reading),
+        (None, Some(make)) => make::make(make, &args.reading, args.partition.partition),
         (None, None) => bail!("name files or folders of scenarios, or one of `stats`, `review` and `apply`"),
     }
+}
+
+/// Joins the partitions of a curation.
+pub(super) fn merge(args: CurateArgs, partitions: &Partitions, out: PathBuf) -> anyhow::Result<ExitStatus> {
+    make::merge(args.make.context("partition.json is damaged: it has no scenarios")?, partitions, out)
 }

@@ -4,11 +4,12 @@ mod bench;
 mod files;
 mod make;
 mod manifest;
+mod partition;
 mod scenario_file;
 mod tried;
-mod units;
 
 pub(super) use make::{GenerateArgs, generate};
+pub(super) use partition::merge;
 
 const AFTER: &str = "\
 The preset train writes scenarios as they are generated. The preset sensed makes traffic with the \

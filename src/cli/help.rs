@@ -7,7 +7,7 @@ pub(super) const TASKS: &[(&str, &[&str])] = &[
     ("Data", &["curate", "generate", "convert", "import", "export"]),
     ("Train", &["train"]),
     ("Publish", &["verify", "reference", "leaderboard"]),
-    ("Scale", &["shard"]),
+    ("Scale", &["merge"]),
     ("Shell", &["completions", "man", HELP]),
 ];
 

@@ -21,7 +21,9 @@ mod leaderboard;
 mod list;
 mod live_table;
 mod log_sources;
+mod merge;
 mod nuplan_args;
+mod partition;
 mod progress;
 mod reference;
 mod report;
@@ -29,8 +31,6 @@ mod run;
 mod scenario_args;
 mod score;
 mod session;
-mod shard;
-mod sharded;
 mod shell;
 mod study;
 mod subject;
@@ -147,8 +147,8 @@ enum Command {
     Reference(reference::ReferenceArgs),
     /// List references and submitted runs in one table
     Leaderboard(leaderboard::LeaderboardArgs),
-    /// Divide a run into units for clusters, run them, and merge their results
-    Shard(shard::ShardArgs),
+    /// Join the partitions of a command into the output of the whole
+    Merge(merge::MergeArgs),
     /// Print a completion script for a shell
     Completions(shell::CompletionsArgs),
     /// Write manual pages
@@ -216,7 +216,7 @@ pub fn main() -> ExitCode {
         Command::Verify(args) => verify::verify(&args),
         Command::Reference(args) => reference::reference(&args),
         Command::Leaderboard(args) => leaderboard::leaderboard(&args),
-        Command::Shard(args) => shard::shard(args),
+        Command::Merge(args) => merge::merge(args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
     });

@@ -22,11 +22,9 @@ const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {left}{msg}
 const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{msg}";
 
 /// Bar with the number of scenarios, and the preliminary table of a run below it. Hidden if stderr is not a
-/// terminal, or on request. Failures are always printed.
+/// terminal. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
-    /// Number of scenarios that were finished before the present part of the work.
-    before: AtomicUsize,
     failures: AtomicUsize,
     table: Option<Mutex<Preliminary>>,
 }
@@ -46,7 +44,7 @@ impl Progress {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self { bar, before: AtomicUsize::new(0), failures: AtomicUsize::new(0), table: None }
+        Self { bar, failures: AtomicUsize::new(0), table: None }
     }
 
     /// Shows progress with a table of what is finished.
@@ -63,33 +61,14 @@ impl Progress {
         }
     }
 
-    /// Shows nothing but failures.
-    pub(super) fn hidden() -> Self {
-        let progress = Self::new();
-        progress.bar.set_draw_target(ProgressDrawTarget::hidden());
-        progress
-    }
-
-    /// Prints a message above the bar.
-    pub(super) fn say(&self, message: std::fmt::Arguments<'_>) {
-        self.suspend(|| say(message));
-    }
-
     /// Prints something above the bar.
     pub(super) fn suspend(&self, print: impl FnOnce()) {
         self.bar.suspend(print);
     }
 
-    /// Shows how many scenarios are finished, of the present part of the work.
+    /// Shows how many scenarios are finished.
     pub(super) fn set_done(&self, done: usize) {
-        self.bar.set_position((self.before.load(Ordering::Relaxed) + done) as u64);
-    }
-
-    /// Begins another part of the work, in which counts begin at 0 again. `before` is the number of scenarios
-    /// of all earlier parts.
-    pub(super) fn begin_part(&self, before: usize) {
-        self.before.store(before, Ordering::Relaxed);
-        self.set_done(0);
+        self.bar.set_position(done as u64);
     }
 
     /// Prints that a scenario failed; `text` begins with a colon.

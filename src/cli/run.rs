@@ -1,7 +1,5 @@
 //! `reactsim run`: runs simulators on scenarios.
 
-pub(super) mod units;
-
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -12,6 +10,7 @@ use clap::Args;
 use super::external::{Outside, check_batches};
 use super::finished::{outcomes, put_table, report_left_out, report_notes, report_problems, show_next_steps};
 use super::live_table::LiveTable;
+use super::partition::{self, PartitionArg, Partitions};
 use super::progress::Progress;
 use super::subject::{EvaluationArgs, ExecutionArgs, ProtocolName};
 use super::table_output::{TableArgs, formats};
@@ -64,6 +63,8 @@ pub(super) struct RunArgs {
     pub(super) keep_rollouts: bool,
     #[command(flatten)]
     pub(super) work: ExecutionArgs,
+    #[command(flatten)]
+    partition: PartitionArg,
     /// Format of the table [default: terminal on a terminal, else markdown]
     #[arg(long, value_parser = formats([]))]
     pub(super) format: Option<String>,
@@ -79,9 +80,24 @@ pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
 /// Executes a run until `stop` is set, and prints its table.
 pub(super) fn run_until(args: RunArgs, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
     match finished_until(&args, stop)? {
-        Some((folder, summary)) => finish(&args, folder.as_ref(), &summary),
+        Some((folder, summary)) => {
+            let status = finish(&args, folder.as_ref(), &summary)?;
+            match (args.partition.partition, &args.out) {
+                (Some(partition), Some(out)) => {
+                    partition::finish(out, partition, summary.provenance.failures.len(), &())
+                }
+                _ => Ok(status),
+            }
+        }
         None => Ok(ExitStatus::Interrupted),
     }
+}
+
+/// Joins the partitions of a run and prints its table.
+pub(super) fn merge(mut args: RunArgs, partitions: &Partitions, out: PathBuf) -> anyhow::Result<ExitStatus> {
+    let (folder, summary) = evaluation::merge(&partitions.folders, &out)?;
+    (args.out, args.partition.partition) = (Some(out), None);
+    finish(&args, Some(&folder), &summary)
 }
 
 /// Executes a run until `stop` is set. `None` if it was interrupted.
@@ -94,7 +110,7 @@ pub(super) fn finished_until(
         bail!("@stdio: standard output belongs to the simulator or planner: give --out FOLDER");
     }
     args.table.check(args.format.as_deref())?;
-    let (plan, outside) = plan(args, args.subject.sources()?)?;
+    let (plan, outside) = plan(args, args.subject.sources(args.partition.partition)?)?;
     let (folder, tally) = plan.open_folder(args.out.as_deref(), args.resume)?;
     outside.keep_stderr(args.out.as_deref())?;
     let progress = Progress::with_table(LiveTable::of(&plan.simulators));
@@ -123,17 +139,19 @@ pub(super) fn finished_until(
 }
 
 /// Writes and prints the table, and prints failures.
-pub(crate) fn finish(
-    args: &RunArgs,
-    folder: Option<&RunFolder>,
-    summary: &Summary,
-) -> anyhow::Result<ExitStatus> {
+fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyhow::Result<ExitStatus> {
     if let Some(folder) = folder {
         put_table(folder, summary, args.table.style())?;
     }
-    report_left_out(summary);
+    if args.partition.partition.is_none() {
+        report_left_out(summary);
+    }
     report_notes(summary);
     if summary.provenance.scenarios == 0 {
+        // A partition may have none.
+        if args.partition.partition.is_some() {
+            return Ok(ExitStatus::Done);
+        }
         return Err(nothing("no scenario could be run"));
     }
     if !args.subject.external.takes_stdout() {
@@ -142,6 +160,7 @@ pub(crate) fn finish(
     }
     report_problems(summary);
     match &args.out {
+        Some(_) if args.partition.partition.is_some() => return Ok(ExitStatus::Done),
         Some(path) => show_next_steps(path, args.keep_rollouts),
         None => note(format_args!(
             "\nnothing was kept; to look at scenes, add --out runs/first --keep-rollouts, then: \
@@ -166,7 +185,9 @@ pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan
         seed: subject.seed,
     };
     let (simulators, outside) = subject.simulators(args.smooth, &RunOutline::of(&settings))?;
-    let plan = subject.plan(sources, simulators, &outside, settings, args.rollouts, args.keep_rollouts)?;
+    let mut plan =
+        subject.plan(sources, simulators, &outside, settings, args.rollouts, args.keep_rollouts)?;
+    plan.partition = args.partition.partition;
     Ok((plan, outside))
 }
 

@@ -1,6 +1,5 @@
 //! Arguments that name scenarios and their deviated AVs.
 
-use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -8,7 +7,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{ReadingArgs, say};
-use crate::evaluation::{Deviations, FileRecord, Selection, Source};
+use crate::evaluation::{Deviations, Selection, Source};
+use crate::formats::Partition;
 use crate::scene::{Deviation, Scenario};
 
 /// Scenarios of a command, by default those of the shipped benchmark.
@@ -49,34 +49,39 @@ impl SelectionArgs {
 }
 
 impl ScenarioArgs {
-    /// Finds the files of scenarios and recognises their formats.
-    pub(super) fn sources(&self) -> anyhow::Result<Vec<Source>> {
-        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
-        if self.reading.is_shipped(&self.scenarios) {
+    /// Finds the files of scenarios, of which a partition may be run, and recognises their formats.
+    pub(super) fn sources(&self, partition: Option<Partition>) -> anyhow::Result<Vec<Source>> {
+        if self.is_shipped() {
             self.reading.check_absent()?;
-            return Ok(vec![Source::shipped(most)]);
+            return Ok(vec![Source::shipped(self.most())]);
         }
-        Ok(Source::of_inputs(self.reading.find_inputs(&self.scenarios)?, most)?)
+        let inputs = self.reading.find_inputs(&self.scenarios)?;
+        Ok(match partition {
+            Some(partition) => Source::of_partition(inputs, self.most(), partition)?,
+            None => Source::of_inputs(inputs, self.most())?,
+        })
     }
 
-    /// Returns the sources as [`Self::sources`] does, for files that are recorded already; only those with an
-    /// index in `checked` are read for their digest.
-    pub(super) fn known_sources(
-        &self,
-        known: &[FileRecord],
-        checked: &BTreeSet<usize>,
-    ) -> anyhow::Result<Vec<Source>> {
-        if self.reading.is_shipped(&self.scenarios) {
-            return self.sources();
+    /// Finds the files of scenarios, which are not read for their digests.
+    pub(super) fn unread_sources(&self) -> anyhow::Result<Vec<Source>> {
+        if self.is_shipped() {
+            return self.sources(None);
         }
-        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
-        let inputs = self.reading.find_inputs(&self.scenarios)?;
-        Ok(Source::of_known_inputs(inputs, most, known, checked)?)
+        Ok(Source::unread(self.reading.find_inputs(&self.scenarios)?, self.most()))
+    }
+
+    fn is_shipped(&self) -> bool {
+        self.reading.is_shipped(&self.scenarios)
+    }
+
+    /// Returns the largest number of scenarios of a file.
+    fn most(&self) -> usize {
+        self.limit.map_or(usize::MAX, NonZeroUsize::get)
     }
 
     /// Finds the files and reads the file of deviations, to go through the selected scenarios.
     pub(super) fn selected(&self) -> anyhow::Result<SelectedScenarios> {
-        let sources = self.sources()?;
+        let sources = self.sources(None)?;
         let deviations = self.deviations.as_deref().map(Deviations::read).transpose()?;
         Ok(SelectedScenarios { sources, selection: self.selection.selection(), deviations })
     }

@@ -1,7 +1,9 @@
 //! `reactsim score`: scores rollouts that any program produced.
 
-mod units;
+mod partition;
 mod wosac;
+
+pub(super) use partition::merge;
 
 use std::path::{Path, PathBuf};
 

@@ -6,15 +6,15 @@ mod guards;
 mod planners;
 mod realism;
 mod replan;
-mod units;
 mod vocabulary;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
 use super::ExitStatus;
 use super::external::Outside;
+use super::partition::{PartitionArg, Partitions};
 use super::subject::{EvaluationArgs, ExecutionArgs};
 use super::table_output::ColumnArgs;
 use crate::evaluation::{Source, StudyPlan};
@@ -79,6 +79,8 @@ struct SharedArgs {
     keep_rollouts: bool,
     #[command(flatten)]
     work: ExecutionArgs,
+    #[command(flatten)]
+    partition: PartitionArg,
     /// Format of the output
     #[arg(long, default_value = "markdown", value_parser = FORMATS)]
     format: String,
@@ -131,7 +133,15 @@ impl StudyArgs {
 
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
     let shared = args.shared();
-    let plan = args.plan(shared.subject.sources()?)?;
+    let (mut plan, outside) = args.plan(shared.subject.sources(shared.partition.partition)?)?;
+    plan.set_partition(shared.partition.partition);
     shared.table.check(&shared.format, &FORMATS)?;
-    carry_out::carry_out(plan, shared)
+    carry_out::carry_out((plan, outside), shared)
+}
+
+/// Joins the partitions of a study and prints its table.
+pub(super) fn merge(args: &StudyArgs, partitions: &Partitions, out: &Path) -> anyhow::Result<ExitStatus> {
+    let shared = args.shared();
+    let (plan, _outside) = args.plan(shared.subject.unread_sources()?)?;
+    carry_out::merge(&plan, shared, partitions, out)
 }

@@ -1,6 +1,5 @@
 //! Arguments that `run` and the studies share: scenarios, simulators, the driver of the AV, threads.
 
-use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
@@ -13,10 +12,11 @@ use super::metric_options;
 use super::scenario_args::ScenarioArgs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
-    Adjustments, AvChoice, Driver, Execution, FileRecord, Plan, PlanRequest, PlannedSimulator, Pose,
-    RolloutCheck, Source, weights_file,
+    Adjustments, AvChoice, Driver, Execution, Plan, PlanRequest, PlannedSimulator, Pose, RolloutCheck,
+    Source, weights_file,
 };
 use crate::external::RunOutline;
+use crate::formats::Partition;
 use crate::models::WeightsFile;
 use crate::models::nn::Backend;
 use crate::models::qp::Smoothing;
@@ -190,19 +190,14 @@ impl EvaluationArgs {
         Ok((simulators, outside))
     }
 
-    /// Finds the files of scenarios.
-    pub(super) fn sources(&self) -> anyhow::Result<Vec<Source>> {
-        self.input.sources()
+    /// Finds the files of scenarios, of which a partition may be run.
+    pub(super) fn sources(&self, partition: Option<Partition>) -> anyhow::Result<Vec<Source>> {
+        self.input.sources(partition)
     }
 
-    /// Finds the files of scenarios, which are recorded already; only those with an index in `checked` are
-    /// read for their digest.
-    pub(super) fn known_sources(
-        &self,
-        known: &[FileRecord],
-        checked: &BTreeSet<usize>,
-    ) -> anyhow::Result<Vec<Source>> {
-        self.input.known_sources(known, checked)
+    /// Finds the files of scenarios, which are not read for their digests.
+    pub(super) fn unread_sources(&self) -> anyhow::Result<Vec<Source>> {
+        self.input.unread_sources()
     }
 
     /// Plans these simulators on the scenarios. Every input error is reported here, before the first

@@ -12,8 +12,6 @@ use crate::files::as_url;
 /// Ids of the arguments that may be URLs: scenarios and deviated AVs.
 const READ: &[&str] =
     &["scenarios", "scenario", "inputs", "deviations", "certificates", "generated", "reference"];
-/// Id of the argument that holds the arguments of another command: `shard plan`.
-pub(super) const COMMAND: &str = "command";
 
 /// Returns the innermost subcommand that is given, with its arguments.
 pub(super) fn leaf<'a>(
@@ -27,22 +25,13 @@ pub(super) fn leaf<'a>(
     (command, matches)
 }
 
-/// Refuses URLs where a path of a file system is needed, also in the arguments of a planned run. There they
-/// would be relative paths with a folder `s3:`.
+/// Refuses URLs where a path of a file system is needed. There they would be
+/// relative paths with a folder `s3:`.
 pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> Result<(), clap::Error> {
     let (command, matches) = leaf(all, matches);
     for argument in command.get_arguments() {
         let id = argument.get_id().as_str();
-        let values = matches.try_get_raw(id).ok().flatten().into_iter().flatten();
-        if id == COMMAND {
-            let arguments = std::iter::once("reactsim".as_ref()).chain(values);
-            // Other errors of these arguments are found where they are used.
-            if let Ok(planned) = all.clone().try_get_matches_from(arguments) {
-                check(all, &planned)?;
-            }
-            continue;
-        }
-        let values: Vec<_> = values.collect();
+        let values: Vec<_> = matches.try_get_raw(id).ok().flatten().into_iter().flatten().collect();
         // Other texts may have a prefix, such as `file:/path`.
         let is_path = argument.get_value_parser().type_id() == TypeId::of::<PathBuf>();
         let lost = values.iter().find_map(|value| with_lost_slash(value)).filter(|_| is_path);
@@ -81,7 +70,7 @@ pub(super) fn name_of(argument: &clap::Arg) -> String {
 fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
     let text = format!(
         "{} is the URL `{url}`, where a path is needed; only scenarios, deviated AVs and weights are \
-         read from URLs. Results are written to file systems\n",
+         read from URLs. Write results to a file system, and copy them\n",
         name_of(argument)
     );
     all.clone().error(ErrorKind::ValueValidation, text)
@@ -103,9 +92,7 @@ mod tests {
             ("reactsim run gs://a --out=s3://b/c", "--out"),
             ("reactsim convert gs://a --out gs://b/c.parquet", "--out"),
             ("reactsim report s3://b/run", "RUN"),
-            ("reactsim shard status s3://b/units", "FOLDER"),
-            ("reactsim shard plan units run s3://a --out s3://b", "--out"),
-            ("reactsim shard plan s3://units run s3://a --out b", "FOLDER"),
+            ("reactsim merge s3://b/part --out c", "FOLDERS"),
             ("reactsim inspect a --svg memory://x.svg", "--svg"),
             ("reactsim score s3://b/rollouts.parquet --scenarios s3://a", "ROLLOUTS"),
             ("reactsim curate review s3://b/candidates.parquet", "FILE"),
@@ -125,7 +112,6 @@ mod tests {
             "reactsim curate s3://a --out b",
             "reactsim inspect s3://a",
             "reactsim export scenes s3://a",
-            "reactsim shard plan units run s3://a --out b",
             "reactsim score rollouts.parquet --scenarios s3://a",
             "reactsim verify folder --scenarios s3://a",
             "reactsim train split s3://a --part train=0.9 --out b",

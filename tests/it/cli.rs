@@ -144,7 +144,7 @@ fn help_fits_a_terminal() {
       leaderboard  List references and submitted runs in one table
 
     Scale:
-      shard        Divide a run into units for clusters, run them, and merge their results
+      merge        Join the partitions of a command into the output of the whole
 
     Shell:
       completions  Print a completion script for a shell
@@ -178,7 +178,7 @@ fn help_fits_a_terminal() {
         "study",
         "inspect",
         "export",
-        "shard",
+        "merge",
         "list",
     ] {
         let help = stdout(&reactsim(&[verb, "--help"]));

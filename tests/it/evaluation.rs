@@ -30,6 +30,7 @@ fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
         },
         keep_rollouts: false,
         allowed: Vec::new(),
+        partition: None,
     }
 }
 

@@ -99,6 +99,7 @@ pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> 
         settings,
         keep_rollouts: false,
         allowed: Vec::new(),
+        partition: None,
     }
 }
 

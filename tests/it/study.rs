@@ -324,6 +324,7 @@ fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
         },
         keep_rollouts: false,
         allowed: Vec::new(),
+        partition: None,
     }
 }
 

@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use reactsim_formats::FormatError;
 use reactsim_generation::{Ending, GenerationError, in_order};
 use reactsim_scene::{DeviatedTrack, Scenario};
-use reactsim_shards::ShardError;
 
 use super::driver::{CurationObserver, count};
 use super::{
@@ -36,12 +35,17 @@ pub enum BenchmarkError {
         /// Number of scenarios tried.
         tried: u64,
     },
-    /// The result could not be written.
+    /// The result could not be written, or scenarios that were tried before could not be read.
     #[error(transparent)]
-    Write(#[from] FormatError),
-    /// Scenarios that were tried before cannot be read.
-    #[error(transparent)]
-    Tried(#[from] ShardError),
+    File(#[from] FormatError),
+    /// Fewer scenarios than stated were tried before.
+    #[error("the partitions have {found} of {known} tried scenarios: generate them again")]
+    FewTried {
+        /// Number of scenarios found.
+        found: u64,
+        /// Stated number.
+        known: u64,
+    },
 }
 
 /// A scenario that was tried.
@@ -123,7 +127,7 @@ impl Recipe<'_> {
     /// As for [`Self::run`], and the first error of `tried`.
     pub fn run_with(
         &self,
-        (known, mut tried): (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, ShardError>>),
+        (known, mut tried): (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>>),
         scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
         base: CurationProvenance,
         mut take: impl FnMut(Entry) -> Result<(), FormatError>,
@@ -145,10 +149,7 @@ impl Recipe<'_> {
         let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, number, new| {
             let generated = match new {
                 Some(new) => new,
-                None => tried.next().unwrap_or_else(|| {
-                    let (found, planned) = (number as usize, known as usize);
-                    Err(ShardError::FewRecords { found, planned })
-                })?,
+                None => tried.next().ok_or(BenchmarkError::FewTried { found: number, known })??,
             };
             if let Some(entry) = state.judge(generated, curate, observer) {
                 take(entry)?;

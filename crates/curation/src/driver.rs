@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use reactsim_formats::{FormatError, Opener, UndecodedScenario};
-use reactsim_shards::RecordRange;
 use reactsim_web::sketch;
 use reactsim_work::{MAX_THREADS, Pool};
 
@@ -111,14 +110,9 @@ impl Curation<'_> {
         }
     }
 
-    /// Returns the records of a range.
-    pub(super) fn range(&self, range: RecordRange) -> impl Iterator<Item = PendingRecord> {
-        self.pending(range.input, range.first).take(range.count)
-    }
-
     /// Returns the records of a file from the one with this index on, or the error if the file cannot be
     /// opened.
-    fn pending(&self, input: usize, first: usize) -> Box<dyn Iterator<Item = PendingRecord>> {
+    pub(super) fn pending(&self, input: usize, first: usize) -> Box<dyn Iterator<Item = PendingRecord>> {
         let place = move |(number, content)| PendingRecord { input, number: first + number, content };
         match self.inputs.get(input).map(|input| (input.open)(first)) {
             Some(Ok(records)) => Box::new(records.enumerate().map(place)),
@@ -163,8 +157,8 @@ pub(super) struct PendingRecord {
 
 /// A curated record.
 pub(super) struct CuratedRecord {
-    input: usize,
-    number: usize,
+    pub(super) input: usize,
+    pub(super) number: usize,
     pub(super) outcome: RecordOutcome,
 }
 

@@ -22,6 +22,9 @@ pub const OUTCOMES: &str = "outcomes.jsonl";
 /// Name of the file with the candidates.
 pub const CANDIDATES: &str = "candidates.parquet";
 
+/// Indices of an input and of a record in it.
+pub type Place = (usize, usize);
+
 /// The outcome of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RecordOutcome {
@@ -98,11 +101,11 @@ impl OutcomeWriter {
         Ok(Self { path, lines, candidates, ids: BTreeSet::new() })
     }
 
-    /// Adds the outcome of the next record. Returns whether it failed.
+    /// Adds the outcome of the next record, which has this place. Returns whether it failed.
     ///
     /// # Errors
     /// [`FormatError`] if the files cannot be written.
-    pub fn write(&mut self, outcome: RecordOutcome) -> Result<bool, FormatError> {
+    pub fn write(&mut self, place: Place, outcome: RecordOutcome) -> Result<bool, FormatError> {
         let line = match outcome {
             RecordOutcome::Failed { error, scenario } => OutcomeLine::Failed { error, scenario },
             RecordOutcome::Repeated { scenario } => OutcomeLine::Repeated { scenario },
@@ -115,7 +118,7 @@ impl OutcomeWriter {
             }
         };
         let failed = matches!(line, OutcomeLine::Failed { .. } | OutcomeLine::Repeated { .. });
-        let written = serde_json::to_writer(&mut self.lines, &line).map_err(io::Error::from);
+        let written = serde_json::to_writer(&mut self.lines, &(place, line)).map_err(io::Error::from);
         written.and_then(|()| self.lines.write_all(b"\n")).map_err(write_error(&self.path))?;
         Ok(failed)
     }
@@ -138,14 +141,13 @@ impl OutcomeWriter {
         })
     }
 
-    /// Completes the files; returns their names.
+    /// Completes the files.
     ///
     /// # Errors
     /// [`FormatError`] if they cannot be written.
-    pub fn finish(self) -> Result<[&'static str; 2], FormatError> {
+    pub fn finish(self) -> Result<(), FormatError> {
         self.lines.finish().map_err(write_error(&self.path))?;
-        self.candidates.finish(&CurationProvenance::default())?;
-        Ok([OUTCOMES, CANDIDATES])
+        self.candidates.finish(&CurationProvenance::default())
     }
 }
 
@@ -169,11 +171,11 @@ impl OutcomeReader {
         Ok(Self { path, lines: BufReader::new(file).lines(), next: 0, candidates })
     }
 
-    fn outcome(&mut self, text: io::Result<String>) -> Result<RecordOutcome, Cause> {
+    fn outcome(&mut self, text: io::Result<String>) -> Result<(Place, RecordOutcome), Cause> {
         let text = text.map_err(Cause::read)?;
-        let line: OutcomeLine =
+        let (place, line): (Place, OutcomeLine) =
             serde_json::from_str(&text).map_err(|error| Cause::Undecodable(error.to_string()))?;
-        Ok(match line {
+        let outcome = match line {
             OutcomeLine::Failed { error, scenario } => RecordOutcome::Failed { error, scenario },
             OutcomeLine::Repeated { scenario } => RecordOutcome::Repeated { scenario },
             OutcomeLine::Rejected { scenario, source, rule } => {
@@ -197,12 +199,13 @@ impl OutcomeReader {
                 let outcome = CurationOutcome::Retained(Box::new(record), unproposed);
                 RecordOutcome::Curated { scenario, source, outcome }
             }
-        })
+        };
+        Ok((place, outcome))
     }
 }
 
 impl Iterator for OutcomeReader {
-    type Item = Result<RecordOutcome, FormatError>;
+    type Item = Result<(Place, RecordOutcome), FormatError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let text = self.lines.next()?;

@@ -51,6 +51,12 @@ pub enum EvaluationError {
         /// Id of the simulator.
         simulator: String,
     },
+    /// Rows of a finished partition are missing.
+    #[error("{}: rows.jsonl has fewer scenarios than {SUMMARY}; run the partition again", path.display())]
+    LostRows {
+        /// The run folder.
+        path: PathBuf,
+    },
     /// Rollouts in memory do not match their scenario.
     #[error("scenario `{scenario}`: {error}")]
     UnfitRollouts {
@@ -105,29 +111,6 @@ pub enum EvaluationError {
         batches: Vec<usize>,
         /// Largest possible common multiple.
         most: usize,
-    },
-    /// There are other scenario files than planned.
-    #[error(
-        "there are {found} scenario files where {planned} were planned; restore the files, or plan again"
-    )]
-    OtherInputs {
-        /// Number of planned files.
-        planned: usize,
-        /// Number of files that were found.
-        found: usize,
-    },
-    /// Units would divide the batches of an external simulator.
-    #[error(
-        "units of {records} records divide the batches of `{simulator}`, which have {batch} episodes: give \
-         --unit a multiple of {batch}"
-    )]
-    DividedBatch {
-        /// Id of the simulator.
-        simulator: String,
-        /// Number of episodes per batch.
-        batch: usize,
-        /// Number of records per unit.
-        records: usize,
     },
     /// A file cannot be read.
     #[error("could not read {path}")]
@@ -202,6 +185,23 @@ pub enum EvaluationError {
         /// Its value in the folder.
         old: String,
         /// Its value now.
+        new: String,
+    },
+    /// A folder has a partition of another run than the folder that it is to be joined with.
+    #[error(
+        "{path} cannot be merged with {first}: `{setting}` is {new} in the former and {old} in the latter; run all partitions \
+         with the same program, settings and files, on the same kind of processor"
+    )]
+    OtherPartition {
+        /// The folder.
+        path: PathBuf,
+        /// The first of the folders.
+        first: PathBuf,
+        /// Name of the setting.
+        setting: String,
+        /// Its value in the first folder.
+        old: String,
+        /// Its value in this folder.
         new: String,
     },
     /// A reference has no rows.

@@ -82,11 +82,23 @@ impl FileRecord {
         }
     }
 
-    /// Returns whether an input has the name, format and options of this record.
-    pub(super) fn is_named(&self, input: &Input) -> bool {
-        name_of(&input.path) == self.name.as_str()
-            && input.format.id() == self.format
-            && (input.frames, input.all_agents) == (self.frames(), self.all_agents)
+    /// Creates the record of an input that is not read: without size, digest and companions.
+    pub(super) fn unread(input: &Input) -> Self {
+        let (current_frame, window_step) = match input.frames {
+            CurrentFrames::Stated => (None, None),
+            CurrentFrames::At(frame) => (Some(frame), None),
+            CurrentFrames::Every(step) => (None, Some(step)),
+        };
+        Self {
+            name: name_of(&input.path).into_owned(),
+            format: input.format.id().to_owned(),
+            bytes: 0,
+            blake3: String::new(),
+            current_frame,
+            window_step,
+            all_agents: input.all_agents,
+            companions: Vec::new(),
+        }
     }
 
     /// Returns whether its scenarios are read as the format defines them.
@@ -150,13 +162,8 @@ impl Registrar {
     /// [`EvaluationError::Read`] names the file that cannot be read. A missing companion is not an error
     /// here: reading the scenarios will report it.
     pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
-        let mut record = FileRecord::of(&input.path, input.format.id())?;
-        match input.frames {
-            CurrentFrames::Stated => {}
-            CurrentFrames::At(frame) => record.current_frame = Some(frame),
-            CurrentFrames::Every(step) => record.window_step = Some(step),
-        }
-        record.all_agents = input.all_agents;
+        let CompanionRecord { name, bytes, blake3 } = CompanionRecord::of(&input.path)?;
+        let mut record = FileRecord { name, bytes, blake3, ..FileRecord::unread(input) };
         for path in input.format.companions(&input.path) {
             if let Some(known) = self.companions.get(&path) {
                 record.companions.push(known.clone());

@@ -39,9 +39,22 @@ pub const ROLLOUTS: &str = "rollouts.parquet";
 pub const VALUES_TABLE: &str = "values.parquet";
 /// Name of the table of events.
 pub const EVENTS_TABLE: &str = "events.parquet";
+/// Name of the file with the scenarios that a partition of a run left out.
+pub(super) const LEFT_OUT: &str = "left_out.json";
 /// Names of the files of a run folder.
-pub const RUN_FILES: [&str; 10] =
-    [PROVENANCE, ROWS, ROWS_TABLE, VALUES_TABLE, EVENTS, EVENTS_TABLE, FAILURES, SUMMARY, TABLE, ROLLOUTS];
+pub const RUN_FILES: [&str; 11] = [
+    PROVENANCE,
+    ROWS,
+    ROWS_TABLE,
+    VALUES_TABLE,
+    EVENTS,
+    EVENTS_TABLE,
+    FAILURES,
+    SUMMARY,
+    TABLE,
+    ROLLOUTS,
+    LEFT_OUT,
+];
 /// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
 
@@ -82,28 +95,6 @@ impl RunFolder {
         let folder = Self::open(path, lock)?;
         folder.keep_complete_pairs(tally, provenance)?;
         Ok(folder)
-    }
-
-    /// Opens a folder in which all files of a run are written anew: a new one, or one whose writing did not
-    /// come to its end.
-    ///
-    /// # Errors
-    /// [`EvaluationError`] if the folder contains anything else or a finished run, or cannot be written.
-    pub(super) fn begin_again(path: &Path, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        let check = || {
-            let is_finished = [SUMMARY, TABLE].iter().all(|name| path.join(name).exists());
-            if is_finished || Self::is_of(path, provenance).is_err() {
-                return Err(EvaluationError::Exists { path: path.to_owned() });
-            }
-            Ok(())
-        };
-        check()?;
-        let lock = lock(path)?;
-        if is_unbegun(path) {
-            return Self::begin(path, lock, provenance);
-        }
-        check()?;
-        Self::open(path, lock)
     }
 
     /// Checks that a folder contains a run with these settings, or no run yet, as [`Self::resume`] requires.

@@ -20,6 +20,8 @@ pub(super) struct LeftOut {
     found: BTreeSet<String>,
     /// Ids in the file of deviations that scenarios have.
     deviated: BTreeSet<String>,
+    /// Number of deviations in the file whose scenarios are selected by id.
+    pub(super) deviations: usize,
 }
 
 impl LeftOut {
@@ -36,21 +38,21 @@ impl LeftOut {
         }
     }
 
-    /// Adds what another part of the run left out.
+    /// Adds what another partition of the run left out.
     pub(super) fn add(&mut self, other: Self) {
         self.passed_over += other.passed_over;
         self.unselected += other.unselected;
         self.found.extend(other.found);
         self.deviated.extend(other.deviated);
+        self.deviations = other.deviations;
     }
 
-    /// Writes to a summary what was left out of the whole run. `deviations` is the number of those in the
-    /// file whose scenarios are selected by id.
-    pub(super) fn describe(&self, deviations: usize, summary: &mut SummaryProvenance) {
+    /// Writes to a summary what was left out.
+    pub(super) fn describe(&self, summary: &mut SummaryProvenance) {
         let selection: &Selection = &summary.run.settings.selection;
         summary.missing_ids = selection.ids.difference(&self.found).cloned().collect();
         summary.passed_over = self.passed_over;
         summary.unselected = self.unselected;
-        summary.unused_deviations = deviations.saturating_sub(self.deviated.len());
+        summary.unused_deviations = self.deviations.saturating_sub(self.deviated.len());
     }
 }

@@ -38,8 +38,10 @@ mod foreign_rollout;
 mod in_memory;
 mod judge;
 mod known_deviation;
+mod leaves;
 mod left_out;
 mod long_tables;
+mod merge;
 mod motion;
 mod navsim;
 pub mod paper;
@@ -58,7 +60,6 @@ mod samples;
 mod scoring;
 mod selection;
 mod scenario_files;
-pub mod shards;
 mod shipped;
 mod simulator_id;
 mod simulators;
@@ -87,6 +88,8 @@ pub use folder::{
 pub use foreign_rollout::ForeignRollout;
 pub use in_memory::{judge_in_memory, score_in_memory};
 pub use known_deviation::KnownDeviation;
+pub use leaves::differences;
+pub use merge::{merge, unite};
 pub use plan::{Deviations, NoAv, Plan, RunSettings};
 pub use pose::{AxleDistance, ParsePoseError, Pose};
 pub use provenance::{

@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use reactsim_formats::deviations::{self, DeviationRecord};
+use reactsim_formats::{
+    Partition,
+    deviations::{self, DeviationRecord},
+};
 use reactsim_metrics::Options;
 use reactsim_nn::cpu_class;
 use reactsim_planning::av::{PlannerAv, PlannerAvError};
@@ -108,6 +111,8 @@ pub struct Plan {
     pub keep_rollouts: bool,
     /// Checks of given motion that need not be met: rows of rollouts that fail them are marked.
     pub allowed: Vec<RolloutCheck>,
+    /// The partition that is run; `None` for the whole.
+    pub partition: Option<Partition>,
 }
 
 /// The reason why a scenario has no AV.
@@ -188,6 +193,7 @@ impl Plan {
             backend: backend.map(|b| b.name().to_owned()),
             cpu: backend.map(|_| cpu_class().to_owned()),
             keep_rollouts: Some(self.keep_rollouts),
+            partition: self.partition,
         }
     }
 

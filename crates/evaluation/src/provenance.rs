@@ -6,14 +6,15 @@ use std::sync::OnceLock;
 use reactsim_baseline::WeightsFile;
 use reactsim_external as external;
 use reactsim_external::ExternalSimulator;
+use reactsim_formats::Partition;
 use reactsim_metrics::Options;
-use reactsim_shards::differences;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::access::Access;
 use super::av::PLANNER;
 use super::benchmarks::BenchmarkRecord;
 use super::file_record::FileRecord;
+use super::leaves::differences;
 use super::pose::Pose;
 use super::selection::Selection;
 use super::simulators::PlannedSimulator;
@@ -59,6 +60,10 @@ pub struct Provenance {
     /// Whether rollouts are kept; omitted from the summary, which does not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_rollouts: Option<bool>,
+    /// The partition of the run, if it is not a whole one. Records of files that it does not read lack size
+    /// and digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partition: Option<Partition>,
 }
 
 /// Protocol of scored rollouts of other programs.

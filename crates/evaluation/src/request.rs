@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use reactsim_formats::Partition;
 use reactsim_metrics::Options;
 use reactsim_rollout::{Protocol, Settings};
 
@@ -44,6 +45,8 @@ pub struct PlanRequest {
     pub keep_rollouts: bool,
     /// Checks of given motion that need not be met.
     pub allowed: Vec<RolloutCheck>,
+    /// The partition to run, for which `sources` were opened; `None` for the whole.
+    pub partition: Option<Partition>,
 }
 
 impl PlanRequest {
@@ -63,6 +66,7 @@ impl PlanRequest {
             selection: Selection::default(),
             keep_rollouts: false,
             allowed: Vec::new(),
+            partition: None,
         }
     }
 
@@ -109,8 +113,8 @@ impl PlanRequest {
             limit: self.limit,
             selection: self.selection,
         };
-        let Self { sources, simulators, keep_rollouts, allowed, .. } = self;
-        Ok(Plan { sources, simulators, deviations, drivers, settings, keep_rollouts, allowed })
+        let Self { sources, simulators, keep_rollouts, allowed, partition, .. } = self;
+        Ok(Plan { sources, simulators, deviations, drivers, settings, keep_rollouts, allowed, partition })
     }
 
     /// Returns the file of deviations, which the AV policy may name too.

@@ -1,6 +1,7 @@
 //! Execution of a plan on several threads. Results do not depend on the number of threads, the batch size or
 //! interruptions.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
@@ -9,22 +10,22 @@ use parking_lot::{Mutex, MutexGuard};
 use reactsim_metrics::Event;
 use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
 use reactsim_scene::{HISTORY, Scenario};
-use reactsim_shards::RecordRange;
 use reactsim_work::{MAX_THREADS, Pool};
 
 use super::av_scores::AvJudge;
 use super::driver::{Driver, GivenPlans};
 use super::finish::finish;
-use super::folder::RunFolder;
+use super::folder::{LEFT_OUT, RunFolder, line};
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::left_out::LeftOut;
 use super::motion::{Finding, GivenScene};
 use super::plan::{NoAv, Plan};
+use super::provenance::Provenance;
 use super::rollout_checks::RolloutCheck;
 use super::row::{Failure, RecordPosition, Row};
 use super::simulators::PlannedSimulator;
-use super::source::{Supply, UndecodedRecord};
+use super::source::{Source, Supply, UndecodedRecord};
 use super::summary::Summary;
 use super::tally::Tally;
 use super::{EvaluationError, rollouts};
@@ -76,55 +77,21 @@ pub fn run(
     observer: &dyn RunObserver,
     stop: &AtomicBool,
 ) -> Result<Outcome, EvaluationError> {
-    observer.started(plan.sources.iter().map(|source| source.count).sum());
-    let results = carry_out(plan, None, execution, folder, tally, observer, stop)?;
-    let Some(RunResults { mut tally, mut failures, mut left_out, .. }) = results else {
-        return Ok(Outcome::Interrupted);
+    let block = records_per_block(plan)?;
+    let ranges = Source::ranges(&plan.sources, plan.partition, block.unwrap_or(1));
+    let known = |(source, range): (&Source, &Range<usize>)| match range.end {
+        usize::MAX => source.count,
+        _ => Some(range.len()),
     };
-    for failure in refuse_repeated(plan, &mut tally) {
-        observer.failed(&failure);
-        failures.push(failure);
-    }
-    failures.sort();
-    let provenance = plan.provenance();
-    let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
-    // Scenarios with rows of an earlier run were not read again.
-    left_out.read(plan, tally.entries.values().map(|e| &e.scenario));
-    left_out.describe(plan.selected_deviations(), &mut summary.provenance);
-    if let Some(folder) = folder {
-        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
-    }
-    Ok(Outcome::Finished(Box::new(summary)))
-}
-
-/// Values, failures and counts of a run or a range of it.
-pub(super) struct RunResults {
-    pub(super) tally: Tally,
-    /// Failures in any order.
-    pub(super) failures: Vec<Failure>,
-    pub(super) left_out: LeftOut,
-    /// Number of records that were read.
-    pub(super) records: usize,
-}
-
-/// Runs all records of a plan, or a range of them. `None` if `stop` was set.
-pub(super) fn carry_out(
-    plan: &Plan,
-    range: Option<RecordRange>,
-    execution: Execution,
-    folder: Option<&RunFolder>,
-    tally: Tally,
-    observer: &dyn RunObserver,
-    stop: &AtomicBool,
-) -> Result<Option<RunResults>, EvaluationError> {
+    observer.started(plan.sources.iter().zip(&ranges).map(known).sum());
     let runner = Runner {
         plan,
         execution,
-        records: records_at_once(plan, execution)?,
+        records: block.unwrap_or(execution.batch),
         folder,
         observer,
         stop,
-        supply: Supply::new(&plan.sources, range),
+        supply: Supply::new(&plan.sources, ranges),
         names: plan.simulators.iter().map(|s| s.id.clone()).collect(),
         done: AtomicUsize::new(0),
         // All threads read the results of an earlier run; those of this run are collected separately.
@@ -147,28 +114,45 @@ pub(super) fn carry_out(
         return Err(error);
     }
     if stop.load(Ordering::Relaxed) {
-        return Ok(None);
+        return Ok(Outcome::Interrupted);
     }
-    Ok(Some(RunResults {
-        tally: runner.tally.into_inner(),
-        failures: runner.failures.into_inner(),
-        left_out: runner.left_out.into_inner(),
-        records: runner.done.into_inner(),
-    }))
+    let (mut tally, mut failures) = (runner.tally.into_inner(), runner.failures.into_inner());
+    let provenance = plan.provenance();
+    // Only when all partitions are there, it is known which scenario is the first one with an id.
+    if plan.partition.is_none() {
+        for failure in refuse_repeated(&provenance, &mut tally) {
+            observer.failed(&failure);
+            failures.push(failure);
+        }
+    }
+    failures.sort();
+    let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
+    let mut left_out = runner.left_out.into_inner();
+    left_out.deviations = plan.selected_deviations();
+    // Scenarios with rows of an earlier run were not read again.
+    left_out.read(plan, tally.entries.values().map(|e| &e.scenario));
+    left_out.describe(&mut summary.provenance);
+    if let Some(folder) = folder {
+        if plan.partition.is_some() {
+            folder.put(LEFT_OUT, &line(&left_out))?;
+        }
+        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
+    }
+    Ok(Outcome::Finished(Box::new(summary)))
 }
 
 /// Largest number of records that a thread takes at once.
 const MOST_RECORDS: usize = 4096;
 
-/// Returns the number of records that a thread takes at once: whole batches of every external simulator,
-/// whose composition must not depend on threads or interruptions.
-fn records_at_once(plan: &Plan, execution: Execution) -> Result<usize, EvaluationError> {
+/// Returns the number of records that must not be divided: whole batches of every external simulator, whose
+/// composition must not depend on threads, partitions or interruptions. `None` without external simulators.
+fn records_per_block(plan: &Plan) -> Result<Option<usize>, EvaluationError> {
     let batches = || plan.simulators.iter().filter_map(PlannedSimulator::batch);
-    let Some(records) = batches().reduce(least_common_multiple) else { return Ok(execution.batch) };
-    if records > MOST_RECORDS {
+    let block = batches().reduce(least_common_multiple);
+    if block.is_some_and(|records| records > MOST_RECORDS) {
         return Err(EvaluationError::UnevenBatches { batches: batches().collect(), most: MOST_RECORDS });
     }
-    Ok(records)
+    Ok(block)
 }
 
 fn least_common_multiple(a: usize, b: usize) -> usize {
@@ -181,9 +165,9 @@ fn least_common_multiple(a: usize, b: usize) -> usize {
 
 /// Removes scenarios with the id of an earlier one and returns their failures. Only the order of the inputs
 /// decides which one is earlier.
-fn refuse_repeated(plan: &Plan, tally: &mut Tally) -> Vec<Failure> {
+pub(super) fn refuse_repeated(run: &Provenance, tally: &mut Tally) -> Vec<Failure> {
     let repeated = tally.repeated();
-    let name = |place: RecordPosition| &plan.sources[place.input].file.name;
+    let name = |place: RecordPosition| &run.inputs[place.input].name;
     let refuse = |(place, earlier): (RecordPosition, RecordPosition)| {
         let entry = tally.entries.remove(&place)?;
         Some(Failure::repeated(place, earlier, entry.scenario, name(place), name(earlier)))

@@ -82,6 +82,7 @@ impl Scoring {
             backend: None,
             cpu: None,
             keep_rollouts: Some(true),
+            partition: None,
         };
         Ok(Self { recorded, scenarios: scenarios.to_vec(), provenance, deviations: None, failures })
     }

@@ -1,13 +1,16 @@
 //! Sources of scenarios, and their distribution to several threads.
 
-use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::{Mutex, MutexGuard};
-use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, Scenarios, UndecodedScenario, decoded};
+use rayon::prelude::*;
+use reactsim_formats::{
+    FormatError, Input, Opener, Partition, PendingScenarios, Scenarios, UndecodedScenario, count_records,
+    decoded,
+};
 use reactsim_scene::Scenario;
-use reactsim_shards::RecordRange;
 
 use super::EvaluationError;
 use super::file_record::{FileRecord, Registrar};
@@ -24,43 +27,66 @@ pub struct Source {
 }
 
 impl Source {
-    fn of_input(input: Input, most: usize, file: FileRecord) -> Self {
-        let count = input.count().map(|count| count.min(most));
-        Self { file, open: input.opener(most), count }
-    }
-
     /// Scenario files, of each of which at most `most` scenarios are read.
     ///
     /// # Errors
     /// [`EvaluationError::Read`] if a file cannot be read for its digest.
     pub fn of_inputs(inputs: Vec<Input>, most: usize) -> Result<Vec<Self>, EvaluationError> {
         let mut registrar = Registrar::default();
-        let record = |input: Input| registrar.record(&input).map(|file| Self::of_input(input, most, file));
-        inputs.into_iter().map(record).collect()
+        let mut files = Vec::with_capacity(inputs.len());
+        for input in &inputs {
+            files.push(registrar.record(input)?);
+        }
+        let mut sources = Self::unread(inputs, most);
+        sources.iter_mut().zip(files).for_each(|(source, file)| source.file = file);
+        Ok(sources)
     }
 
-    /// Scenario files that are recorded already. Only those with an index in `checked` are read for their
-    /// digest; of the others, names are compared alone, so that a part of a run need not read all files.
+    /// Scenario files that are not read for their digests.
+    pub fn unread(inputs: Vec<Input>, most: usize) -> Vec<Self> {
+        let of = |input: Input| Self {
+            file: FileRecord::unread(&input),
+            count: input.count().map(|count| count.min(most)),
+            open: input.opener(most),
+        };
+        inputs.into_iter().map(of).collect()
+    }
+
+    /// Scenario files of which a partition is run. Only files with records of it are read for their digests.
+    /// If there are fewer files than partitions, all are read through for the numbers of their records.
     ///
     /// # Errors
-    /// [`EvaluationError::OtherInputs`] if there are other files, [`EvaluationError::Read`] if a file cannot
-    /// be read. A file with another content is recorded as it is.
-    pub fn of_known_inputs(
+    /// [`EvaluationError::Read`] if a file cannot be read for its digest.
+    pub fn of_partition(
         inputs: Vec<Input>,
         most: usize,
-        known: &[FileRecord],
-        checked: &BTreeSet<usize>,
+        partition: Partition,
     ) -> Result<Vec<Self>, EvaluationError> {
-        if inputs.len() != known.len() {
-            return Err(EvaluationError::OtherInputs { planned: known.len(), found: inputs.len() });
+        let mut sources = Self::unread(inputs.clone(), most);
+        if sources.len() < partition.count() {
+            sources.par_iter_mut().for_each(|source| source.count = Some(count_records(&source.open)));
         }
         let mut registrar = Registrar::default();
-        let record = |((index, input), known): ((usize, Input), &FileRecord)| {
-            let is_known = !checked.contains(&index) && known.is_named(&input);
-            let file = if is_known { known.clone() } else { registrar.record(&input)? };
-            Ok(Self::of_input(input, most, file))
-        };
-        inputs.into_iter().enumerate().zip(known).map(record).collect()
+        let ranges = Self::ranges(&sources, Some(partition), 1);
+        let is_single = sources.len() == 1;
+        for ((source, input), range) in sources.iter_mut().zip(&inputs).zip(ranges) {
+            // A single file may be a known benchmark, which a partition without records names as well.
+            if is_single || !range.is_empty() {
+                source.file = registrar.record(input)?;
+            }
+        }
+        Ok(sources)
+    }
+
+    /// Returns which records of each source a partition has, all without one. The sources were opened for
+    /// this partition.
+    pub(super) fn ranges(sources: &[Self], partition: Option<Partition>, block: usize) -> Vec<Range<usize>> {
+        match partition {
+            None => vec![0..usize::MAX; sources.len()],
+            Some(partition) => {
+                partition.of_inputs(sources.len(), block, |i| sources[i].count.unwrap_or_default())
+            }
+        }
     }
 
     /// Opens the source and decodes its scenarios one after the other.
@@ -102,9 +128,8 @@ pub(super) struct Supply<'a> {
 struct Reader<'a> {
     input: usize,
     source: &'a Source,
-    /// Indices of the first record that is read and after the last one.
-    first: usize,
-    end: usize,
+    /// Indices of the records that are read.
+    range: Range<usize>,
     ended: AtomicBool,
     state: Mutex<State>,
 }
@@ -117,35 +142,16 @@ struct State {
 }
 
 impl<'a> Supply<'a> {
-    /// Supplies all records of the sources, or a range of them.
-    pub(super) fn new(sources: &'a [Source], range: Option<RecordRange>) -> Self {
-        let (ended, state) = (|| AtomicBool::new(false), Mutex::default);
-        let readers = match range {
-            None => {
-                let whole = |(input, source)| Reader {
-                    input,
-                    source,
-                    first: 0,
-                    end: usize::MAX,
-                    ended: ended(),
-                    state: state(),
-                };
-                sources.iter().enumerate().map(whole).collect()
-            }
-            Some(range) => {
-                let RecordRange { input, first, .. } = range;
-                let part = |source| Reader {
-                    input,
-                    source,
-                    first,
-                    end: range.end(),
-                    ended: ended(),
-                    state: state(),
-                };
-                sources.get(input).map(part).into_iter().collect()
-            }
+    /// Supplies these records of each source.
+    pub(super) fn new(sources: &'a [Source], ranges: Vec<Range<usize>>) -> Self {
+        let of = |((input, source), range): ((usize, &'a Source), Range<usize>)| Reader {
+            input,
+            source,
+            ended: AtomicBool::new(range.is_empty()),
+            range,
+            state: Mutex::default(),
         };
-        Self { readers }
+        Self { readers: sources.iter().enumerate().zip(ranges).map(of).collect() }
     }
 
     /// Returns at least one and at most `n` records of one source; `None` when all sources are exhausted.
@@ -181,11 +187,11 @@ impl Reader<'_> {
             return items;
         }
         while items.len() < n.max(1) {
-            let next = self.first + state.read;
+            let next = self.range.start + state.read;
             let content = match &mut state.scenarios {
-                Some(_) if next >= self.end => None,
+                Some(_) if next >= self.range.end => None,
                 Some(scenarios) => scenarios.next(),
-                None => match (self.source.open)(self.first) {
+                None => match (self.source.open)(self.range.start) {
                     Ok(scenarios) => {
                         state.scenarios = Some(scenarios);
                         continue;

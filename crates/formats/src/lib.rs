@@ -23,6 +23,7 @@ mod womd;
 pub mod deviations;
 pub mod document;
 pub mod native;
+mod partition;
 pub mod reactsim_bench;
 pub mod rollouts;
 pub mod wosac;
@@ -35,4 +36,5 @@ pub use format::{
 pub use json::parse as parse_json;
 pub use list::{FORMATS, Input, PassedOver, Survey, find_inputs, open, open_all, survey};
 pub use nuplan::nuplan_filter;
+pub use partition::Partition;
 pub use womd::record::tf_record;

@@ -2,22 +2,25 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
 
 use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
+use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, ReadingArgs, count, nothing, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;
 use crate::curation::{
-    CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
+    self, CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
-use crate::evaluation::{FileRecord, Registrar, program_commit, program_version};
-use crate::formats;
+use crate::evaluation::{FileRecord, Registrar, program_commit, program_version, unite};
+use crate::files::name_of;
+use crate::formats::{self, Opener, Partition, count_records};
 use crate::report::curation_tables;
 use crate::work::available_threads;
 
@@ -26,17 +29,17 @@ use crate::work::available_threads;
 pub(super) struct MakeArgs {
     /// Files, folders or URLs of scenarios
     #[arg(required_unless_present = "filter", value_name = "SCENARIOS")]
-    pub(super) scenarios: Vec<PathBuf>,
+    scenarios: Vec<PathBuf>,
     /// File to write (Parquet), with all candidates; `run --deviations` uses the chosen ones
     #[arg(long, required = true, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Source of the candidates: `rules`; `diffusion`, samples of a network, with the weights that ship, or
     /// diffusion:FILE with others; or file:PATH with trajectories of any planner (Parquet or JSON)
     #[arg(long, default_value = "rules", value_name = "SOURCE")]
-    pub(super) source: SourceChoice,
+    source: SourceChoice,
     /// Standard deviation of the noise from which a network samples candidates [default: 1.5]
     #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
-    pub(super) temperature: Option<f64>,
+    temperature: Option<f64>,
     /// Maximum number of candidates per scenario [default: 16; of a file, all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_CANDIDATES)))]
     candidates: Option<u32>,
@@ -89,7 +92,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 impl MakeArgs {
-    pub(super) fn settings(&self) -> CurationSettings {
+    fn settings(&self) -> CurationSettings {
         CurationSettings {
             seed: self.seed,
             candidates: self.candidates.unwrap_or_else(|| self.source.candidates()),
@@ -109,17 +112,24 @@ impl MakeArgs {
     }
 }
 
-pub(super) fn make(args: &MakeArgs, reading: &ReadingArgs) -> anyhow::Result<ExitStatus> {
+pub(super) fn make(
+    args: &MakeArgs,
+    reading: &ReadingArgs,
+    partition: Option<Partition>,
+) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     let out = args.out()?;
     let source = args.source.open(args.temperature)?;
     let found = reading.find_inputs(&args.scenarios)?;
+    if let Some(partition) = partition {
+        return find(args, reading, found, partition);
+    }
     // From here on there is a file to complete.
     let stop = stop_on_interrupt("writing what is finished")?;
     let mut writer = Writer::create(out)?;
     let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
     let total = found.iter().map(|input| Some(input.count()?.min(most))).sum();
-    let inputs = args.inputs(found, |_, _| None)?;
+    let (inputs, _) = args.inputs(found, None)?;
     let settings = args.settings();
     let base = args.provenance(&settings, reading, &inputs)?;
     let jobs = args.jobs();
@@ -131,8 +141,44 @@ pub(super) fn make(args: &MakeArgs, reading: &ReadingArgs) -> anyhow::Result<Exi
     finish(args, &source, writer, &done?)
 }
 
+/// Finds the candidates of a partition.
+fn find(
+    args: &MakeArgs,
+    reading: &ReadingArgs,
+    found: Vec<formats::Input>,
+    partition: Partition,
+) -> anyhow::Result<ExitStatus> {
+    let (out, source, settings) = (args.out()?, args.source.open(args.temperature)?, args.settings());
+    let stop = stop_on_interrupt("stopping; an unfinished partition is not kept")?;
+    let _lock = partition::folder(out)?;
+    let (inputs, ranges) = args.inputs(found, Some(partition))?;
+    let base = args.provenance(&settings, reading, &inputs)?;
+    let progress = Progress::new();
+    let curation =
+        Curation { inputs: &inputs, source: source.source(), settings: &settings, jobs: args.jobs() };
+    let failed = curation.find(&ranges, out, &progress, &stop);
+    progress.end();
+    match failed? {
+        Some(failed) => partition::finish(out, partition, failed, &base),
+        None => Ok(ExitStatus::Interrupted),
+    }
+}
+
+/// Chooses among the candidates of all partitions.
+pub(super) fn merge(mut args: MakeArgs, partitions: &Partitions, out: PathBuf) -> anyhow::Result<ExitStatus> {
+    let base = partitions.subject(|a: &mut CurationProvenance, b| {
+        unite(&mut a.inputs, &mut b.inputs, |file| file.digest.is_empty());
+    })?;
+    let (mut writer, source) = (Writer::create(&out)?, args.source.open(args.temperature)?);
+    args.out = Some(out);
+    let progress = Progress::new();
+    let curated = curation::merge(base, &partitions.folders, &mut writer, &progress);
+    progress.end();
+    finish(&args, &source, writer, &curated?)
+}
+
 /// Completes the file of a curation and reports about it.
-pub(super) fn finish(
+fn finish(
     args: &MakeArgs,
     source: &OpenSource,
     writer: Writer,
@@ -159,40 +205,44 @@ pub(super) fn finish(
 
 impl MakeArgs {
     /// Returns the file to write.
-    pub(super) fn out(&self) -> anyhow::Result<&Path> {
+    fn out(&self) -> anyhow::Result<&Path> {
         self.out.as_deref().context("give the file to write with --out")
     }
 
     /// Returns the number of threads.
-    pub(super) fn jobs(&self) -> usize {
+    fn jobs(&self) -> usize {
         self.jobs.map_or_else(available_threads, usize::from)
     }
 
-    /// Returns the inputs with their digests. `known` may give the record of a file, by its index; other
-    /// files are read for their digests.
-    pub(super) fn inputs(
+    /// Returns the inputs with their digests, and which records of each a partition has. Inputs without any
+    /// are not read for their digests.
+    fn inputs(
         &self,
         found: Vec<formats::Input>,
-        known: impl Fn(usize, &formats::Input) -> Option<InputFile>,
-    ) -> anyhow::Result<Vec<Input>> {
+        partition: Option<Partition>,
+    ) -> anyhow::Result<(Vec<Input>, Vec<Range<usize>>)> {
         let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
+        let openers: Vec<Opener> = found.iter().map(|input| input.clone().opener(most)).collect();
+        let ranges = match partition {
+            None => vec![0..usize::MAX; found.len()],
+            Some(partition) => partition.of_inputs(found.len(), 1, |i| count_records(&openers[i])),
+        };
         let (mut inputs, mut registrar) = (Vec::new(), Registrar::default());
-        for (index, input) in found.into_iter().enumerate() {
-            let file = match known(index, &input) {
-                Some(file) => file,
-                None => {
-                    let record = registrar.record(&input)?;
-                    let (digest, name) = (record.digest(), record.name);
-                    InputFile { name, digest }
+        for ((input, open), range) in found.iter().zip(openers).zip(&ranges) {
+            let (name, digest) = match range.is_empty() {
+                true => (name_of(&input.path).into_owned(), String::new()),
+                false => {
+                    let record = registrar.record(input)?;
+                    (record.name.clone(), record.digest())
                 }
             };
-            inputs.push(Input { file, open: input.opener(most) });
+            inputs.push(Input { file: InputFile { name, digest }, open });
         }
-        Ok(inputs)
+        Ok((inputs, ranges))
     }
 
     /// Returns what is known about the curation before it begins.
-    pub(super) fn provenance(
+    fn provenance(
         &self,
         settings: &CurationSettings,
         reading: &ReadingArgs,

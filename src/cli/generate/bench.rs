@@ -12,9 +12,9 @@ use crate::curation::benchmark::{
 };
 use crate::curation::{CandidateSource, CurationProvenance, CurationSettings, InputFile, SOURCES, store};
 use crate::evaluation::{FileRecord, program_version};
+use crate::formats::FormatError;
 use crate::formats::native::Writer;
 use crate::generation::{GenerationSettings, Generator, VERSION};
-use crate::shards::ShardError;
 
 /// Largest number of scenarios that are tried in vain, per requested scenario: a few scenarios are not worth
 /// a long search.
@@ -32,7 +32,7 @@ fn deviations_path(out: &Path) -> PathBuf {
 /// outcomes.
 pub(super) fn bench(
     job: Job<'_>,
-    tried: (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, ShardError>>),
+    tried: (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>>),
 ) -> anyhow::Result<GeneratedFiles> {
     let Job { settings, wanted, jobs, out, progress, stop } = job;
     let generator = Generator::new(settings.clone())?;

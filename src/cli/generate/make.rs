@@ -12,6 +12,8 @@ use super::AFTER;
 use super::bench::bench;
 use super::files::GeneratedFiles;
 use super::manifest::Manifest;
+use super::partition;
+use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::CurationObserver;
@@ -46,6 +48,8 @@ pub(in crate::cli) struct GenerateArgs {
     /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
+    #[command(flatten)]
+    partition: PartitionArg,
 }
 
 fn presets() -> PossibleValuesParser {
@@ -78,6 +82,9 @@ pub(super) struct Job<'a> {
 }
 
 pub(in crate::cli) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
+    if let Some(partition) = args.partition.partition {
+        return partition::generate(args, partition);
+    }
     let (out, wanted, settings, jobs) = (args.out.as_path(), args.count, &args.settings()?, args.jobs());
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();

@@ -1,4 +1,4 @@
-//! The scenarios of a unit, in a file that is there only if it has any.
+//! The scenarios of a partition, in a file that is there only if it has any.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::scene::Scenario;
 /// Name of the file.
 const SCENARIOS: &str = "scenarios.parquet";
 
-/// Writes the scenarios of a unit. A file without scenarios could not be read back.
+/// Writes the scenarios of a partition. A file without scenarios could not be read back.
 pub(super) struct ScenarioFile {
     path: PathBuf,
     writer: Option<Writer>,
@@ -28,15 +28,13 @@ impl ScenarioFile {
         writer.write(scenario)
     }
 
-    /// Returns the name of the file, if there is one.
-    pub(super) fn finish(self) -> Result<Option<&'static str>, FormatError> {
-        let Some(writer) = self.writer else { return Ok(None) };
-        writer.finish()?;
-        Ok(Some(SCENARIOS))
+    /// Completes the file, if there is one.
+    pub(super) fn finish(self) -> Result<(), FormatError> {
+        self.writer.map_or(Ok(()), Writer::finish)
     }
 }
 
-/// Reads the scenarios of a unit.
+/// Reads the scenarios of a partition.
 pub(super) fn read_scenarios(folder: &Path) -> Result<Scenarios, FormatError> {
     let path = folder.join(SCENARIOS);
     if path.exists() { formats::open(&path) } else { Ok(Box::new(std::iter::empty())) }

@@ -1,6 +1,6 @@
-//! Scenarios that were generated and curated in units, read back for the choice of a benchmark.
+//! Scenarios that were generated and curated in partitions, read back for the choice of a benchmark.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::bench::{SOURCE, curation_settings};
 use super::scenario_file::{ScenarioFile, read_scenarios};
@@ -10,7 +10,6 @@ use crate::curation::{CurationOutcome, CurationSettings, curate_scenario};
 use crate::formats::{FormatError, Scenarios};
 use crate::generation::{GenerationError, GenerationSettings};
 use crate::scene::Scenario;
-use crate::shards::{FinishedUnit, ShardError};
 
 /// A scenario with its candidates, or the reason why it could not be generated.
 pub(super) type Tried = (Option<Scenario>, RecordOutcome);
@@ -46,7 +45,7 @@ fn can_be_chosen(outcome: &CurationOutcome) -> bool {
     }
 }
 
-/// Writes the scenarios of a unit with their outcomes.
+/// Writes the scenarios of a partition with their outcomes.
 pub(super) struct TriedWriter {
     scenarios: ScenarioFile,
     outcomes: OutcomeWriter,
@@ -57,36 +56,34 @@ impl TriedWriter {
         Ok(Self { scenarios: ScenarioFile::new(folder), outcomes: OutcomeWriter::create(folder)? })
     }
 
-    /// Returns whether it is a failure.
-    pub(super) fn write(&mut self, (scenario, outcome): Tried) -> Result<bool, FormatError> {
+    /// Writes the scenario with this index. Returns whether it is a failure.
+    pub(super) fn write(&mut self, index: usize, (scenario, outcome): Tried) -> Result<bool, FormatError> {
         if let Some(scenario) = scenario {
             self.scenarios.write(&scenario)?;
         }
-        self.outcomes.write(outcome)
+        self.outcomes.write((0, index), outcome)
     }
 
-    /// Returns the names of the files.
-    pub(super) fn finish(self) -> Result<Vec<&'static str>, FormatError> {
-        let mut files = self.outcomes.finish()?.to_vec();
-        files.extend(self.scenarios.finish()?);
-        Ok(files)
+    /// Completes the files.
+    pub(super) fn finish(self) -> Result<(), FormatError> {
+        self.outcomes.finish()?;
+        self.scenarios.finish()
     }
 }
 
-/// Reads the scenarios of all units, in order.
+/// Reads the scenarios of all partitions, whose folders are in order.
 pub(super) fn read_tried(
-    units: &[FinishedUnit],
-) -> impl Iterator<Item = Result<Result<TriedScenario, String>, ShardError>> {
-    units.iter().flat_map(|unit| -> Box<dyn Iterator<Item = _>> {
-        let damaged = |error: FormatError| unit.damaged(error.to_string());
-        match TriedReader::open(&unit.results()) {
-            Ok(tried) => Box::new(tried.map(move |tried| tried.map_err(damaged))),
-            Err(error) => Box::new(std::iter::once(Err(damaged(error)))),
+    folders: &[PathBuf],
+) -> impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>> {
+    folders.iter().flat_map(|folder| -> Box<dyn Iterator<Item = _>> {
+        match TriedReader::open(folder) {
+            Ok(tried) => Box::new(tried),
+            Err(error) => Box::new(std::iter::once(Err(error))),
         }
     })
 }
 
-/// Iterator over the scenarios of a unit.
+/// Iterator over the scenarios of a partition.
 struct TriedReader {
     scenarios: Scenarios,
     outcomes: OutcomeReader,
@@ -114,6 +111,6 @@ impl Iterator for TriedReader {
 
     fn next(&mut self) -> Option<Self::Item> {
         let outcome = self.outcomes.next()?;
-        Some(outcome.and_then(|outcome| self.tried(outcome)))
+        Some(outcome.and_then(|(_, outcome)| self.tried(outcome)))
     }
 }

@@ -7,7 +7,8 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::ScoreArgs;
+use super::{ScoreArgs, partition};
+use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, count, lock_folder, log_sources, note, nothing, say, write_file, write_result};
 use crate::evaluation::PROVENANCE;
@@ -44,6 +45,8 @@ pub(super) struct WosacArgs {
     /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
+    #[command(flatten)]
+    pub(super) partition: PartitionArg,
 }
 
 impl WosacArgs {
@@ -60,6 +63,7 @@ impl WosacArgs {
             ("--partial", self.partial),
             ("--simulator", self.simulator.is_some()),
             ("--jobs", self.jobs.is_some()),
+            ("--partition", self.partition.partition.is_some()),
         ] {
             if is_given {
                 bail!("{option} goes with --wosac only");
@@ -76,6 +80,9 @@ fn config(id: &str) -> Result<Config, String> {
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     let path = check(args)?;
+    if let (Some(partition), Some(out)) = (args.wosac.partition.partition, &args.out) {
+        return partition::score(args, path, partition, out);
+    }
     let _lock = args.out.as_deref().map(lock_folder).transpose()?;
     let (progress, jobs) = (Progress::new(), args.wosac.jobs());
     let mut observe = observer(&progress);

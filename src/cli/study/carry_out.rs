@@ -1,10 +1,13 @@
 //! Runs the members of a study one after the other and writes the table.
 
+use std::path::Path;
+
 use anyhow::Context;
 
 use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
+use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::cli::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
@@ -47,14 +50,47 @@ pub(super) fn carry_out(
             return Ok(ExitStatus::Interrupted);
         };
         finish_member(&run, &summary, shared, i == 0)?;
+        // A partition may have none.
+        if shared.partition.partition.is_none() {
+            refuse_empty(&summary)?;
+        }
         failed += summary.provenance.failures.len();
     }
     outside.report_faults(Some(folder.path()));
+    if let Some(partition) = shared.partition.partition {
+        return partition::finish(folder.path(), partition, failed, &());
+    }
     finish(&folder, shared, &plan, failed)
 }
 
+/// Joins the partitions of all members and writes the table.
+pub(super) fn merge(
+    plan: &StudyPlan,
+    shared: &SharedArgs,
+    partitions: &Partitions,
+    out: &Path,
+) -> anyhow::Result<ExitStatus> {
+    let folder = StudyFolder::create(out, plan.study())?;
+    let mut failed = 0;
+    for (i, member) in plan.study().members.iter().enumerate() {
+        let folders: Vec<_> = partitions.folders.iter().map(|of| of.join(&member.folder)).collect();
+        let (run, summary) = evaluation::merge(&folders, &folder.member(member))?;
+        finish_member(&run, &summary, shared, i == 0)?;
+        refuse_empty(&summary)?;
+        failed += summary.provenance.failures.len();
+    }
+    finish(&folder, shared, plan, failed)
+}
+
+fn refuse_empty(summary: &Summary) -> anyhow::Result<()> {
+    if summary.provenance.scenarios == 0 {
+        return Err(nothing("no scenario could be run"));
+    }
+    Ok(())
+}
+
 /// Writes the table of a member and reports what it left out.
-pub(super) fn finish_member(
+fn finish_member(
     run: &RunFolder,
     summary: &Summary,
     shared: &SharedArgs,
@@ -67,15 +103,12 @@ pub(super) fn finish_member(
         report_left_out(summary);
         report_notes(summary);
     }
-    if summary.provenance.scenarios == 0 {
-        return Err(nothing("no scenario could be run"));
-    }
     Ok(())
 }
 
 /// Computes the realism metrics of a study of realism, the ranks of a study of planners, or the displacements of a
 /// study of errors, and writes and prints the table. `failed` is the number of failures of all members.
-pub(super) fn finish(
+fn finish(
     folder: &StudyFolder,
     shared: &SharedArgs,
     plan: &StudyPlan,

@@ -12,7 +12,7 @@ mod run_rollouts;
 mod scores;
 mod submission;
 mod summary;
-mod unit;
+mod text;
 
 pub use logs::LogFiles;
 pub use run_pairs::{LogSource, RunPairs};
@@ -20,4 +20,3 @@ pub use run_rollouts::{RunRolloutsError, run_rollouts};
 pub use scores::{RealismFailure, RealismRow, RealismScores, ScoredPair, score_all};
 pub use submission::SubmittedPairs;
 pub use summary::{REALISM_ROWS, REALISM_SUMMARY, RealismSummary};
-pub use unit::UNIT_SCORES;

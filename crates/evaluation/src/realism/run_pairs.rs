@@ -1,9 +1,9 @@
 //! The scenarios of a run with their logs.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use reactsim_files::name_of;
 use reactsim_formats::{
     CurrentFrames, FormatError, Input, PendingScenarios, Scenarios,
     rollouts::{ByName, RolloutRecord},
@@ -13,15 +13,11 @@ use reactsim_scene::{
     Scenario,
     wosac::{ObjectIds, WosacLog},
 };
-use reactsim_shards::RecordRange;
 
 use super::run_rollouts::run_rollouts;
 use super::scores::{RealismFailure, ScoredPair};
 use crate::folder::{ROLLOUTS, read_summary};
-use crate::{EvaluationError, FileRecord, Registrar, Source};
-
-/// Format of recordings in the records of files.
-const RECORDING: &str = "womd";
+use crate::{EvaluationError, FileRecord, Source};
 
 /// Files of logs.
 #[derive(Clone)]
@@ -47,6 +43,15 @@ impl LogSource {
         path.is_file() && path.to_string_lossy().contains(".binproto")
     }
 
+    /// Returns the path of the file; `None` for the shipped scenarios.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Recording(path) => Some(path),
+            Self::Scenarios(input) => Some(&input.path),
+            Self::Shipped => None,
+        }
+    }
+
     /// Returns the number of logs, damaged ones included. A source that cannot be opened has one, so that its
     /// error is reported.
     pub fn count(&self) -> usize {
@@ -59,27 +64,6 @@ impl LogSource {
         };
         counted.unwrap_or(1)
     }
-
-    /// Returns the record of the file, which is read for its digest.
-    ///
-    /// # Errors
-    /// [`EvaluationError::Read`].
-    pub fn record(&self) -> Result<FileRecord, EvaluationError> {
-        match self {
-            Self::Recording(path) => FileRecord::of(path, RECORDING),
-            Self::Scenarios(input) => Registrar::default().record(input),
-            Self::Shipped => Ok(Source::shipped(usize::MAX).file),
-        }
-    }
-
-    /// Returns whether the file has the name of a record.
-    pub fn is_named(&self, record: &FileRecord) -> bool {
-        match self {
-            Self::Recording(path) => name_of(path) == record.name,
-            Self::Scenarios(input) => record.is_named(input),
-            Self::Shipped => false,
-        }
-    }
 }
 
 /// Iterator over the scenarios of a run for one simulator: each log with the rollouts of the run, in the
@@ -90,11 +74,10 @@ pub struct RunPairs {
     rollouts: u32,
     scenarios: usize,
     records: ByName,
-    sources: VecDeque<LogSource>,
-    open: Option<Logs>,
-    /// Number of logs that are passed over in the first source, and of those that are read.
-    range: Option<(usize, usize)>,
-    read: usize,
+    /// Sources that are not open yet, with the logs of each that are read.
+    sources: VecDeque<(LogSource, Range<usize>)>,
+    /// The open source, with the number of its logs that are left.
+    open: Option<(Logs, usize)>,
     missing: Vec<String>,
 }
 
@@ -161,32 +144,18 @@ impl RunPairs {
         let records = ByName::open(&path)?;
         let rollouts = summary.provenance.run.settings.rollouts;
         let scenarios = summary.provenance.scenarios;
-        let (folder, sources) = (folder.to_owned(), sources.into());
-        Ok(Self {
-            folder,
-            simulator,
-            rollouts,
-            scenarios,
-            records,
-            sources,
-            open: None,
-            range: None,
-            read: 0,
-            missing: Vec::new(),
-        })
+        let (folder, all) = (folder.to_owned(), 0..usize::MAX);
+        let sources = sources.into_iter().map(|source| (source, all.clone())).collect();
+        Ok(Self { folder, simulator, rollouts, scenarios, records, sources, open: None, missing: Vec::new() })
     }
 
-    /// Restricts the pairs to those of a range of logs.
+    /// Restricts the pairs to these logs of each source.
     #[must_use]
-    pub fn within(mut self, range: RecordRange) -> Self {
-        self.sources = self.sources.into_iter().skip(range.input).take(1).collect();
-        self.range = Some((range.first, range.count));
+    pub fn within(mut self, ranges: Vec<Range<usize>>) -> Self {
+        let sources = self.sources.into_iter().zip(ranges);
+        self.sources = sources.map(|((source, _), range)| (source, range)).collect();
+        self.sources.retain(|(_, range)| !range.is_empty());
         self
-    }
-
-    /// Returns the number of logs that were read, damaged ones included.
-    pub fn logs(&self) -> usize {
-        self.read
     }
 
     /// Returns the id of the simulator.
@@ -206,29 +175,24 @@ impl RunPairs {
 
     /// Returns the next log.
     fn next_log(&mut self) -> Option<Result<Logged, FormatError>> {
-        let (first, count) = self.range.unwrap_or((0, usize::MAX));
-        if self.read >= count {
-            return None;
-        }
         loop {
-            let next = match &mut self.open {
-                Some(Logs::Recorded(logs)) => logs.next().map(|log| log.map(Logged::recorded)),
-                Some(Logs::Scenarios(scenarios)) => {
-                    scenarios.next().map(|scenario| scenario.map(|scenario| Logged::of(&scenario)))
+            if let Some((logs, left)) = self.open.as_mut().filter(|(_, left)| *left > 0) {
+                *left -= 1;
+                let next = match logs {
+                    Logs::Recorded(logs) => logs.next().map(|log| log.map(Logged::recorded)),
+                    Logs::Scenarios(scenarios) => {
+                        scenarios.next().map(|scenario| scenario.map(|scenario| Logged::of(&scenario)))
+                    }
+                };
+                if next.is_some() {
+                    return next;
                 }
-                None => None,
-            };
-            if next.is_some() {
-                self.read += 1;
-                return next;
             }
-            match Logs::open(self.sources.pop_front()?, first) {
-                Ok(logs) => self.open = Some(logs),
-                Err(error) => {
-                    self.open = None;
-                    self.read += 1;
-                    return Some(Err(error));
-                }
+            let (source, range) = self.sources.pop_front()?;
+            self.open = None;
+            match Logs::open(source, range.start) {
+                Ok(logs) => self.open = Some((logs, range.len())),
+                Err(error) => return Some(Err(error)),
             }
         }
     }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use reactsim_shards::differences;
 use serde::Serialize;
 
 use super::{REFERENCE_RECORD, Reference, ReferenceError, check_values, rescore};
+use crate::leaves::differences;
 use crate::{BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary};
 
 /// A run in a leaderboard.

@@ -3,9 +3,9 @@
 use reactsim_baseline::{WeightsFile, weights};
 use reactsim_metrics::Options;
 use reactsim_rollout::{Protocol, Replan, Settings};
-use reactsim_shards::differences;
 
 use super::{Reference, ReferenceError};
+use crate::leaves::differences;
 use crate::request::with_driver;
 use crate::{
     Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
@@ -54,6 +54,7 @@ impl Reference {
             settings,
             keep_rollouts: false,
             allowed: Vec::new(),
+            partition: None,
         };
         let (stated, found) = (comparable(stated, stated), comparable(&plan.provenance(), stated));
         match differences(&stated, &found).into_iter().next() {

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use reactsim_shards::differences;
-
 use super::files::Files;
 use super::record::FORMAT;
 use super::{REFERENCE_RECORD, ReferenceError, ReferenceRecord, SimulatorClass, rows};
 use crate::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, tally_of};
+use crate::leaves::differences;
 use crate::{Provenance, Row, Summary};
 
 /// A reference with consistent files.

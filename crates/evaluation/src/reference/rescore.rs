@@ -5,10 +5,10 @@ use std::path::Path;
 
 use reactsim_formats::rollouts::ByName;
 use reactsim_metrics::Options;
-use reactsim_shards::differences;
 
 use super::ReferenceError;
 use crate::folder::ROLLOUTS;
+use crate::leaves::differences;
 use crate::recorded::{rollouts_of, score_rollouts};
 use crate::{AvChoice, RecordPosition, Row, Source, read_provenance, read_rows};
 

@@ -2,6 +2,7 @@
 
 use std::mem;
 
+use reactsim_formats::Partition;
 use reactsim_rollout::{Protocol, Replan, Settings};
 
 use super::guards::{self, Variant};
@@ -154,6 +155,11 @@ impl StudyPlan {
     /// Returns the scenario files, which all members share.
     pub fn sources(&self) -> &[Source] {
         &self.plan.sources
+    }
+
+    /// Restricts all members to a partition, for which the sources were opened.
+    pub fn set_partition(&mut self, partition: Option<Partition>) {
+        self.plan.partition = partition;
     }
 
     /// Switches to a member and returns its plan.

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use reactsim_metrics::Score;
-use reactsim_shards::{differences, leaves};
 
 use super::{Difference, LargestDifference, SimulatorCheck, Subject, Verification, is_exact};
 use crate::folder::tally_of;
+use crate::leaves::{differences, leaves};
 use crate::reference::{Reference, SimulatorClass};
 use crate::{RecordPosition, Row, Summary, Tally};
 

@@ -1,22 +1,13 @@
-//! Scores as text, and of a unit in a file.
-
-use std::path::Path;
+//! Scores as text, from which they are restored to the bit.
 
 use reactsim_metrics::wosac::{Feature, WosacMetrics};
-use reactsim_shards::{FinishedUnit, ShardError};
 use serde::{Deserialize, Serialize};
 
 use super::scores::{RealismFailure, RealismRow, RealismScores};
-use crate::EvaluationError;
-use crate::folder::replace;
-
-/// Name of the file with the scores of a unit.
-pub const UNIT_SCORES: &str = "scores.json";
-
-/// Scores of a unit.
+/// Scores of a part.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct UnitScores {
+struct ScoresText {
     rows: Vec<RowRecord>,
     failures: Vec<FailureRecord>,
     missing: Vec<String>,
@@ -87,12 +78,12 @@ impl RealismScores {
             scenario_id: failure.scenario_id.clone(),
             error: failure.error.clone(),
         };
-        let unit = UnitScores {
+        let part = ScoresText {
             rows: self.rows.iter().map(row).collect(),
             failures: self.failures.iter().map(failure).collect(),
             missing: self.missing.clone(),
         };
-        serde_json::to_string(&unit).expect("scores are text and numbers")
+        serde_json::to_string(&part).expect("scores are text and numbers")
     }
 
     /// Adds scores that [`Self::to_text`] returned.
@@ -100,7 +91,7 @@ impl RealismScores {
     /// # Errors
     /// The reason why the text has no scores of these configurations.
     pub fn add_text(&mut self, text: &[u8]) -> Result<(), String> {
-        let scores: UnitScores = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+        let scores: ScoresText = serde_json::from_slice(text).map_err(|error| error.to_string())?;
         for RowRecord { scenario_id, rollouts, metrics } in scores.rows {
             if metrics.len() != self.configs.len() {
                 return Err(format!("`{scenario_id}` has {} metrics", metrics.len()));
@@ -112,24 +103,5 @@ impl RealismScores {
         self.failures.extend(scores.failures.into_iter().map(failure));
         self.missing.extend(scores.missing);
         Ok(())
-    }
-
-    /// Writes the scores of a unit to a folder.
-    ///
-    /// # Errors
-    /// [`EvaluationError::Write`].
-    pub fn write_unit(&self, folder: &Path) -> Result<(), EvaluationError> {
-        let text = self.to_text();
-        replace(&folder.join(UNIT_SCORES), |out| writeln!(out, "{text}"))
-    }
-
-    /// Adds the scores of a finished unit.
-    ///
-    /// # Errors
-    /// [`ShardError::Damaged`].
-    pub fn add_unit(&mut self, unit: &FinishedUnit) -> Result<(), ShardError> {
-        let damaged = |reason: String| unit.damaged(format!("{UNIT_SCORES}: {reason}"));
-        let text = std::fs::read(unit.results().join(UNIT_SCORES)).map_err(|e| damaged(e.to_string()))?;
-        self.add_text(&text).map_err(damaged)
     }
 }

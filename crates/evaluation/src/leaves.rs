@@ -15,7 +15,7 @@ pub fn differences<T: Serialize>(a: &T, b: &T) -> Vec<(String, String, String)> 
 }
 
 /// Returns every leaf of a value as JSON, by path.
-pub fn leaves<T: Serialize>(value: &T) -> BTreeMap<String, String> {
+pub(crate) fn leaves<T: Serialize>(value: &T) -> BTreeMap<String, String> {
     let mut out = BTreeMap::new();
     if let Ok(value) = serde_json::to_value(value) {
         flatten("", &value, &mut out);
