@@ -23,7 +23,6 @@ mod finished_run;
 mod access;
 mod av;
 mod av_scores;
-mod blocks;
 mod benchmarks;
 mod case_study;
 mod comparison;

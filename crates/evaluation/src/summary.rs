@@ -105,8 +105,7 @@ pub struct SummaryProvenance {
     /// Number of rollouts that fail a check which the user allowed, by allowance.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub allowed: BTreeMap<String, usize>,
-    /// How intervals are computed if not by resampling single scenarios: with very many scenarios, blocks of
-    /// them are resampled.
+    /// How intervals are computed if not by the usual number of resamples: very many scenarios have fewer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intervals: Option<String>,
     /// Properties of scenarios that affect how the results are read, by id.

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use reactsim_metrics::{Scope, metric};
 
-use super::blocks::BLOCK;
 use super::provenance::Provenance;
 use super::row::Failure;
 use super::samples::{NamedSamples, Part, Samples};
+use super::statistics::{MANY, RESAMPLES_OF_MANY};
 use super::summary::{
     CategorySummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
 };
@@ -98,10 +98,8 @@ impl<'a> SummaryBuilder<'a> {
 
     /// Returns the summary. `failures` are in canonical order.
     pub(super) fn finish(self, failures: &[Failure]) -> Summary {
-        let intervals = self
-            .samples
-            .are_many()
-            .then(|| format!("Poisson bootstrap over blocks of {BLOCK} consecutive scenarios"));
+        let intervals = (self.scenarios > MANY)
+            .then(|| format!("{RESAMPLES_OF_MANY} resamples of more than {MANY} scenarios"));
         let has_reference = self.provenance.simulators.iter().any(|s| s.id == PAIRING_REFERENCE);
         let estimates = self.samples.finish();
         let judges_av = self.provenance.settings.judges_av();
