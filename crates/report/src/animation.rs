@@ -4,31 +4,27 @@
 //! [`birdseye`](super::birdseye); a bar below each shows the time, with ticks at events. The animation
 //! runs in real time, holds the last step for a second and repeats.
 //!
-//! Files stay small: all steps share one palette of few colours, nothing is dithered, and of each step
-//! only the rectangle that changed is written, with unchanged pixels transparent. The same input gives
-//! the same bytes.
+//! Files stay small: all steps share one palette of few colours, nothing is dithered, and pixels that a step
+//! leaves unchanged are transparent. The same input gives the same bytes.
 
 mod camera;
-mod difference;
-mod letters;
-mod palette;
 mod picture;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
-use gif::{DisposalMethod, Encoder, Repeat};
+use color_quant::NeuQuant;
+use gif::{Encoder, Repeat};
 use reactsim_scene::{CURRENT, FUTURE, Frame, Scenario};
 use resvg::usvg;
 
 use self::camera::Camera;
-use self::difference::change;
-use self::palette::{Colour, Palette};
 use self::picture::Stage;
 use super::birdseye::{Mark, View, moving::StepRenderer};
 
-/// Number of colours of an animation, apart from the transparent one. Few colours give long runs of equal
-/// pixels, which compress well.
-const PALETTE_SIZE: usize = 95;
+/// Number of colours of an animation. Few colours give long runs of equal pixels, which compress well.
+const COLOURS: usize = 127;
+/// Palette index that leaves a pixel unchanged.
+const TRANSPARENT: u8 = COLOURS as u8;
 /// Display time of the last step, hundredths of a second.
 const LAST_DELAY: u16 = 100;
 /// Stride, in shown steps, of the samples for the palette. The last step, and steps at which a light
@@ -38,7 +34,7 @@ const PALETTE_STRIDE: usize = 8;
 /// Content of one panel.
 #[derive(Clone, Debug, Default)]
 pub struct Panel<'a> {
-    /// Title. Latin letters, digits and a few signs are supported, all shown in lower case.
+    /// Title. Other than Latin letters are shown as `?`.
     pub title: String,
     /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is shown.
     pub rollout: Option<&'a [Vec<Frame>]>,
@@ -132,53 +128,58 @@ impl<'a> Animation<'a> {
         let camera = Camera::new(self, &views, f64::from(size));
         views.iter_mut().for_each(|v| v.radius = camera.radius);
         let renderers = views.iter().map(|view| StepRenderer::new(self.scenario, view)).collect();
-        let mut stage = Stage::new(panels, renderers, camera, size as usize);
+        let stage = Stage { panels, renderers, camera, size: size as usize };
         let (width, height) = (stage.width(), stage.height());
         let (Ok(wide), Ok(high)) = (u16::try_from(width), u16::try_from(height)) else {
             return Err(AnimationError::TooLarge { width, height });
         };
 
         let steps = self.steps();
-        let mut draw = |step: usize| {
-            let picture = stage.draw(step);
-            picture.map_err(|source| AnimationError::Draw {
+        let draw = |step: usize| {
+            stage.draw(step).map_err(|source| AnimationError::Draw {
                 scenario: self.scenario.id.clone(),
                 step,
                 source,
             })
         };
-        let mut counts: BTreeMap<Colour, u64> = BTreeMap::new();
+        let mut counts: BTreeMap<[u8; 4], u64> = BTreeMap::new();
         for (i, &step) in steps.iter().enumerate() {
             if i % PALETTE_STRIDE == 0
                 || i + 1 == steps.len()
                 || self.lights_change(i.checked_sub(1).map(|k| steps[k]), step)
             {
-                draw(step)?.pixels.iter().for_each(|c| *counts.entry(*c).or_default() += 1);
+                draw(step)?.into_iter().for_each(|c| *counts.entry(c).or_default() += 1);
             }
         }
-        let mut palette = Palette::new(&counts, PALETTE_SIZE);
+        // A colour weighs the square root of its pixels, so that small bright areas keep theirs.
+        let sample = |(colour, count): (&[u8; 4], &u64)| colour.repeat(count.isqrt() as usize);
+        let quantiser = NeuQuant::new(1, COLOURS, &counts.iter().flat_map(sample).collect::<Vec<u8>>());
+        let mut known: HashMap<[u8; 4], u8> = HashMap::new();
 
         let failed = |source| AnimationError::Encode { scenario: self.scenario.id.clone(), source };
-        let mut encoder = Encoder::new(Vec::new(), wide, high, &palette.table()).map_err(failed)?;
+        let table = [quantiser.color_map_rgb(), vec![0; 3]].concat();
+        let mut encoder = Encoder::new(Vec::new(), wide, high, &table).map_err(failed)?;
         encoder.set_repeat(Repeat::Infinite).map_err(failed)?;
-        let mut before: Option<Vec<u8>> = None;
+        let mut before: Vec<[u8; 4]> = Vec::new();
         for (i, &step) in steps.iter().enumerate() {
-            let after = palette.indices(&draw(step)?.pixels);
-            let part = change(before.as_deref(), &after, width);
+            let after = draw(step)?;
+            let mut index = |k: usize, pixel: &[u8; 4]| {
+                if before.get(k) == Some(pixel) {
+                    return TRANSPARENT;
+                }
+                *known.entry(*pixel).or_insert_with(|| quantiser.index_of(pixel) as u8)
+            };
             let frame = gif::Frame {
                 // Hundredths of a second: a step has ten.
                 delay: steps.get(i + 1).map_or(LAST_DELAY, |next| 10 * (next - step) as u16),
-                dispose: DisposalMethod::Keep,
-                transparent: Some(palette::TRANSPARENT),
-                left: part.left as u16,
-                top: part.top as u16,
-                width: part.width as u16,
-                height: part.height as u16,
-                buffer: part.pixels.into(),
+                transparent: Some(TRANSPARENT),
+                width: wide,
+                height: high,
+                buffer: after.iter().enumerate().map(|(k, pixel)| index(k, pixel)).collect(),
                 ..gif::Frame::default()
             };
             encoder.write_frame(&frame).map_err(failed)?;
-            before = Some(after);
+            before = after;
         }
         encoder.into_inner().map_err(failed)
     }

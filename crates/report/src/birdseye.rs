@@ -6,7 +6,7 @@
 //! Ito, which most colour-blind people can distinguish; important elements also differ in shape.
 
 mod agents;
-mod canvas;
+pub(crate) mod canvas;
 mod clip;
 mod ground;
 pub(super) mod moving;

@@ -1,14 +1,16 @@
 //! Rasterised frames of an animation.
 
+use std::fmt::Write;
+
+use font8x8::{BASIC_FONTS, LATIN_FONTS, UnicodeFonts};
 use reactsim_geometry::Vec2;
 use reactsim_scene::{DT, FUTURE};
-use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::tiny_skia::{Pixmap, PixmapPaint, Transform};
 use resvg::usvg::{self, Options, Tree};
 
 use super::Panel;
 use super::camera::Camera;
-use super::letters;
-use super::palette::{Colour, rgb};
+use crate::birdseye::canvas::{Canvas, Window};
 use crate::birdseye::{Mark, MarkKind, moving::StepRenderer, palette};
 
 /// Panels per row.
@@ -23,83 +25,22 @@ const TIME_HEIGHT: usize = 20;
 const BAR_HEIGHT: usize = 6;
 /// Height of the tick of an event, pixels.
 const TICK_HEIGHT: usize = 14;
-/// Background colour.
-const PAPER: Colour = [255; 3];
-
-/// A picture without transparency.
-#[derive(Clone)]
-pub(super) struct Picture {
-    /// Pixels in row-major order.
-    pub(super) pixels: Vec<Colour>,
-    width: usize,
-}
-
-impl Picture {
-    fn new(width: usize, height: usize) -> Self {
-        Self { pixels: vec![PAPER; width * height], width }
-    }
-
-    /// Fills a rectangle, clipped to the picture.
-    pub(super) fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: Colour) {
-        let right = (x + width).min(self.width);
-        for row in self.pixels.chunks_exact_mut(self.width).skip(y).take(height) {
-            if let Some(row) = row.get_mut(x..right) {
-                row.fill(colour);
-            }
-        }
-    }
-
-    /// Copies opaque pixels.
-    fn put(&mut self, pixmap: &Pixmap, x: usize, y: usize) {
-        let wide = pixmap.width() as usize;
-        for (row, from) in
-            self.pixels.chunks_exact_mut(self.width).skip(y).zip(pixmap.data().chunks_exact(4 * wide))
-        {
-            for (to, from) in row.iter_mut().skip(x).zip(from.chunks_exact(4)) {
-                *to = [from[0], from[1], from[2]];
-            }
-        }
-    }
-}
-
-/// Draws an SVG document onto a picture.
-fn paint(svg: &str, onto: &mut Pixmap) -> Result<(), usvg::Error> {
-    let tree = Tree::from_str(svg, &Options::default())?;
-    resvg::render(&tree, Transform::identity(), &mut onto.as_mut());
-    Ok(())
-}
-
-/// Static content of a panel, redrawn only when it changes.
-struct Background {
-    svg: String,
-    pixels: Pixmap,
-}
+/// Side of a letter, dots.
+const LETTER_SIZE: usize = 8;
 
 /// All panels of an animation.
 pub(super) struct Stage<'a> {
-    panels: &'a [Panel<'a>],
-    renderers: Vec<StepRenderer<'a>>,
-    backgrounds: Vec<Option<Background>>,
-    camera: Camera,
-    size: usize,
+    pub(super) panels: &'a [Panel<'a>],
+    pub(super) renderers: Vec<StepRenderer<'a>>,
+    pub(super) camera: Camera,
+    /// Side of a panel, pixels.
+    pub(super) size: usize,
 }
 
-impl<'a> Stage<'a> {
-    /// `size`: side of a panel, pixels.
-    pub(super) fn new(
-        panels: &'a [Panel<'a>],
-        renderers: Vec<StepRenderer<'a>>,
-        camera: Camera,
-        size: usize,
-    ) -> Self {
-        let backgrounds = panels.iter().map(|_| None).collect();
-        Self { panels, renderers, backgrounds, camera, size }
-    }
-
+impl Stage<'_> {
     /// Returns the width in pixels.
     pub(super) fn width(&self) -> usize {
-        let columns = self.panels.len().min(PANELS_PER_ROW);
-        columns * (self.size + PANEL_GAP) - PANEL_GAP
+        self.panels.len().min(PANELS_PER_ROW) * (self.size + PANEL_GAP) - PANEL_GAP
     }
 
     /// Returns the height in pixels.
@@ -107,82 +48,83 @@ impl<'a> Stage<'a> {
         self.panels.len().div_ceil(PANELS_PER_ROW) * (TITLE_HEIGHT + self.size + TIME_HEIGHT)
     }
 
-    /// Draws all panels at a step.
-    pub(super) fn draw(&mut self, step: usize) -> Result<Picture, usvg::Error> {
-        let mut picture = Picture::new(self.width(), self.height());
-        for number in 0..self.panels.len() {
+    /// Draws all panels at a step: pixels in row-major order (red, green, blue, alpha).
+    pub(super) fn draw(&self, step: usize) -> Result<Vec<[u8; 4]>, usvg::Error> {
+        let mut canvas = Canvas::new(self.width() as f64, self.height() as f64);
+        let mut panels = Vec::new();
+        for (number, (panel, renderer)) in self.panels.iter().zip(&self.renderers).enumerate() {
             let x = number % PANELS_PER_ROW * (self.size + PANEL_GAP);
             let y = number / PANELS_PER_ROW * (TITLE_HEIGHT + self.size + TIME_HEIGHT);
-            title_line(&mut picture, &self.panels[number].title, step, [x, y], self.size);
-            picture.put(&self.panel(number, step)?, x, y + TITLE_HEIGHT);
-            frame(&mut picture, [x, y + TITLE_HEIGHT], self.size);
+            title_line(&mut canvas, &panel.title, step, [x, y], self.size);
             let bottom = y + TITLE_HEIGHT + self.size;
-            time_bar(&mut picture, &self.panels[number].marks, step, [x, bottom], self.size);
+            time_bar(&mut canvas, &panel.marks, step, [x, bottom], self.size);
+            // A document of its own: rounding is then the same in all panels.
+            let size = self.size as f64;
+            let mut inside = Canvas::new(size, size);
+            let (middle, radius) = (self.camera.middle(renderer, step), self.camera.radius);
+            renderer.draw(&mut inside, step, Window { middle, radius, corner: Vec2::zeros(), size });
+            panels.push((x as i32, (y + TITLE_HEIGHT) as i32, render(inside)?));
         }
-        Ok(picture)
+        let mut pixels = render(canvas)?;
+        for (x, y, panel) in panels {
+            pixels.draw_pixmap(x, y, panel.as_ref(), &PixmapPaint::default(), Transform::identity(), None);
+        }
+        Ok(pixels.data().as_chunks().0.to_vec())
     }
+}
 
-    fn panel(&mut self, number: usize, step: usize) -> Result<Pixmap, usvg::Error> {
-        let renderer = &self.renderers[number];
-        let middle: Vec2 = self.camera.middle(renderer, step);
-        let svg = renderer.background(step, middle);
-        let background = &mut self.backgrounds[number];
-        if background.as_ref().is_none_or(|b| b.svg != svg) {
-            let side = self.size as u32;
-            let mut pixels = Pixmap::new(side, side).ok_or(usvg::Error::InvalidSize)?;
-            paint(&svg, &mut pixels)?;
-            *background = Some(Background { svg, pixels });
-        }
-        let mut pixels = background.as_ref().map(|b| b.pixels.clone()).ok_or(usvg::Error::InvalidSize)?;
-        paint(&renderer.foreground(step, middle), &mut pixels)?;
-        Ok(pixels)
-    }
+fn render(canvas: Canvas) -> Result<Pixmap, usvg::Error> {
+    let tree = Tree::from_str(&canvas.finish(), &Options::default())?;
+    let size = tree.size().to_int_size();
+    let mut pixels = Pixmap::new(size.width(), size.height()).ok_or(usvg::Error::InvalidSize)?;
+    resvg::render(&tree, Transform::identity(), &mut pixels.as_mut());
+    Ok(pixels)
 }
 
 /// Draws the title and the time.
-fn title_line(picture: &mut Picture, title: &str, step: usize, [x, y]: [usize; 2], size: usize) {
+fn title_line(canvas: &mut Canvas, title: &str, step: usize, [x, y]: [usize; 2], size: usize) {
     let scale = if size < 320 { 1 } else { 2 };
-    let ink = rgb(palette::STOP);
+    let advance = LETTER_SIZE * scale;
     let time = format!("{:.1} s", step as f64 * DT);
-    let begin = size.saturating_sub(letters::width(&time, scale) + 4);
-    let top = y + (TITLE_HEIGHT - letters::HEIGHT * scale) / 2;
-    // Truncate a long title to leave space for the time.
-    let mut fits = title;
-    while letters::width(fits, scale) + 12 > begin {
-        let Some((last, _)) = fits.char_indices().next_back() else { break };
-        fits = &fits[..last];
-    }
-    letters::write(fits, scale, |dx, dy, side| picture.fill(x + 4 + dx, top + dy, side, side, ink));
-    letters::write(&time, scale, |dx, dy, side| picture.fill(x + begin + dx, top + dy, side, side, ink));
+    let begin = size.saturating_sub(time.len() * advance + 4);
+    // A long title leaves space for the time.
+    let title: String = title.chars().take(begin.saturating_sub(12) / advance).collect();
+    let top = y + (TITLE_HEIGHT - advance) / 2;
+    write(canvas, &title, [x + 4, top], scale);
+    write(canvas, &time, [x + begin, top], scale);
 }
 
-/// Draws a thin line around a panel.
-fn frame(picture: &mut Picture, [x, y]: [usize; 2], size: usize) {
-    let line = rgb(palette::FRAME);
-    picture.fill(x, y, size, 1, line);
-    picture.fill(x, y + size - 1, size, 1, line);
-    picture.fill(x, y, 1, size, line);
-    picture.fill(x + size - 1, y, 1, size, line);
+/// Writes a text with `scale` pixels per dot. Text of the renderer would need its font stack and a font in
+/// the program, or fonts of the machine, with which animations would differ from machine to machine.
+fn write(canvas: &mut Canvas, text: &str, [x, y]: [usize; 2], scale: usize) {
+    let mut dots = String::new();
+    for (i, letter) in text.chars().enumerate() {
+        let rows = BASIC_FONTS.get(letter).or_else(|| LATIN_FONTS.get(letter)).or(BASIC_FONTS.get('?'));
+        for (row, bits) in rows.unwrap_or_default().iter().enumerate() {
+            for column in (0..LETTER_SIZE).filter(|column| bits >> column & 1 == 1) {
+                let (left, top) = (x + (i * LETTER_SIZE + column) * scale, y + row * scale);
+                let _ = write!(dots, "M{left} {top}h{scale}v{scale}h-{scale}z");
+            }
+        }
+    }
+    canvas.raw(&format!("<path d=\"{dots}\" fill=\"{}\"/>", palette::STOP));
 }
 
 /// Draws the time bar, with gaps at full seconds and a tick for every event.
-fn time_bar(picture: &mut Picture, marks: &[Mark], step: usize, [x, y]: [usize; 2], size: usize) {
+fn time_bar(canvas: &mut Canvas, marks: &[Mark], step: usize, [x, y]: [usize; 2], size: usize) {
     let at = |step: usize| step.min(FUTURE) * (size - 2) / FUTURE;
-    let top = y + (TIME_HEIGHT - BAR_HEIGHT) / 2;
-    picture.fill(x, top, size, BAR_HEIGHT, rgb(palette::ROAD));
-    picture.fill(x, top, at(step) + 2, BAR_HEIGHT, rgb(palette::EDGE));
-    for second in (10..FUTURE).step_by(10) {
-        picture.fill(x + at(second), top, 1, BAR_HEIGHT, PAPER);
-    }
+    let mut bar = |from: usize, width: usize, height: usize, colour: &str| {
+        let (left, top) = (x + from, y + (TIME_HEIGHT - height) / 2);
+        canvas.raw(&format!("<path d=\"M{left} {top}h{width}v{height}h-{width}z\" fill=\"{colour}\"/>"));
+    };
+    bar(0, size, BAR_HEIGHT, palette::ROAD);
+    bar(0, at(step) + 2, BAR_HEIGHT, palette::EDGE);
+    (10..FUTURE).step_by(10).for_each(|second| bar(at(second), 1, BAR_HEIGHT, palette::WHITE));
     let mut marks: Vec<&Mark> = marks.iter().collect();
     // The most severe events are drawn last, on top.
     marks.sort_by_key(|m| (std::cmp::Reverse(m.kind), m.step));
     for mark in marks {
-        let colour = match mark.kind {
-            MarkKind::Risky => palette::YELLOW,
-            _ => palette::EVENT,
-        };
-        let wide = if mark.kind == MarkKind::AtFault { 4 } else { 2 };
-        picture.fill(x + at(mark.step), y + (TIME_HEIGHT - TICK_HEIGHT) / 2, wide, TICK_HEIGHT, rgb(colour));
+        let colour = if mark.kind == MarkKind::Risky { palette::YELLOW } else { palette::EVENT };
+        bar(at(mark.step), if mark.kind == MarkKind::AtFault { 4 } else { 2 }, TICK_HEIGHT, colour);
     }
 }

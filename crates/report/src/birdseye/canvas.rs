@@ -8,15 +8,15 @@ use super::clip;
 
 /// A square of the scene and the square of the picture that shows it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Window {
+pub(crate) struct Window {
     /// Centre, metres.
-    pub(super) middle: Vec2,
+    pub(crate) middle: Vec2,
     /// Half of the side, metres.
-    pub(super) radius: f64,
+    pub(crate) radius: f64,
     /// Upper left corner, pixels.
-    pub(super) corner: Vec2,
+    pub(crate) corner: Vec2,
     /// Side, pixels.
-    pub(super) size: f64,
+    pub(crate) size: f64,
 }
 
 impl Window {
@@ -38,14 +38,14 @@ impl Window {
 }
 
 /// Builder of an SVG document.
-pub(super) struct Canvas {
+pub(crate) struct Canvas {
     out: String,
     window: Option<Window>,
 }
 
 impl Canvas {
     /// Creates an empty document of this size in pixels.
-    pub(super) fn new(width: f64, height: f64) -> Self {
+    pub(crate) fn new(width: f64, height: f64) -> Self {
         let mut out = String::with_capacity(1 << 16);
         let _ = write!(
             out,
@@ -57,23 +57,8 @@ impl Canvas {
         Self { out, window: None }
     }
 
-    /// Creates a document that consists of a single window without background.
-    pub(super) fn bare(window: Window) -> Self {
-        let size = window.size;
-        let out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{size:.0}\" height=\"{size:.0}\" \
-             viewBox=\"0 0 {size:.0} {size:.0}\">\n"
-        );
-        Self { out, window: Some(window) }
-    }
-
-    /// Fills a bare document with the ground colour.
-    pub(super) fn background(&mut self) {
-        self.raw(&format!("<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>", super::palette::GROUND));
-    }
-
     /// Returns the document.
-    pub(super) fn finish(mut self) -> String {
+    pub(crate) fn finish(mut self) -> String {
         self.out.push_str("</svg>\n");
         self.out
     }
@@ -112,7 +97,7 @@ impl Canvas {
     }
 
     /// Adds markup unchanged.
-    pub(super) fn raw(&mut self, markup: &str) {
+    pub(crate) fn raw(&mut self, markup: &str) {
         self.out.push_str(markup);
         self.out.push('\n');
     }

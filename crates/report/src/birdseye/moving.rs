@@ -22,7 +22,7 @@ pub(crate) struct StepRenderer<'a> {
 }
 
 impl<'a> StepRenderer<'a> {
-    /// Creates a renderer; it uses the rollout, marks, radius (metres) and size (pixels) of the view.
+    /// Creates a renderer; it uses the rollout and the marks of the view.
     pub(crate) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
         Self { scene: Scene::new(scenario, view) }
     }
@@ -37,26 +37,14 @@ impl<'a> StepRenderer<'a> {
         self.scene.view.marks.iter().filter_map(|mark| agents::place(&self.scene, mark))
     }
 
-    /// Draws the background as an SVG document: the map with the lights of this step, and the paths of
-    /// the AV. `middle`: centre, metres.
-    pub(crate) fn background(&self, step: usize, middle: Vec2) -> String {
-        let mut canvas = self.canvas(middle);
-        canvas.background();
-        ground::draw(&mut canvas, self.scene.scenario, CURRENT + step.min(FUTURE));
-        av_paths(&mut canvas, &self.scene);
-        canvas.finish()
-    }
-
-    /// Draws the agents and the events so far as a transparent SVG document of the same size.
-    pub(crate) fn foreground(&self, step: usize, middle: Vec2) -> String {
-        let mut canvas = self.canvas(middle);
-        draw_agents(&mut canvas, &self.scene, step.min(FUTURE));
-        canvas.finish()
-    }
-
-    fn canvas(&self, middle: Vec2) -> Canvas {
-        let View { radius, size, .. } = *self.scene.view;
-        Canvas::bare(Window { middle, radius, corner: Vec2::zeros(), size })
+    /// Draws a step, 0 to 80, in a window of a picture: the map with its lights, the paths of the AV, the
+    /// agents, and the events so far.
+    pub(crate) fn draw(&self, canvas: &mut Canvas, step: usize, window: Window) {
+        canvas.open_window(window, 0);
+        ground::draw(canvas, self.scene.scenario, CURRENT + step.min(FUTURE));
+        av_paths(canvas, &self.scene);
+        draw_agents(canvas, &self.scene, step.min(FUTURE));
+        canvas.close_window();
     }
 }
 

@@ -28,7 +28,7 @@ pub(crate) const ROAD: &str = "#d9dbe0";
 /// Bicycle lanes.
 pub(super) const BIKE_LANE: &str = "#cfe0d6";
 /// White road paint and zebra stripes.
-pub(super) const WHITE: &str = "#ffffff";
+pub(crate) const WHITE: &str = "#ffffff";
 /// Yellow road paint.
 pub(crate) const YELLOW: &str = "#e2a800";
 /// Road edges.
@@ -40,7 +40,7 @@ pub(crate) const STOP: &str = "#22252b";
 /// Logged tracks next to a rollout.
 pub(crate) const GHOST: &str = "#5c6068";
 /// Frame of a panel.
-pub(crate) const FRAME: &str = "#b9bcc4";
+pub(super) const FRAME: &str = "#b9bcc4";
 /// Events.
 pub(crate) const EVENT: &str = "#b00020";
 
