@@ -87,34 +87,6 @@ fn a_planner_is_judged_next_to_the_agents() {
 }
 
 #[test]
-fn navsim_judges_the_av_on_request() {
-    let home = tempfile::tempdir().unwrap();
-    let (with, without) = (home.path().join("with"), home.path().join("without"));
-    run("planner:pdm-closed", &with, &["--metric-option", "av_navsim=true"]);
-    run("planner:pdm-closed", &without, &[]);
-    let (rows, plain) = (read_rows(&with).unwrap(), read_rows(&without).unwrap());
-    for (row, plain) in rows.iter().zip(&plain).filter(|(row, _)| row.rollout.is_some()) {
-        for id in ["av-pdms", "av-epdms"] {
-            let reason = format!("{id} undefined: ");
-            let is_undefined = row.outcomes.keys().any(|outcome| outcome.starts_with(&reason));
-            assert_eq!(value(row, id).is_none(), is_undefined, "{row:?}");
-            assert_eq!(value(plain, id), None);
-        }
-        let (pdms, collisions) = (value(row, "av-pdms").unwrap(), value(row, "av-at-fault-collisions"));
-        assert!((0.0..=1.0).contains(&pdms));
-        // Among logged traffic the drive is its own reference: progress counts as 1 with weight 5, and time
-        // to collision (5) and comfort (2) as 0 or 1.
-        if row.simulator == "log-replay"
-            && collisions == Some(1.0)
-            && value(row, "av-drivable-area") == Some(1.0)
-        {
-            assert!([5.0, 7.0, 10.0, 12.0].iter().any(|sum| (pdms - sum / 12.0).abs() < 1e-12), "{pdms}");
-        }
-    }
-    assert_eq!(rows.len(), plain.len());
-}
-
-#[test]
 fn the_logged_av_is_judged_without_a_change_for_the_agents() {
     let home = tempfile::tempdir().unwrap();
     let (judged, plain) = (home.path().join("judged"), home.path().join("plain"));

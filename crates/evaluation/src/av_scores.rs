@@ -1,9 +1,8 @@
 //! The metrics of the AV in one rollout.
 
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
 
-use reactsim_metrics::{AvScores, Event, Options};
+use reactsim_metrics::{AvScores, Event};
 use reactsim_planning::from_scene::{RouteEnd, SceneHistory, SceneHistoryError};
 use reactsim_planning::metrics::{
     ClosedLoopScore, FirstContact, HistoryError, Label, MetricValue, PlannerMetric, PlannerScores,
@@ -11,8 +10,6 @@ use reactsim_planning::metrics::{
 };
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
-
-use super::navsim::ReferenceDrives;
 
 /// Outcome of a rollout at whose end the AV brakes or stands because its route ends; the place follows.
 pub const ROUTE_ENDS: &str = "route-ends";
@@ -33,61 +30,41 @@ pub(super) enum AvScoresError {
     History(#[from] HistoryError),
 }
 
-/// Judges the AV in the rollouts of one scenario, by nuPlan's closed-loop metrics and on request by NAVSIM's.
-/// The motion of the AV is its track, so that all AVs are judged alike, and rollouts that are kept can be
-/// judged again.
-pub(super) struct AvJudge {
-    /// What NAVSIM compares the AV to, computed for the first rollout; `None` if its scores are not
-    /// requested.
-    navsim: Option<OnceCell<ReferenceDrives>>,
-}
-
-impl AvJudge {
-    pub(super) fn new(options: &Options) -> Self {
-        Self { navsim: options.av_navsim.then(OnceCell::new) }
+/// Judges the AV in a rollout of a scenario by nuPlan's closed-loop metrics. The motion of the AV is its
+/// track, so that all AVs are judged alike, and rollouts that are kept can be judged again.
+///
+/// # Errors
+/// [`AvScoresError`] if the map cannot be used or the AV is absent at a step.
+pub(super) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedAv, AvScoresError> {
+    let history = SceneHistory::of_rollout(scenario, &rollout.tracks)?;
+    let judged = history.judge()?;
+    let mut values: Vec<(&'static str, f64)> = Vec::new();
+    let mut outcomes: BTreeMap<String, u64> =
+        judged.labels.iter().map(|label| (format!("av {}", Label::name(*label)), 1)).collect();
+    let mut add = |id: &'static str, value: Result<f64, UndefinedReason>| match value {
+        Ok(value) => values.push((id, value)),
+        Err(reason) => _ = outcomes.insert(format!("{id} undefined: {}", reason.id()), 1),
+    };
+    for (metric, value) in judged.values() {
+        add(
+            metric.id(),
+            match value {
+                MetricValue::Defined(value) => Ok(value),
+                MetricValue::Undefined(reason) => Err(reason),
+            },
+        );
     }
-
-    /// Judges the AV of a rollout of the scenario.
-    ///
-    /// # Errors
-    /// [`AvScoresError`] if the map cannot be used or the AV is absent at a step.
-    pub(super) fn judge(&self, scenario: &Scenario, rollout: &Rollout) -> Result<JudgedAv, AvScoresError> {
-        let history = SceneHistory::of_rollout(scenario, &rollout.tracks)?;
-        let judged = history.judge()?;
-        let mut values: Vec<(&'static str, f64)> = Vec::new();
-        let mut outcomes: BTreeMap<String, u64> =
-            judged.labels.iter().map(|label| (format!("av {}", Label::name(*label)), 1)).collect();
-        let mut add = |id: &'static str, value: Result<f64, UndefinedReason>| match value {
-            Ok(value) => values.push((id, value)),
-            Err(reason) => _ = outcomes.insert(format!("{id} undefined: {}", reason.id()), 1),
-        };
-        for (metric, value) in judged.values() {
-            add(
-                metric.id(),
-                match value {
-                    MetricValue::Defined(value) => Ok(value),
-                    MetricValue::Undefined(reason) => Err(reason),
-                },
-            );
-        }
-        match &judged.score {
-            ClosedLoopScore::Complete(score) => add("av-score", Ok(*score)),
-            ClosedLoopScore::Partial { score, .. } => add("av-score-partial", Ok(*score)),
-        }
-        if let Some(drives) = &self.navsim {
-            let drives = drives.get_or_init(|| ReferenceDrives::of(scenario));
-            for (id, value) in drives.judge(scenario, &history, &judged)? {
-                add(id, value);
-            }
-        }
-        let events = events(scenario, &judged);
-        if let Some(end) = history.route_end(scenario) {
-            let RouteEnd { lane, position, .. } = end;
-            let place = format!("{ROUTE_ENDS}: lane `{lane}` at ({:.1}, {:.1})", position.x, position.y);
-            outcomes.insert(place, 1);
-        }
-        Ok(JudgedAv { scores: AvScores { values, events }, outcomes })
+    match &judged.score {
+        ClosedLoopScore::Complete(score) => add("av-score", Ok(*score)),
+        ClosedLoopScore::Partial { score, .. } => add("av-score-partial", Ok(*score)),
     }
+    let events = events(scenario, &judged);
+    if let Some(end) = history.route_end(scenario) {
+        let RouteEnd { lane, position, .. } = end;
+        let place = format!("{ROUTE_ENDS}: lane `{lane}` at ({:.1}, {:.1})", position.x, position.y);
+        outcomes.insert(place, 1);
+    }
+    Ok(JudgedAv { scores: AvScores { values, events }, outcomes })
 }
 
 /// Returns the occurrences behind the metrics, each with its steps: the first contact with each object, and

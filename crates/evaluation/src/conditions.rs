@@ -97,11 +97,15 @@ impl Condition {
     }
 }
 
-/// Returns the metric options of a run that are not the default, as `name=value`.
+/// Returns the metric options of a run that are not the default, as `name=value`; last the options that only
+/// other versions of the program have.
 pub fn changed_options(run: &Provenance) -> Vec<String> {
-    let changed = |(name, default): (&str, String)| {
+    let text = |(name, value): (&str, &String)| format!("{name}={value}");
+    let changed = |(name, default): (&'static str, String)| {
         let value = run.metric_options.get(name)?;
-        (*value != default).then(|| format!("{name}={value}"))
+        (*value != default).then(|| text((name, value)))
     };
-    Options::default().named().into_iter().filter_map(changed).collect()
+    let known = Options::default().named().into_iter().filter_map(changed);
+    let others = run.metric_options.iter().map(|(name, value)| (name.as_str(), value));
+    known.chain(others.filter(|(name, _)| !Options::NAMES.contains(name)).map(text)).collect()
 }

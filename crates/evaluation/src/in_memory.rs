@@ -5,7 +5,6 @@ use reactsim_metrics::{Event, Options};
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
-use super::av_scores::AvJudge;
 use super::judge::judge;
 use super::recorded::{Recorded, ScoredPair};
 use super::{EvaluationError, KnownDeviation, Pose, RecordPosition, RolloutCheck, Row};
@@ -51,7 +50,6 @@ pub fn judge_in_memory(
 ) -> (Vec<Row>, Vec<Vec<Event>>) {
     let place = RecordPosition { input: 0, record: 0 };
     let template = Row::about(place, scenario, String::new(), simulator).with_deviation(deviation);
-    let (rollouts, av) = ([rollout], judges_av.then(|| AvJudge::new(&options)));
-    let certificate = deviation.certificate.as_ref();
-    judge(scenario, certificate, &rollouts, options, av.as_ref()).rows(template, &rollouts)
+    let (rollouts, certificate) = ([rollout], deviation.certificate.as_ref());
+    judge(scenario, certificate, &rollouts, options, judges_av).rows(template, &rollouts)
 }

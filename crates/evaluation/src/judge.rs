@@ -7,7 +7,7 @@ use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{Certificate, Scenario};
 
-use super::av_scores::{AvJudge, JudgedAv};
+use super::av_scores::{JudgedAv, judge_av};
 use super::row::{Row, Value};
 
 /// The scores of the rollouts of one scenario and one simulator.
@@ -55,17 +55,17 @@ impl PairScores {
 }
 
 /// Scores the rollouts of one scenario and one simulator. `certificate`: responses that avoid the AV of the
-/// rollouts, if known. `av`: judge of the AV, if it is judged, too.
+/// rollouts, if known. `judges_av`: whether the AV is judged, too.
 pub(super) fn judge(
     scenario: &Scenario,
     certificate: Option<&Certificate>,
     rollouts: &[Rollout],
     options: Options,
-    av: Option<&AvJudge>,
+    judges_av: bool,
 ) -> PairScores {
     let judged: Vec<_> =
-        rollouts.iter().map(|rollout| av.map(|judge| judge.judge(scenario, rollout))).collect();
-    let is_own = |scope| scope == Scope::Rollout || av.is_some() && scope == Scope::Av;
+        rollouts.iter().map(|rollout| judges_av.then(|| judge_av(scenario, rollout))).collect();
+    let is_own = |scope| scope == Scope::Rollout || judges_av && scope == Scope::Av;
     let mut last_case = None;
     let results = rollouts.iter().zip(&judged).map(|(rollout, judged)| {
         let (av_scores, said) = match judged {

@@ -42,7 +42,6 @@ mod left_out;
 mod long_tables;
 mod merge;
 mod motion;
-mod navsim;
 pub mod paper;
 mod plan;
 mod pose;

@@ -34,8 +34,9 @@ pub struct Provenance {
     /// Settings of the run.
     pub settings: SettingsRecord,
     /// Variants of the metrics. Options that a file lacks are newer than the file; their defaults are the
-    /// metrics before them.
-    #[serde(deserialize_with = "with_newer_options")]
+    /// metrics before them. Options that only earlier versions have are left out at the value that the
+    /// metrics now have.
+    #[serde(deserialize_with = "present_options")]
     pub metric_options: BTreeMap<String, String>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<SimulatorRecord>,
@@ -287,10 +288,12 @@ pub(super) fn named_options(options: &Options) -> BTreeMap<String, String> {
     options.named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// Reads variants of the metrics, with the defaults of those that the file lacks.
-fn with_newer_options<'de, D: Deserializer<'de>>(file: D) -> Result<BTreeMap<String, String>, D::Error> {
+/// Reads variants of the metrics, with the defaults of those that the file lacks, and without those of earlier
+/// versions that change nothing.
+fn present_options<'de, D: Deserializer<'de>>(file: D) -> Result<BTreeMap<String, String>, D::Error> {
     let mut options = named_options(&Options::default());
     options.extend(BTreeMap::<String, String>::deserialize(file)?);
+    options.retain(|name, value| !Options::is_obsolete(name, value));
     Ok(options)
 }
 
@@ -300,9 +303,12 @@ mod tests {
 
     #[test]
     fn options_that_are_newer_than_a_file_have_their_defaults() {
-        let file = serde_json::json!({ "fault_order": "nuplan", "gone": "1" });
-        let read = with_newer_options(file).unwrap();
+        let file = serde_json::json!({ "fault_order": "nuplan", "gone": "1", "av_navsim": "false" });
+        let read = present_options(file).unwrap();
         assert_eq!((read["fault_order"].as_str(), read["gone"].as_str()), ("nuplan", "1"));
+        assert!(!read.contains_key("av_navsim"));
+        let changed = present_options(serde_json::json!({ "av_navsim": "true" })).unwrap();
+        assert_eq!(changed["av_navsim"], "true");
         for (name, value) in Options::default().named().into_iter().filter(|(name, _)| *name != "fault_order")
         {
             assert_eq!(read[name], value, "{name}");

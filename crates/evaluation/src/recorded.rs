@@ -7,7 +7,6 @@ use reactsim_metrics::{Event, Options};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{HISTORY, Scenario};
 
-use super::av_scores::AvJudge;
 use super::judge::judge;
 use super::known_deviation::KnownDeviation;
 use super::pose::Pose;
@@ -163,6 +162,5 @@ pub(super) fn score_rollouts(
     let deviation = scenario.deviation.as_ref().filter(|_| rollouts.iter().all(is_deviated));
     let deviation = deviation.map(KnownDeviation::of).unwrap_or_default();
     let template = Row::about(place, scenario, digest, simulator).with_deviation(&deviation);
-    let av = judges_av.then(|| AvJudge::new(&options));
-    judge(scenario, deviation.certificate.as_ref(), rollouts, options, av.as_ref()).rows(template, rollouts)
+    judge(scenario, deviation.certificate.as_ref(), rollouts, options, judges_av).rows(template, rollouts)
 }

@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_metrics::{Event, Score};
+use reactsim_metrics::{Event, REMOVED_METRICS, Score};
 use reactsim_scene::{Note, Scenario};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::known_deviation::KnownDeviation;
 
@@ -43,6 +43,7 @@ pub struct Row {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction_tracking: Option<String>,
     /// Value per metric; `None` if nothing could be evaluated.
+    #[serde(deserialize_with = "by_metric")]
     pub metrics: BTreeMap<String, Option<Value>>,
     /// Statistics of the deviated AV against the logged AV, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -65,6 +66,17 @@ pub struct RowNote {
     /// The first occurrence, if it has a place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<String>,
+}
+
+/// Reads values by metric. Those of metrics that only earlier versions have are left out.
+pub(super) fn by_metric<'de, D, V>(file: D) -> Result<BTreeMap<String, V>, D::Error>
+where
+    D: Deserializer<'de>,
+    V: Deserialize<'de>,
+{
+    let mut values = BTreeMap::<String, V>::deserialize(file)?;
+    values.retain(|id, _| !REMOVED_METRICS.contains(&id.as_str()));
+    Ok(values)
 }
 
 impl Row {

@@ -12,7 +12,6 @@ use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
 use reactsim_scene::{HISTORY, Scenario};
 use reactsim_work::{MAX_THREADS, Pool};
 
-use super::av_scores::AvJudge;
 use super::driver::{Driver, GivenPlans};
 use super::finish::finish;
 use super::folder::{LEFT_OUT, RunFolder, line};
@@ -232,8 +231,8 @@ struct PreparedScenario {
     allowed: Vec<RolloutCheck>,
     /// Plans of the AV that have to be checked.
     given: Arc<GivenPlans>,
-    /// Judge of the AV; `None` if only agents are judged.
-    av_judge: Option<AvJudge>,
+    /// Whether the AV is judged, too.
+    judges_av: bool,
 }
 
 /// Reason why a record is not run.
@@ -340,7 +339,6 @@ impl Runner<'_> {
             Ok((av, deviation)) => {
                 let settings = &self.plan.settings;
                 let judges_av = settings.rollout.protocol == Protocol::Reactive && settings.av.is_judged();
-                let av_judge = judges_av.then(|| AvJudge::new(&settings.options));
                 let (place, digest) = (item.place, scenario.digest());
                 Ok(Some(PreparedScenario {
                     place,
@@ -349,7 +347,7 @@ impl Runner<'_> {
                     deviation,
                     allowed,
                     given,
-                    av_judge,
+                    judges_av,
                     scenario,
                 }))
             }
@@ -538,7 +536,7 @@ impl Runner<'_> {
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
         let settings = &self.plan.settings;
-        let scores = judge(&ready.scenario, certificate, rollouts, settings.options, ready.av_judge.as_ref());
+        let scores = judge(&ready.scenario, certificate, rollouts, settings.options, ready.judges_av);
         scores.rows(template, rollouts)
     }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::access::{Access, Standing};
 use super::provenance::Provenance;
 use super::rollout_checks::RolloutCheck;
-use super::row::Failure;
+use super::row::{Failure, by_metric};
 use super::statistics::Estimate;
 use super::tally::Tally;
 
@@ -43,6 +43,7 @@ pub struct SimulatorSummary {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub external: Option<Access>,
     /// Estimate per metric, by id.
+    #[serde(deserialize_with = "by_metric")]
     pub metrics: BTreeMap<String, Estimate>,
     /// Results per category of deviation.
     pub by_category: BTreeMap<String, CategorySummary>,
@@ -51,6 +52,7 @@ pub struct SimulatorSummary {
     pub by_difficulty: BTreeMap<String, CategorySummary>,
     /// Difference to log replay over the scenarios in which both have a value; empty if log replay did not
     /// run.
+    #[serde(deserialize_with = "by_metric")]
     pub paired_to_log_replay: BTreeMap<String, Estimate>,
     /// Reactive pressure: shares of the scenarios.
     pub pressure: Pressure,
@@ -65,6 +67,7 @@ pub struct CategorySummary {
     /// Number of scenarios with a result.
     pub scenarios: usize,
     /// Estimate per metric, by id.
+    #[serde(deserialize_with = "by_metric")]
     pub metrics: BTreeMap<String, Estimate>,
 }
 

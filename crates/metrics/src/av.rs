@@ -1,5 +1,5 @@
-//! Closed-loop metrics of the AV, as nuPlan and NAVSIM define them. `reactsim_planning` computes them; here
-//! they are metrics like all others, for rows, summaries and tables.
+//! Closed-loop metrics of the AV, as nuPlan defines them. `reactsim_planning` computes them; here they are
+//! metrics like all others, for rows, summaries and tables.
 
 use super::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
 
@@ -22,13 +22,9 @@ const fn spec(id: &'static str, title: &'static str, source: &'static str) -> Me
     MetricSpec { id, title, unit: Unit::Plain, scope: Scope::Av, lower_is_better: false, source }
 }
 
-/// Source of the scores of NAVSIM.
-const NAVSIM: &str =
-    "autonomousvision/navsim 0811876 (v1.1) and 0a380a9 (v2), on the driven history; docs/metrics.md";
-
-/// The metrics: the score, the score without undefined metrics, the four multipliers, the four weighted ones,
-/// and the scores of NAVSIM.
-static SPECS: [MetricSpec; 12] = [
+/// The metrics: the score, the score without undefined metrics, the four multipliers and the four weighted
+/// ones.
+static SPECS: [MetricSpec; 10] = [
     spec("av-score", "AV score", SOURCE),
     spec(
         "av-score-partial",
@@ -43,8 +39,6 @@ static SPECS: [MetricSpec; 12] = [
     spec("av-time-to-collision", "AV TTC", SOURCE),
     spec("av-speed-limit", "AV speed limit", SOURCE),
     spec("av-comfort", "AV comfort", SOURCE),
-    spec("av-pdms", "AV PDMS", NAVSIM),
-    spec("av-epdms", "AV EPDMS", NAVSIM),
 ];
 
 impl Metric for OfAv {

@@ -53,6 +53,8 @@ pub use options::{
     Options, TtcSpeed, VelocitySource,
 };
 pub use score::Score;
-pub use scores::{AgentScores, METRICS, RolloutScores, Scores, metric, score_case, score_rollouts};
+pub use scores::{
+    AgentScores, METRICS, REMOVED_METRICS, RolloutScores, Scores, metric, score_case, score_rollouts,
+};
 pub use spec::{Metric, MetricSpec, Scope, Unit};
 pub use ttc::{Approach, is_front, placement};

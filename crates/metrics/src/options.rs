@@ -28,11 +28,16 @@ macro_rules! options {
                 }),+]
             }
 
-            /// Sets an option by name from the text of its value, such as `fault_order` and `nuplan`.
+            /// Sets an option by name from the text of its value, such as `fault_order` and `nuplan`. An
+            /// option of an earlier version can only have the value that the present definitions have.
             ///
             /// # Errors
             /// [`OptionError`] names the option and its permitted values.
             pub fn set(&mut self, name: &str, value: &str) -> Result<(), OptionError> {
+                if let Some((name, only)) = REMOVED.into_iter().find(|(removed, _)| *removed == name) {
+                    let refused = || OptionError::Removed { name, value: value.to_owned(), only };
+                    return if value == only { Ok(()) } else { Err(refused()) };
+                }
                 let result = match name {
                     $(stringify!($field) => $form::read(value).map(|v| self.$field = v),)+
                     _ => {
@@ -45,6 +50,12 @@ macro_rules! options {
                     value: value.to_owned(),
                     expected,
                 })
+            }
+
+            /// Returns whether only earlier versions have the option, and the value is the one that the
+            /// present definitions have.
+            pub fn is_obsolete(name: &str, value: &str) -> bool {
+                REMOVED.contains(&(name, value))
             }
 
             /// Returns every option with the text of its value, for result files.
@@ -104,10 +115,10 @@ options! {
     ade_include_av: bool = false, flag;
     /// Whether the kinematic likelihood includes the AV.
     lik_include_av: bool = true, flag;
-    /// Whether an AV that a planner drives is also judged by PDMS and EPDMS, for which PDM-Closed drives
-    /// every scenario once more.
-    av_navsim: bool = false, flag;
 }
+
+/// Options of earlier versions, with the value that the present definitions have. Files name them.
+const REMOVED: [(&str, &str); 1] = [("av_navsim", "false")];
 
 /// Text form of the corner rounding.
 mod rounding {
@@ -291,6 +302,16 @@ pub enum OptionError {
         /// The permitted values.
         expected: String,
     },
+    /// Only an earlier version of the program has the option.
+    #[error("metric option `{name}` is `{value}`: this version has no such option, and computes `{only}`")]
+    Removed {
+        /// The name.
+        name: &'static str,
+        /// The value.
+        value: String,
+        /// The value that the present definitions have.
+        only: &'static str,
+    },
 }
 
 #[cfg(test)]
@@ -327,6 +348,9 @@ mod tests {
         assert!(unknown.contains("unknown metric option `corner`") && unknown.contains("corner_rounding"));
         let value = options.set("fault_order", "mine").unwrap_err().to_string();
         assert_eq!(value, "metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
+        let removed = options.set("av_navsim", "true").unwrap_err().to_string();
+        assert!(removed.starts_with("metric option `av_navsim` is `true`: this version has no"), "{removed}");
+        options.set("av_navsim", "false").unwrap();
         for (name, bad) in [("corner_rounding", "nan"), ("aa_include_av", "1"), ("dir_window_extra", "2")] {
             assert!(options.set(name, bad).is_err(), "{name} {bad}");
         }

@@ -49,9 +49,10 @@ pub const METRICS: &[&dyn Metric] = &[
     &OfAv(7),
     &OfAv(8),
     &OfAv(9),
-    &OfAv(10),
-    &OfAv(11),
 ];
+
+/// Ids of metrics of earlier versions. Files may have their values, which readers leave out.
+pub const REMOVED_METRICS: [&str; 2] = ["av-pdms", "av-epdms"];
 
 /// Returns the metric with this id.
 pub fn metric(id: &str) -> Option<&'static dyn Metric> {

@@ -118,11 +118,6 @@ impl Path {
         nearest.map_or(0.0, |nearest| nearest.s)
     }
 
-    /// Returns the distance from `p` to the path, metres.
-    pub fn distance(&self, p: Vec2) -> f64 {
-        self.line.project(p).distance
-    }
-
     /// Returns the pose at an arc length in metres, which is clamped to the path.
     pub fn at(&self, progress: f64) -> Pose {
         let progress = progress.clamp(FIRST_PROGRESS, self.length().max(FIRST_PROGRESS));

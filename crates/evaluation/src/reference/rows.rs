@@ -9,6 +9,7 @@ use reactsim_formats::{
     Cause, FormatError,
     table::{Column, Leaf, TableReader, TableWriter, Value as Cell, View},
 };
+use reactsim_metrics::REMOVED_METRICS;
 
 use crate::{Row, RowNote, Value};
 
@@ -223,6 +224,9 @@ impl Columns {
         for (name, [kind, numerator, denominator]) in
             self.named(row, &self.metric, [&self.kind, &self.numerator, &self.denominator])?
         {
+            if REMOVED_METRICS.contains(&name.as_str()) {
+                continue;
+            }
             let value = match self.kind.text(kind) {
                 None => None,
                 Some(kind) => Some(self.value(&name, kind, numerator, denominator)?),

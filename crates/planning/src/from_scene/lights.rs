@@ -4,7 +4,7 @@ use std::iter::repeat;
 use std::ops::Range;
 
 use reactsim_rollout::Observation;
-use reactsim_scene::{LightState as SceneLight, Scenario, Start};
+use reactsim_scene::{LightState as SceneLight, Start};
 
 use crate::planner::{Light, LightState};
 
@@ -26,17 +26,7 @@ impl LightLanes {
 
     /// Returns the present states, in the order of the scenario.
     pub(crate) fn now(&self, seen: &Observation<'_>) -> Vec<Light> {
-        self.lights(seen.lights_now())
-    }
-
-    /// Returns the recorded states at each of the successive `frames`, in the order of the scenario.
-    pub(super) fn recorded(&self, scenario: &Scenario, frames: Range<usize>) -> Vec<Vec<Light>> {
-        let states: Vec<_> = (0..self.0.len()).map(|light| scenario.light_states(light)).collect();
-        let at = |frame: usize| states.iter().map(move |states| states.get(frame).copied().flatten());
-        frames.map(|frame| self.lights(at(frame))).collect()
-    }
-
-    fn lights(&self, states: impl IntoIterator<Item = Option<SceneLight>>) -> Vec<Light> {
+        let states = seen.lights_now();
         let lanes = self.0.iter().zip(states).flat_map(|(lanes, state)| lanes.clone().zip(repeat(state)));
         lanes.map(|(lane, state)| Light { lane, state: planner_light(state) }).collect()
     }

@@ -6,7 +6,6 @@
 mod ego;
 mod lights;
 mod map;
-mod navsim;
 mod objects;
 mod pieces;
 mod roadblocks;

@@ -50,18 +50,10 @@ pub enum HistoryError {
         /// Samples of objects.
         objects: usize,
     },
-    /// Traffic lights are not given per sample.
-    #[error("the history has {ego} samples of ego, but {lights} of traffic lights; give one list per sample")]
-    Lights {
-        /// Samples of ego.
-        ego: usize,
-        /// Samples of traffic lights.
-        lights: usize,
-    },
     /// A number of ego or the expert is NaN or infinite.
     #[error("sample {sample}: the state of {who} is not finite")]
     NotFinite {
-        /// `ego`, `the expert` or `ego before the history`.
+        /// `ego` or `the expert`.
         who: &'static str,
         /// Index of the sample.
         sample: usize,

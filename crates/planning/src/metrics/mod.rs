@@ -1,8 +1,7 @@
-//! The closed-loop metrics of nuPlan (devkit 1.2.2), its score, and labels for replaced inputs; and the
-//! scores of NAVSIM.
+//! The closed-loop metrics of nuPlan (devkit 1.2.2), its score, and labels for replaced inputs.
 //!
-//! Start with [`History`] and [`judge`], for NAVSIM with [`judge_navsim`]. Each metric has a file; its result
-//! has the value and the events or series that explain it.
+//! Start with [`History`] and [`judge`]. Each metric has a file; its result has the value and the events or
+//! series that explain it.
 
 mod center_lanes;
 mod collisions;
@@ -15,7 +14,6 @@ mod driving_direction;
 mod history;
 mod matched_lanes;
 mod mean_speed;
-mod navsim;
 mod progress;
 mod sample;
 mod savitzky_golay;
@@ -33,7 +31,6 @@ pub use corner_lanes::{Corner, CornerLanes, corner_lanes, in_common_lane};
 pub use drivable_area::{DrivableAreaCompliance, OffRoadCorner};
 pub use driving_direction::DrivingDirection;
 pub use history::{History, HistoryError, MIN_SAMPLES, MissingInputs};
-pub use navsim::{NavsimInput, NavsimMetric, NavsimScore, NavsimScores, NavsimVersion, judge_navsim};
 pub use progress::ExpertProgress;
 pub(crate) use progress::passed_lanes;
 pub use sample::{SampleJudge, SampleScores};

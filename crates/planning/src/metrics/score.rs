@@ -79,7 +79,7 @@ impl ClosedLoopScore {
 
 /// Returns the product of the multipliers times the weighted mean of the defined values; 0 if none is
 /// defined.
-pub(super) fn combined(values: impl IntoIterator<Item = (MetricValue, MetricRole)>) -> f64 {
+fn combined(values: impl IntoIterator<Item = (MetricValue, MetricRole)>) -> f64 {
     let (mut product, mut sum, mut weights) = (None, 0.0, 0.0);
     for (value, role) in values {
         match (value, role) {

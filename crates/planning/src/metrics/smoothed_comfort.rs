@@ -1,5 +1,4 @@
-//! Comfort of PDM-Closed's proposals and of NAVSIM v1 (tuplan_garage b51d5d0 and navsim 0811876,
-//! `pdm_comfort_metrics`).
+//! Comfort of PDM-Closed's proposals (tuplan_garage b51d5d0, `pdm_comfort_metrics`).
 //!
 //! The bounds are those of nuPlan, but accelerations are smoothed by one quadratic over the whole drive, so
 //! that much more is comfortable.

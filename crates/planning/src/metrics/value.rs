@@ -102,22 +102,6 @@ pub enum UndefinedReason {
     IncompleteExpert,
     /// The expert drove in no lane.
     ExpertWithoutLanes,
-    /// The route of ego is unknown.
-    NoRoute,
-    /// The route has no centre line.
-    NoCenterline,
-    /// Traffic lights are not recorded.
-    NoTrafficLights,
-    /// The map does not record where intersections are.
-    UnknownIntersections,
-    /// The states of ego before the history are unknown.
-    NoPast,
-    /// The progress of PDM-Closed in the same scenario is unknown.
-    NoReferenceProgress,
-    /// A multiplier of the progress is undefined.
-    UndefinedMultiplier,
-    /// The metric compares successive plans, and a history has none.
-    SuccessivePlans,
 }
 
 impl UndefinedReason {
@@ -130,38 +114,6 @@ impl UndefinedReason {
             Self::LateralContactWithoutLanes => "lateral-contact-without-lanes",
             Self::IncompleteExpert => "incomplete-expert",
             Self::ExpertWithoutLanes => "expert-without-lanes",
-            Self::NoRoute => "no-route",
-            Self::NoCenterline => "no-centerline",
-            Self::NoTrafficLights => "no-traffic-lights",
-            Self::UnknownIntersections => "unknown-intersections",
-            Self::NoPast => "no-past",
-            Self::NoReferenceProgress => "no-reference-progress",
-            Self::UndefinedMultiplier => "undefined-multiplier",
-            Self::SuccessivePlans => "successive-plans",
-        }
-    }
-
-    /// Returns a description for readers of results.
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::NoLanes => "the map has no lanes",
-            Self::NoDrivableArea => "the map has neither drivable polygons nor road edges",
-            Self::UnknownSpeedLimits => "the speed limit of a lane that ego drove in is unknown",
-            Self::LateralContactWithoutLanes => {
-                "without lanes it cannot be decided whether a lateral contact is the fault of ego"
-            }
-            Self::IncompleteExpert => "the logged AV is absent at some frames",
-            Self::ExpertWithoutLanes => "the logged AV drove in no lane",
-            Self::NoRoute => "the route of ego is unknown",
-            Self::NoCenterline => "the route has no centre line",
-            Self::NoTrafficLights => "traffic lights are not recorded",
-            Self::UnknownIntersections => "the map does not record where intersections are",
-            Self::NoPast => "the states of ego before the first sample are unknown",
-            Self::NoReferenceProgress => "the progress of PDM-Closed in the same scenario is unknown",
-            Self::UndefinedMultiplier => "a metric that multiplies the progress is undefined",
-            Self::SuccessivePlans => {
-                "the metric compares successive plans, which a driven history does not contain"
-            }
         }
     }
 }

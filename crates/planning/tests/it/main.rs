@@ -8,7 +8,6 @@ mod golden_loop;
 mod golden_metrics;
 mod golden_pdm;
 mod golden_tracking;
-mod navsim;
 mod part;
 mod rules;
 mod scene_history;

@@ -3,14 +3,11 @@
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_planning::from_scene::{SAMPLES, SceneHistory, SceneHistoryError};
 use reactsim_planning::map::{DrivableArea, Intersections};
-use reactsim_planning::metrics::{
-    Label, MetricValue, NavsimMetric, NavsimVersion, PlannerMetric, UndefinedReason,
-};
+use reactsim_planning::metrics::{Label, MetricValue, PlannerMetric, UndefinedReason};
 use reactsim_planning::{EgoShape, ObjectKind};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, FRAMES, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts,
-    LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, Scenario,
-    ScenarioParts,
+    LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
 };
 
 use crate::drive::v;
@@ -177,35 +174,6 @@ fn maps_of_connectors_and_road_edges_are_labelled() {
     ] {
         assert!(scores.labels.contains(&label), "{}", label.name());
     }
-}
-
-#[test]
-fn rollouts_have_scores_of_navsim() {
-    let light = |state: LightState| LightParts {
-        lane: "ca".to_owned(),
-        states: (0..FRAMES).map(|frame| (frame >= 20).then_some(state)).collect(),
-        stop_point: v(40.0, 0.0),
-    };
-    let judged = |lights: Vec<LightParts>| {
-        let scenario = scenario(|parts| {
-            with_road(parts);
-            parts.lights = lights;
-        });
-        let history = history(&scenario);
-        history.judge_navsim(&scenario, &history.judge().unwrap()).unwrap()
-    };
-    let green = judged(vec![light(LightState::Go)]);
-    assert!((green.progress_distance.unwrap() - 80.0).abs() < 1e-9);
-    let score = green.epdms(green.masked_progress(NavsimVersion::V2), None);
-    assert_eq!(score.value, 1.0);
-    assert_eq!(
-        score.undefined().map(|(metric, _)| metric).collect::<Vec<_>>(),
-        [NavsimMetric::ExtendedComfort]
-    );
-    let red = judged(vec![light(LightState::Stop)]);
-    assert_eq!(red.value(NavsimMetric::TrafficLights), MetricValue::Defined(0.0));
-    let unknown = MetricValue::Undefined(UndefinedReason::NoTrafficLights);
-    assert_eq!(judged(Vec::new()).value(NavsimMetric::TrafficLights), unknown);
 }
 
 #[test]
