@@ -391,6 +391,33 @@ fn sets_of_recordings_have_aggregates_only() {
 }
 
 /// Makes a reference of a network on small scenarios, with rows.
+/// Files of curations contain the program that made them; another one may make the same deviated AVs.
+#[test]
+fn deviated_avs_are_recognised_by_their_trajectories() {
+    let home = tempfile::tempdir().unwrap();
+    let [logs, file, other, run] =
+        ["logs.parquet", "d.json", "other.json", "run"].map(|n| home.path().join(n));
+    small_scenarios::write(&logs, (0..3).map(small_scenarios::scenario));
+    let mut deviations = small_scenarios::deviations(&[0, 1, 2]);
+    fs::write(&file, deviations.to_string()).unwrap();
+    let inputs = [text(&logs), "--deviations", text(&file)];
+    said(&[&["run"], &inputs[..], &["--models", "stop", "--out", text(&run)]].concat(), 0);
+    as_if_committed(&run);
+    let reference = made(&run, &home.path().join("reference"), &[]);
+    let verify = |code| {
+        let arguments =
+            ["verify", text(&reference), "--scenarios", text(&logs), "--deviations", text(&other)];
+        said(&arguments, code)
+    };
+    fs::write(&other, serde_json::to_string_pretty(&deviations).unwrap()).unwrap();
+    assert!(verify(0).0.contains("agree"));
+    deviations["deviations"][1]["x"][40] =
+        (deviations["deviations"][1]["x"][40].as_f64().unwrap() + 1e-9).into();
+    fs::write(&other, deviations.to_string()).unwrap();
+    let (_, refusal) = verify(2);
+    assert!(refusal.contains("digest of d.json"), "{refusal}");
+}
+
 fn of_network(home: &Path) -> (Reference, PathBuf) {
     let (input, out) = (home.join("roads.parquet"), home.join("run"));
     small_scenarios::write(&input, (0..6).map(small_scenarios::scenario));

@@ -31,6 +31,9 @@ pub struct FileRecord {
     /// Whether all agents are simulated, of all kinds and any number.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub all_agents: bool,
+    /// Of a file of deviated AVs, the digest of the trajectories in it, without what made them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trajectories: Option<String>,
     /// Other files from which its scenarios are read, such as maps.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub companions: Vec<CompanionRecord>,
@@ -64,6 +67,7 @@ impl FileRecord {
             current_frame: None,
             window_step: None,
             all_agents: false,
+            trajectories: None,
             companions: Vec::new(),
         })
     }
@@ -78,6 +82,7 @@ impl FileRecord {
             current_frame: None,
             window_step: None,
             all_agents: false,
+            trajectories: None,
             companions: Vec::new(),
         }
     }
@@ -97,8 +102,16 @@ impl FileRecord {
             current_frame,
             window_step,
             all_agents: input.all_agents,
+            trajectories: None,
             companions: Vec::new(),
         }
+    }
+
+    /// Returns whether both give the same scenarios or the same deviated AVs. Names may differ, and so may the
+    /// program that made the deviated AVs.
+    pub fn is_same(&self, other: &Self) -> bool {
+        self.digest() == other.digest()
+            || self.trajectories.is_some() && self.trajectories == other.trajectories
     }
 
     /// Returns whether its scenarios are read as the format defines them.

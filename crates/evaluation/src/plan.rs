@@ -68,7 +68,9 @@ impl Deviations {
     /// [`EvaluationError`] if the file cannot be read or is invalid.
     pub fn read(path: &Path) -> Result<Self, EvaluationError> {
         let tracks = deviations::read(path)?;
-        Ok(Self { file: FileRecord::of(path, "deviations")?, tracks, pose: Pose::Centre })
+        let trajectories = Some(digest(&tracks));
+        let file = FileRecord { trajectories, ..FileRecord::of(path, "deviations")? };
+        Ok(Self { file, tracks, pose: Pose::Centre })
     }
 
     /// Returns the deviated trajectory of a scenario in its coordinate frame.
@@ -91,6 +93,20 @@ impl Deviations {
         let certificate = record.certificate_in(scenario.origin);
         Ok(DeviatedTrack { category: record.category, track, certificate })
     }
+}
+
+/// Returns the BLAKE3 digest of deviated AVs by scenario id.
+fn digest(records: &BTreeMap<String, DeviationRecord>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (id, record) in records {
+        let origin = record.origin.map(|origin| [origin.x.to_bits(), origin.y.to_bits()]);
+        let track = record.now.iter().chain(&record.track).copied().collect();
+        let deviated =
+            DeviatedTrack { category: record.category, track, certificate: record.certificate.clone() };
+        let line = format!("{id:?} {:?} {origin:?} {}\n", record.scenario_digest, deviated.digest());
+        hasher.update(line.as_bytes());
+    }
+    hasher.finalize().to_hex().to_string()
 }
 
 /// A run: sources × simulators × rollouts.

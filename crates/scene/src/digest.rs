@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{Polygon, Vec2};
 
-use super::{Certificate, Frame, LaneArea, Scenario};
+use super::{Certificate, DeviatedTrack, Frame, LaneArea, Scenario};
 
 impl Scenario {
     /// Returns the BLAKE3 digest of the whole content, as 64 hexadecimal digits. Equal scenarios have equal
@@ -36,13 +36,7 @@ impl Scenario {
         }
         sink.byte(u8::from(self.deviation.is_some()));
         if let Some(deviation) = &self.deviation {
-            sink.text(deviation.category.map_or("", |c| c.name()));
-            sink.list(&deviation.track, |s, state| s.frame(&Some(*state)));
-            // Nothing is written for a missing certificate, to keep the digests from before certificates
-            // existed.
-            if let Some(certificate) = &deviation.certificate {
-                sink.certificate(certificate);
-            }
+            sink.deviation(deviation);
         }
         sink.list(&self.repairs.iter().collect::<Vec<_>>(), |s, (what, n)| {
             s.text(what);
@@ -120,12 +114,31 @@ impl Scenario {
     }
 }
 
+impl DeviatedTrack {
+    /// Returns the BLAKE3 digest of the whole content, as 64 hexadecimal digits.
+    pub fn digest(&self) -> String {
+        let mut sink = Sink(Vec::new());
+        sink.deviation(self);
+        blake3::hash(&sink.0).to_hex().to_string()
+    }
+}
+
 /// Serialized bytes, with a length before every list, so that different contents never give the same bytes.
 struct Sink(Vec<u8>);
 
 impl Sink {
     fn byte(&mut self, v: u8) {
         self.0.push(v);
+    }
+
+    fn deviation(&mut self, deviation: &DeviatedTrack) {
+        self.text(deviation.category.map_or("", |c| c.name()));
+        self.list(&deviation.track, |s, state| s.frame(&Some(*state)));
+        // Nothing is written for a missing certificate, to keep the digests from before certificates
+        // existed.
+        if let Some(certificate) = &deviation.certificate {
+            self.certificate(certificate);
+        }
     }
 
     fn count(&mut self, v: usize) {

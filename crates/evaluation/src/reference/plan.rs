@@ -135,7 +135,7 @@ impl Reference {
         }
         let all = stated.inputs.iter().zip(own).chain(deviations.0.zip(deviations.1));
         for (stated, found) in all {
-            if stated.digest() != found.digest() {
+            if !stated.is_same(found) {
                 let field = format!("digest of {}", stated.name);
                 return Err(self.other(field, stated.digest(), found.digest(), GIVE_SCENARIOS));
             }
