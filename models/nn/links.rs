@@ -95,15 +95,9 @@ impl LinkTensors {
         Relations::new(embedded.reshape([n, k, width]))
     }
 
-    /// Applies an attention layer to nodes, `[n, width]`; without `sources`, nodes attend to one another.
-    pub fn attend(
-        &self,
-        layer: &RelationalAttention,
-        nodes: Tensor<2>,
-        sources: Option<Tensor<2>>,
-        relation: &Relations,
-    ) -> Tensor<2> {
-        let sources = layer.sources(sources.unwrap_or_else(|| nodes.clone()));
+    /// Applies an attention layer to nodes, `[n, width]`, which attend to one another.
+    pub fn attend(&self, layer: &RelationalAttention, nodes: Tensor<2>, relation: &Relations) -> Tensor<2> {
+        let sources = layer.sources(nodes.clone());
         self.attend_to(layer, nodes, sources, relation)
     }
 

@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use reactsim_perception::{KnownMotion, SceneView};
 use reactsim_rollout::Observation;
 use reactsim_scene::{CURRENT, Start};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::inputs::{MapFeatures, SceneContext, Surroundings, Survey};
-use super::network::{Batch, Config, Encoding, Group, LineBatch, Network};
+use super::network::{Batch, Config, Network};
 use super::predict::{Prediction, prediction};
 
 /// Kind of this network in the configuration of the file.
@@ -21,11 +22,7 @@ const COUNTER: &str = ".num_batches_tracked";
 
 /// Map features of an episode, the same for all its predictions.
 #[derive(Clone, Debug)]
-pub struct Ground {
-    features: MapFeatures,
-    /// Encoded lines, `[lines, width]`, if they are encoded once.
-    encoded: Option<Tensor<2>>,
-}
+pub struct Ground(MapFeatures);
 
 /// A network ready to predict.
 #[derive(Clone, Debug)]
@@ -41,23 +38,37 @@ pub struct Policy {
 /// Configuration in a file's metadata.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct StoredConfig {
+struct StoredConfig<N> {
     kind: String,
-    network: Sizes,
+    network: N,
 }
 
-/// Sizes of the network, by name or one by one.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(untagged)]
-enum Sizes {
-    Preset(Preset),
-    Explicit(Config),
-}
+/// Fields of files of earlier versions, with the value that stands for the present network; `None`: the field
+/// had an effect only with another value of these.
+const REMOVED_FIELDS: [(&str, Option<&str>); 5] = [
+    ("encoding", Some("agent-centric")),
+    ("output_units", Some("fixed")),
+    ("line_neighbours", None),
+    ("map_layers", None),
+    ("relation_width", None),
+];
 
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Preset {
-    Mtr,
+/// Reads the sizes of a network, by the name of a preset or one by one.
+fn sizes(stored: Value) -> Result<Config, WeightsError> {
+    let Value::Object(mut fields) = stored else {
+        let unknown = || WeightsError::Config(format!("`network` is {stored}, expected sizes or \"mtr\""));
+        return if stored == "mtr" { Ok(Config::mtr()) } else { Err(unknown()) };
+    };
+    for (field, only) in REMOVED_FIELDS {
+        let value = fields.remove(field);
+        if let (Some(value), Some(only)) = (value, only)
+            && value != only
+        {
+            let reason = format!("`network.{field}` is {value}, but this version has only `{only}`");
+            return Err(WeightsError::Config(reason));
+        }
+    }
+    serde_json::from_value(Value::Object(fields)).map_err(|e| WeightsError::Config(e.to_string()))
 }
 
 /// Error of a file that holds no valid policy.
@@ -82,11 +93,8 @@ impl Policy {
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
         let tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
-        let stored: StoredConfig = tensors.config()?;
-        let config = match stored.network {
-            Sizes::Preset(Preset::Mtr) => Config::mtr(),
-            Sizes::Explicit(config) => config,
-        };
+        let stored: StoredConfig<Value> = tensors.config()?;
+        let config = sizes(stored.network)?;
         config.check()?;
         let mut tensors = tensors.without(|name| name.ends_with(COUNTER));
         let intentions = Intentions::from_tables(&tensors.split_off(INTENTIONS_PREFIX))?;
@@ -101,7 +109,7 @@ impl Policy {
     /// [`PolicyError`] if the provenance or the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
         let (tables, entry) = self.intentions.tables()?;
-        let stored = StoredConfig { kind: KIND.to_owned(), network: Sizes::Explicit(self.config) };
+        let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
         let mut metadata = made.clone();
         metadata.extend([entry]);
         Ok(save_with(&self.network, &stored, tables, &metadata)?)
@@ -109,16 +117,8 @@ impl Policy {
 
     /// Returns the map features of a scenario, for [`Self::predict`]; they are the same for the whole
     /// episode.
-    pub fn ground(&self, start: &Start, device: &Device) -> Ground {
-        let features = Survey::of(start, &self.config).features();
-        let encoded = match self.config.encoding {
-            Encoding::AgentCentric => None,
-            Encoding::SceneCentric => {
-                let nodes = features.line_nodes(&self.config);
-                self.network.encode_lines(&LineBatch::of(&[&nodes], &self.config, device))
-            }
-        };
-        Ground { features, encoded }
+    pub fn ground(&self, start: &Start) -> Ground {
+        Ground(Survey::of(start, &self.config).features())
     }
 
     /// Predicts the agents of these slots that are present and of a simulated class, in the order of
@@ -148,7 +148,7 @@ impl Policy {
         let lights = known.lights_at(now);
         let tracks = self.config.attributes.shown(known.tracks, now.min(CURRENT));
         let known = KnownMotion { tracks: &tracks, ..*known };
-        self.predict_view(&known.view(now, &lights), &self.ground(known.start, device), slots, device)
+        self.predict_view(&known.view(now, &lights), &self.ground(known.start), slots, device)
     }
 
     /// Predicts as [`Self::predict`] does, from a view.
@@ -159,15 +159,13 @@ impl Policy {
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
-        let seen = SceneContext::of(view, &ground.features, &self.config);
+        let seen = SceneContext::of(view, &ground.0);
         let surroundings = |&slot: &usize| Surroundings::of(&seen, slot, &self.config);
         let scenes: Vec<Surroundings> = slots.iter().filter_map(surroundings).collect();
         if scenes.is_empty() {
             return Vec::new();
         }
-        let group = Group { targets: scenes.iter().collect(), nodes: seen.nodes.as_ref(), lines: None };
-        let encoded = ground.encoded.as_ref();
-        let batch = Batch::of(&[group], encoded, &self.intentions, &self.config, device);
+        let batch = Batch::of(&scenes.iter().collect::<Vec<_>>(), &self.intentions, &self.config, device);
         let predicted = self.network.forward(&batch, &self.config, false);
         let Some(last) = predicted.layers.into_iter().next_back() else { return Vec::new() };
         let scores: Vec<f32> = last.scores.into_data().iter::<f32>().collect();
@@ -179,5 +177,35 @@ impl Policy {
             .zip(outputs)
             .map(|(s, (scores, states))| prediction(s, scores, states, &self.config))
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn sizes_of_earlier_versions_are_read_unless_they_are_of_another_network() {
+        let with = |more: Value| {
+            let mut stored = serde_json::to_value(Config::default()).unwrap();
+            stored.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+            sizes(stored)
+        };
+        let stated = json!({ "encoding": "agent-centric", "output_units": "fixed", "line_neighbours": 24,
+            "map_layers": 1, "relation_width": 32 });
+        assert_eq!(with(stated).unwrap(), Config::default());
+        for (more, named) in [
+            (json!({ "encoding": "scene-centric" }), "`network.encoding` is \"scene-centric\""),
+            (json!({ "output_units": "growing" }), "`network.output_units` is \"growing\""),
+            (json!({ "other": 1 }), "unknown field `other`"),
+        ] {
+            let error = with(more).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
+        }
+        assert_eq!(sizes("mtr".into()).unwrap(), Config::mtr());
+        let unknown = sizes("mrt".into()).unwrap_err().to_string();
+        assert!(unknown.contains("`network` is \"mrt\""), "{unknown}");
     }
 }

@@ -133,7 +133,7 @@ impl SingleEpisode for RegressionSimulator {
     }
 
     fn begin(&self, start: &Start, _stream: &mut Stream) -> EpisodeMemory {
-        EpisodeMemory::new(self.policy.ground(start, &self.device))
+        EpisodeMemory::new(self.policy.ground(start))
     }
 
     // One episode at a time: a dozen agents are enough for matrix products of a good size, and the

@@ -49,7 +49,7 @@ impl QpRegressionSimulator {
 
     /// Returns the memory of an episode that begins, for [`Self::intents`].
     pub fn memory(&self, start: &Start) -> EpisodeMemory {
-        EpisodeMemory::new(self.policy.ground(start, &self.device))
+        EpisodeMemory::new(self.policy.ground(start))
     }
 
     /// Returns the intent of every agent from now on, one entry per slot.

@@ -12,7 +12,7 @@ use reactsim::models::nn::weights::{Tables, save_tables};
 use reactsim::models::nn::{Tensors, device};
 use reactsim::models::qp::{self, Ending};
 use reactsim::models::qp_regression::learn::{Recipe, Regression};
-use reactsim::models::qp_regression::network::{Attributes, Config, Encoding, Norms, suppress};
+use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppress};
 use reactsim::models::qp_regression::{
     Driving, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
@@ -45,11 +45,6 @@ fn small() -> Config {
         way_lines: 4,
         ..Config::default()
     }
-}
-
-/// Returns a configuration that encodes every agent and line in a frame of its own.
-fn scene_centric(config: Config) -> Config {
-    Config { encoding: Encoding::SceneCentric, ..config }
 }
 
 /// Returns the published structure with small sizes.
@@ -305,7 +300,7 @@ fn sizes_are_those_that_are_told() {
 
 #[test]
 fn a_scene_that_is_turned_and_moved_is_the_same() {
-    for config in [Config::default(), scene_centric(Config::default()), small_mtr()] {
+    for config in [Config::default(), small_mtr()] {
         let policy = policy(config);
         for scenario in scenarios(2) {
             let before = predictions(&policy, &scenario, &tracks(&scenario), 20);
@@ -322,18 +317,14 @@ fn a_scene_that_is_turned_and_moved_is_the_same() {
 
 #[test]
 fn the_order_of_agents_and_their_company_do_not_matter() {
-    check_order(&policy(Config::default()));
-    check_order(&policy(scene_centric(Config::default())));
-}
-
-fn check_order(policy: &Policy) {
+    let policy = policy(Config::default());
     let mut scenario = scenarios(1).remove(0);
-    let before = predictions(policy, &scenario, &tracks(&scenario), CURRENT);
+    let before = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
     let n = scenario.start.agents.len();
     scenario.start.agents[1..].reverse();
     scenario.start.history[1..].reverse();
     scenario.log_future.tracks[1..].reverse();
-    let mut after = predictions(policy, &scenario, &tracks(&scenario), CURRENT);
+    let mut after = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
     after.iter_mut().filter(|p| p.slot > 0).for_each(|p| p.slot = n - p.slot);
     after.sort_by_key(|p| p.slot);
     let farthest_of_all = farthest(&before, &after, |p| p);
@@ -341,7 +332,7 @@ fn check_order(policy: &Policy) {
 
     let (tracks, lights) = (tracks(&scenario), lights(&scenario));
     let known = KnownMotion { start: &scenario.start, tracks: &tracks, lights: &lights, av_lookahead: true };
-    let all = predictions(policy, &scenario, &tracks, CURRENT);
+    let all = predictions(&policy, &scenario, &tracks, CURRENT);
     for one in &all {
         let alone = policy.predict_known(&known, CURRENT, &[one.slot], &device());
         let apart = farthest(std::slice::from_ref(one), &alone, |p| p);
@@ -351,24 +342,20 @@ fn check_order(policy: &Policy) {
 
 #[test]
 fn what_the_av_does_next_counts() {
-    check_av_lookahead(&policy(Config::default()));
-    check_av_lookahead(&policy(scene_centric(Config::default())));
-}
-
-fn check_av_lookahead(policy: &Policy) {
+    let policy = policy(Config::default());
     let scenario = scenarios(1).remove(0);
     let mut tracks = tracks(&scenario);
-    let before = predictions(policy, &scenario, &tracks, 20);
+    let before = predictions(&policy, &scenario, &tracks, 20);
     for state in tracks[0][21..].iter_mut().flatten() {
         state.x += 1.0;
     }
-    let after = predictions(policy, &scenario, &tracks, 20);
+    let after = predictions(&policy, &scenario, &tracks, 20);
     assert!(farthest(&before, &after, |p| p) > 0.0);
     // Later frames do not count.
     for state in tracks.iter_mut().flat_map(|t| &mut t[22..]).flatten() {
         state.x += 5.0;
     }
-    assert_eq!(after, predictions(policy, &scenario, &tracks, 20));
+    assert_eq!(after, predictions(&policy, &scenario, &tracks, 20));
 }
 
 #[test]
@@ -382,7 +369,7 @@ fn little_around_is_enough() {
         scene("nothing", alone(), MapParts::default()),
         scene("kinds, no map", kinds, MapParts::default()),
     ];
-    for config in [Config::default(), scene_centric(Config::default()), small_mtr()] {
+    for config in [Config::default(), small_mtr()] {
         let policy = policy(config);
         for scenario in &scenes {
             let found = predictions(&policy, scenario, &tracks(scenario), CURRENT);
@@ -420,19 +407,17 @@ fn modes_begin_with_the_present_velocity() {
 #[test]
 fn rollouts_are_the_same_every_time() {
     let scenarios = scenarios(2);
-    for config in [small(), scene_centric(small())] {
-        let driving = Driving { agents: 4, sample: true };
-        let simulator = RegressionSimulator::new(policy(config), driving, device());
-        let controller = Controller::Fair(Box::new(simulator));
-        let run = || {
-            let requests = scenarios.iter().map(|s| request(s, coasting(s), 0)).collect();
-            roll_out(requests, &controller, &Settings::default())
-                .into_iter()
-                .map(|r| bits(&r.unwrap().tracks))
-                .collect::<Vec<_>>()
-        };
-        assert!(run() == run());
-    }
+    let driving = Driving { agents: 4, sample: true };
+    let simulator = RegressionSimulator::new(policy(small()), driving, device());
+    let controller = Controller::Fair(Box::new(simulator));
+    let run = || {
+        let requests = scenarios.iter().map(|s| request(s, coasting(s), 0)).collect();
+        roll_out(requests, &controller, &Settings::default())
+            .into_iter()
+            .map(|r| bits(&r.unwrap().tracks))
+            .collect::<Vec<_>>()
+    };
+    assert!(run() == run());
 }
 
 /// Returns a simulator that plans along the modes of a policy.
@@ -461,20 +446,18 @@ fn vehicles_keep_their_limits_whatever_is_predicted() {
 #[test]
 fn batches_and_threads_change_no_plan() {
     let scenarios = scenarios(3);
-    for config in [small(), scene_centric(small())] {
-        let controller = smoothed(policy(config), 4, true);
-        let run = |some: &[Scenario]| {
-            let requests = some.iter().map(|s| request(s, coasting(s), 0)).collect();
-            let done = roll_out(requests, &controller, &Settings::default());
-            done.into_iter().map(|r| bits(&r.unwrap().tracks)).collect::<Vec<_>>()
-        };
-        let together = run(&scenarios);
-        let apart = std::thread::scope(|scope| {
-            let rest = scope.spawn(|| run(&scenarios[1..]));
-            [run(&scenarios[..1]), rest.join().unwrap()].concat()
-        });
-        assert!(together == apart);
-    }
+    let controller = smoothed(policy(small()), 4, true);
+    let run = |some: &[Scenario]| {
+        let requests = some.iter().map(|s| request(s, coasting(s), 0)).collect();
+        let done = roll_out(requests, &controller, &Settings::default());
+        done.into_iter().map(|r| bits(&r.unwrap().tracks)).collect::<Vec<_>>()
+    };
+    let together = run(&scenarios);
+    let apart = std::thread::scope(|scope| {
+        let rest = scope.spawn(|| run(&scenarios[1..]));
+        [run(&scenarios[..1]), rest.join().unwrap()].concat()
+    });
+    assert!(together == apart);
 }
 
 #[test]
@@ -550,7 +533,6 @@ fn the_other_backend_agrees() {
 #[test]
 fn every_part_that_is_used_learns() {
     check_learning(small());
-    check_learning(scene_centric(small()));
 }
 
 #[test]

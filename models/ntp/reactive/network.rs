@@ -98,7 +98,7 @@ impl Network {
         let relation = map.links.embed(&self.place_pair);
         let mut x = self.place.forward(map.places.clone());
         for layer in &self.map {
-            x = map.links.attend(layer, x, None, &relation);
+            x = map.links.attend(layer, x, &relation);
         }
         self.blocks.iter().map(|block| block.places.sources(x.clone())).collect()
     }

@@ -1,12 +1,9 @@
-//! The frame of an agent or a line, and the features of polylines in it.
+//! The frame of an agent, and the features of polylines in it.
 
 use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, into_frame};
 
-/// Number of features of a pose in another frame.
-pub(crate) const POSE_FEATURES: usize = 8;
-
-/// Frame of an agent or a line, which is at the origin and faces along x.
+/// Frame of an agent, which is at the origin and faces along x.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalFrame {
     origin: Vec2,
@@ -15,26 +12,7 @@ pub(crate) struct LocalFrame {
 
 impl LocalFrame {
     pub(crate) fn of(pose: Pose) -> Self {
-        Self::at(pose.position, direction(pose.heading))
-    }
-
-    /// Creates the frame at this point that faces along this unit vector.
-    pub(crate) fn at(origin: Vec2, ahead: Vec2) -> Self {
-        Self { origin, ahead }
-    }
-
-    /// Returns the distance of the origin of another frame, metres.
-    pub(crate) fn distance(&self, other: &Self) -> f64 {
-        (other.origin - self.origin).norm()
-    }
-
-    /// Returns the pose of another frame in this one as features of about 1, the last one constant.
-    pub(crate) fn pose_features(&self, other: &Self) -> [f64; POSE_FEATURES] {
-        let (at, toward) = (self.point(other.origin), self.vector(other.ahead));
-        let distance = at.norm();
-        // The first two tell far positions apart, the next two near ones.
-        let (far, near) = (at / 20.0, at / (2.0 + distance));
-        [far.x, far.y, near.x, near.y, toward.x, toward.y, 1.0 / (1.0 + distance / 5.0), 1.0]
+        Self { origin: pose.position, ahead: direction(pose.heading) }
     }
 
     /// Converts a point of the scene to this frame.

@@ -5,7 +5,7 @@ use reactsim_learning::LearningMap;
 use reactsim_perception::{KnownMap, Places};
 use reactsim_scene::Start;
 
-use super::{LineNodes, Lines};
+use super::Lines;
 use crate::network::Config;
 
 /// Map features that can still be mirrored and stretched.
@@ -23,13 +23,6 @@ pub(crate) struct MapFeatures {
     pub(super) lines: Lines,
     /// Lanes and stop lines, if the configuration has an outlook.
     pub(super) places: Option<Places>,
-}
-
-impl MapFeatures {
-    /// Returns the lines as nodes of an encoder that encodes the scene once.
-    pub(crate) fn line_nodes(&self, config: &Config) -> LineNodes {
-        self.lines.nodes(config)
-    }
 }
 
 impl Survey {

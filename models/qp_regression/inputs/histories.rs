@@ -24,29 +24,27 @@ const fn height(kind: AgentKind) -> f64 {
     }
 }
 
-/// Returns the histories of agents, each in its frame, as the first of `rows` rows. `target` is the slot of
-/// the predicted agent.
+/// Returns the histories of the agents of these slots, the predicted one first, in its frame.
 pub(super) fn histories(
     view: &SceneView<'_>,
-    agents: impl Iterator<Item = (usize, LocalFrame)>,
-    rows: usize,
-    target: Option<usize>,
+    slots: &[usize],
+    frame: &LocalFrame,
     config: &Config,
 ) -> PolylineFeatures {
-    let numbers = agent_numbers(config.attributes);
+    let (rows, numbers) = (config.agents, agent_numbers(config.attributes));
     let mut features = PolylineFeatures::absent(HISTORY, rows, numbers);
-    for (row, (slot, frame)) in agents.enumerate() {
+    for (row, &slot) in slots.iter().enumerate() {
         let history = AgentHistory {
             agent: &view.agents[slot],
             track: &view.tracks[slot],
             now: view.now,
-            is_target: Some(slot) == target,
+            is_target: row == 0,
             is_av: slot == 0,
         };
         for k in 0..HISTORY {
             let at = k * rows + row;
             let out = &mut features.points[at * numbers..(at + 1) * numbers];
-            if history.write(k, &frame, config.attributes, out) {
+            if history.write(k, frame, config.attributes, out) {
                 features.there[at] = 1.0;
             }
         }

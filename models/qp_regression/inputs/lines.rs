@@ -4,11 +4,10 @@ use std::sync::OnceLock;
 
 use reactsim_geometry::{Bounds, Polyline, Vec2};
 use reactsim_learning::LearningMap;
-use reactsim_nn::Links;
 use reactsim_perception::{MAX_LINE_LENGTH, Nearest, PointIndex, closed, edge_rings};
 use reactsim_scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
-use super::frame::{LocalFrame, POSE_FEATURES, PolylineFeatures};
+use super::frame::{LocalFrame, PolylineFeatures};
 use crate::network::{Attributes, Config};
 
 /// Returns the number of features of a point of a line.
@@ -147,51 +146,8 @@ impl Lines {
         let at = frame.point(self.all[row].middle);
         [at.x as f32, at.y as f32]
     }
-
-    /// Writes the relation of a line to an agent, with the state of its light, [`LINE_FEATURES`] numbers.
-    pub(super) fn relate(
-        &self,
-        row: usize,
-        frame: &LocalFrame,
-        lights: &[Option<LightState>],
-        out: &mut [f32],
-    ) {
-        let line = &self.all[row];
-        put(out, &frame.pose_features(&line.frame()));
-        put(&mut out[POSE_FEATURES..], &light_features(line.state(lights)));
-    }
-
-    /// Returns all lines as nodes of the encoder.
-    pub(super) fn nodes(&self, config: &Config) -> LineNodes {
-        let mut points =
-            PolylineFeatures::absent(config.points, self.all.len(), point_numbers(config.attributes));
-        let mut links = Links::default();
-        for (row, line) in self.all.iter().enumerate() {
-            let frame = line.frame();
-            line.write_row(row, self.all.len(), &frame, None, config, &mut points);
-            let mut near = self.nearest(line.middle, config.neighbours + 1);
-            near.retain(|&other| other != row);
-            links.push(config.neighbours, POSE_FEATURES, &near, |other, out| {
-                put(out, &frame.pose_features(&self.all[other].frame()));
-            });
-        }
-        LineNodes { count: self.all.len(), points, links }
-    }
 }
 
-/// Lines of a map as nodes of the encoder, each in a frame of its own, without the states of lights.
-#[derive(Clone, Debug)]
-pub(crate) struct LineNodes {
-    /// Number of lines.
-    pub count: usize,
-    /// Features of their points.
-    pub points: PolylineFeatures,
-    /// Links of each line to its nearest others.
-    pub links: Links,
-}
-
-/// Number of features of the relation of a line to an agent.
-pub(crate) const LINE_FEATURES: usize = POSE_FEATURES + LIGHT_FEATURES;
 /// Number of features of the state of a light.
 const LIGHT_FEATURES: usize = 4;
 
@@ -230,15 +186,6 @@ impl LearningMap for Lines {
 }
 
 impl Line {
-    /// Returns the frame of the line: at its middle, along the chord of its ends.
-    fn frame(&self) -> LocalFrame {
-        let chord = self.points[self.points.len() - 1] - self.points[0];
-        // The chord of a closed line is empty.
-        let first = || self.points.get(1).map_or(Vec2::x(), |second| second - self.points[0]);
-        let ahead = chord.try_normalize(1e-6).or_else(|| first().try_normalize(1e-6));
-        LocalFrame::at(self.middle, ahead.unwrap_or(Vec2::x()))
-    }
-
     /// Returns the state of its light.
     fn state(&self, lights: &[Option<LightState>]) -> Option<LightState> {
         self.light.and_then(|light| lights.get(light).copied().flatten())

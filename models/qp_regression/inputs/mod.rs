@@ -6,15 +6,13 @@ mod histories;
 mod lines;
 mod outlook;
 mod scene;
-mod scene_nodes;
 mod surroundings;
 
-pub(crate) use frame::{LocalFrame, POSE_FEATURES, PolylineFeatures};
+pub(crate) use frame::{LocalFrame, PolylineFeatures};
 pub(crate) use ground::{MapFeatures, Survey};
 pub(crate) use histories::agent_numbers;
 use lines::Lines;
-pub(crate) use lines::{LINE_FEATURES, LineNodes, point_numbers};
+pub(crate) use lines::point_numbers;
 pub(crate) use outlook::{OUTLOOK, Outlook};
 pub(crate) use scene::SceneContext;
-pub(crate) use scene_nodes::{AGENT_FEATURES, SceneNodes};
-pub(crate) use surroundings::{Content, SeenNodes, Surroundings};
+pub(crate) use surroundings::Surroundings;

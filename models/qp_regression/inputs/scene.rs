@@ -3,8 +3,7 @@
 use reactsim_perception::{Body, Places, SceneView, forecast};
 use reactsim_scene::AgentState;
 
-use super::{MapFeatures, SceneNodes};
-use crate::network::{Config, Encoding};
+use super::MapFeatures;
 
 /// Data of a scene that all its predictions share.
 #[derive(Debug)]
@@ -15,8 +14,6 @@ pub(crate) struct SceneContext<'a> {
     pub ground: &'a MapFeatures,
     /// Forecast of the AV: its states after 0.1 s and so on.
     pub av: Option<Vec<AgentState>>,
-    /// Agents as nodes of the encoder, if the scene is encoded once.
-    pub nodes: Option<SceneNodes>,
     /// Agents as possible conflicts of others, if the configuration has an outlook.
     pub(super) bodies: Vec<Body>,
     /// Slots of these agents.
@@ -25,10 +22,9 @@ pub(crate) struct SceneContext<'a> {
 
 impl<'a> SceneContext<'a> {
     /// Prepares the scene of a view.
-    pub(crate) fn of(view: &'a SceneView<'a>, ground: &'a MapFeatures, config: &Config) -> Self {
+    pub(crate) fn of(view: &'a SceneView<'a>, ground: &'a MapFeatures) -> Self {
         let av = view.tracks.first().and_then(|track| forecast(track, view.now, view.av_next));
-        let nodes = (config.encoding == Encoding::SceneCentric).then(|| SceneNodes::of(view, ground, config));
-        let mut scene = Self { view, ground, av, nodes, bodies: Vec::new(), slots: Vec::new() };
+        let mut scene = Self { view, ground, av, bodies: Vec::new(), slots: Vec::new() };
         if ground.places.is_some() {
             // The destinations of other agents do not matter.
             let nowhere = Places::default();

@@ -7,8 +7,6 @@ use reactsim_scene::{AgentState, DT};
 
 use super::frame::LocalFrame;
 use super::histories::histories;
-use super::lines::LINE_FEATURES;
-use super::scene_nodes::AGENT_FEATURES;
 use super::{Outlook, PolylineFeatures, SceneContext};
 use crate::network::{Attributes, Config};
 
@@ -27,40 +25,14 @@ pub(crate) struct Surroundings {
     pub velocities: Vec<Vec2>,
     /// Positions of the lines of the map nearest to the base point, nearest first, metres.
     pub line_places: Vec<[f32; 2]>,
-    /// The agents and lines as the network sees them.
-    pub content: Content,
+    /// Histories of the agents.
+    pub agents: PolylineFeatures,
+    /// Points of the lines.
+    pub lines: PolylineFeatures,
     /// Index of the AV among these agents, and its forecast `[states, 4]`: x, y, velocity x, y.
     pub av: Option<(usize, Vec<f32>)>,
     /// Lane and conflict features, if the configuration has them.
     pub outlook: Option<Outlook>,
-}
-
-/// The agents and lines around an agent as the network sees them.
-#[derive(Clone, Debug)]
-pub(crate) enum Content {
-    /// In the frame of the agent: histories of agents, and points of lines.
-    AgentCentric { agents: PolylineFeatures, lines: PolylineFeatures },
-    /// Rows of the nodes of the scene, and their relations to the agent.
-    SceneCentric { agents: SeenNodes, lines: SeenNodes },
-}
-
-/// Nodes of the scene as an agent sees them.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct SeenNodes {
-    /// Row of each node.
-    pub rows: Vec<u32>,
-    /// Relation of each node to the agent, `[rows, features]`.
-    pub relations: Vec<f32>,
-}
-
-impl SeenNodes {
-    /// Appends a node, whose relation of this many features `relate` writes.
-    fn push(&mut self, row: usize, features: usize, relate: impl FnOnce(&mut [f32])) {
-        self.rows.push(row as u32);
-        let first = self.relations.len();
-        self.relations.resize(first + features, 0.0);
-        relate(&mut self.relations[first..]);
-    }
 }
 
 /// Distance of the base point, around which lines are chosen, as travel time at the present speed,
@@ -109,7 +81,8 @@ impl Surroundings {
             agent_places: slots.iter().map(place).collect(),
             velocities,
             line_places: lines.iter().map(|&row| scene.ground.lines.place(row, &frame)).collect(),
-            content: Content::of(scene, slot, &slots, &lines, &frame, config),
+            agents: histories(view, &slots, &frame, config),
+            lines: scene.ground.lines.features(&lines, &frame, view.lights, config),
             outlook: Outlook::of(scene, slot, &frame),
             av: av.map(|(at, states)| (at, sampled_forecast(states, &frame, config))),
             slots,
@@ -122,39 +95,8 @@ impl Surroundings {
     }
 }
 
-impl Content {
-    /// Collects the agents of these slots and the lines of these rows around the agent `slot`.
-    fn of(
-        scene: &SceneContext<'_>,
-        slot: usize,
-        agents: &[usize],
-        lines: &[usize],
-        frame: &LocalFrame,
-        config: &Config,
-    ) -> Self {
-        let (view, map) = (scene.view, &scene.ground.lines);
-        let Some(nodes) = &scene.nodes else {
-            let frames = agents.iter().map(|&other| (other, *frame));
-            return Self::AgentCentric {
-                agents: histories(view, frames, config.agents, Some(slot), config),
-                lines: map.features(lines, frame, view.lights, config),
-            };
-        };
-        let (mut seen_agents, mut seen_lines) = (SeenNodes::default(), SeenNodes::default());
-        for &other in agents {
-            if let Some(row) = nodes.row(other) {
-                seen_agents.push(row, AGENT_FEATURES, |out| nodes.relate(row, frame, out));
-            }
-        }
-        for &row in lines {
-            seen_lines.push(row, LINE_FEATURES, |out| map.relate(row, frame, view.lights, out));
-        }
-        Self::SceneCentric { agents: seen_agents, lines: seen_lines }
-    }
-}
-
 /// Returns the point around which lines matter to an agent with this speed, m/s.
-pub(super) fn base_point(frame: &LocalFrame, speed: f64, config: &Config) -> Vec2 {
+fn base_point(frame: &LocalFrame, speed: f64, config: &Config) -> Vec2 {
     let distance = match config.attributes {
         Attributes::Published => PUBLISHED_BASE_DISTANCE,
         Attributes::Own => (BASE_TIME * speed).clamp(MIN_BASE_DISTANCE, MAX_BASE_DISTANCE),
@@ -164,7 +106,7 @@ pub(super) fn base_point(frame: &LocalFrame, speed: f64, config: &Config) -> Vec
 
 /// Returns the present velocity of an agent, m/s; that of the AV from its next state, where that is
 /// visible.
-pub(super) fn velocity_now(view: &SceneView<'_>, slot: usize) -> Vec2 {
+fn velocity_now(view: &SceneView<'_>, slot: usize) -> Vec2 {
     let here = view.tracks[slot].get(view.now).copied().flatten();
     match (here, view.av_next) {
         (Some(here), Some(next)) if slot == 0 => (next.position() - here.position()) / DT,

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim_learning::Intentions;
 use reactsim_training::{Output, Sums};
 
-use super::super::network::{Batch, Config, Group, LayerOutput, Network, STATE};
+use super::super::network::{Batch, Config, LayerOutput, Network, STATE};
 use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};
 use super::sample::{Sample, TRUTH_SIZE, Target, Truth};
 
@@ -25,8 +25,8 @@ pub(super) fn loss(
     training: bool,
 ) -> (Output, Option<LayerOutput>) {
     let targets: Vec<&Target> = samples.iter().flat_map(|s| &s.targets).collect();
-    let groups: Vec<Group<'_>> = samples.iter().map(Sample::group).collect();
-    let batch = Batch::of(&groups, None, intentions, config, device);
+    let around: Vec<_> = targets.iter().map(|target| &target.around).collect();
+    let batch = Batch::of(&around, intentions, config, device);
     let mut predicted = network.forward(&batch, config, training);
 
     let count = targets.len();

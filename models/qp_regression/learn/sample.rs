@@ -8,8 +8,8 @@ use reactsim_scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
 use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
-use super::super::inputs::{LineNodes, LocalFrame, SceneContext, SceneNodes, Surroundings, Survey};
-use super::super::network::{Config, Group};
+use super::super::inputs::{LocalFrame, SceneContext, Surroundings, Survey};
+use super::super::network::Config;
 use super::Disturbance;
 
 /// Parameters of the augmentation of scenes.
@@ -56,20 +56,6 @@ pub(super) struct Target {
 #[derive(Clone, Debug)]
 pub struct Sample {
     pub(super) targets: Vec<Target>,
-    /// Agents and lines of the scene, if the network encodes it once.
-    nodes: Option<SceneNodes>,
-    lines: Option<LineNodes>,
-}
-
-impl Sample {
-    /// Returns the input of the network.
-    pub(super) fn group(&self) -> Group<'_> {
-        Group {
-            targets: self.targets.iter().map(|target| &target.around).collect(),
-            nodes: self.nodes.as_ref(),
-            lines: self.lines.as_ref(),
-        }
-    }
 }
 
 /// Largest distance from the AV of agents to learn from, metres.
@@ -116,7 +102,7 @@ pub(super) fn sample(
     let lights = scene.lights_at(now);
     let tracks = config.attributes.shown(&scene.tracks, now);
     let view = scene.view(&tracks, now, blind, &lights);
-    let context = SceneContext::of(&view, &map, config);
+    let context = SceneContext::of(&view, &map);
     let target = |slot: usize| {
         let around = Surroundings::of(&context, slot, config)?;
         let frame = LocalFrame::of(around.pose);
@@ -132,9 +118,7 @@ pub(super) fn sample(
         Some(Target { around, truth, goal, goal_ahead, others })
     };
     let targets: Vec<Target> = chosen.into_iter().filter_map(target).collect();
-    let lines = context.nodes.is_some().then(|| map.line_nodes(config));
-    let nodes = context.nodes;
-    (!targets.is_empty()).then_some(Sample { targets, nodes, lines })
+    (!targets.is_empty()).then_some(Sample { targets })
 }
 
 /// Returns the slots of agents to learn from, nearest to the AV first.

@@ -1,19 +1,16 @@
 //! Surroundings of several agents as the input tensors of the network.
 
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_geometry::Vec2;
 use reactsim_learning::Intentions;
-use reactsim_nn::{CLOSED, LinkTensors, Links};
+use reactsim_nn::CLOSED;
 use reactsim_perception::{Class, millionths};
 use reactsim_scene::HISTORY;
 
 use super::STATE;
-use super::config::{Config, Encoding};
+use super::config::Config;
 use super::guide::References;
-use crate::inputs::{
-    AGENT_FEATURES, Content, LINE_FEATURES, LineNodes, OUTLOOK, POSE_FEATURES, PolylineFeatures, SceneNodes,
-    SeenNodes, Surroundings, agent_numbers, point_numbers,
-};
+use crate::inputs::{OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers};
 
 /// Points of histories of agents, or of map lines, as tensors.
 #[derive(Clone, Debug)]
@@ -35,15 +32,6 @@ pub(crate) struct TokenPlaces {
     pub positions: Tensor<2>,
 }
 
-/// Input of the encoder.
-#[derive(Clone, Debug)]
-pub(crate) enum EncoderInput {
-    /// Everything in the frame of each predicted agent.
-    AgentCentric(Box<AgentInput>),
-    /// Every agent and line in a frame of its own.
-    SceneCentric(Box<SceneInput>),
-}
-
 /// Agents and lines in the frames of the predicted agents.
 #[derive(Clone, Debug)]
 pub(crate) struct AgentInput {
@@ -55,78 +43,6 @@ pub(crate) struct AgentInput {
     pub neighbours: Tensor<4>,
 }
 
-/// Agents and lines in frames of their own, and as predicted agents see them.
-#[derive(Clone, Debug)]
-pub(crate) struct SceneInput {
-    /// Lines of the map.
-    pub lines: LineInput,
-    /// Histories of agents.
-    pub agents: Polylines,
-    /// Links of agents to lines.
-    pub to_lines: LinkTensors,
-    /// Links of agents to agents.
-    pub to_agents: LinkTensors,
-    /// Agents around the predicted agents.
-    pub seen_agents: SeenTensors,
-    /// Lines around the predicted agents.
-    pub seen_lines: SeenTensors,
-}
-
-/// Nodes as predicted agents see them.
-#[derive(Clone, Debug)]
-pub(crate) struct SeenTensors {
-    /// `[rows]`: row of each node.
-    pub rows: Tensor<1, Int>,
-    /// `[rows, features]`: relation to the predicted agent.
-    pub relations: Tensor<2>,
-}
-
-/// Lines in frames of their own.
-#[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "the input that contains it is behind a pointer")]
-pub(crate) enum LineInput {
-    /// Lines to encode.
-    Points(LineBatch),
-    /// `[lines, width]`: encoded lines.
-    Encoded(Tensor<2>),
-}
-
-/// Lines of maps as tensors.
-#[derive(Clone, Debug)]
-pub(crate) struct LineBatch {
-    /// Their points.
-    pub lines: Polylines,
-    /// Links among them.
-    pub links: LinkTensors,
-}
-
-impl LineBatch {
-    /// Lays out the lines of several maps.
-    pub(crate) fn of(maps: &[&LineNodes], config: &Config, device: &Device) -> Self {
-        let (mut links, mut first) = (Links::default(), 0);
-        for map in maps {
-            links.append(&map.links, |place| first + place);
-            first += map.count;
-        }
-        let points = maps.iter().map(|map| &map.points);
-        Self {
-            lines: polylines(points, config.points, point_numbers(config.attributes), device),
-            links: links.tensors(config.neighbours, POSE_FEATURES, device),
-        }
-    }
-}
-
-/// Predicted agents of one scenario.
-#[derive(Clone, Debug)]
-pub(crate) struct Group<'a> {
-    /// Surroundings of the predicted agents.
-    pub targets: Vec<&'a Surroundings>,
-    /// Agents as nodes, if the scene is encoded once.
-    pub nodes: Option<&'a SceneNodes>,
-    /// Lines as nodes, if they are encoded with the batch.
-    pub lines: Option<&'a LineNodes>,
-}
-
 /// Input of the network. A scene is the surroundings of one predicted agent.
 #[derive(Clone, Debug)]
 pub(crate) struct Batch {
@@ -135,7 +51,7 @@ pub(crate) struct Batch {
     /// Motion queries per scene.
     pub queries: usize,
     /// Agents and lines, for the encoder.
-    pub encoder: EncoderInput,
+    pub encoder: AgentInput,
     /// Where agents are.
     pub agents: TokenPlaces,
     /// Where lines are.
@@ -166,16 +82,13 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
-    /// Lays out predicted agents. `encoded` has the lines of the only group, if they are encoded already.
+    /// Lays out predicted agents with these surroundings.
     pub(crate) fn of(
-        groups: &[Group<'_>],
-        encoded: Option<&Tensor<2>>,
+        scenes: &[&Surroundings],
         intentions: &Intentions,
         config: &Config,
         device: &Device,
     ) -> Self {
-        let scenes: Vec<&Surroundings> = groups.iter().flat_map(|g| g.targets.iter().copied()).collect();
-        let scenes = scenes.as_slice();
         let queries = intentions.count();
         let table: Vec<f32> = Class::ALL.into_iter().flat_map(|c| flat(intentions.of(c))).collect();
         let classes: Vec<usize> = scenes.iter().map(|s| s.class.index()).collect();
@@ -197,7 +110,7 @@ impl Batch {
         Self {
             scenes: rows,
             queries,
-            encoder: encoder_input(groups, encoded, scenes, config, device),
+            encoder: encoder_input(scenes, config, device),
             agents: places(scenes.iter().map(|s| s.agent_places.as_slice()), config.agents, device),
             lines: places(scenes.iter().map(|s| s.line_places.as_slice()), config.lines, device),
             agents_closed: tensor4(agents_closed, [rows, 1, 1, config.agents], device),
@@ -259,99 +172,12 @@ fn places<'a>(scenes: impl Iterator<Item = &'a [[f32; 2]]>, rows: usize, device:
     TokenPlaces { there: tensor2(there, 1, device), positions: tensor2(positions, 2, device) }
 }
 
-fn encoder_input(
-    groups: &[Group<'_>],
-    encoded: Option<&Tensor<2>>,
-    scenes: &[&Surroundings],
-    config: &Config,
-    device: &Device,
-) -> EncoderInput {
+fn encoder_input(scenes: &[&Surroundings], config: &Config, device: &Device) -> AgentInput {
     let (agent, point) = (agent_numbers(config.attributes), point_numbers(config.attributes));
-    if config.encoding == Encoding::SceneCentric {
-        return EncoderInput::SceneCentric(Box::new(scene_input(groups, encoded, config, device)));
-    }
-    let (mut agents, mut lines) = (Vec::new(), Vec::new());
-    for scene in scenes {
-        if let Content::AgentCentric { agents: own_agents, lines: own_lines } = &scene.content {
-            agents.push(own_agents);
-            lines.push(own_lines);
-        }
-    }
-    EncoderInput::AgentCentric(Box::new(AgentInput {
-        agents: polylines(agents.into_iter(), HISTORY, agent, device),
-        lines: polylines(lines.into_iter(), config.points, point, device),
+    AgentInput {
+        agents: polylines(scenes.iter().map(|scene| &scene.agents), HISTORY, agent, device),
+        lines: polylines(scenes.iter().map(|scene| &scene.lines), config.points, point, device),
         neighbours: neighbours(scenes, config, device),
-    }))
-}
-
-fn scene_input(
-    groups: &[Group<'_>],
-    encoded: Option<&Tensor<2>>,
-    config: &Config,
-    device: &Device,
-) -> SceneInput {
-    let (mut to_lines, mut to_agents) = (Links::default(), Links::default());
-    let mut seen_agents = SeenRows::new(config.agents, AGENT_FEATURES);
-    let mut seen_lines = SeenRows::new(config.lines, LINE_FEATURES);
-    let (mut first_agent, mut first_line) = (0, 0);
-    for group in groups {
-        for target in &group.targets {
-            if let Content::SceneCentric { agents, lines } = &target.content {
-                seen_agents.add(agents, first_agent);
-                seen_lines.add(lines, first_line);
-            }
-        }
-        if let Some(nodes) = group.nodes {
-            to_lines.append(&nodes.to_lines, |line| first_line + line);
-            to_agents.append(&nodes.to_agents, |agent| first_agent + agent);
-            first_agent += nodes.slots.len();
-        }
-        first_line += group.lines.map_or(0, |lines| lines.count);
-    }
-    let histories = groups.iter().filter_map(|group| group.nodes).map(|nodes| &nodes.histories);
-    let maps: Vec<&LineNodes> = groups.iter().filter_map(|group| group.lines).collect();
-    SceneInput {
-        lines: match encoded {
-            Some(encoded) => LineInput::Encoded(encoded.clone()),
-            None => LineInput::Points(LineBatch::of(&maps, config, device)),
-        },
-        agents: polylines(histories, HISTORY, agent_numbers(config.attributes), device),
-        to_lines: to_lines.tensors(config.line_neighbours, LINE_FEATURES, device),
-        to_agents: to_agents.tensors(config.neighbours, AGENT_FEATURES, device),
-        seen_agents: seen_agents.tensors(device),
-        seen_lines: seen_lines.tensors(device),
-    }
-}
-
-/// Nodes as several predicted agents see them, with the same number of rows for each; absent rows are those
-/// of the first node, without a relation.
-struct SeenRows {
-    per_target: usize,
-    features: usize,
-    rows: Vec<i32>,
-    relations: Vec<f32>,
-}
-
-impl SeenRows {
-    fn new(per_target: usize, features: usize) -> Self {
-        Self { per_target, features, rows: Vec::new(), relations: Vec::new() }
-    }
-
-    /// Appends the nodes of a predicted agent, which begin at row `first`.
-    fn add(&mut self, seen: &SeenNodes, first: usize) {
-        let targets = self.rows.len() / self.per_target + 1;
-        self.rows.extend(seen.rows.iter().map(|&row| (first + row as usize) as i32));
-        self.rows.resize(targets * self.per_target, 0);
-        self.relations.extend_from_slice(&seen.relations);
-        self.relations.resize(targets * self.per_target * self.features, 0.0);
-    }
-
-    fn tensors(self, device: &Device) -> SeenTensors {
-        let count = self.rows.len();
-        SeenTensors {
-            rows: Tensor::from_data(TensorData::new(self.rows, [count]), device),
-            relations: tensor2(self.relations, self.features, device),
-        }
     }
 }
 

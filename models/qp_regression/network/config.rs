@@ -28,18 +28,6 @@ impl Attributes {
     }
 }
 
-/// Frames in which the encoder sees agents and lines.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Encoding {
-    /// The frame of the predicted agent, so that the surroundings of each are encoded anew, as in MTR.
-    #[default]
-    AgentCentric,
-    /// Every agent and line has a frame of its own, and attention sees relative poses. Agents are encoded
-    /// once for all predicted ones, lines once for a whole episode.
-    SceneCentric,
-}
-
 /// Normalisation after hidden layers of perceptrons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -50,18 +38,6 @@ pub enum Norms {
     Layer,
 }
 
-/// Units of predicted positions and velocities without a reference motion.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum OutputUnits {
-    /// Metres and metres per second, as in the public code.
-    #[default]
-    Fixed,
-    /// For positions 2.5 m per second of the prediction, for velocities 5 m/s. Motion at constant velocity
-    /// then is a constant of about 1, and the nearest states are as exact as the farthest in proportion.
-    Growing,
-}
-
 /// Sizes and ranges, stored with the weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -70,9 +46,6 @@ pub struct Config {
     pub attributes: Attributes,
     /// Normalisation in perceptrons.
     pub norms: Norms,
-    /// Frames in which the encoder sees agents and lines.
-    #[serde(default)]
-    pub encoding: Encoding,
     /// Whether the network predicts the difference from a reference motion: constant velocity for the
     /// dense prediction, constant acceleration from the present velocity to the intention point for
     /// modes.
@@ -82,9 +55,6 @@ pub struct Config {
     /// Whether the network gets lane and conflict features of the predicted agent, and reference
     /// motions follow the paths along its lanes.
     pub outlook: bool,
-    /// Units of outputs if there is no reference motion.
-    #[serde(default)]
-    pub output_units: OutputUnits,
     /// Frames from one predicted state to the next; a divisor of 80.
     pub step: usize,
     /// Number of agents in the input, the predicted one first.
@@ -109,18 +79,8 @@ pub struct Config {
     pub encoder_layers: usize,
     /// Heads of every attention layer.
     pub heads: usize,
-    /// Number of nearest tokens that a token attends to, including itself; in scene-centric encoding the
-    /// number of other agents that an agent attends to, and of other lines that a line does.
+    /// Number of nearest tokens that a token attends to, including itself.
     pub neighbours: usize,
-    /// Number of lines that an agent attends to in scene-centric encoding.
-    #[serde(default)]
-    pub line_neighbours: usize,
-    /// Attention layers among lines in scene-centric encoding.
-    #[serde(default)]
-    pub map_layers: usize,
-    /// Width of embedded relations in scene-centric encoding.
-    #[serde(default)]
-    pub relation_width: usize,
     /// Hidden width of feed-forward networks, as a multiple of the layer's.
     pub widening: usize,
     /// Width of queries.
@@ -146,11 +106,9 @@ impl Config {
         Self {
             attributes: Attributes::Published,
             norms: Norms::Batch,
-            encoding: Encoding::AgentCentric,
             guided: false,
             av_forecast: false,
             outlook: false,
-            output_units: OutputUnits::Fixed,
             step: 1,
             agents: 64,
             lines: 768,
@@ -164,9 +122,6 @@ impl Config {
             encoder_layers: 6,
             heads: 8,
             neighbours: 16,
-            line_neighbours: 0,
-            map_layers: 0,
-            relation_width: 0,
             widening: 4,
             decoder_width: 512,
             map_width: 256,
@@ -191,16 +146,11 @@ impl Config {
     /// Returns whether a network with these sizes holds one with the others: at least as many layers of the
     /// decoder, and no difference but in sizes that no weights depend on.
     pub(crate) fn holds(&self, other: &Self) -> bool {
-        // Without scene-centric encoding its sizes mean nothing; files from before it have none.
-        let unused = if self.encoding == Encoding::SceneCentric { self } else { other };
         let same = Self {
             agents: other.agents,
             lines: other.lines,
             radius: other.radius,
             neighbours: other.neighbours,
-            line_neighbours: other.line_neighbours,
-            map_layers: unused.map_layers,
-            relation_width: unused.relation_width,
             base_lines: other.base_lines,
             way_lines: other.way_lines,
             modes: other.modes,
@@ -241,13 +191,7 @@ impl Config {
             ("modes", self.modes),
         ];
         let refuse = |field, value, expected| Err(SizeError { field, value, expected });
-        let scene_centric = [
-            ("line_neighbours", self.line_neighbours),
-            ("map_layers", self.map_layers),
-            ("relation_width", self.relation_width),
-        ];
-        let scene_centric = scene_centric.iter().filter(|_| self.encoding == Encoding::SceneCentric);
-        for &(field, value) in sizes.iter().chain(scene_centric) {
+        for (field, value) in sizes {
             if !(1..=4096).contains(&value) {
                 return refuse(field, value as f64, "1 to 4096");
             }
@@ -281,11 +225,9 @@ impl Default for Config {
         Self {
             attributes: Attributes::Own,
             norms: Norms::Layer,
-            encoding: Encoding::AgentCentric,
             guided: true,
             av_forecast: true,
             outlook: true,
-            output_units: OutputUnits::Fixed,
             step: 5,
             agents: 12,
             lines: 24,
@@ -299,9 +241,6 @@ impl Default for Config {
             encoder_layers: 2,
             heads: 4,
             neighbours: 16,
-            line_neighbours: 24,
-            map_layers: 1,
-            relation_width: 32,
             widening: 2,
             decoder_width: 64,
             map_width: 64,

@@ -171,7 +171,7 @@ impl MotionDecoder {
             let raw = raw.reshape([rows, config.states(), STATE]);
             let modes = match &batch.mode_guide {
                 Some(reference) => guide::add_to_reference(raw, reference.clone(), config),
-                None => guide::in_metres(raw, config),
+                None => raw,
             };
             let places = modes.clone().narrow(2, 0, 2);
             if i + 1 < config.decoder_layers {

@@ -52,7 +52,7 @@ impl Dense {
         let raw = raw.reshape([rows, states, STATE]);
         let away = match &batch.dense_guide {
             Some(reference) => guide::add_to_reference(raw, reference.clone(), config),
-            None => guide::in_metres(raw, config),
+            None => raw,
         };
         let place = positions.reshape([rows, 1, 2]);
         let here = Tensor::cat(vec![place, Tensor::zeros([rows, 1, STATE - 2], &away.device())], 2);

@@ -5,7 +5,7 @@ use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
 use reactsim_nn::{Initializer, MultiHeadAttention, Part, Rows};
 
-use super::batch::{AgentInput, Batch};
+use super::batch::Batch;
 use super::config::Config;
 use super::layers::Observed;
 use super::polyline_encoder::PolylineEncoder;
@@ -74,14 +74,8 @@ impl Encoder {
     }
 
     /// Encodes agents and lines in the frames of the predicted agents.
-    pub(crate) fn forward(
-        &self,
-        input: &AgentInput,
-        batch: &Batch,
-        config: &Config,
-        observed: &mut Observed,
-    ) -> Tokens {
-        let (scenes, width) = (batch.scenes, config.width);
+    pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &mut Observed) -> Tokens {
+        let (input, scenes, width) = (&batch.encoder, batch.scenes, config.width);
         let (a, l) = (config.agents, config.lines);
         let agents =
             self.agent_polyline_encoder.forward(&input.agents, observed) * batch.agents.there.clone();

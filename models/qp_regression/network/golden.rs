@@ -6,7 +6,7 @@ use reactsim_learning::Intentions;
 use reactsim_nn::{CLOSED, Initializer, device};
 use reactsim_perception::Class;
 
-use super::batch::{AgentInput, EncoderInput, Polylines, TokenPlaces, nearest_tokens};
+use super::batch::{AgentInput, Polylines, TokenPlaces, nearest_tokens};
 use super::{Batch, Config, Network, STATE};
 use crate::predict::kept_modes;
 
@@ -124,11 +124,11 @@ fn batch(file: &GoldenFile, intentions: &Intentions, device: &Device) -> (Batch,
     let batch = Batch {
         scenes,
         queries,
-        encoder: EncoderInput::AgentCentric(Box::new(AgentInput {
+        encoder: AgentInput {
             agents: agent_points,
             lines: line_points,
             neighbours: nearest_tokens(&tokens, &CONFIG, device),
-        })),
+        },
         agents,
         lines,
         agents_closed: closed,
@@ -161,11 +161,7 @@ fn neighbours_encoding_and_modes_equal_those_of_the_public_code() {
 }
 
 fn check(network: &Network, batch: &Batch, order: &[usize], file: &GoldenFile, limit: f64, scene: &str) {
-    let (EncoderInput::AgentCentric(input), Some(encoder)) = (&batch.encoder, &network.context_encoder)
-    else {
-        panic!("an encoder in the frame of the predicted agent")
-    };
-    let tokens = encoder.forward(input, batch, &CONFIG, &mut None);
+    let tokens = network.context_encoder.forward(batch, &CONFIG, &mut None);
     let output = network.forward(batch, &CONFIG, false);
     // Rows that are absent are not looked at: there ours are arbitrary.
     let (agents, lines) = (file.flags("output.obj_mask"), file.flags("output.map_mask"));

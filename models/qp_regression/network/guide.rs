@@ -1,5 +1,5 @@
 //! Reference motions (guesses): the network predicts differences from them. Without them it predicts motions
-//! in the units of its configuration.
+//! in metres and m/s.
 
 use burn::tensor::{Tensor, TensorData};
 use reactsim_geometry::{Vec2, into_frame, left, math, smooth_step};
@@ -7,7 +7,7 @@ use reactsim_perception::lane;
 use reactsim_scene::DT;
 
 use super::STATE;
-use super::config::{Config, OutputUnits};
+use super::config::Config;
 
 /// A path along lanes in the frame of an agent: points every [`lane::SPACING`] metres and the direction
 /// there.
@@ -172,25 +172,12 @@ fn point(path: &LanePath, s: f64) -> (Vec2, Vec2) {
 /// Adds the network output `[n, states, 7]` to reference states `[n, states, 7]`. The output is scaled
 /// up with the time of the state.
 pub(crate) fn add_to_reference(output: Tensor<3>, references: Tensor<3>, config: &Config) -> Tensor<3> {
-    let scales = config.times().map(|t| (0.4 * t * t.sqrt(), 0.5 + 0.25 * t));
-    references + scaled(output, scales)
-}
-
-/// Returns the network output `[n, states, 7]` with positions and velocities in metres and m/s.
-pub(crate) fn in_metres(output: Tensor<3>, config: &Config) -> Tensor<3> {
-    match config.output_units {
-        OutputUnits::Fixed => output,
-        OutputUnits::Growing => scaled(output, config.times().map(|t| (2.5 * t, 5.0))),
-    }
-}
-
-/// Multiplies the positions and the velocities of states, `[n, states, 7]`, by factors per state.
-fn scaled(output: Tensor<3>, factors: impl Iterator<Item = (f64, f64)>) -> Tensor<3> {
-    let of_state = |(place, speed)| [place, place, 1.0, 1.0, 1.0, speed, speed].map(|value| value as f32);
-    let factors: Vec<f32> = factors.flat_map(of_state).collect();
-    let states = factors.len() / STATE;
-    let factors = TensorData::new(factors, [1, states, STATE]);
-    output.clone() * Tensor::<3>::from_data(factors, &output.device())
+    let scales = config.times().flat_map(|t| {
+        let (place, speed) = (0.4 * t * t.sqrt(), 0.5 + 0.25 * t);
+        [place, place, 1.0, 1.0, 1.0, speed, speed].map(|value| value as f32)
+    });
+    let scales = TensorData::new(scales.collect(), [1, config.states(), STATE]);
+    references + output.clone() * Tensor::<3>::from_data(scales, &output.device())
 }
 
 #[cfg(test)]

@@ -20,15 +20,14 @@ mod layers;
 mod motion_transformer;
 mod output;
 mod polyline_encoder;
-mod scene_encoder;
 mod sine;
 mod suppress;
 
-pub use config::{Attributes, Config, Encoding, Norms, OutputUnits};
+pub use config::{Attributes, Config, Norms};
 pub use motion_transformer::Network;
 pub use suppress::suppress;
 
-pub(crate) use batch::{Batch, Group, LineBatch};
+pub(crate) use batch::Batch;
 pub(crate) use output::LayerOutput;
 
 /// Number of values per predicted state: x, y (metres), the logarithms of two deviations, correlation,
