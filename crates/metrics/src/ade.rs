@@ -50,13 +50,11 @@ fn compute(case: &Case<'_>) -> Option<Displacement> {
     let log = case.log.as_ref()?;
     let sources: Vec<Option<usize>> =
         if case.rollouts.is_empty() { vec![None] } else { (0..case.rollouts.len()).map(Some).collect() };
-    let judged =
-        |i: usize| case.evaluated(i) || (case.options.ade_include_av && i == case.av && case.present(i));
     let mut least = vec![f64::INFINITY; case.objects.len()];
     let (mut scene_sum, mut scenes, mut min_ade) = (0.0, 0_u64, f64::INFINITY);
     for &rollout in &sources {
         let (mut sum, mut agents) = (0.0, 0_u64);
-        for i in (0..case.objects.len()).filter(|&i| judged(i)) {
+        for i in (0..case.objects.len()).filter(|&i| case.evaluated(i)) {
             let (mut error, mut steps) = (0.0, 0_usize);
             for f in case.future() {
                 let rolled = case.rolled(rollout, i, f - case.current);

@@ -48,10 +48,7 @@ fn compute(case: &Case<'_>) -> Vec<Overlaps> {
     let (motion, options) = (&case.motion, &case.options);
     let mut found = vec![Overlaps::default(); n];
     let mut hit = vec![false; n * case.frames()];
-    let partner = |i: usize| {
-        case.evaluated(i)
-            || case.present(i) && if i == case.av { options.aa_include_av } else { options.aa_include_other }
-    };
+    let partner = |i: usize| case.evaluated(i) || (options.aa_include_av && i == case.av && case.present(i));
     let partners: Vec<(usize, [f64; 4])> =
         (0..n).filter(|&i| partner(i)).map(|i| (i, extent(case, i))).collect();
     for (at, &(i, a)) in partners.iter().enumerate() {

@@ -50,7 +50,7 @@ pub use object::{LoggedTrack, Object};
 pub use offroad::OffRoadSteps;
 pub use options::{
     CurvatureYaw, DirCandidate, DirConnector, DirTracking, FaultOrder, OptionDescription, OptionError,
-    Options, TtcSpeed, VelocitySource,
+    Options, VelocitySource,
 };
 pub use score::Score;
 pub use scores::{

@@ -91,12 +91,8 @@ options! {
     exclude_initial_overlap: bool = false, flag;
     /// Whether heading differences are wrapped for the time to collision.
     ttc_wrap_heading: bool = true, flag;
-    /// Source of the speed for the time to collision.
-    ttc_speed: TtcSpeed = TtcSpeed::State, TtcSpeed;
     /// Whether the AV is a partner in agent-agent collisions.
     aa_include_av: bool = false, flag;
-    /// Whether objects of kind `other` are partners in agent-agent collisions.
-    aa_include_other: bool = false, flag;
     /// Whether vehicles are off the road with any corner of their box, instead of the centre.
     offroad_corners: bool = false, flag;
     /// Whether the progress window has 11 increments (nuPlan's slice) instead of 10.
@@ -111,14 +107,17 @@ options! {
     curvature_yaw: CurvatureYaw = CurvatureYaw::Heading, CurvatureYaw;
     /// Whether the ADE includes the history, with zero error (WOSAC).
     ade_include_history: bool = false, flag;
-    /// Whether the ADE includes the AV (WOSAC).
-    ade_include_av: bool = false, flag;
     /// Whether the kinematic likelihood includes the AV.
     lik_include_av: bool = true, flag;
 }
 
 /// Options of earlier versions, with the value that the present definitions have. Files name them.
-const REMOVED: [(&str, &str); 1] = [("av_navsim", "false")];
+const REMOVED: [(&str, &str); 4] = [
+    ("aa_include_other", "false"),
+    ("ade_include_av", "false"),
+    ("av_navsim", "false"),
+    ("ttc_speed", "state"),
+];
 
 /// Text form of the corner rounding.
 mod rounding {
@@ -224,16 +223,6 @@ choices! {
         Paper = "paper",
         /// Stopped first, as in nuPlan.
         Nuplan = "nuplan",
-    }
-}
-
-choices! {
-    /// Source of the speed for the time to collision.
-    TtcSpeed {
-        /// The same speed as in all other metrics.
-        State = "state",
-        /// Central position differences (WOSAC); unknown at the last step.
-        Central = "central",
     }
 }
 
@@ -348,9 +337,12 @@ mod tests {
         assert!(unknown.contains("unknown metric option `corner`") && unknown.contains("corner_rounding"));
         let value = options.set("fault_order", "mine").unwrap_err().to_string();
         assert_eq!(value, "metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
-        let removed = options.set("av_navsim", "true").unwrap_err().to_string();
-        assert!(removed.starts_with("metric option `av_navsim` is `true`: this version has no"), "{removed}");
-        options.set("av_navsim", "false").unwrap();
+        let removed = options.set("ttc_speed", "central").unwrap_err().to_string();
+        assert!(
+            removed.starts_with("metric option `ttc_speed` is `central`: this version has no"),
+            "{removed}"
+        );
+        options.set("ttc_speed", "state").unwrap();
         for (name, bad) in [("corner_rounding", "nan"), ("aa_include_av", "1"), ("dir_window_extra", "2")] {
             assert!(options.set(name, bad).is_err(), "{name} {bad}");
         }

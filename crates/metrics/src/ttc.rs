@@ -1,11 +1,9 @@
 //! Risky approaches of vehicles to the AV: time to collision below half a second (ReactSim-Bench, "Metric
 //! Computation Details"; front-object filter as in the Waymo sim-agents metrics).
 
-use reactsim_geometry::{OrientedBox, math, wrap};
-use reactsim_scene::DT;
+use reactsim_geometry::{OrientedBox, wrap};
 
 use super::boxes::{av_overlaps, excluded};
-use super::options::TtcSpeed;
 use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
 
 /// Time to collision if the vehicle is not closing in, and maximum value, seconds.
@@ -77,7 +75,7 @@ fn time_to_collision(case: &Case<'_>, agent: usize, frame: usize, overlaps: &[bo
     if overlaps[me] {
         return 0.0;
     }
-    let closing = speed(case, agent, frame) - speed(case, case.av, frame);
+    let closing = motion.speed[me] - motion.speed[av];
     if !(closing > 0.0) {
         return MAX_TTC;
     }
@@ -113,18 +111,6 @@ pub fn is_front(gap: f64, lateral_gap: f64, turned: f64) -> bool {
         && lateral_gap < 0.0
         && turned <= FRONT_DEGREES.to_radians()
         && (lateral_gap < -LATERAL_OVERLAP || turned <= ALIGNED_DEGREES.to_radians())
-}
-
-fn speed(case: &Case<'_>, object: usize, frame: usize) -> f64 {
-    let motion = &case.motion;
-    match case.options.ttc_speed {
-        TtcSpeed::State => motion.speed[motion.at(object, frame)],
-        TtcSpeed::Central if frame == 0 || frame + 1 >= motion.frames => f64::NAN,
-        TtcSpeed::Central => {
-            let d = motion.position(object, frame + 1) - motion.position(object, frame - 1);
-            math::hypot(d.x, d.y) / (2.0 * DT)
-        }
-    }
 }
 
 /// Number of vehicles with a risky approach to the AV.
