@@ -36,7 +36,6 @@ pub const MODELS: &[Baseline] = &[
     ntp::entries::TRAJTOK_SMALL,
     ntp::entries::CATK_SMALL,
     ntp::entries::SMART_REACTIVE,
-    ntp::entries::TOKEN_REPLAY,
     pufferdrive::ENTRY,
     qp_regression::entries::QP_REGRESSION,
     qp_regression::entries::REGRESSION,

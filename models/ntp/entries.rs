@@ -7,7 +7,6 @@ use reactsim_rollout::Controller;
 use super::Driving;
 use super::reactive::{Policy, ReactiveSimulator};
 use super::smart::{SmartParameters, SmartPolicy, SmartSimulator};
-use super::token_replay;
 
 /// Units and ranges of the parameters of our network.
 const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
@@ -42,18 +41,6 @@ pub const CATK_SMALL: Baseline = trained("catk-small", include_str!("cards/catk_
 
 /// SMART-small after fine-tuning by rewards, with an AV that leaves its log.
 pub const SMART_REACTIVE: Baseline = trained("smart-reactive", include_str!("cards/smart_reactive.toml"));
-
-/// The log by tokens.
-pub const TOKEN_REPLAY: Baseline = Baseline {
-    id: token_replay::ID,
-    card: include_str!("cards/token_replay.toml"),
-    ranges: include_str!("ranges/token_replay.toml"),
-    oracle: true,
-    takes_stage: false,
-    by_default: true,
-    needs_weights: true,
-    make: token_replay::make,
-};
 
 /// Returns the baseline of a network: not an oracle, and in need of weights.
 const fn entry(

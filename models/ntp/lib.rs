@@ -17,8 +17,6 @@ pub mod smart;
 mod slowdown;
 mod smoothing;
 mod token_loss;
-mod token_replay;
 pub mod tokens;
 
 pub use sampling::{Driving, Sampling};
-pub use token_replay::{TokenReplay, TokenReplayParameters};

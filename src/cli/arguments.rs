@@ -155,7 +155,7 @@ mod tests {
         ("merge IN", &["--out"]),
     ];
     /// Writers without a file to read that an output can replace: their inputs are folders or none.
-    const OTHERS: [&str; 11] = [
+    const OTHERS: [&str; 10] = [
         "generate",
         "man",
         "reference make",
@@ -166,7 +166,6 @@ mod tests {
         "study guards",
         "study planners",
         "study realism",
-        "study vocabulary",
     ];
 
     fn refused(line: &str) -> Option<String> {

@@ -6,7 +6,6 @@ mod guards;
 mod planners;
 mod realism;
 mod replan;
-mod vocabulary;
 
 use std::path::{Path, PathBuf};
 
@@ -51,8 +50,6 @@ enum StudyCommand {
     Realism(realism::RealismArgs),
     /// Ablation of the parts of simulators: projection, keeping clear, QP stage, AV look-ahead
     Guards(guards::GuardsArgs),
-    /// Motion tokens: the log as several vocabularies replay it
-    Vocabulary(vocabulary::VocabularyArgs),
     /// Planners of the AV: score and rank under several simulators
     Planners(planners::PlannersArgs),
     /// Displacements from the log: by class, situation, speed, distance and time
@@ -112,7 +109,6 @@ impl StudyArgs {
             StudyCommand::Replan(args) => &args.shared,
             StudyCommand::Realism(args) => &args.shared,
             StudyCommand::Guards(args) => &args.shared,
-            StudyCommand::Vocabulary(args) => &args.shared,
             StudyCommand::Planners(args) => &args.shared,
             StudyCommand::Errors(args) => &args.shared,
         }
@@ -124,7 +120,6 @@ impl StudyArgs {
             StudyCommand::Replan(args) => replan::plan(args, sources),
             StudyCommand::Realism(args) => realism::plan(args, sources),
             StudyCommand::Guards(args) => guards::plan(args, sources),
-            StudyCommand::Vocabulary(args) => vocabulary::plan(args, sources),
             StudyCommand::Planners(args) => planners::plan(args, sources),
             StudyCommand::Errors(args) => errors::plan(args, sources),
         }

@@ -142,20 +142,6 @@ impl EvaluationArgs {
         Ok(Adjustments { weights, parameters, smoothing, backend })
     }
 
-    /// Refuses options about simulators, for commands that choose their own; `why` says which.
-    pub(super) fn refuse_simulators(&self, why: &str) -> anyhow::Result<()> {
-        let options = [
-            ("--models", !self.models.is_empty()),
-            ("--model-weights", !self.model_weights.is_empty()),
-            ("--set", !self.set.is_empty()),
-            ("--external", self.external.is_any()),
-        ];
-        match options.iter().find(|(_, given)| *given) {
-            Some((option, _)) => bail!("{option}: {why}"),
-            None => Ok(()),
-        }
-    }
-
     /// Returns the sources of the scenarios' logs.
     pub(super) fn log_sources(&self) -> anyhow::Result<Vec<LogSource>> {
         log_sources::simulated(&self.input.scenarios, &self.input.reading)

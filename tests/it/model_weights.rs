@@ -8,7 +8,6 @@ use std::process::Output;
 use burn::tensor::Device;
 use reactsim::models::ctg::network::Decoding;
 use reactsim::models::nn::{Initializer, save};
-use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::pufferdrive::network::Network;
 use reactsim::models::{MODELS, WeightsFile, find};
 
@@ -38,7 +37,6 @@ pub(crate) fn untrained(id: &str) -> Option<WeightsFile> {
         "ntp-reactive" | "ntp-reactive-raw" => crate::ntp_reactive::untrained(),
         "regression" | "qp-regression" | "mtr" => crate::qp_regression::untrained(),
         "smart" | "smart-projected" => crate::smart_simulator::untrained(),
-        "token-replay" => Kinematic::default().build().unwrap().write().unwrap(),
         "vbd" | "vbd-inpainting" => crate::vbd::untrained(),
         "ctg-cloning" => crate::ctg::untrained(Decoding::Cloning),
         "ctg-diffusion" | "ctg-guided" => crate::ctg::untrained(Decoding::Diffusion),

@@ -541,11 +541,10 @@ fn studies_have_their_tables_and_figures() {
     let (realism, of_realism) =
         study("realism", &["--models", "log-replay,idm,stop", "--rollouts", "2", "--keep-rollouts"]);
     let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
-    let (vocabulary, of_vocabulary) = study("vocabulary", &[]);
     let (planners, of_planners) = study("planners", &["--models", "log-replay,idm", "--planners", "idm"]);
     let (errors, of_errors) = study("errors", &["--models", "constant-velocity,idm"]);
     let path = at("page.html");
-    let folders = [&replan, &realism, &guards, &vocabulary, &planners, &errors].map(|path| text(path));
+    let folders = [&replan, &realism, &guards, &planners, &errors].map(|path| text(path));
     said(&[&["report"], &folders[..], &["--format", "html", "--out", text(&path)]].concat(), 0);
     let mut page = Browser::new(&chromium);
     open(&mut page, &format!("file://{}", path.display()));
@@ -555,7 +554,6 @@ fn studies_have_their_tables_and_figures() {
         ("replan", &of_replan),
         ("realism", &of_realism),
         ("guards", &of_guards),
-        ("vocabulary", &of_vocabulary),
         ("planners", &of_planners),
         ("errors", &of_errors),
     ] {

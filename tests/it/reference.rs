@@ -434,9 +434,8 @@ fn weights_that_ship_for_another_simulator_are_found_by_their_digest() {
     let home = tempfile::tempdir().unwrap();
     let (input, out) = (home.path().join("roads.parquet"), home.path().join("run"));
     small_scenarios::write(&input, (0..2).map(small_scenarios::scenario));
-    let weights =
-        concat!("token-replay=", env!("CARGO_MANIFEST_DIR"), "/weights/smart/smart-small.safetensors");
-    let models = ["--models", "token-replay", "--model-weights", weights];
+    let weights = concat!("regression=", env!("CARGO_MANIFEST_DIR"), "/weights/mtr.safetensors");
+    let models = ["--models", "regression", "--model-weights", weights];
     said(&[&["run", text(&input), "--out", text(&out)][..], &models].concat(), 0);
     as_if_committed(&out);
     let reference = made(&out, &home.path().join("reference"), &["--aggregates-only"]);

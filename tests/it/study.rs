@@ -241,41 +241,6 @@ fn parts_are_taken_away_and_put_to() {
 }
 
 #[test]
-fn vocabularies_are_compared_by_the_motion_they_replay() {
-    let home = tempfile::tempdir().unwrap();
-    let (out, fine) = (home.path().join("study"), home.path().join("fine.safetensors"));
-    said(&["train", "vocabulary", "--method", "kinematic", "--out", text(&fine)], 0);
-    let given = format!("fine={}", text(&fine));
-    let (table, _) = said(&["study", "vocabulary", MINI, "--vocabulary", &given, "--out", text(&out)], 0);
-    let study = read_study(&out).unwrap();
-    let names: Vec<&str> = study.members.iter().map(|m| m.folder.as_str()).collect();
-    assert_eq!((study.kind, names), (StudyKind::Vocabulary, vec!["log", "fine"]));
-    is_what_run_makes(&out, "log", &["--models", "log-replay"]);
-    let weights = format!("token-replay@fine={}", text(&fine));
-    is_what_run_makes(&out, "fine", &["--models", "token-replay@fine", "--model-weights", &weights]);
-    // Tokens move agents by less than a metre, but they do move them.
-    let displaced = read_summary(&out.join("fine")).unwrap().simulators["token-replay@fine"].metrics["ade"];
-    assert!((0.001..1.0).contains(&displaced.mean.unwrap()), "{displaced:?}");
-    let rows = rows(&table);
-    assert_eq!(rows[2][1], "fine");
-    assert_eq!(rows[4][1], "fine", "the difference to the log has a table of its own");
-    for (more, cause) in [
-        (vec!["--models", "idm"], "--models: this study replays the log"),
-        (vec!["--vocabulary", "log=x"], "could not read the vocabulary x"),
-        (vec!["--vocabulary", "Fine=x"], "`Fine` is not a name"),
-        (
-            vec!["--vocabulary", &given, "--vocabulary", &given],
-            "--vocabulary has two values for `fine`: give one",
-        ),
-    ] {
-        let refused = home.path().join("refused");
-        let base = ["study", "vocabulary", MINI, "--out", text(&refused)];
-        let (_, told) = said(&[&base[..], &more[..]].concat(), 2);
-        assert!(told.contains(cause), "{told}");
-    }
-}
-
-#[test]
 fn errors_are_grouped_by_what_agents_do() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("study");

@@ -5,5 +5,4 @@ mod command;
 mod golden;
 mod map;
 mod matching;
-mod replay;
 mod vocabulary;

@@ -107,9 +107,9 @@ pub use simulators::{Adjustments, PlannedSimulator, weights_file};
 pub use source::Source;
 pub use statistics::Estimate;
 pub use study::{
-    Agreement, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, NamedVocabulary, OrderChange,
-    PLANNER_RANKS, PlannerRanks, STUDY, STUDY_TABLE, SimulatorErrors, SimulatorRanks, Study, StudyFolder,
-    StudyKind, StudyPlan, StudyResults, is_study, read_study,
+    Agreement, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange, PLANNER_RANKS,
+    PlannerRanks, STUDY, STUDY_TABLE, SimulatorErrors, SimulatorRanks, Study, StudyFolder, StudyKind,
+    StudyPlan, StudyResults, is_study, read_study,
 };
 pub use summary::{
     CategorySummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,

@@ -144,14 +144,6 @@ impl PlannedSimulator {
         all.into_iter().map(make).collect()
     }
 
-    /// Creates a simulator with these weights.
-    ///
-    /// # Errors
-    /// [`EvaluationError`] names an unknown id, or weights that do not fit.
-    pub fn with_weights(id: &str, weights: WeightsFile) -> Result<Self, EvaluationError> {
-        Self::make(&named(id)?, Some(weights), std::iter::empty(), Backend::default())
-    }
-
     /// Creates the entry of a simulator that is not a baseline. Its id is also its title.
     pub fn own(id: impl Into<String>, controller: Controller) -> Self {
         let id = id.into();

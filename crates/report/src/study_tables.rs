@@ -22,10 +22,6 @@ const REACTION_METRICS: &[&str] = &["aav-collision", "aav-ttc"];
 /// rollouts.
 const REALISM_METRICS: &[&str] = &["aav-collision", "aav-ttc", "ade", "min-ade", "kinematic-likelihood"];
 
-/// Metrics of the motion itself, without the AV.
-const MOTION_METRICS: &[&str] =
-    &["acceleration", "curvature", "curvature-velocity", "aa-collision", "offroad", "direction", "ade"];
-
 /// Metrics of planners, of which those without a value are left out.
 const PLANNER_METRICS: &[&str] = &["av-score", "av-score-partial", "av-at-fault-collisions", "aav-collision"];
 
@@ -112,7 +108,7 @@ fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTabl
     let mut tables = match results.study.kind {
         StudyKind::Replan => by_interval(results, style),
         StudyKind::Realism | StudyKind::Errors => by_protocol(results, style),
-        StudyKind::Guards | StudyKind::Vocabulary => by_variant(results, style),
+        StudyKind::Guards => by_variant(results, style),
         StudyKind::Planners => by_planner(results, style),
     };
     // Scores of planners are better for one planner than for another, not for one simulator.
@@ -139,7 +135,6 @@ fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Colum
         }
         StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
         StudyKind::Guards => MAIN_COLUMNS.to_vec(),
-        StudyKind::Vocabulary => of(MOTION_METRICS),
         StudyKind::Planners if member.planner.is_none() => of(FIXED_AV_METRICS),
         StudyKind::Planners => of(PLANNER_METRICS),
         StudyKind::Errors => of(LOG_METRICS),

@@ -7,6 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::models::learning::Provenance;
+use reactsim::models::nn::device;
+use reactsim::models::ntp::reactive::Policy;
 use reactsim::models::ntp::tokens::{
     Kinematic, ORIGIN, TokenPoses, Vocabulary, VocabularyError, motion_between, moved,
 };
@@ -173,6 +175,15 @@ fn file(tensors: &[(&str, Dtype, &[usize])], value: f32) -> Vec<u8> {
         .collect();
     let made = serde_json::to_string(&Provenance::default()).unwrap();
     safetensors::serialize(views, Some(HashMap::from([("reactsim.vocabulary".to_owned(), made)]))).unwrap()
+}
+
+#[test]
+fn vocabularies_are_read_from_the_weights_of_networks() {
+    let weights = crate::ntp_reactive::untrained();
+    let policy = Policy::read(&weights, &device()).unwrap();
+    assert_eq!(Vocabulary::read(&weights).unwrap(), policy.vocabulary);
+    assert_eq!(Vocabulary::read(&policy.vocabulary.write().unwrap()).unwrap(), policy.vocabulary);
+    assert!(Vocabulary::read(&weights[..100]).is_err());
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
+use serde::Deserialize;
 use serde::de::Error as _;
 
 use super::Study;
@@ -14,6 +15,15 @@ use crate::folder::{SUMMARY, cannot_read};
 pub const STUDY: &str = "study.json";
 /// Name of the file with the table of a study.
 pub const STUDY_TABLE: &str = "study.md";
+
+/// Kind of studies that only earlier versions have.
+const REMOVED_KIND: &str = "vocabulary";
+
+/// The kind of a study.
+#[derive(Deserialize)]
+struct Kind {
+    kind: String,
+}
 
 /// Returns whether a folder contains a study, finished or not.
 pub fn is_study(folder: &Path) -> bool {
@@ -45,9 +55,29 @@ pub(super) fn read(folder: &Path) -> Result<Study, EvaluationError> {
         other => other.map_err(cannot_read(&path))?,
     };
     let damaged = |source| EvaluationError::Damaged { path: path.clone(), source };
+    let Kind { kind } = serde_json::from_str(&text).map_err(damaged)?;
+    if kind == REMOVED_KIND {
+        let gone =
+            "studies of motion tokens are of earlier versions: show the runs in its subfolders one by one";
+        return Err(damaged(serde_json::Error::custom(format_args!("its kind is `{kind}`; {gone}"))));
+    }
     let study: Study = serde_json::from_str(&text).map_err(damaged)?;
     match study.fault() {
         Some(fault) => Err(damaged(serde_json::Error::custom(fault))),
         None => Ok(study),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn studies_of_earlier_versions_are_refused_by_their_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = r#"{ "version": 1, "kind": "vocabulary", "members": [] }"#;
+        fs::write(folder.path().join(STUDY), text).unwrap();
+        let error = read(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("its kind is `vocabulary`; studies of motion tokens are"), "{error}");
     }
 }

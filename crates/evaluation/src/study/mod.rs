@@ -12,7 +12,6 @@ mod guards;
 mod plan;
 mod planners;
 mod results;
-mod vocabulary;
 
 use std::collections::BTreeMap;
 
@@ -24,7 +23,6 @@ pub use folder::StudyFolder;
 pub use plan::StudyPlan;
 pub use planners::{Agreement, OrderChange, PLANNER_RANKS, PlannerRanks, SimulatorRanks};
 pub use results::{Difference, StudyResults};
-pub use vocabulary::NamedVocabulary;
 
 /// The subject of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,8 +34,6 @@ pub enum StudyKind {
     Realism,
     /// Ablation of the components of simulators, and of observing the AV one step ahead.
     Guards,
-    /// The log by the motion tokens of several vocabularies.
-    Vocabulary,
     /// Planners of the AV under several simulators.
     Planners,
     /// Displacements from the log, by what agents do in it.
@@ -51,15 +47,9 @@ impl StudyKind {
             Self::Replan => "replan",
             Self::Realism => "realism",
             Self::Guards => "guards",
-            Self::Vocabulary => "vocabulary",
             Self::Planners => "planners",
             Self::Errors => "errors",
         }
-    }
-
-    /// Returns whether members are variants of simulators, which are compared with the first member.
-    pub const fn has_variants(self) -> bool {
-        matches!(self, Self::Guards | Self::Vocabulary)
     }
 }
 
@@ -91,7 +81,6 @@ pub struct Member {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub protocol: Option<String>,
     /// Change of the simulators, such as `without-projection`; `as-is` for none. In studies of kind `guards`.
-    /// In those of kind `vocabulary` the name of the vocabulary; `log` for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
     /// Planner of the AV, as in `--av planner:ID`; absent if the AV is fixed. In studies of kind `planners`.
@@ -101,7 +90,7 @@ pub struct Member {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub av_lookahead: Option<bool>,
     /// Id of each simulator of this run, and the id of the unchanged simulator (in the first member). They
-    /// differ if a stage was added or removed. In studies of kind `guards` and `vocabulary`.
+    /// differ if a stage was added or removed. In studies of kind `guards`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub originals: BTreeMap<String, String>,
 }
@@ -145,9 +134,9 @@ impl Study {
                 StudyKind::Planners | StudyKind::Errors => None,
                 StudyKind::Replan => replan_steps.is_none().then_some("replan_steps"),
                 StudyKind::Realism => protocol.is_none().then_some("protocol"),
-                StudyKind::Guards | StudyKind::Vocabulary if variant.is_none() => Some("variant"),
+                StudyKind::Guards if variant.is_none() => Some("variant"),
                 StudyKind::Guards if av_lookahead.is_none() => Some("av_lookahead"),
-                StudyKind::Guards | StudyKind::Vocabulary => originals.is_empty().then_some("originals"),
+                StudyKind::Guards => originals.is_empty().then_some("originals"),
             };
             if let Some(field) = missing {
                 return Some(format!("the member `{folder}` has no `{field}`"));

@@ -6,7 +6,6 @@ use reactsim_formats::Partition;
 use reactsim_rollout::{Protocol, Replan, Settings};
 
 use super::guards::{self, Variant};
-use super::vocabulary::{self, NamedVocabulary};
 use super::{Member, Study, StudyKind};
 use crate::request::{are_deviated, with_driver};
 use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedAv, PlannedSimulator, RunSettings, Source};
@@ -83,19 +82,6 @@ impl StudyPlan {
         let sets = variants.into_iter().map(|v| v.simulators).collect();
         let study = Study::new(StudyKind::Guards, members);
         Ok(Self { study, settings, sets, selected: 0, plan })
-    }
-
-    /// Plans the replay of the log, and that by the tokens of each vocabulary. `plan` has no simulators.
-    ///
-    /// # Errors
-    /// [`EvaluationError`] for a vocabulary that cannot be used.
-    pub fn vocabulary(plan: Plan, vocabularies: Vec<NamedVocabulary>) -> Result<Self, EvaluationError> {
-        let (members, sets): (Vec<_>, Vec<_>) = vocabulary::members(vocabularies)?.into_iter().unzip();
-        let settings = (0..sets.len()).map(|set| (plan.settings.clone(), set)).collect();
-        let study = Study::new(StudyKind::Vocabulary, members);
-        let mut all = Self { study, settings, sets, selected: 0, plan };
-        mem::swap(&mut all.plan.simulators, &mut all.sets[0]);
-        Ok(all)
     }
 
     /// Plans the simulators of a plan with each of these planners driving the AV, and with the deviated AVs

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{LogErrors, PlannerRanks, Study, read_study};
+use super::{LogErrors, PlannerRanks, Study, StudyKind, read_study};
 use crate::realism::RealismSummary;
 use crate::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
 
@@ -51,7 +51,7 @@ impl StudyResults {
         let members = || study.members.iter().map(|m| folder.join(&m.folder));
         let summaries: Vec<Summary> = members().map(|path| read_summary(&path)).collect::<Result<_, _>>()?;
         let mut differences = Vec::new();
-        if study.kind.has_variants() {
+        if study.kind == StudyKind::Guards {
             let mut tallies = Vec::new();
             for (summary, path) in summaries.iter().zip(members()) {
                 let tally = read_tally(&path)?;

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{SimulatorSummary, StudyResults};
+use reactsim_evaluation::{SimulatorSummary, StudyKind, StudyResults};
 
 use super::planners::notes;
 use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
@@ -59,7 +59,7 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
     let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
     writeln!(out)?;
     legend(out, all().map(SimulatorSummary::standing))?;
-    if results.study.kind.has_variants() {
+    if results.study.kind == StudyKind::Guards {
         writeln!(
             out,
             "Differences are paired, scenario by scenario; bold where the interval, which need not be \

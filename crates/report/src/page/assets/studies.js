@@ -1,4 +1,4 @@
-// Studies: replan interval, protocols, ablations, motion tokens, planners, errors.
+// Studies: replan interval, protocols, ablations, planners, errors.
 
 import { data, metric, runs } from "./data.js";
 import { $, el } from "./dom.js";
@@ -8,7 +8,6 @@ const ABOUT = {
   replan: ["Effect of the replan interval", "Columns: replan interval."],
   realism: ["Realism and reactive protocols", "In the realism protocol the simulator also moves the AV, and is compared with the log."],
   guards: ["Ablation", "The same simulators with parts removed or added, and with the AV's next step visible or not."],
-  vocabulary: ["Motion tokens", "The log, and its replay by the tokens of several vocabularies."],
   planners: ["Planners", "Columns: planner of the AV. Rows: simulator of the other agents."],
   errors: ["Displacements from the log", "Means over agents, with 95 % intervals over scenarios. Ahead is the mean offset along the logged heading, aside the mean distance across it. An agent belongs to the first of these situations that applies: stands, sets off, turns, halts, follows, crosses, drives freely."],
 };
@@ -127,7 +126,7 @@ function errors({ members, errors: found }) {
 
 /** Shows the tables of all studies. */
 export function studies() {
-  const draw = { replan, realism, guards, vocabulary: guards, planners, errors };
+  const draw = { replan, realism, guards, planners, errors };
   $("studies").hidden = $("nav-studies").hidden = !data.studies.length;
   $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
     const [title, about] = ABOUT[numbers.study];
