@@ -11,10 +11,8 @@ use reactsim::rollout::{PlanError, Planning, Protocol, Replan, SingleEpisode, St
 use reactsim::scene::{Scenario, Start};
 use reactsim::{Benchmark, BenchmarkError};
 
-use crate::reference::said;
+use crate::program::{MINI, said};
 use crate::small_scenarios;
-
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 
 /// Every agent stays where it is.
 struct Frozen;

@@ -13,19 +13,7 @@ use std::sync::OnceLock;
 
 use reactsim::models::{Card, MODELS};
 
-use crate::program::reactsim;
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use crate::program::{ended, json_of, reactsim, said, stderr, stdout, text};
 
 /// Reads the files of a run that must not depend on how it was executed.
 fn results(folder: &Path) -> Vec<Vec<u8>> {
@@ -59,21 +47,16 @@ fn called_bare_it_runs_the_shipped_scenarios() {
 fn the_backend_is_chosen_at_run_time() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
-    let run = |backend: &str, more: &[&str]| {
+    let run = |backend: &str, more: &[&str], code| {
         let base = ["run", "--limit", "1", "--models", "ntp-reactive", "--out", text(&out)];
-        reactsim(&[&base[..], &["--backend", backend], more].concat())
+        said(&[&base[..], &["--backend", backend], more].concat(), code).1
     };
-    let done = run("ndarray", &[]);
-    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
-    let provenance = fs::read_to_string(out.join("provenance.json")).unwrap();
-    assert!(provenance.contains("\"backend\": \"ndarray\""), "{provenance}");
+    run("ndarray", &[], 0);
+    assert_eq!(json_of(&out.join("provenance.json"))["backend"], "ndarray");
     // Rows of two backends are not mixed.
-    let resumed = run("flex", &["--resume"]);
-    assert_eq!(resumed.status.code(), Some(2));
-    assert!(stderr(&resumed).contains("backend"), "{}", stderr(&resumed));
-    let unknown = run("tpu", &[]);
-    assert_eq!(unknown.status.code(), Some(2));
-    assert!(stderr(&unknown).contains("backend `tpu`: this program contains flex, ndarray"));
+    let resumed = run("flex", &["--resume"], 2);
+    assert!(resumed.contains("backend"), "{resumed}");
+    assert!(run("tpu", &[], 2).contains("backend `tpu`: this program contains flex, ndarray"));
     assert!(stdout(&reactsim(&["list", "backends"])).contains("flex     works"));
 }
 
@@ -193,6 +176,9 @@ fn help_fits_a_terminal() {
         ("export", "av"),
         ("export", "scenes"),
         ("export", "wosac"),
+        ("curate", "stats"),
+        ("curate", "apply"),
+        ("curate", "review"),
     ] {
         let help = stdout(&reactsim(&[verb, kind, "--help"]));
         assert!(help.contains(&format!("Usage: reactsim {verb} {kind}")), "{help}");
@@ -209,8 +195,7 @@ fn how_plans_ended_is_in_the_folder_and_printed_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     let run = ["run", "--limit", "1", "--models", "idm+qp"];
-    let printed = reactsim(&[&run[..], &["--out", text(&out)]].concat());
-    assert_eq!(printed.status.code(), Some(0), "{}", stderr(&printed));
+    let printed = ended(&[&run[..], &["--out", text(&out)]].concat(), 0);
     assert!(!stdout(&printed).contains("How plans ended"), "{}", stdout(&printed));
     assert_eq!(stderr(&printed), "", "nothing to worry about");
     let kept = fs::read_to_string(out.join("summary.md")).unwrap();

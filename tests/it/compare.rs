@@ -5,21 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::program::reactsim;
-
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
-
-/// Returns stdout and stderr of a command that ends with this code.
-fn said(arguments: &[&str], code: i32) -> (String, String) {
-    let output = reactsim(arguments);
-    let of = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{}", of(&output.stderr));
-    (of(&output.stdout), of(&output.stderr))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use crate::program::{MINI, said, text};
 
 /// Writes a copy of a run folder with changed rows.
 fn changed(run: &Path, to: &Path, mut change: impl FnMut(&mut Value)) {

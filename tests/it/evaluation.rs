@@ -5,33 +5,17 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use reactsim::evaluation::{
-    self, AvChoice, EVENTS, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, ROWS, RunFolder,
-    RunObserver, RunSettings, SUMMARY, Selection, Source, Summary, Tally,
+    self, EVENTS, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, ROWS, RunFolder, RunObserver,
+    SUMMARY, Source, Summary, Tally,
 };
-use reactsim::metrics::Options;
-use reactsim::rollout::Settings;
 
-use crate::small_scenarios::{certified, source, source_of};
+use crate::small_scenarios::{self, certified, source, source_of};
 
 fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
     let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
-    Plan {
-        sources,
-        simulators: PlannedSimulator::by_ids(&ids).unwrap(),
-        deviations: None,
-        drivers: Vec::new(),
-        settings: RunSettings {
-            rollout: Settings::default(),
-            av: AvChoice::Deviated,
-            rollouts,
-            options: Options::default(),
-            limit: None,
-            selection: Selection::default(),
-        },
-        keep_rollouts: false,
-        allowed: Vec::new(),
-        partition: None,
-    }
+    let mut plan = small_scenarios::plan(sources, PlannedSimulator::by_ids(&ids).unwrap());
+    plan.settings.rollouts = rollouts;
+    plan
 }
 
 fn plan(rollouts: u32) -> Plan {

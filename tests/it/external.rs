@@ -14,15 +14,15 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use reactsim::evaluation::{
-    self, AvChoice, Execution, Failure, Outcome, Plan, PlannedSimulator, Row, RunFolder, RunObserver,
-    RunSettings, Selection, Source,
+    self, AvChoice, Execution, Failure, Outcome, Plan, PlannedSimulator, Row, RunFolder, RunObserver, Source,
 };
 use reactsim::external::{
     Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline, TimeLimits,
 };
-use reactsim::metrics::Options;
-use reactsim::rollout::{Protocol, Purpose, Settings, stream};
+use reactsim::rollout::{Protocol, Purpose, stream};
 use serde_json::Value;
+
+use crate::small_scenarios;
 
 const CHILD: &str = include_str!("external/child.py");
 
@@ -82,25 +82,12 @@ pub(super) fn start(settings: ExternalSettings) -> Result<PlannedSimulator, Exte
 }
 
 pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> Plan {
-    let sources = vec![Source::shipped(12)];
-    let settings = RunSettings {
-        rollout: Settings { protocol, ..Settings::default() },
-        av: if protocol == Protocol::Realism { AvChoice::Log } else { AvChoice::Deviated },
-        rollouts: 1,
-        options: Options::default(),
-        limit: None,
-        selection: Selection::default(),
-    };
-    Plan {
-        sources,
-        simulators,
-        deviations: None,
-        drivers: Vec::new(),
-        settings,
-        keep_rollouts: false,
-        allowed: Vec::new(),
-        partition: None,
+    let mut plan = small_scenarios::plan(vec![Source::shipped(12)], simulators);
+    plan.settings.rollout.protocol = protocol;
+    if protocol == Protocol::Realism {
+        plan.settings.av = AvChoice::Log;
     }
+    plan
 }
 
 #[derive(Default)]
@@ -183,45 +170,14 @@ fn a_stage_behind_it_acts_as_behind_the_baseline() {
 }
 
 #[test]
-fn an_interrupted_run_is_resumed_to_the_same_rows() {
+fn a_run_with_another_batch_size_is_another_run() {
     let Some(child) = Child::new() else { return };
-    let out = child.path("run");
-    // The run is interrupted after its first rows.
-    struct StopAfterRows<'a>(&'a AtomicBool);
-    impl RunObserver for StopAfterRows<'_> {
-        fn rows(&self, _rows: &[Row]) {
-            self.0.store(true, std::sync::atomic::Ordering::Relaxed);
-        }
-    }
-    let plan = plan_of(vec![start(child.settings("", LONG)).unwrap()], Protocol::Reactive);
-    let (execution, stop) = (Execution { jobs: 1, batch: 3 }, AtomicBool::new(false));
-    let folder = RunFolder::create(&out, &plan.provenance()).unwrap();
-    let outcome =
-        evaluation::run(&plan, execution, Some(&folder), plan.tally(), &StopAfterRows(&stop), &stop);
-    assert!(matches!(outcome.unwrap(), Outcome::Interrupted));
-    drop((folder, plan));
-    // One row of a batch is lost, as if the program had been killed while writing.
-    let rows = fs::read_to_string(out.join("rows.jsonl")).unwrap();
-    let kept: Vec<&str> = rows.lines().collect();
-    assert_eq!(kept.len(), 2 * 4, "one batch, with a row of the rollout and a row of all rollouts");
-    fs::write(out.join("rows.jsonl"), format!("{}\n", kept[..7].join("\n"))).unwrap();
-
-    let plan = plan_of(vec![start(child.settings("", LONG)).unwrap()], Protocol::Reactive);
-    let mut tally = plan.tally();
-    let folder = RunFolder::resume(&out, &plan.provenance(), &mut tally).unwrap();
-    let (collector, stop) = (Collector::default(), AtomicBool::new(false));
-    evaluation::run(&plan, execution, Some(&folder), tally, &collector, &stop).unwrap();
-    let (rows, failures) = results(collector);
-    let wanted = baseline(Protocol::Reactive);
-    assert_eq!((rows.len(), failures.len()), (wanted.len() - 3, 0));
-    rows.iter().for_each(|(scenario, row)| assert_eq!(row, &wanted[scenario]));
-    let lines = fs::read_to_string(out.join("rows.jsonl")).unwrap().lines().count();
-    assert_eq!(lines, 2 * wanted.len(), "no row twice");
-
-    // A run with another batch size is another run.
-    let other = ExternalSettings { batch: Some(5), ..child.settings("", LONG) };
-    let plan = plan_of(vec![start(other).unwrap()], Protocol::Reactive);
-    let refused = RunFolder::resume(&out, &plan.provenance(), &mut plan.tally()).err().unwrap().to_string();
+    let plan = |settings| plan_of(vec![start(settings).unwrap()], Protocol::Reactive);
+    let usual = plan(child.settings("", LONG));
+    drop(RunFolder::create(&child.path("run"), &usual.provenance()).unwrap());
+    let other = plan(ExternalSettings { batch: Some(5), ..child.settings("", LONG) });
+    let refused = RunFolder::resume(&child.path("run"), &other.provenance(), &mut other.tally());
+    let refused = refused.err().unwrap().to_string();
     assert!(refused.contains("batch"), "{refused}");
 }
 

@@ -6,7 +6,7 @@ use std::process::Output;
 use reactsim::scene::FRAMES;
 use serde_json::{Value, json};
 
-use crate::program::reactsim;
+use crate::program::{ended, reactsim, stderr, stdout, text};
 
 /// Returns an agent at these positions, with heading 0 and without velocities.
 fn agent(id: &str, at: impl Fn(usize) -> (f64, f64)) -> Value {
@@ -56,17 +56,12 @@ fn run(scenario: &Value, arguments: &[&str]) -> (Value, String, String) {
     let ran = program(&[&["run", text(&path)], arguments, &["--format", "json"]].concat());
     let seen = program(&["inspect", text(&path)]);
     let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
-    (summary, String::from_utf8(ran.stderr).unwrap(), String::from_utf8(seen.stdout).unwrap())
+    (summary, stderr(&ran), stdout(&seen))
 }
 
 fn program(arguments: &[&str]) -> Output {
-    let output = reactsim(arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = ended(arguments, 0);
     output
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
 }
 
 fn mean(summary: &Value, simulator: &str, metric: &str) -> Option<f64> {
@@ -182,7 +177,7 @@ fn irregular_clocks_are_reported_with_their_frame() {
     let path = folder.path().join("made.json");
     write(&path, &scenario);
     let refused = reactsim(&["inspect", text(&path)]);
-    let said = String::from_utf8(refused.stderr).unwrap();
+    let said = stderr(&refused);
     assert!(said.contains("timestamps[40] is 2.100 s after the frame before"), "{said}");
 }
 

@@ -10,7 +10,7 @@ use reactsim::scene::{CURRENT, Scenario};
 use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name, bench_names, hex, token};
 use reactsim_test_support::pickle::{Py, archive, pickle};
 
-use crate::program::{program, reactsim};
+use crate::program::{ended, program, reactsim};
 
 /// Rows of the log that become current frames.
 const ROWS: [u32; 6] = [22, 29, 36, 43, 50, 57];
@@ -144,8 +144,7 @@ fn the_printed_line_runs_the_imported_deviations() {
     let mut words: Vec<&str> = line.split(' ').skip(1).collect();
     *words.last_mut().unwrap() = &out;
     words.extend(["--models", "log-replay,idm"]);
-    let run = reactsim(&words);
-    assert_eq!(run.status.code(), Some(0), "{}", texts(&run));
+    let run = ended(&words, 0);
     assert!(texts(&run).contains("6 scenarios, reactive protocol"), "{}", texts(&run));
 }
 

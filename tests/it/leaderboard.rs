@@ -7,7 +7,8 @@ use std::path::Path;
 use reactsim::evaluation::{Value, read_summary};
 use serde_json::json;
 
-use crate::reference::{copy, edit_both, edit_rows, run, said, text};
+use crate::program::{copy, said, text};
+use crate::reference::{edit_both, edit_rows, run};
 
 #[test]
 fn entries_stand_in_one_table_with_their_status() {

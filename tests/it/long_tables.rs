@@ -8,9 +8,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;
 
-use crate::program::reactsim;
-
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+use crate::program::{MINI, ended};
 
 /// Reads a table: a map from column to value per row.
 fn table(path: &Path) -> Vec<BTreeMap<String, Field>> {
@@ -48,9 +46,7 @@ fn tables_hold_what_the_lines_hold() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let out = run.to_str().unwrap();
-    let output =
-        reactsim(&["run", MINI, "--models", "constant-velocity,idm", "--rollouts", "2", "--out", out]);
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    ended(&["run", MINI, "--models", "constant-velocity,idm", "--rollouts", "2", "--out", out], 0);
 
     let values = table(&run.join("values.parquet"));
     let mut next = values.iter();

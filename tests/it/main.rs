@@ -24,10 +24,8 @@ mod small_scenarios;
 mod generation;
 mod ground;
 mod guard;
-mod hostile_input;
 mod idm;
 mod import;
-
 mod leaderboard;
 mod levels;
 mod long_tables;

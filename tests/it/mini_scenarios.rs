@@ -1,18 +1,10 @@
 //! The hand-made scenarios serve their purpose.
 
-use std::path::Path;
-
-use reactsim::formats;
 use reactsim::geometry::{rounded_distance, wrap};
 use reactsim::rollout::Settings;
 use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
 
-use crate::scenes::{roll_with, scores};
-
-fn scenarios() -> Vec<Scenario> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mini");
-    formats::open(&folder).unwrap().map(Result::unwrap).collect()
-}
+use crate::scenes::{mini, roll_with, scores};
 
 /// Returns the first frame from `first` on at which two agents of the tracks overlap.
 fn overlap(scenario: &Scenario, tracks: &[Vec<Frame>], i: usize, j: usize, first: usize) -> Option<usize> {
@@ -29,7 +21,7 @@ fn logged(scenario: &Scenario) -> Vec<Vec<Frame>> {
 
 #[test]
 fn there_are_twelve_with_people_and_bicycles() {
-    let all = scenarios();
+    let all = mini();
     assert_eq!(all.len(), 12);
     for scenario in &all {
         assert_eq!(scenario.source, "hand-made");
@@ -43,7 +35,7 @@ fn there_are_twelve_with_people_and_bicycles() {
 
 #[test]
 fn the_log_is_free_of_collisions_and_on_the_road() {
-    for scenario in scenarios() {
+    for scenario in mini() {
         let (tracks, road) = (logged(&scenario), scenario.start.road());
         for i in 0..tracks.len() {
             for j in i + 1..tracks.len() {
@@ -69,7 +61,7 @@ fn the_log_is_free_of_collisions_and_on_the_road() {
 
 #[test]
 fn log_replay_runs_into_the_deviated_av() {
-    for scenario in scenarios() {
+    for scenario in mini() {
         let mut tracks = logged(&scenario);
         let track = &scenario.deviation.as_ref().unwrap().track;
         let mut before: AgentState = scenario.start.now(0);
@@ -91,7 +83,7 @@ fn log_replay_runs_into_the_deviated_av() {
 
 #[test]
 fn the_log_is_faultless_and_others_are_to_blame_for_hitting_the_deviated_av() {
-    for scenario in scenarios() {
+    for scenario in mini() {
         let value = |av: Vec<AgentState>, id: &str| {
             let rollout = roll_with("log-replay", &scenario, av, &Settings::default(), 0);
             scores(&scenario, &rollout).value(id).unwrap_or(0.0)

@@ -3,30 +3,23 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::Output;
 
+use burn::module::Module;
 use burn::tensor::Device;
+use rand_chacha::rand_core::SeedableRng;
 use reactsim::models::ctg::network::Decoding;
 use reactsim::models::nn::{Initializer, save};
 use reactsim::models::pufferdrive::network::Network;
 use reactsim::models::{MODELS, WeightsFile, find};
+use reactsim::scene::Scenario;
+use reactsim::training::{Output, Stream, Task, View};
 
-use crate::program::reactsim;
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
+use crate::program::{self, json_of, said};
+use crate::qp_regression::without_gradient;
 
 /// Returns the message of a run that is refused before its first scenario.
 fn refused(arguments: &[&str]) -> String {
-    let output = reactsim(&[&["run", "--limit", "1"], arguments].concat());
-    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
-    assert!(output.stdout.is_empty());
-    stderr(&output)
+    program::refused(&[&["run", "--limit", "1"], arguments].concat())
 }
 
 /// Returns untrained weights for a baseline whose weights do not ship; `None` if there is no rule for them.
@@ -67,13 +60,40 @@ pub(crate) fn check_refusals(good: &[u8], refusal: impl Fn(&[u8]) -> String) {
 
 /// Checks what `refusal` says of files that are cut, of another kind, or hold a value that is not a number.
 pub(crate) fn check_damaged(good: &[u8], refusal: impl Fn(&[u8]) -> String) {
+    check_cut(good, &refusal);
+    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
+}
+
+/// Checks what `refusal` says of files that are cut, or hold a value that is not a number.
+pub(crate) fn check_cut(good: &[u8], refusal: impl Fn(&[u8]) -> String) {
     assert!(refusal(&good[..good.len() - 8]).contains("cut short"));
     assert!(refusal(b"").contains("cut short"));
-    assert!(refusal(&crate::ntp_reactive::untrained()).contains("`reactive`"));
     let mut nan = good.to_vec();
     let end = nan.len();
     nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
     assert!(refusal(&nan).contains("NaN"), "{}", refusal(&nan));
+}
+
+/// Returns the loss per item.
+pub(crate) fn loss(output: &Output) -> f64 {
+    f64::from(output.loss.clone().into_scalar::<f32>()) / output.items
+}
+
+/// Checks that a network of a task has a finite loss, with and without gradients. Returns the parameters that
+/// have no gradient.
+pub(crate) fn check_learning<T: Task<Example = Scenario>>(task: &T) -> Vec<String> {
+    let model = task.init(3);
+    let scenarios = crate::ntp_reactive::scenarios(3);
+    let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, View::Plain)).collect();
+    assert!(samples.len() >= 2);
+    let output = task.loss(&model, &samples, Some(&mut Stream::seed_from_u64(0)));
+    let learning = loss(&output);
+    assert!(learning.is_finite() && output.items > 2.0, "{learning}");
+    let still = without_gradient(&model, output.loss);
+    // The same noise without autodiff gives the same loss.
+    let plain = loss(&task.validate(&model.valid(), &samples));
+    assert!((plain - learning).abs() < 1e-3 * learning.abs(), "{plain} {learning}");
+    still
 }
 
 /// Writes a file of such weights and returns its bytes.
@@ -83,60 +103,52 @@ fn write_untrained(path: &Path) -> Vec<u8> {
     bytes
 }
 
-fn given(path: &Path) -> String {
-    format!("pufferdrive={}", path.display())
-}
-
 #[test]
 fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("some.safetensors");
-    let models = ["--models", "pufferdrive"];
-
-    let text = refused(&models);
-    assert!(
-        text.contains("`pufferdrive` needs weights") && text.contains("--model-weights pufferdrive=FILE"),
-        "{text}"
-    );
-    let text = refused(&[&models[..], &["--model-weights", &given(&file)]].concat());
-    assert!(text.contains("could not read") && text.contains("some.safetensors"), "{text}");
+    let given = |path: &Path| format!("pufferdrive={}", path.display());
+    let with = |content: Option<&[u8]>, arguments: &[&str], parts: &[&str]| {
+        if let Some(content) = content {
+            fs::write(&file, content).unwrap();
+        }
+        let text = refused(arguments);
+        parts.iter().for_each(|part| assert!(text.contains(part), "{part}: {text}"));
+        text
+    };
+    let of_file = given(&file);
+    let asked = ["--model-weights", &of_file];
+    let needs = ["`pufferdrive` needs weights", "--model-weights pufferdrive=FILE"];
+    with(None, &["--models", "pufferdrive"], &needs);
+    with(None, &["--models", "pufferdrive", asked[0], asked[1]], &["could not read", "some.safetensors"]);
     for wrong in ["pufferdrive", "pufferdrive=", "=x"] {
-        let text = refused(&["--model-weights", wrong]);
-        assert!(text.contains("write ID=FILE"), "{text}");
+        with(None, &["--model-weights", wrong], &["write ID=FILE"]);
     }
 
     let whole = write_untrained(&file);
     for (id, part) in [("stop", "`stop` has no weights"), ("nobody", "there is no simulator `nobody`")] {
-        let text = refused(&["--models", id, "--model-weights", &format!("{id}={}", file.display())]);
-        assert!(text.contains(part), "{text}");
+        let weights = format!("{id}={}", file.display());
+        with(None, &["--models", id, "--model-weights", &weights], &[part]);
     }
-    let text = refused(&["--models", "stop", "--model-weights", &given(&file)]);
-    assert!(text.contains("`pufferdrive`, which does not run"), "{text}");
-    let text = refused(&["--model-weights", &given(&file), "--model-weights", &given(&file)]);
-    assert!(text.contains("two values for `pufferdrive`"), "{text}");
+    with(None, &["--models", "stop", asked[0], asked[1]], &["`pufferdrive`, which does not run"]);
+    with(None, &[asked, asked].concat(), &["two values for `pufferdrive`"]);
 
-    fs::write(&file, &whole[..whole.len() / 2]).unwrap();
-    let text = refused(&["--model-weights", &given(&file)]);
-    assert!(text.contains("some.safetensors of `pufferdrive`") && text.contains("cut short"), "{text}");
-
-    fs::write(&file, "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n").unwrap();
-    let text = refused(&["--model-weights", &given(&file)]);
-    assert!(text.contains("pointer of Git LFS") && text.contains("git lfs pull"), "{text}");
+    with(Some(&whole[..whole.len() / 2]), &asked, &["some.safetensors of `pufferdrive`", "cut short"]);
+    let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n";
+    with(Some(pointer), &asked, &["pointer of Git LFS", "git lfs pull"]);
 
     let tensors = safetensors::SafeTensors::deserialize(&whole).unwrap().tensors();
     let count = tensors.len();
     let wrapped = tensors.into_iter().map(|(name, view)| (format!("module.{name}"), view));
-    fs::write(&file, safetensors::serialize(wrapped, None).unwrap()).unwrap();
-    let text = refused(&["--model-weights", &given(&file)]);
-    assert!(text.contains("names of all tensors begin with `module.`"), "{text}");
+    let wrapped = safetensors::serialize(wrapped, None).unwrap();
+    let text = with(Some(&wrapped), &asked, &["names of all tensors begin with `module.`"]);
     assert!(!text.contains("0 more") && count > 1, "{text}");
 
     // A file with the name of the published file must be that file.
     let known = folder.path().join("pufferdrive_v2.safetensors");
     fs::write(&known, &whole).unwrap();
-    let text = refused(&["--model-weights", &given(&known)]);
     let found = WeightsFile::new("", whole).digest;
-    assert!(text.contains(&found) && text.contains("d3b1b5ec0616a3b0a64b6059b41a931a"), "{text}");
+    with(None, &["--model-weights", &given(&known)], &[&found, "d3b1b5ec0616a3b0a64b6059b41a931a"]);
 }
 
 #[test]
@@ -164,41 +176,35 @@ fn what_was_given_stands_in_the_results_and_counts_when_resuming() {
     let (out, file) = (folder.path().join("run"), folder.path().join("some.safetensors"));
     let out = out.to_str().unwrap();
     let digest = WeightsFile::new("", write_untrained(&file)).digest;
-    let weights = given(&file);
-    let base =
-        ["run", "--limit", "1", "--models", "stop,pufferdrive", "--model-weights", &weights, "--out", out];
-    let output = reactsim(&[&base[..], &["--set", "stop.deceleration=2"]].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let table = stdout(&output);
+    let weights = format!("pufferdrive={}", file.display());
+    let models = ["--models", "stop,pufferdrive", "--model-weights", &weights];
+    let run = |more: &[&str], code| {
+        said(&[&["run", "--limit", "1", "--out", out], &models[..], more].concat(), code)
+    };
+    let (table, _) = run(&["--set", "stop.deceleration=2"], 0);
     let line = format!("stop with deceleration=2.0, pufferdrive with some.safetensors ({}), ", &digest[..12]);
     // Underscores and similar characters are escaped in tables.
     assert!(table.replace('\\', "").contains(&line), "{line} is not in\n{table}");
 
-    let text = fs::read_to_string(folder.path().join("run/provenance.json")).unwrap();
-    let provenance: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let provenance = json_of(&folder.path().join("run/provenance.json"));
     assert_eq!(provenance["simulators"][0]["parameters"]["deceleration"], "2.0");
     assert_eq!(provenance["simulators"][0].get("weights"), None);
     assert_eq!(provenance["simulators"][1]["weights"]["sha256"], digest.as_str());
     assert_eq!(provenance["simulators"][1]["weights"]["name"], "some.safetensors");
 
-    let resumed = reactsim(&[&base[..], &["--set", "stop.deceleration=2.0", "--resume"]].concat());
-    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
-    let other = reactsim(&[&base[..], &["--resume"]].concat());
-    assert!(
-        stderr(&other).contains("parameters.deceleration` is \"2.0\" there and absent now"),
-        "{}",
-        stderr(&other)
-    );
+    run(&["--set", "stop.deceleration=2.0", "--resume"], 0);
+    let (_, other) = run(&["--resume"], 2);
+    assert!(other.contains("parameters.deceleration` is \"2.0\" there and absent now"), "{other}");
 }
 
 #[test]
 fn lists_say_what_needs_weights() {
-    let weights = stdout(&reactsim(&["list", "weights"]));
+    let (weights, _) = said(&["list", "weights"], 0);
     let row = weights.lines().find(|l| l.starts_with("pufferdrive ")).unwrap();
     for part in ["pufferdrive_v2.safetensors", "2459480 bytes", "MIT", "to be given", "d3b1b5ec0616"] {
         assert!(row.contains(part), "{part} is not in {row}");
     }
-    let models = stdout(&reactsim(&["list", "models"]));
+    let (models, _) = said(&["list", "models"], 0);
     for model in MODELS {
         let row = models.lines().find(|l| l.starts_with(&format!("{} ", model.id))).unwrap();
         assert_eq!(row.contains("Needs --model-weights."), !model.is_complete(), "{row}");

@@ -2,6 +2,7 @@
 //! visible, and no effect of batches.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use burn::tensor::Device;
@@ -14,11 +15,14 @@ use reactsim::models::ntp::tokens::Kinematic;
 use reactsim::models::ntp::{Driving, Sampling};
 use reactsim::models::perception::{Class, KnownMotion};
 use reactsim::rollout::{
-    Beginning, Controller, Episode, JointPlan, LogAv, Memory, Observation, Purpose, Replan, Request, Rollout,
+    Beginning, Controller, Episode, JointPlan, LogAv, Memory, Observation, Purpose, Request, Rollout,
     Settings, roll_out, stream,
 };
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
 use reactsim::training::{Task, View};
+
+use crate::model_weights::{check_cut, replaced};
+use crate::program::BENCH;
 
 /// Returns a network with random weights: its output has the right form, but no meaning.
 pub(crate) fn policy(device: &Device) -> Policy {
@@ -44,8 +48,7 @@ pub(crate) fn untrained() -> Vec<u8> {
 }
 
 pub(crate) fn scenarios(count: usize) -> Vec<Scenario> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
-    formats::open(std::path::Path::new(path)).unwrap().take(count).map(Result::unwrap).collect()
+    formats::open(Path::new(BENCH)).unwrap().take(count).map(Result::unwrap).collect()
 }
 
 fn greedy() -> Driving {
@@ -303,79 +306,6 @@ fn the_order_of_agents_does_not_matter() {
 }
 
 #[test]
-fn what_the_av_does_counts_from_the_step_on_that_sees_it() {
-    let device = device();
-    let policy = policy(&device);
-    let scenario = scenarios(1).remove(0);
-    let mut tracks = tracks(&scenario);
-    let before = logits_of(&policy, &scenario, &tracks, &device);
-    // With the AV seen one frame ahead, a change at frame 16 is first seen by the step at frame 15.
-    for state in tracks[0][16..].iter_mut().flatten() {
-        state.x += 3.0;
-    }
-    let after = logits_of(&policy, &scenario, &tracks, &device);
-    let mut changed = BTreeMap::new();
-    for (a, b) in before.iter().zip(&after) {
-        *changed.entry(a.frame).or_insert(false) |= a.slot > 0 && a.values != b.values;
-    }
-    assert_eq!(changed.into_values().collect::<Vec<_>>(), [false, false, false, true, true]);
-}
-
-#[test]
-fn a_scenario_does_not_depend_on_its_batch() {
-    let device = device();
-    let driving =
-        Driving { projection: true, keep_clear: true, sampling: Sampling { top_k: 8, temperature: 1.0 } };
-    let controller = Controller::Fair(Box::new(ReactiveSimulator::new(policy(&device), driving, device)));
-    let scenarios = scenarios(5);
-    let all: Vec<&Scenario> = scenarios.iter().collect();
-    let together = run(&controller, &all, &Settings::default());
-    for (scenario, wanted) in all.iter().zip(&together) {
-        let alone = &run(&controller, &[scenario], &Settings::default())[0];
-        assert!(alone == wanted, "{}", scenario.id);
-    }
-}
-
-#[test]
-fn any_interval_between_plans_gives_whole_rollouts() {
-    let device = device();
-    let controller = Controller::Fair(Box::new(ReactiveSimulator::new(policy(&device), greedy(), device)));
-    let scenario = scenarios(1).remove(0);
-    for steps in [1, 2, 3, 5, 7, 10, 20, 40, 80] {
-        let settings = Settings { replan: Replan::every(steps).unwrap(), ..Settings::default() };
-        let rollout = &run(&controller, &[&scenario], &settings)[0];
-        for (slot, track) in rollout.tracks.iter().enumerate() {
-            let present = scenario.start.agents[slot].kind != AgentKind::Other;
-            assert!(
-                track[CURRENT..].iter().all(|s| s.is_some_and(|s| s.is_finite()) == present),
-                "{steps} {slot}"
-            );
-        }
-    }
-}
-
-#[test]
-fn an_agent_alone_without_a_map_moves() {
-    let device = device();
-    let policy = policy(&device);
-    let mut scenario = scenarios(1).remove(0);
-    scenario.start.agents.truncate(2);
-    scenario.start.history.truncate(2);
-    scenario.log_future.tracks.truncate(2);
-    let map = &mut scenario.start.map;
-    map.lanes.clear();
-    map.stop_lines.clear();
-    map.crosswalks.clear();
-    map.drivable_area = None;
-    map.road_edges.clear();
-    scenario.start.lights.clear();
-    scenario.start.light_history.clear();
-    scenario.log_future.lights.clear();
-    let logits = logits_of(&policy, &scenario, &tracks(&scenario), &device);
-    assert!(!logits.is_empty() && logits.iter().flat_map(|l| &l.values).all(|v| v.is_finite()));
-}
-
-#[test]
 #[expect(deprecated, reason = "ndarray is deprecated by its authors; here it is what flex is compared with")]
 fn the_other_backend_agrees() {
     let scenario = scenarios(1).remove(0);
@@ -390,26 +320,15 @@ fn foreign_and_damaged_policies_are_refused() {
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), &device);
     let good = task.file(&task.init(7), &BTreeMap::new()).unwrap();
     let refusal = |bytes: &[u8]| Policy::read(bytes, &device).unwrap_err().to_string();
-    assert!(refusal(&good[..good.len() - 8]).contains("cut short"), "{}", refusal(&good[..good.len() - 8]));
-    assert!(refusal(b"").contains("cut short"));
-    let with = |from: &str, to: &str| {
-        let text: Vec<u8> = good.clone();
-        let at = text.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
-        assert_eq!(from.len(), to.len());
-        let mut text = text;
-        text[at..at + to.len()].copy_from_slice(to.as_bytes());
-        text
-    };
-    let other = with("\\\"kind\\\":\\\"reactive\\\"", "\\\"kind\\\":\\\"reactivf\\\"");
-    assert!(refusal(&other).contains("`reactivf`"), "{}", refusal(&other));
-    let narrow = with("\\\"hidden\\\":64", "\\\"hidden\\\":32");
-    assert!(refusal(&narrow).contains("expected ["), "{}", refusal(&narrow));
-    let none = with("\\\"heads\\\":4", "\\\"heads\\\":0");
-    assert!(refusal(&none).contains("heads = 0"), "{}", refusal(&none));
-    let mut nan = good.clone();
-    let end = nan.len();
-    nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert!(refusal(&nan).contains("NaN") || refusal(&nan).contains("finite"), "{}", refusal(&nan));
+    check_cut(&good, refusal);
+    for (from, to, part) in [
+        ("\\\"kind\\\":\\\"reactive\\\"", "\\\"kind\\\":\\\"reactivf\\\"", "`reactivf`"),
+        ("\\\"hidden\\\":64", "\\\"hidden\\\":32", "expected ["),
+        ("\\\"heads\\\":4", "\\\"heads\\\":0", "heads = 0"),
+    ] {
+        let text = refusal(&replaced(&good, from, to));
+        assert!(text.contains(part), "{part}: {text}");
+    }
     let config = Config { past: 0, ..Config::default() };
     assert!(matches!(config.check(), Err(PolicyError::Size { field: "past", .. })));
 }

@@ -9,7 +9,8 @@ use reactsim::evaluation::{Estimate, read_summary};
 use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name};
 use reactsim_test_support::pickle::{Py, pickle};
 
-use crate::reference::{edit_both, run, said, text};
+use crate::program::{said, stderr, stdout, text};
+use crate::reference::{edit_both, run};
 
 const PAPER: &str = "reactsim-bench-paper";
 
@@ -181,9 +182,9 @@ fn shows_its_content(file: &Path) {
     else {
         return crate::skipped("no Python with numpy");
     };
-    let lines = String::from_utf8(shown.stdout).unwrap();
+    let lines = stdout(&shown);
     let lines: Vec<&str> = lines.lines().collect();
-    assert_eq!(lines.len(), 3, "{}", String::from_utf8_lossy(&shown.stderr));
+    assert_eq!(lines.len(), 3, "{}", stderr(&shown));
     let keys =
         "['agent_ids', 'columns', 'first_frame', 'format', 'scenario', 'simulator', 'trajectories', 'valid']";
     let head = "reactsim-bench-rollouts-v1 700000000000001f stop 11 ego ['x', 'y', 'heading', 'vx', 'vy']";

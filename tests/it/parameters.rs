@@ -17,7 +17,7 @@ use toml::{Table, Value};
 
 use self::values::{accepts, values};
 use crate::model_weights::untrained;
-use crate::program::reactsim;
+use crate::program::{reactsim, stderr};
 use crate::scenes::{mini, request};
 
 /// Returns the setup of a baseline, with untrained weights if its own do not ship.
@@ -251,7 +251,7 @@ fn the_program_refuses_values_out_of_range_before_the_first_scenario() {
         for command in [&["run"][..], &["study", "replan"], &["study", "guards"]] {
             let rest = ["--limit", "1", "--models", id, "--set", set, "--out", out.to_str().unwrap()];
             let output = reactsim(&[command, &rest].concat());
-            let error = String::from_utf8(output.stderr).unwrap();
+            let error = stderr(&output);
             assert_eq!(output.status.code(), Some(2), "{command:?} {set}: {error}");
             assert!(error.contains(text) && output.stdout.is_empty(), "{command:?} {set}: {error}");
             assert!(!out.exists(), "{command:?} {set}");

@@ -8,7 +8,7 @@ use reactsim::evaluation::{
     AvChoice, FinishedRun, PlannerRanks, Row, Value, read_provenance, read_rows, read_study, read_summary,
 };
 
-use crate::reference::said;
+use crate::program::said;
 use crate::small_scenarios;
 
 /// Ids of the metrics of the AV.

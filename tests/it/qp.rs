@@ -1,6 +1,5 @@
 //! The stage behind simulators: limits on whole rollouts, other agents, threads, names.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use rand_chacha::rand_core::Rng;
@@ -14,12 +13,9 @@ use reactsim::rollout::{
 };
 use reactsim::scene::{AgentKind, AgentState, CURRENT, DT, Scenario, Start};
 
-use crate::scenes::{agent, bystander, car, contact, future, lane, line, scene, state, straight};
-
-fn mini() -> Vec<Scenario> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mini");
-    formats::open(&folder).unwrap().map(Result::unwrap).collect()
-}
+use crate::scenes::{
+    agent, bystander, car, contact, future, lane, line, mini, request, scene, state, straight,
+};
 
 fn behind(smoothing: Smoothing, id: &str) -> Controller {
     let baseline = models::find(id).unwrap();
@@ -227,13 +223,8 @@ fn nothing_depends_on_batches_or_threads() {
     let controller = behind(Smoothing::Full, "constant-velocity");
     let alone: Vec<Rollout> = scenarios.iter().map(|s| run(&controller, s)).collect();
     let together = |scenarios: &[Scenario]| -> Vec<Rollout> {
-        let request = |scenario| {
-            let scenario: &Scenario = scenario;
-            let track = scenario.deviation.as_ref().unwrap().track.clone();
-            let av = DeviatedAv::new(&scenario.start.now(0), track).unwrap();
-            Request { scenario, av: Some(Arc::new(av)), rollout: 0 }
-        };
-        let batch = scenarios.iter().map(request).collect();
+        let av = |scenario: &Scenario| scenario.deviation.as_ref().unwrap().track.clone();
+        let batch = scenarios.iter().map(|scenario| request(scenario, av(scenario), 0)).collect();
         roll_out(batch, &controller, &Settings::default()).into_iter().map(Result::unwrap).collect()
     };
     assert!(together(&scenarios) == alone);

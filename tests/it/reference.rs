@@ -14,30 +14,11 @@ use reactsim::evaluation::{
 use reactsim::formats;
 use serde_json::json;
 
-use crate::program::reactsim;
+use crate::program::MINI;
+pub(crate) use crate::program::{copy, said, text};
 use crate::small_scenarios;
 
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
-
-/// Returns stdout and stderr of a command that ends with this code.
-#[track_caller]
-pub(crate) fn said(arguments: &[&str], code: i32) -> (String, String) {
-    let output = reactsim(arguments);
-    let of = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert_eq!(
-        output.status.code(),
-        Some(code),
-        "{arguments:?}: {} {}",
-        of(&output.stdout),
-        of(&output.stderr)
-    );
-    (of(&output.stdout), of(&output.stderr))
-}
-
-pub(crate) fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// Marks the program of a run as built from a commit: tests run in trees with changes.
 fn as_if_committed(run: &Path) {
@@ -68,16 +49,6 @@ pub(crate) fn run() -> &'static Path {
         (home, path)
     });
     path
-}
-
-/// Copies a folder.
-pub(crate) fn copy(from: &Path, to: &Path) -> PathBuf {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
-    }
-    to.to_owned()
 }
 
 /// Makes a reference from a run; must succeed.

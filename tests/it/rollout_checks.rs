@@ -9,7 +9,7 @@ use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
 use reactsim::metrics::Options;
 
-use crate::program::reactsim;
+use crate::program::{ended, reactsim, stderr, stdout};
 use crate::small_scenarios::{deviating, write};
 
 struct Fixture {
@@ -148,7 +148,7 @@ fn allowances_are_marked_below_the_table() {
     assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
     let allowed = score(&["--allow", "partial"]);
     assert_eq!(allowed.status.code(), Some(0));
-    let table = String::from_utf8(allowed.stdout).unwrap();
+    let table = stdout(&allowed);
     assert!(table.contains("1 exception allowed as partial"), "{table}");
     let unknown = String::from_utf8(score(&["--allow", "everything"]).stderr).unwrap();
     assert!(unknown.contains("expected one of other-av, jumps, coordinates,"), "{unknown}");
@@ -192,7 +192,7 @@ fn scored_rollouts_become_a_run_folder() {
         vec!["compare", &scored, &run],
     ] {
         let output = reactsim(&arguments);
-        let text = String::from_utf8_lossy(&output.stderr);
+        let text = stderr(&output);
         assert_eq!(output.status.code(), Some(0), "{arguments:?}: {text}");
     }
     let full = String::from_utf8(score(&[]).stderr).unwrap();
@@ -241,8 +241,7 @@ fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
         vec!["convert", input, "--history-only", "--out", &histories],
         vec!["export", "av", input, "--out", &avs],
     ] {
-        let output = reactsim(&arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        ended(&arguments, 0);
     }
     let read = |file: &str| -> Vec<_> {
         let inputs = formats::find_inputs(Path::new(file)).unwrap();
@@ -259,12 +258,10 @@ fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
     // Both files together simulate as the whole scenarios, and the rollouts pass every check.
     let out = path("offline");
     let run = ["run", &histories, "--deviations", &avs, "--models", "stop", "--out", &out, "--keep-rollouts"];
-    let run = reactsim(&run);
-    assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
+    ended(&run, 0);
     let rollouts: Vec<RolloutRecord> = read_rollouts(&Path::new(&out).join("rollouts.parquet"));
     assert_eq!(rollouts, fixture.records);
-    let score = reactsim(&["score", &format!("{out}/rollouts.parquet"), "--scenarios", input]);
-    assert_eq!(score.status.code(), Some(0), "{}", String::from_utf8_lossy(&score.stderr));
+    ended(&["score", &format!("{out}/rollouts.parquet"), "--scenarios", input], 0);
 }
 
 fn read_rollouts(path: &Path) -> Vec<RolloutRecord> {

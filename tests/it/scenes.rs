@@ -12,6 +12,8 @@ use reactsim::scene::{
     LaneParts, LightParts, LightState, LoggedAgent, MapParts, Scenario, ScenarioParts,
 };
 
+use crate::program::MINI;
+
 /// Returns a state that moves along its heading.
 pub(crate) fn state(x: f64, y: f64, heading: f64, speed: f64) -> AgentState {
     let v = direction(heading) * speed;
@@ -134,8 +136,7 @@ pub(crate) fn scene(id: &str, agents: Vec<LoggedAgent>, map: MapParts) -> Scenar
 
 /// Returns the scenarios that ship with the program.
 pub(crate) fn mini() -> Vec<Scenario> {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mini");
-    formats::open(&folder).unwrap().map(Result::unwrap).collect()
+    formats::open(MINI.as_ref()).unwrap().map(Result::unwrap).collect()
 }
 
 /// Returns the first real logs of the training split whose AV is always present; none if the data are

@@ -1,8 +1,10 @@
 //! Small synthetic scenarios, for tests that need many of them fast.
 
-use reactsim::evaluation::{FileRecord, Source};
+use reactsim::evaluation::{AvChoice, FileRecord, Plan, PlannedSimulator, RunSettings, Selection, Source};
 use reactsim::formats::{decoded, native::Writer};
 use reactsim::geometry::Vec2;
+use reactsim::metrics::Options;
+use reactsim::rollout::Settings;
 use reactsim::scene::{
     Agent, AgentKind, AgentState, Certificate, Deviation, DeviationParts, Effort, FRAMES, FUTURE, Frame,
     HISTORY, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, Response, RoadEdge,
@@ -153,6 +155,27 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
             let scenarios = scenarios.clone();
             Ok(Box::new(scenarios.into_iter().skip(first).map(move |i| Ok(decoded(make(i))))))
         }),
+    }
+}
+
+/// Returns the plan of a run with default settings.
+pub(crate) fn plan(sources: Vec<Source>, simulators: Vec<PlannedSimulator>) -> Plan {
+    Plan {
+        sources,
+        simulators,
+        deviations: None,
+        drivers: Vec::new(),
+        settings: RunSettings {
+            rollout: Settings::default(),
+            av: AvChoice::Deviated,
+            rollouts: 1,
+            options: Options::default(),
+            limit: None,
+            selection: Selection::default(),
+        },
+        keep_rollouts: false,
+        allowed: Vec::new(),
+        partition: None,
     }
 }
 

@@ -21,6 +21,7 @@ use reactsim::scene::{CURRENT, FRAMES, Frame, HISTORY, Scenario};
 use serde_json::Value;
 
 use crate::networks::values;
+use crate::ntp_reactive::scenarios;
 use crate::scenes::{coasting, real, request};
 use reactsim::models::learning::Provenance;
 use reactsim::models::perception::Class;
@@ -82,11 +83,6 @@ fn greedy(projection: bool) -> SmartParameters {
 
 fn controller(parameters: SmartParameters) -> Controller {
     Controller::Fair(Box::new(SmartSimulator::new("smart", policy(&device()), parameters)))
-}
-
-fn scenarios(count: usize) -> Vec<Scenario> {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
-    reactsim::formats::open(std::path::Path::new(path)).unwrap().take(count).map(Result::unwrap).collect()
 }
 
 fn run(controller: &Controller, batch: &[&Scenario]) -> Vec<Rollout> {
@@ -164,15 +160,6 @@ fn a_file_gives_the_same_policy_and_what_is_none_is_refused_by_name() {
         let mut bytes = good.clone();
         bytes[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
         refusal(&bytes, part);
-    }
-}
-
-#[test]
-fn parameters_that_make_no_sense_are_refused() {
-    for (key, value) in [("sampling.temperature", "0"), ("map_radius", "-1"), ("height", "0")] {
-        let mut setup = find("smart").unwrap().setup().unwrap();
-        let error = setup.set(key, value).unwrap_err().to_string();
-        assert!(error.contains(&format!("smart: `{key}` is {value}, expected")), "{error}");
     }
 }
 
@@ -278,48 +265,6 @@ fn what_is_kept_is_what_one_look_at_the_whole_rollout_gives() {
         }
     }
     assert!(checked > 300 && chosen.len() > 4, "{checked} {chosen:?}");
-}
-
-#[test]
-fn the_av_is_where_it_is_and_counts_from_then_on() {
-    let mut reactions = 0;
-    for scenario in &scenarios(3) {
-        let controller = controller(greedy(false));
-        let straight = run(&controller, &[scenario]).remove(0);
-        let mut av = coasting(scenario);
-        // From step 21 on the AV stands.
-        let halt = av[19];
-        av[20..].fill(halt);
-        let other =
-            roll_out(vec![request(scenario, av.clone(), 0)], &controller, &Settings::default()).remove(0);
-        let other = other.unwrap();
-        for (k, state) in av.iter().enumerate() {
-            let realised = other.tracks[0][HISTORY + k].unwrap();
-            assert_eq!((realised.x, realised.y), (state.x, state.y));
-        }
-        // The plan at step 20 does not see that, the one at step 25 does.
-        for a in 1..straight.tracks.len() {
-            assert_eq!(
-                straight.tracks[a][..=CURRENT + 25],
-                other.tracks[a][..=CURRENT + 25],
-                "{}",
-                scenario.id
-            );
-            reactions += usize::from(straight.tracks[a] != other.tracks[a]);
-        }
-    }
-    assert!(reactions > 0, "nobody took notice");
-}
-
-#[test]
-fn a_scenario_does_not_depend_on_its_batch() {
-    let sampling = Sampling { top_k: 5, temperature: 1.0 };
-    let controller = controller(SmartParameters { sampling, ..greedy(true) });
-    let scenarios = scenarios(4);
-    let all: Vec<&Scenario> = scenarios.iter().collect();
-    for (scenario, wanted) in all.iter().zip(run(&controller, &all)) {
-        assert!(run(&controller, &[scenario])[0] == wanted, "{}", scenario.id);
-    }
 }
 
 #[test]

@@ -2,37 +2,15 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
 
 use reactsim::evaluation::{
-    Adjustments, AvChoice, LogErrors, Member, Plan, PlannedSimulator, RunSettings, Selection, StudyKind,
-    StudyPlan, is_study, read_study, read_summary,
+    Adjustments, LogErrors, Member, PlannedSimulator, StudyKind, StudyPlan, is_study, read_study,
+    read_summary,
 };
-use reactsim::metrics::Options;
-use reactsim::rollout::Settings;
 use serde_json::Value;
 
-use crate::program::program;
-use crate::small_scenarios::{deviating, deviations, scenario, source, write};
-
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
-
-fn of(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// Returns stdout and stderr of a command that ends with this code.
-fn said(arguments: &[&str], code: i32) -> (String, String) {
-    let output: Output = program().args(arguments).output().unwrap();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", of(&output.stderr));
-    (of(&output.stdout), of(&output.stderr))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use crate::program::{MINI, program, said, signalled, stderr, text, words};
+use crate::small_scenarios::{deviating, deviations, plan, scenario, source, write};
 
 /// Returns the members of a study, in order.
 fn members(study: &Path) -> Vec<Member> {
@@ -271,28 +249,6 @@ fn errors_are_grouped_by_what_agents_do() {
     assert!(said(&refused, 2).1.contains("--av: the AV of this study follows the log"));
 }
 
-/// Returns a plan of these simulators that is not carried out.
-fn plan_of(models: &[&str], asked: &Adjustments) -> Plan {
-    let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
-    Plan {
-        sources: vec![source("a", vec![0])],
-        simulators: PlannedSimulator::adjusted(&ids, asked).unwrap(),
-        deviations: None,
-        drivers: Vec::new(),
-        settings: RunSettings {
-            rollout: Settings::default(),
-            av: AvChoice::Deviated,
-            rollouts: 1,
-            options: Options::default(),
-            limit: None,
-            selection: Selection::default(),
-        },
-        keep_rollouts: false,
-        allowed: Vec::new(),
-        partition: None,
-    }
-}
-
 #[test]
 fn a_variant_holds_what_it_changes() {
     let set = |id: &str, key: &str, value: &str| (id.to_owned(), key.to_owned(), value.to_owned());
@@ -301,7 +257,8 @@ fn a_variant_holds_what_it_changes() {
         ..Adjustments::default()
     };
     let models = ["stop+qp", "idm", "ntp-reactive", "ntp-reactive-raw", "qp-regression"];
-    let mut plan = StudyPlan::guards(plan_of(&models, &asked), &asked).unwrap();
+    let simulators = PlannedSimulator::adjusted(&models.map(str::to_owned), &asked).unwrap();
+    let mut plan = StudyPlan::guards(plan(vec![source("a", vec![0])], simulators), &asked).unwrap();
     let members = plan.study().members.clone();
     let found: Vec<String> = (0..members.len())
         .map(|i| {
@@ -406,50 +363,29 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
 #[test]
 fn an_interrupt_leaves_a_study_that_goes_on() {
     let home = tempfile::tempdir().unwrap();
-    let input = home.path().join("scenarios.parquet");
+    let (input, whole, out) =
+        (home.path().join("scenarios.parquet"), home.path().join("whole"), home.path().join("stopped"));
     write(&input, (0..24).map(scenario));
-    let study = |out: &Path, resume: bool| {
+    let study = |out: &Path| {
         let mut command = program();
-        command.args([
-            "study",
-            "replan",
-            text(&input),
-            "--models",
-            "stop",
-            "--intervals",
-            "5,10",
-            "--rollouts",
-            "60",
-        ]);
-        command.args(["--jobs", "1", "--batch", "1", "--out", text(out)]).args(resume.then_some("--resume"));
-        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        command.args(["study", "replan", text(&input), "--models", "stop", "--intervals", "5,10"]);
+        command.args(["--rollouts", "60", "--jobs", "1", "--batch", "1", "--out", text(out)]);
         command
     };
-    let whole = home.path().join("whole");
-    assert!(study(&whole, false).status().unwrap().success());
-    for attempt in 0..20 {
-        let out = home.path().join(format!("stopped-{attempt}"));
-        let mut child = study(&out, false).spawn().unwrap();
-        let begun = Instant::now();
-        while fs::metadata(out.join("steps-05/rows.jsonl")).map_or(0, |m| m.len()) == 0 {
-            assert!(child.try_wait().unwrap().is_none(), "the study ended before it wrote a row");
-            assert!(begun.elapsed() < Duration::from_secs(60), "no row was written");
-            sleep(Duration::from_millis(1));
-        }
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-        let output = child.wait_with_output().unwrap();
-        if output.status.success() {
-            // The study ended before the signal.
-            continue;
-        }
-        assert_eq!(output.status.code(), Some(130), "{}", of(&output.stderr));
-        assert!(of(&output.stderr).contains("to continue, repeat the command with --resume"));
-        assert!(read_study(&out).unwrap_err().to_string().contains("is not finished"));
-        assert!(study(&out, true).status().unwrap().success());
-        assert!(results(&out) == results(&whole));
-        return;
-    }
-    panic!("no study lasted long enough");
+    assert!(study(&whole).output().unwrap().status.success());
+    let has_rows = || fs::metadata(out.join("steps-05/rows.jsonl")).is_ok_and(|m| m.len() > 0);
+    // A study may end before the signal.
+    let output = (0..20).find_map(|_| {
+        fs::remove_dir_all(&out).ok();
+        let output = signalled(&mut study(&out), "-INT", has_rows);
+        (!output.status.success()).then_some(output)
+    });
+    let output = output.expect("no study lasted long enough");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(stderr(&output).contains("to continue, repeat the command with --resume"));
+    assert!(read_study(&out).unwrap_err().to_string().contains("is not finished"));
+    assert!(study(&out).arg("--resume").output().unwrap().status.success());
+    assert!(results(&out) == results(&whole));
 }
 
 #[test]
@@ -471,17 +407,16 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
         let told = refused(&["replan", MINI, "--models", "stop", "--intervals", intervals]);
         assert!(told.contains(part), "{told}");
     }
-    assert!(refused(&["guards", MINI, "--models", "stop+qqp"]).contains("no simulator `stop+qqp`"));
-    assert!(
-        refused(&["guards", MINI, "--models", "stop", "--set", "idm.x=1"])
-            .contains("name it in --models too")
-    );
-    assert!(refused(&["realism", MINI, "--models", "stop", "--rollouts", "0"]).contains("1..=10000"));
-    assert!(
-        refused(&["realism", MINI, "--models", "stop", "--metric-option", "a=b"])
-            .contains("metric option `a`")
-    );
-    assert!(refused(&["replan", "absent.parquet", "--models", "stop"]).contains("absent.parquet"));
+    for (line, part) in [
+        ("guards MINI --models stop+qqp", "no simulator `stop+qqp`"),
+        ("guards MINI --models stop --set idm.x=1", "name it in --models too"),
+        ("realism MINI --models stop --rollouts 0", "1..=10000"),
+        ("realism MINI --models stop --metric-option a=b", "metric option `a`"),
+        ("replan absent.parquet --models stop", "absent.parquet"),
+    ] {
+        let told = refused(&words(&line.replace("MINI", MINI)));
+        assert!(told.contains(part), "{line}: {told}");
+    }
     let (_, told) = said(&["study", "replan", MINI], 2);
     assert!(told.contains("--out <FOLDER>"), "{told}");
 }

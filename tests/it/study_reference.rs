@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use reactsim::evaluation::reference::StudyReference;
 use serde_json::Value;
 
-use crate::reference::{edit_both, said, text};
+use crate::program::{MINI, said, text};
+use crate::reference::edit_both;
 
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
 const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
 
 /// Makes a study of two members on the mini scenarios, and a reference from it.

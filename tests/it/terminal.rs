@@ -6,9 +6,7 @@ use reactsim::evaluation::{Summary, read_summary};
 use reactsim::report::terminal::{self, TerminalStyle};
 use reactsim::report::{Division, Run, TableStyle};
 
-use crate::program::reactsim;
-
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+use crate::program::{MINI, ended, reactsim, said, stderr};
 
 const PLAIN: TableStyle<'_> = TableStyle { columns: &[], also: &[], bold: false, caption: None, label: None };
 
@@ -18,8 +16,7 @@ fn run(folder: &Path, name: &str, more: &[&str]) -> Summary {
     let out = folder.join(name);
     let models = "log-replay,constant-velocity,stop,idm";
     let base = ["run", MINI, "--models", models, "--out", out.to_str().unwrap()];
-    let output = reactsim(&[&base[..], more].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    ended(&[&base[..], more].concat(), 0);
     read_summary(&out).unwrap()
 }
 
@@ -75,9 +72,8 @@ fn results_never_overwrite_the_files_of_a_run() {
     let rows = folder.path().join("a/rows.jsonl");
     let before = std::fs::read(&rows).unwrap();
     let a = folder.path().join("a");
-    let output = reactsim(&["report", a.to_str().unwrap(), "--out", rows.to_str().unwrap()]);
-    assert_eq!(output.status.code(), Some(2));
-    let text = String::from_utf8(output.stderr).unwrap();
+    let (_, output) = said(&["report", a.to_str().unwrap(), "--out", rows.to_str().unwrap()], 2);
+    let text = output;
     assert!(text.contains("rows.jsonl") && text.contains("it is a file of a run folder"), "{text}");
     assert_eq!(std::fs::read(&rows).unwrap(), before);
     // Devices are written to, not replaced.
@@ -91,9 +87,8 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
     run(folder.path(), "a", &[]);
     let a = folder.path().join("a");
     let report = |more: &[&str]| {
-        let output = reactsim(&[&["report", a.to_str().unwrap()][..], more].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
+        let (output, _) = said(&[&["report", a.to_str().unwrap()][..], more].concat(), 0);
+        output
     };
     let chosen = ["--columns", "aav-ttc,ade", "--bold"];
     let latex = report(
@@ -118,7 +113,7 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
         (&["--all"], "--all"),
     ] {
         let output = reactsim(&[&["report", a.to_str().unwrap()][..], options].concat());
-        let said = String::from_utf8_lossy(&output.stderr);
+        let said = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{options:?}");
         assert!(said.contains(&format!("error: {option} ")), "{options:?}: {said}");
     }

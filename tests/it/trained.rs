@@ -2,32 +2,20 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 use reactsim::formats;
 use reactsim::formats::rollouts;
 use reactsim::models::TASKS;
 use reactsim::models::nn::Tensors;
 use reactsim::scene::CURRENT;
-use serde_json::Value;
 
-use crate::program::{log_rows, reactsim};
+use crate::program::{BENCH, MINI, json_of, log_rows, said, text, words};
 use crate::small_scenarios::{scenario, write};
 
-const BENCH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/bench.parquet");
-
-fn done(arguments: &[&str]) -> Output {
-    let output = reactsim(arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    output
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
+/// Returns what a command prints; it must succeed.
+#[track_caller]
+fn done(arguments: &[&str]) -> String {
+    said(arguments, 0).0
 }
 
 /// Sizes of a network that learns in a moment.
@@ -78,17 +66,14 @@ fn a_network_is_trained_and_drives() {
     let recipe = folder.path().join("recipe.toml");
     fs::write(&recipe, SMALL).unwrap();
 
-    let train = |out: &Path, more: &[&str]| {
+    let train = |out: &Path, more: &[&str], code| {
         let base = ["train", "ntp-reactive", text(&few), "--recipe", text(&recipe), "--out", text(out)];
-        let rest = ["--closed-loop", text(&driven)];
-        let most = ["--most-closed-loop", "2"];
-        reactsim(&[&base[..], &rest[..], &most[..], more].concat())
+        let rest = ["--closed-loop", text(&driven), "--most-closed-loop", "2"];
+        said(&[&base[..], &rest, more].concat(), code).1
     };
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
-    let output = train(&one, &["--set", "learning.epochs=2", "--jobs", "1"]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    let output = train(&two, &["--set", "learning.epochs=2", "--jobs", "2"]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    train(&one, &["--set", "learning.epochs=2", "--jobs", "1"], 0);
+    train(&two, &["--set", "learning.epochs=2", "--jobs", "2"], 0);
 
     // The same numbers on any number of threads, closed loop included.
     assert_eq!(log_rows(&one), log_rows(&two));
@@ -105,12 +90,11 @@ fn a_network_is_trained_and_drives() {
     assert!(least.iter().zip(&mean).all(|(least, mean)| least <= mean), "{least:?} {mean:?}");
 
     let weights = format!("ntp-reactive={}", text(&one.join("weights.safetensors")));
-    let output =
-        done(&["run", text(&few), "--models", "ntp-reactive", "--model-weights", &weights, "--limit", "2"]);
-    assert!(String::from_utf8_lossy(&output.stdout).contains("| NTP-reactive "));
+    let run = ["run", text(&few), "--models", "ntp-reactive", "--model-weights", &weights, "--limit", "2"];
+    assert!(done(&run).contains("| NTP-reactive "));
 
-    let other = train(&one, &["--set", "learning.epochs=3", "--resume"]);
-    assert!(said(&other).contains("epochs"), "another training is not this one: {}", said(&other));
+    let other = train(&one, &["--set", "learning.epochs=3", "--resume"], 2);
+    assert!(other.contains("epochs"), "another training is not this one: {other}");
 }
 
 #[test]
@@ -119,7 +103,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     let (few, driven) = few(folder.path());
     let points = folder.path().join("points.safetensors");
     let made = done(&["train", "intentions", BENCH, "--points", "4", "--out", text(&points)]);
-    let made: toml::Table = toml::from_str(&String::from_utf8_lossy(&made.stdout)).unwrap();
+    let made: toml::Table = toml::from_str(&made).unwrap();
     assert_eq!(made["class"][0]["points"].as_array().unwrap().len(), 4);
     let again = folder.path().join("again.safetensors");
     done(&["train", "intentions", BENCH, "--points", "4", "--out", text(&again)]);
@@ -140,8 +124,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     train(&two, "2");
     let file = |out: &Path| fs::read(out.join("weights.safetensors")).unwrap();
     assert!(file(&one) == file(&two), "weights hang on the number of threads");
-    let log = fs::read_to_string(one.join("log.jsonl")).unwrap();
-    let rows: Vec<Value> = log.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    let rows = log_rows(&one);
     let losses: Vec<f64> =
         rows.iter().filter(|r| r["row"] == "step").filter_map(|r| r["loss"].as_f64()).collect();
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
@@ -154,14 +137,12 @@ fn a_motion_predictor_is_trained_and_drives() {
     assert!(checked["closed_loop"]["aav-collision"].is_number());
 
     let weights = format!("regression={}", text(&one.join("weights.safetensors")));
-    let output =
-        done(&["run", text(&few), "--models", "regression", "--model-weights", &weights, "--limit", "1"]);
-    assert!(String::from_utf8_lossy(&output.stdout).contains("| Regression "));
+    let run = ["run", text(&few), "--models", "regression", "--model-weights", &weights, "--limit", "1"];
+    assert!(done(&run).contains("| Regression "));
 
     // Its predictions, without driving; and a training that continues from it.
     let first = text(&one.join("weights.safetensors")).to_owned();
     let judged = done(&["train", "open-loop", text(&few), "--weights", &first]);
-    let judged = String::from_utf8_lossy(&judged.stdout).into_owned();
     assert!(judged.contains("| all | ") && judged.contains("| vehicle | "), "{judged}");
     assert!(judged.contains("6 scenarios, best of six modes"), "{judged}");
     let ade = |table: &str| -> f64 {
@@ -169,26 +150,18 @@ fn a_motion_predictor_is_trained_and_drives() {
         row.split('|').nth(3).unwrap().trim().parse().unwrap()
     };
     let more = folder.path().join("more");
-    let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(&more)];
-    done(
-        &[
-            &base[..],
-            &["--from", &first, "--set", "learning.epochs=1", "--set", "learning.learning_rate=1e-6"],
-        ]
-        .concat(),
-    );
-    let after =
-        done(&["train", "open-loop", text(&few), "--weights", text(&more.join("weights.safetensors"))]);
-    let after = String::from_utf8_lossy(&after.stdout).into_owned();
+    let slow = ["--from", &first, "--set", "learning.epochs=1", "--set", "learning.learning_rate=1e-6"];
+    let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out"];
+    done(&[&base[..], &[text(&more)], &slow].concat());
+    let after = text(&more.join("weights.safetensors")).to_owned();
+    let after = done(&["train", "open-loop", text(&few), "--weights", &after]);
     assert!((ade(&after) - ade(&judged)).abs() < 0.01, "{judged}{after}");
 
     // The numbers of lines and agents have no weights, and of two decoder layers the first one is kept.
     let fewer = folder.path().join("fewer");
     let sizes =
         ["--set", "network.decoder_layers=1", "--set", "network.lines=9", "--set", "network.agents=5"];
-    let slow = ["--set", "learning.epochs=1", "--set", "learning.learning_rate=1e-6"];
-    let base = ["train", "qp-regression", text(&few), "--recipe", text(&recipe), "--out", text(&fewer)];
-    done(&[&base[..], &["--from", &first], &sizes, &slow].concat());
+    done(&[&base[..], &[text(&fewer)], &sizes, &slow].concat());
     let (parent, kept) = (file(&one), file(&fewer));
     let (parent, kept) = (Tensors::read(&parent).unwrap(), Tensors::read(&kept).unwrap());
     assert!(parent.shapes().any(|(name, _)| name.contains("decoder_layers.1.")));
@@ -201,9 +174,7 @@ fn a_motion_predictor_is_trained_and_drives() {
     let refused = |arguments: &[&str]| {
         let no = folder.path().join("no");
         let base = ["train", "qp-regression", text(&few), "--out", text(&no)];
-        let output = reactsim(&[&base[..], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        said(&output)
+        said(&[&base[..], arguments].concat(), 2).1
     };
     let input = |path: &Path| format!("intentions={}", text(path));
     assert!(refused(&["--input", &input(&recipe)]).contains("not safetensors"));
@@ -228,9 +199,7 @@ fn what_can_not_be_learnt_from_is_refused() {
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
     let refused = |arguments: &[&str]| {
-        let output = reactsim(&[&["train", "ntp-reactive"], arguments, &["--out", text(&out)]].concat());
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        said(&output)
+        said(&[&["train", "ntp-reactive"], arguments, &["--out", text(&out)]].concat(), 2).1
     };
     assert!(refused(&[text(&empty)]).contains("empty"));
     let recipe = folder.path().join("recipe.toml");
@@ -252,33 +221,32 @@ fn what_can_not_be_learnt_from_is_refused() {
         let said = refused(&[few, "--recipe", recipe.to_str().unwrap()]);
         assert!(said.contains(part), "{said}");
     }
-    let said = refused(&[few, "--recipe", "quik"]);
-    assert!(said.contains("has quick; did you mean `quick`?"), "{said}");
-    assert!(refused(&[few, "--set", "learning.batch"]).contains("write KEY=VALUE"));
-    assert!(refused(&[few, "--input", "vocabulary"]).contains("write NAME=FILE"));
-    let said = refused(&[few, "--input", "vocabluary=x"]);
-    assert!(said.contains("takes vocabulary; did you mean `vocabulary`?"), "{said}");
     let input = format!("vocabulary={}", text(&recipe));
-    assert!(refused(&[few, "--input", &input]).contains("cannot use the vocabulary"));
-    assert!(refused(&[few, "--from", text(&recipe)]).contains("cannot use the weights"));
-    assert!(refused(&[few, "--set", "learning.best_by=ade"]).contains("there is no closed-loop evaluation"));
-    assert!(refused(&[]).contains("scenarios to learn from"));
+    for (arguments, part) in [
+        (&[few, "--recipe", "quik"][..], "has quick; did you mean `quick`?"),
+        (&[few, "--set", "learning.batch"], "write KEY=VALUE"),
+        (&[few, "--input", "vocabulary"], "write NAME=FILE"),
+        (&[few, "--input", "vocabluary=x"], "takes vocabulary; did you mean `vocabulary`?"),
+        (&[few, "--input", &input], "cannot use the vocabulary"),
+        (&[few, "--from", text(&recipe)], "cannot use the weights"),
+        (&[few, "--set", "learning.best_by=ade"], "there is no closed-loop evaluation"),
+        (&[], "scenarios to learn from"),
+    ] {
+        let error = refused(arguments);
+        assert!(error.contains(part), "{arguments:?}: {error}");
+    }
 
     // What networks are judged by is not learned from.
     assert!(refused(&[BENCH]).contains("this is the benchmark reactsim-bench v2"));
     let part = folder.path().join("part.parquet");
-    let mut writer = formats::native::Writer::create(&part).unwrap();
-    writer.write(&formats::open(Path::new(BENCH)).unwrap().next().unwrap().unwrap()).unwrap();
-    writer.finish().unwrap();
-    let said = refused(&[few, text(&part)]);
-    assert!(said.contains("is of the benchmark reactsim-bench v2"), "{said}");
+    write(&part, formats::open(Path::new(BENCH)).unwrap().take(1).map(Result::unwrap));
+    let error = refused(&[few, text(&part)]);
+    assert!(error.contains("is of the benchmark reactsim-bench v2"), "{error}");
     assert!(refused(&[text(&part), "--exclude", BENCH]).contains("no scenario to learn from"));
     let both = refused(&[few, text(&driven), "--closed-loop", text(&driven)]);
     assert!(both.contains("is both learned from and driven in"), "{both}");
-    let output = reactsim(&["train", "ntp-reactve", few, "--out", text(&out)]);
-    assert_eq!(output.status.code(), Some(2));
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert!(message.contains("did you mean `ntp-reactive`?"), "{message}");
+    let misspelt = ["train", "ntp-reactve", few, "--out", text(&out)];
+    assert!(said(&misspelt, 2).1.contains("did you mean `ntp-reactive`?"));
 }
 
 /// Every recipe is complete, within its ranges, and reads back as it was printed.
@@ -296,14 +264,13 @@ fn recipes_are_printed_and_read_back() {
         let names = task.recipes.iter().map(|r| Some(r.name)).chain([None]);
         for name in names {
             let chosen: Vec<&str> = name.into_iter().flat_map(|name| ["--recipe", name]).collect();
-            let printed = done(&[&["train", task.id, "--print-recipe"], &chosen[..]].concat()).stdout;
+            let printed = done(&[&["train", task.id, "--print-recipe"], &chosen[..]].concat());
             fs::write(&file, &printed).unwrap();
-            let again = done(&["train", task.id, "--print-recipe", "--recipe", text(&file)]).stdout;
-            assert_eq!(String::from_utf8_lossy(&printed), String::from_utf8_lossy(&again));
+            let again = done(&["train", task.id, "--print-recipe", "--recipe", text(&file)]);
+            assert_eq!(printed, again);
         }
     }
     let quick = done(&["train", "ntp-reactive", "--print-recipe", "--recipe", "quick", "--set", "agents=7"]);
-    let quick = String::from_utf8_lossy(&quick.stdout).into_owned();
     assert!(
         quick.contains("# Largest distance of an agent attended to. 0.1 to 9999 m.\nagent_radius = 60.0")
     );
@@ -337,8 +304,8 @@ fn rollouts_become_futures() {
         }
         assert!(new.deviation.is_none());
     }
-    let output = reactsim(&[&convert[..], &["--model", "idm"]].concat());
-    assert!(said(&output).contains("no rollouts of `idm`"), "{}", said(&output));
+    let (_, error) = said(&[&convert[..], &["--model", "idm"]].concat(), 2);
+    assert!(error.contains("no rollouts of `idm`"), "{error}");
 }
 
 #[test]
@@ -346,11 +313,10 @@ fn certificates_become_futures() {
     let folder = tempfile::tempdir().unwrap();
     let (deviations, out) =
         (folder.path().join("deviations.parquet"), folder.path().join("certified.parquet"));
-    let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
-    done(&["curate", mini, "--min-vehicles", "1", "--out", text(&deviations)]);
-    done(&["convert", mini, "--certificates", text(&deviations), "--out", text(&out)]);
+    done(&["curate", MINI, "--min-vehicles", "1", "--out", text(&deviations)]);
+    done(&["convert", MINI, "--certificates", text(&deviations), "--out", text(&out)]);
     let records = reactsim::formats::deviations::read(&deviations).unwrap();
-    let logged: Vec<_> = formats::open(Path::new(mini)).unwrap().map(Result::unwrap).collect();
+    let logged: Vec<_> = formats::open(Path::new(MINI)).unwrap().map(Result::unwrap).collect();
     let certified: Vec<_> = formats::open(&out).unwrap().map(Result::unwrap).collect();
     assert_eq!(certified.len(), records.values().filter(|r| r.certificate.is_some()).count());
     let mut responses = 0;
@@ -379,8 +345,8 @@ fn certificates_become_futures() {
         }
     }
     assert!(responses > 0);
-    let output = reactsim(&["convert", BENCH, "--certificates", text(&deviations), "--out", text(&out)]);
-    assert!(said(&output).contains("no scenario"), "{}", said(&output));
+    let (_, error) = said(&["convert", BENCH, "--certificates", text(&deviations), "--out", text(&out)], 2);
+    assert!(error.contains("no scenario"), "{error}");
 }
 
 /// Parts depend on the content of scenarios alone, hold every scenario once, and can be learned from.
@@ -398,7 +364,6 @@ fn scenarios_are_split_by_content() {
             formats::open(&out.join(name)).unwrap().map(|scenario| scenario.unwrap().id).collect()
         };
         let (train, val) = (ids("train.parquet"), ids("val.parquet"));
-        let said = String::from_utf8_lossy(&said.stdout).into_owned();
         assert!(said.contains(&format!("train.parquet: {} scenarios", train.len())), "{said}");
         (train, val)
     };
@@ -412,17 +377,20 @@ fn scenarios_are_split_by_content() {
 
     let refused = |parts: &[&str]| {
         let out = folder.path().join("no");
-        let output = reactsim(&[&["train", "split", text(&all), "--out", text(&out)], parts].concat());
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        let error = said(&[&["train", "split", text(&all), "--out", text(&out)], parts].concat(), 2).1;
         assert!(fs::read_dir(&out).is_ok_and(|mut files| files.next().is_none()) || !out.exists());
-        said(&output)
+        error
     };
-    assert!(refused(&["--part", "a=0.5"]).contains("at least two parts"));
-    assert!(refused(&["--part", "a=0.5", "--part", "a=0.5"]).contains("two values for `a`"));
-    assert!(refused(&["--part", "a=0.5", "--part", "b=0.6"]).contains("add up to 1.1"));
-    assert!(refused(&["--part", "a=1", "--part", "b=0.6"]).contains("write NAME=SHARE"));
-    assert!(refused(&["--part", "../a=0.5", "--part", "b=0.5"]).contains("is not a name"));
-    assert!(refused(&["--part", "a=0.000001", "--part", "b=0.999999"]).contains("would be empty"));
+    for (parts, part) in [
+        ("--part a=0.5", "at least two parts"),
+        ("--part a=0.5 --part a=0.5", "two values for `a`"),
+        ("--part a=0.5 --part b=0.6", "add up to 1.1"),
+        ("--part a=1 --part b=0.6", "write NAME=SHARE"),
+        ("--part ../a=0.5 --part b=0.5", "is not a name"),
+        ("--part a=0.000001 --part b=0.999999", "would be empty"),
+    ] {
+        assert!(refused(&words(parts)).contains(part), "{parts}");
+    }
 }
 
 /// The published network learns from logs and drives, and continues from its weights.
@@ -432,20 +400,10 @@ fn the_published_network_is_trained_and_drives() {
     let (few, driven) = few(folder.path());
     let at = |name: &str| folder.path().join(name).display().to_string();
     let (tokens, map) = (at("tokens.safetensors"), at("map.safetensors"));
-    done(&[
-        "train",
-        "vocabulary",
-        text(&few),
-        "--method",
-        "k-disks",
-        "--tokens",
-        "64",
-        "--fill",
-        "--out",
-        &tokens,
-        "--map-out",
-        &map,
-    ]);
+    done(&words(&format!(
+        "train vocabulary {} --method k-disks --tokens 64 --fill --out {tokens} --map-out {map}",
+        text(&few)
+    )));
     let recipe = folder.path().join("recipe.toml");
     let small = "agents = 6\nmap_radius = 50.0\n[network]\nhidden_dim = 16\nnum_freq_bands = 4\nnum_heads = 2\nhead_dim = 8\n\
         num_agent_layers = 1\nmlp_embedding_first_width = 16\nseparate_heads = true\n[augmentation]\nwindow = 6\nnear_tokens = 3\n\
@@ -460,16 +418,14 @@ fn the_published_network_is_trained_and_drives() {
     };
     let (one, two) = (at("one"), at("two"));
     assert!(train(&one, "1", &files) == train(&two, "2", &files), "weights depend on the number of threads");
-    let log = fs::read_to_string(Path::new(&one).join("log.jsonl")).unwrap();
-    let rows: Vec<Value> = log.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
-    let losses: Vec<f64> = rows.iter().filter_map(|r| r["loss"].as_f64()).collect();
+    let losses: Vec<f64> = log_rows(Path::new(&one)).iter().filter_map(|r| r["loss"].as_f64()).collect();
     assert!(losses[losses.len() - 1] < losses[0], "{losses:?}");
     assert!(Path::new(&one).join("events.out.tfevents.0.reactsim").metadata().unwrap().len() > 100);
 
     let weights = format!("{one}/weights.safetensors");
     let given = format!("smart={weights}");
     let table = done(&["run", text(&driven), "--models", "smart", "--model-weights", &given]);
-    assert!(String::from_utf8_lossy(&table.stdout).contains("| SMART "));
+    assert!(table.contains("| SMART "));
     let own = [format!("vocabulary={weights}"), format!("map-vocabulary={weights}")];
     let inputs = ["--input", &own[0], "--input", &own[1]];
     let again = [&inputs[..], &["--from", &weights, "--set", "learning.epochs=1"]].concat();
@@ -483,14 +439,9 @@ fn the_published_network_is_trained_and_drives() {
         fs::read(Path::new(out).join("weights.safetensors")).unwrap()
     };
     assert!(tune(&at("tuned"), "1") == tune(&at("again"), "2"), "weights depend on the number of threads");
-    let output = reactsim(&["train", "catk", text(&few), "--out", &at("no")]);
-    assert!(said(&output).contains("give --from FILE"), "{}", said(&output));
+    assert!(said(&["train", "catk", text(&few), "--out", &at("no")], 2).1.contains("give --from FILE"));
 
-    let refused = |more: &[&str]| {
-        let output = reactsim(&[&base[..], more, &["--out", &at("no")]].concat());
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        said(&output)
-    };
+    let refused = |more: &[&str]| said(&[&base[..], more, &["--out", &at("no")]].concat(), 2).1;
     assert!(refused(&files[..2]).contains("needs a file `map-vocabulary`"));
     let shared = [&files[..], &["--set", "network.separate_heads=false"]].concat();
     let text = refused(&shared);
@@ -508,8 +459,7 @@ fn the_quick_training_beats_constant_velocity() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("quick");
     done(&["train", "quick", "--out", text(&out), "--quiet"]);
-    let summary: Value =
-        serde_json::from_slice(&fs::read(out.join("run").join("summary.json")).unwrap()).unwrap();
+    let summary = json_of(&out.join("run/summary.json"));
     let mean =
         |id: &str, metric: &str| summary["simulators"][id]["metrics"][metric]["mean"].as_f64().unwrap();
     let raw = "ntp-reactive-raw@quick";
@@ -523,35 +473,22 @@ fn the_quick_training_beats_constant_velocity() {
 fn shipped_networks_are_adapted_to_logs() {
     let folder = tempfile::tempdir().unwrap();
     let logs = folder.path().join("logs.parquet");
-    done(&[
-        "generate",
-        "--preset",
-        "train",
-        "--count",
-        "14",
-        "--seed",
-        "31",
-        "--out",
-        text(&logs),
-        "--quiet",
-    ]);
+    done(&words(&format!("generate --preset train --count 14 --seed 31 --out {} --quiet", text(&logs))));
     let out = folder.path().join("adapted");
     let adapt = ["train", "adapt", text(&logs), "--minutes", "0.05", "--out", text(&out)];
     let refused = |arguments: &[&str], expected: &str| {
-        let output = reactsim(arguments);
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains(expected), "{}", said(&output));
+        let (_, error) = said(arguments, 2);
+        assert!(error.contains(expected), "{error}");
     };
     refused(&[&adapt[..], &["--model", "smart-smal"]].concat(), "did you mean `smart-small`");
     refused(&["train", "adapt", BENCH, "--out", text(&out)], "this is the benchmark");
 
-    let output = done(&adapt);
-    assert!(said(&output).contains("scenarios to learn from is little"), "{}", said(&output));
-    assert!(
-        said(&output).contains("the adapted simulator runs with: reactsim run --models"),
-        "{}",
-        said(&output)
-    );
+    let (_, notes) = said(&adapt, 0);
+    for part in
+        ["scenarios to learn from is little", "the adapted simulator runs with: reactsim run --models"]
+    {
+        assert!(notes.contains(part), "{notes}");
+    }
     let ids = |name: &str| -> Vec<String> {
         formats::open(&out.join(name)).unwrap().map(|scenario| scenario.unwrap().id).collect()
     };
@@ -559,8 +496,7 @@ fn shipped_networks_are_adapted_to_logs() {
     assert_eq!(learned.len() + judged.len(), 14);
     assert!(!judged.is_empty() && judged.iter().all(|id| !learned.contains(id)));
     for run in ["reactive", "realism"] {
-        let summary: Value =
-            serde_json::from_slice(&fs::read(out.join(run).join("summary.json")).unwrap()).unwrap();
+        let summary = json_of(&out.join(run).join("summary.json"));
         let rows: Vec<&String> = summary["simulators"].as_object().unwrap().keys().collect();
         assert_eq!(rows, ["constant-velocity", "idm", "ntp-guarded", "ntp-guarded@mine"], "{run}");
     }

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use reactsim::evaluation::{Adjustments, PlannedSimulator, read_summary, weights_file};
 
-use crate::program::reactsim;
-use crate::reference::{said, text};
+use crate::program::{said, text};
 use crate::shared;
 
 fn with_parameters(parameters: &[(&str, &str)]) -> Adjustments {
@@ -108,9 +107,8 @@ fn copies_of_published_weights_that_differ_are_named() {
 #[test]
 fn labels_that_are_no_names_are_refused() {
     for id in ["idm@", "idm@a.b", "idm@a@b"] {
-        let output = reactsim(&["run", "--models", id]);
-        assert_eq!(output.status.code(), Some(2));
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let (_, output) = said(&["run", "--models", id], 2);
+        let said = output;
         assert!(said.contains("the label after `@` has letters, digits"), "{said}");
     }
 }

@@ -9,8 +9,7 @@ use reactsim::evaluation::realism::LogFiles;
 use reactsim::formats::wosac::{SubmissionReader, WosacLogs};
 use serde_json::Value;
 
-use crate::program::reactsim;
-use crate::reference::{said, text};
+use crate::program::{reactsim, said, stderr, text, words};
 use crate::shared;
 use reactsim_test_support::proto::{Proto, records};
 
@@ -49,16 +48,11 @@ fn rollouts_of_others_have_the_official_scores() {
         let raw = golden.join(format!("{id}.scenario.binproto.zst"));
         let scenarios = if raw.exists() { raw } else { recordings.clone() };
         let configs = "2025,2024,2023,2024_challenge_code";
-        let found = json(&[
-            "score",
+        let found = json(&words(&format!(
+            "score {} --wosac --partial --scenarios {} --wosac-config {configs}",
             text(&rollouts),
-            "--wosac",
-            "--partial",
-            "--scenarios",
-            text(&scenarios),
-            "--wosac-config",
-            configs,
-        ]);
+            text(&scenarios)
+        )));
         for config in configs.split(',') {
             for kind in ["metrics", "buckets"] {
                 let found = found["configs"][config][kind].as_object().unwrap();
@@ -100,38 +94,25 @@ fn runs_become_submissions_with_the_same_scores() {
     let export = |run: &Path| {
         let scenarios = text(&file);
         let (metadata, archive) = (text(&metadata), text(&archive));
-        reactsim(&[
-            "export",
-            "wosac",
-            text(run),
-            "--scenarios",
-            scenarios,
-            "--metadata",
-            metadata,
-            "--out",
-            archive,
-            "--shards",
-            "2",
-        ])
+        reactsim(&words(&format!(
+            "export wosac {} --scenarios {scenarios} --metadata {metadata} --out {archive} --shards 2",
+            text(run)
+        )))
     };
     let exported = export(&run);
-    let warned = String::from_utf8_lossy(&exported.stderr).into_owned();
+    let warned = stderr(&exported);
     // The recordings have more than three scenarios.
     assert_eq!(exported.status.code(), Some(1), "{warned}");
     assert!(warned.contains("are not in the run"), "{warned}");
 
     let scores = |path: &Path, out: &str| {
         let out = home.path().join(out);
-        let found = json(&[
-            "score",
+        let found = json(&words(&format!(
+            "score {} --wosac --partial --scenarios {} --out {}",
             text(path),
-            "--wosac",
-            "--partial",
-            "--scenarios",
             text(&file),
-            "--out",
-            text(&out),
-        ]);
+            text(&out)
+        )));
         assert_eq!(found["scenarios"], 3, "{found}");
         let rows = fs::read_to_string(out.join("wosac.jsonl")).unwrap();
         let without_method = |line: &str| {
@@ -142,9 +123,8 @@ fn runs_become_submissions_with_the_same_scores() {
         rows.lines().map(without_method).collect::<Vec<_>>()
     };
     assert_eq!(scores(&run, "of-run"), scores(&archive, "of-archive"));
-    let complete = reactsim(&["score", text(&archive), "--wosac", "--scenarios", text(&file)]);
-    assert_eq!(complete.status.code(), Some(1), "a submission that lacks scenarios is reported");
-    let said_about = String::from_utf8_lossy(&complete.stderr).into_owned();
+    let (_, complete) = said(&["score", text(&archive), "--wosac", "--scenarios", text(&file)], 1);
+    let said_about = complete;
     assert!(said_about.contains("scenarios without rollouts"), "{said_about}");
 
     // Runs that the challenge would not accept.
@@ -163,7 +143,7 @@ fn runs_become_submissions_with_the_same_scores() {
         let run = home.path().join(name);
         realism(rollouts, &run, more);
         let refused = export(&run);
-        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        let said = stderr(&refused);
         assert!(refused.status.code() == Some(2) && said.contains(fault), "{name}: {said}");
     }
 }
@@ -254,7 +234,7 @@ fn runs_on_shipped_scenarios_have_realism_scores() {
     assert!(replay["average_displacement_error"].as_f64().unwrap() < 1e-4, "{replay}");
     assert!(replay["metametric"].as_f64() > constant["metametric"].as_f64(), "{replay} {constant}");
     let refused = reactsim(&["score", text(&run), "--wosac"]);
-    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    let said = stderr(&refused);
     assert!(said.contains("log-replay, constant-velocity: choose one with --simulator"), "{said}");
 }
 
@@ -289,11 +269,11 @@ fn the_realism_study_has_the_metrics_of_kept_rollouts() {
 fn options_of_the_realism_metrics_go_with_them() {
     for (option, value) in [("--wosac-config", "2024"), ("--simulator", "idm"), ("--jobs", "1")] {
         let output = reactsim(&["score", "some.parquet", option, value]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = stderr(&output);
         assert!(output.status.code() == Some(2) && said.contains("goes with --wosac only"), "{said}");
     }
     let output = reactsim(&["score", "some.binproto", "--wosac", "--wosac-config", "2022"]);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let said = stderr(&output);
     assert!(said.contains("expected one of 2025, 2024, 2023, 2024_challenge_code"), "{said}");
 }
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use reactsim::external::Command as Shell;
 
 use crate::external;
-use crate::program::program;
+use crate::program::{program, stderr};
 
 /// Longest time until a program has ended after a signal. It is to be 2 s; a loaded machine takes longer.
 const SOON: Duration = Duration::from_secs(6);
@@ -58,7 +58,7 @@ fn one_interrupt_ends_a_run_with_a_silent_child() {
         let start = Instant::now();
         signal(&running, name);
         let output = running.wait_with_output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
+        let said = stderr(&output);
         assert!(start.elapsed() < SOON, "{fault}: {:?}", start.elapsed());
         assert_eq!(output.status.code(), Some(130), "{fault}: {said}");
         assert_eq!(child.left_over(), 0, "{fault}");

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::call::call;
 use super::changes::changed;
-use crate::reference::said;
+use crate::program::said;
 
 /// A file and the call that reads it. `{}` in the arguments is replaced by the path of the changed file.
 struct Kind {

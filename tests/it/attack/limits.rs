@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::program::{MINI, stderr};
+
 /// Runs the program in a shell after some commands.
 fn after(commands: &str, arguments: &[&str], folder: &Path) -> Output {
     let mut command = Command::new("sh");
@@ -16,15 +18,11 @@ fn after(commands: &str, arguments: &[&str], folder: &Path) -> Output {
         .unwrap()
 }
 
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
 #[test]
 #[cfg(unix)]
 fn files_that_become_too_large_are_an_error_and_leave_nothing() {
     let home = tempfile::tempdir().unwrap();
-    let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+    let mini = MINI;
     fs::write(home.path().join("old.parquet"), "").unwrap();
     for out in ["new.parquet", "old.parquet"] {
         // In units of 512 or 1024 bytes.

@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 use reactsim::files::lock_folder;
 
 use super::trainings::{prepare, train};
-use crate::program::{log_rows, program};
+use crate::program::{log_rows, program, stderr};
 use crate::small_scenarios::{scenario, write};
 
 fn run(input: &Path, out: &Path) -> Child {
@@ -25,7 +25,7 @@ fn race(begin: impl Fn() -> Child) {
     let both = [begin(), begin()].map(|child| child.wait_with_output().unwrap());
     let mut codes = both.each_ref().map(|output| output.status.code());
     codes.sort();
-    let said = both.map(|output| String::from_utf8_lossy(&output.stderr).into_owned());
+    let said = both.map(|output| stderr(&output));
     assert_eq!(codes, [Some(0), Some(2)], "{said:?}");
 }
 
@@ -79,7 +79,7 @@ fn no_command_writes_a_folder_that_another_process_has_locked() {
     for line in WRITERS {
         let words = line.split(' ').map(|word| if word == "IN" { input.to_str().unwrap() } else { word });
         let output = program().args(words).arg(&out).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
+        let said = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{line}: {said}");
         assert!(said.contains(" is writing to ") && said.contains("/out"), "{line}: {said}");
         let names: Vec<_> = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();

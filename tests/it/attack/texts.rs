@@ -5,7 +5,7 @@ use std::fs;
 use reactsim::external::Command;
 
 use crate::external;
-use crate::program::reactsim;
+use crate::program::{reactsim, stderr};
 
 #[test]
 fn texts_of_a_simulator_do_not_control_the_terminal() {
@@ -23,7 +23,7 @@ fn texts_of_a_simulator_do_not_control_the_terminal() {
         "--out",
         out.to_str().unwrap(),
     ]);
-    let said = String::from_utf8_lossy(&output.stderr);
+    let said = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     let is_unsafe = |c: char| c.is_control() && c != '\n' || c == '\u{202e}';
     assert!(said.contains("\\u{1b}[2J") && !said.contains(is_unsafe), "{said}");

@@ -1,10 +1,11 @@
 //! Selected and converted scenarios, and deviations from files.
 
+use std::collections::BTreeSet;
 use std::fs;
-use std::process::Output;
+use std::path::Path;
 
-use super::{results, stderr, stdout, text};
-use crate::program::reactsim;
+use super::results;
+use crate::program::{MINI, ended, json_of, lines_of, refused, result, said, text};
 use crate::small_scenarios::{deviating, deviations, scenario, write};
 
 #[test]
@@ -30,31 +31,28 @@ fn deviations_from_a_file_are_those_that_scenarios_carry() {
         });
         fs::write(&file, all.to_string()).unwrap();
     };
-    let simulators = |output: &Output| {
-        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        summary["simulators"].clone()
+    let run = |input: &Path, more: &[&str], code| {
+        let common = ["--models", "log-replay,stop", "--format", "json"];
+        let (summary, warnings) = said(&[&["run", text(input)], &common[..], more].concat(), code);
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        (summary["simulators"].clone(), warnings)
     };
-    let common = ["--models", "log-replay,stop", "--format", "json"];
-    let wanted = reactsim(&[&["run", text(&carried)], &common[..]].concat());
-    assert_eq!(wanted.status.code(), Some(0), "{}", stderr(&wanted));
+    let (wanted, _) = run(&carried, &[], 0);
     put((0..3).map(record).collect());
     let named = format!("file:{}", text(&file));
     for choice in [["--deviations", text(&file)], ["--av", &named]] {
-        let output = reactsim(&[&["run", text(&plain)], &common[..], &choice].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        assert_eq!(simulators(&output), simulators(&wanted));
+        assert_eq!(run(&plain, &choice, 0).0, wanted);
     }
     // One scenario without a trajectory, one with a trajectory that was made for another version of it.
     let mut foreign = record(1);
     foreign["scenario_digest"] = "0".repeat(64).into();
     put(vec![record(0), foreign]);
-    let output = reactsim(&[&["run", text(&plain), "--deviations", text(&file)], &common[..]].concat());
-    assert_eq!(output.status.code(), Some(1));
-    assert!(
-        stderr(&output).contains("`road-001`: the deviated AV was made for a scenario with the digest 000")
-    );
-    assert!(stderr(&output).contains("1 scenario passed over: no deviated AV in the file of deviations"));
-    assert_eq!(simulators(&output)["stop"]["scenarios"], 1);
+    let (simulators, warnings) = run(&plain, &["--deviations", text(&file)], 1);
+    let made_for = "`road-001`: the deviated AV was made for a scenario with the digest 000";
+    for part in [made_for, "1 scenario passed over: no deviated AV in the file of deviations"] {
+        assert!(warnings.contains(part), "{warnings}");
+    }
+    assert_eq!(simulators["stop"]["scenarios"], 1);
 }
 
 #[test]
@@ -65,22 +63,19 @@ fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
     let document = deviations(&[0, 2, 7]);
     fs::write(&file, document.to_string()).unwrap();
     let out = home.path().join("run");
-    let arguments =
-        ["run", text(&plain), "--deviations", text(&file), "--models", "stop", "--out", text(&out)];
-    let output = reactsim(&arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    insta::assert_snapshot!(stderr(&output), @r"
+    let run = ["run", text(&plain), "--deviations", text(&file), "--models", "stop"];
+    let arguments = [&run[..], &["--out", text(&out)]].concat();
+    let (table, warnings) = said(&arguments, 0);
+    insta::assert_snapshot!(warnings, @r"
     2 scenarios passed over: no deviated AV in the file of deviations
     warning: 1 deviation not used: for scenarios that are not among those that were read
     ");
     // Scenarios beyond the limit are not read, so their deviations are not used either.
-    let limited =
-        reactsim(&["run", text(&plain), "--deviations", text(&file), "--models", "stop", "--limit", "1"]);
-    assert_eq!(limited.status.code(), Some(0), "{}", stderr(&limited));
-    insta::assert_snapshot!(stderr(&limited), @"warning: 2 deviations not used: for scenarios that are not among those that were read");
-    assert!(stdout(&output).contains("2 scenarios, 2 passed over, "), "{}", stdout(&output));
+    let (_, limited) = said(&[&run[..], &["--limit", "1"]].concat(), 0);
+    insta::assert_snapshot!(limited, @"warning: 2 deviations not used: for scenarios that are not among those that were read");
+    assert!(table.contains("2 scenarios, 2 passed over, "), "{table}");
     let wanted = results(&out);
-    let summary: serde_json::Value = serde_json::from_slice(&wanted[0]).unwrap();
+    let summary = json_of(&out.join("summary.json"));
     let counts = |key: &str| summary["provenance"][key].as_u64().unwrap();
     assert_eq!((counts("scenarios"), counts("passed_over"), counts("unused_deviations")), (2, 2, 1));
     // A resumed run counts the same, whatever was written before.
@@ -88,15 +83,12 @@ fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
         let text: String = String::from_utf8(wanted[1].clone()).unwrap();
         let kept: String = text.lines().take(rows).map(|l| format!("{l}\n")).collect();
         fs::write(out.join("rows.jsonl"), kept).unwrap();
-        let output = reactsim(&[&arguments[..], &["--resume"]].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        ended(&[&arguments[..], &["--resume"]].concat(), 0);
         assert_eq!(results(&out), wanted);
     }
     // If no scenario is left, nothing is shown, and the reason is reported.
     fs::write(&file, document.to_string().replace("road-00", "street-")).unwrap();
-    let output = reactsim(&["run", text(&plain), "--deviations", text(&file)]);
-    assert_eq!(output.status.code(), Some(2));
-    insta::assert_snapshot!(stderr(&output), @r"
+    insta::assert_snapshot!(refused(&run), @r"
     4 scenarios passed over: no deviated AV in the file of deviations
     warning: 3 deviations not used: for scenarios that are not among those that were read
     error: no scenario could be run: see the warnings above
@@ -109,45 +101,37 @@ fn with_a_file_of_deviations_those_that_scenarios_carry_do_not_count() {
     let (carried, file) = (home.path().join("carried.parquet"), home.path().join("d.json"));
     write(&carried, (0..3).map(scenario));
     fs::write(&file, deviations(&[1]).to_string()).unwrap();
-    let output = reactsim(&["run", text(&carried), "--deviations", text(&file), "--models", "stop"]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    insta::assert_snapshot!(stderr(&output), @"2 scenarios passed over: no deviated AV in the file of deviations");
-    assert!(stdout(&output).contains("1 scenario, 2 passed over, "), "{}", stdout(&output));
+    let (table, warnings) =
+        said(&["run", text(&carried), "--deviations", text(&file), "--models", "stop"], 0);
+    insta::assert_snapshot!(warnings, @"2 scenarios passed over: no deviated AV in the file of deviations");
+    assert!(table.contains("1 scenario, 2 passed over, "), "{table}");
 }
 
 #[test]
 fn scenarios_are_selected_by_id_and_category() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("run");
-    let run = |more: &[&str]| reactsim(&[&["run", "--models", "stop", "--quiet"], more].concat());
+    let run = |more: &[&str], code| said(&[&["run", "--models", "stop", "--quiet"], more].concat(), code);
     let (one, other) = ("bench-2-000002", "bench-2-000012");
-    let output = run(&["--id", one, "--id", other, "--out", text(&out)]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    assert!(stdout(&output).contains("2 scenarios, 148 not selected, "), "{}", stdout(&output));
+    let (table, _) = run(&["--id", one, "--id", other, "--out", text(&out)], 0);
+    assert!(table.contains("2 scenarios, 148 not selected, "), "{table}");
     // Positions are those in the whole file, so that the page finds the scenarios.
-    let rows = fs::read_to_string(out.join("rows.jsonl")).unwrap();
-    let records: std::collections::BTreeSet<usize> = rows
-        .lines()
-        .map(|line| serde_json::from_str::<reactsim::evaluation::Row>(line).unwrap().record)
-        .collect();
-    let listed = stdout(&reactsim(&["list", "scenarios"]));
-    let position = |id: &str| listed.lines().position(|line| line.starts_with(id)).unwrap() - 1;
+    let rows = lines_of(&out.join("rows.jsonl"));
+    let records: BTreeSet<u64> = rows.iter().filter_map(|row| row["record"].as_u64()).collect();
+    let (listed, _) = said(&["list", "scenarios"], 0);
+    let position = |id: &str| listed.lines().position(|line| line.starts_with(id)).unwrap() as u64 - 1;
     assert_eq!(records, [position(one), position(other)].into());
     assert_eq!(listed.lines().count(), 151);
     // A resumed run with another selection is another run.
-    let output = run(&["--id", one, "--out", text(&out), "--resume"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("selection"), "{}", stderr(&output));
+    let (_, error) = run(&["--id", one, "--out", text(&out), "--resume"], 2);
+    assert!(error.contains("selection"), "{error}");
 
-    let lateral = stdout(&reactsim(&["list", "scenarios", "--category", "lateral"]));
+    let (lateral, _) = said(&["list", "scenarios", "--category", "lateral"], 0);
     assert!(lateral.lines().skip(1).all(|line| line.contains(" lateral ")), "{lateral}");
-    let output = run(&["--category", "lateral"]);
+    let (table, _) = run(&["--category", "lateral"], 0);
     let expected = format!("{} scenarios, ", lateral.lines().count() - 1);
-    assert!(stdout(&output).contains(&expected), "{expected}: {}", stdout(&output));
-
-    let output = run(&["--id", "bench-2-2"]);
-    assert_eq!(output.status.code(), Some(2));
-    insta::assert_snapshot!(stderr(&output), @r"
+    assert!(table.contains(&expected), "{expected}: {table}");
+    insta::assert_snapshot!(run(&["--id", "bench-2-2"], 2).1, @r"
     warning: no scenario has the id `bench-2-2`
     error: no scenario could be run: see the warnings above
     ");
@@ -158,37 +142,26 @@ fn converted_files_have_the_selected_scenarios() {
     let home = tempfile::tempdir().unwrap();
     let (all, some) = (home.path().join("all.parquet"), home.path().join("some.parquet"));
     write(&all, (0..3).map(scenario));
-    let convert = |more: &[&str]| reactsim(&[&["convert", text(&all), "--out", text(&some)], more].concat());
-    let output = convert(&["--id", "road-001"]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let convert = ["convert", text(&all), "--out", text(&some), "--id"];
+    said(&[&convert[..], &["road-001"]].concat(), 0);
     let ids: Vec<String> = reactsim::formats::open(&some).unwrap().map(|s| s.unwrap().id).collect();
     assert_eq!(ids, ["road-001"]);
-    let output = convert(&["--id", "road-009"]);
-    assert_eq!(output.status.code(), Some(2));
     insta::assert_snapshot!(
-        stderr(&output),
+        refused(&[&convert[..], &["road-009"]].concat()),
         @"error: no scenario is selected: leave out --id, --category, --futures or --certificates"
     );
-    let output = reactsim(&["inspect", text(&all), "--id", "road-01"]);
-    let said = stderr(&output);
-    assert!(said.contains("holds no scenario `road-01`; did you mean `road-001`?"), "{said}");
+    let error = refused(&["inspect", text(&all), "--id", "road-01"]);
+    assert!(error.contains("holds no scenario `road-01`; did you mean `road-001`?"), "{error}");
 }
 
 #[test]
 fn conversion_changes_no_number() {
     let home = tempfile::tempdir().unwrap();
-    let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
     let native = home.path().join("mini.parquet");
-    let output = reactsim(&["convert", mini, "--out", text(&native)]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    said(&["convert", MINI, "--out", text(&native)], 0);
     let metrics = |input: &str| {
-        let output = reactsim(&["run", input, "--models", "stop", "--format", "json"]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let summary = result(&["run", input, "--models", "stop"]);
         (summary["simulators"].clone(), summary["provenance"]["scenarios_blake3"].clone())
     };
-    assert_eq!(metrics(mini), metrics(text(&native)));
-    // A result never replaces its own source.
-    let refused = reactsim(&["convert", text(&native), "--out", text(&native)]);
-    assert_eq!(refused.status.code(), Some(2));
+    assert_eq!(metrics(MINI), metrics(text(&native)));
 }

@@ -2,41 +2,28 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
-use std::process::Command;
 
-use reactsim::curation::{PROPORTIONS, in_proportion, store};
 use reactsim::formats;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::rollout::{Purpose, stream};
 
-use crate::program::{program, reactsim};
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-fn path(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+use crate::program::{program, refused, said, signalled, stderr, text};
 
 #[test]
 fn wrong_settings_are_refused_by_name() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("a.parquet");
     let error = |arguments: &[&str]| {
-        let output = reactsim(&[&["generate"], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(output.stdout.is_empty(), "{arguments:?} printed a result");
+        let error = refused(&[&["generate"], arguments].concat());
         assert_eq!(fs::read_dir(home.path()).unwrap().count(), 0, "{arguments:?} left a file");
-        text(&output.stderr).replace(path(home.path()), "HOME")
+        error.replace(text(home.path()), "HOME")
     };
     let with =
-        |more: &[&str]| error(&[&["--preset", "train", "--count", "2", "--out", path(&out)], more].concat());
-    let unknown = error(&["--preset", "test", "--count", "2", "--out", path(&out)]);
+        |more: &[&str]| error(&[&["--preset", "train", "--count", "2", "--out", text(&out)], more].concat());
+    let unknown = error(&["--preset", "test", "--count", "2", "--out", text(&out)]);
     assert!(unknown.contains("'test'") && unknown.contains("bench, train"), "{unknown}");
     for count in ["0", "-1", "many"] {
-        let said = error(&["--preset", "train", "--count", count, "--out", path(&out)]);
+        let said = error(&["--preset", "train", "--count", count, "--out", text(&out)]);
         assert!(said.contains(&format!("'{count}'")) && said.contains("--count"), "{said}");
     }
     assert!(with(&["--maps", "moon"]).starts_with("error: no map type `moon`; available: "));
@@ -51,7 +38,7 @@ fn wrong_settings_are_refused_by_name() {
     assert!(error(&["--preset", "train", "--count", "2"]).contains("--out"));
     for preset in ["bench", "train"] {
         let absent = home.path().join("absent/a.parquet");
-        let said = error(&["--preset", preset, "--count", "100", "--out", path(&absent)]);
+        let said = error(&["--preset", preset, "--count", "100", "--out", text(&absent)]);
         assert!(said.starts_with("error: HOME/absent/a.parquet: could not create"), "{said}");
     }
 }
@@ -89,24 +76,12 @@ fn files_are_the_same_whatever_the_threads() {
         let folder = home.path().join(jobs);
         fs::create_dir(&folder).unwrap();
         let out = folder.join("train.parquet");
-        let output = reactsim(&[
-            "generate",
-            "--preset",
-            "train",
-            "--count",
-            "20",
-            "--seed",
-            "3",
-            "--out",
-            path(&out),
-            "--jobs",
-            jobs,
-        ]);
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-        made.push((fs::read(&out).unwrap(), output.stdout));
+        let asked = ["generate", "--preset", "train", "--count", "20", "--seed", "3", "--jobs", jobs];
+        let (manifest, _) = said(&[&asked[..], &["--out", text(&out)]].concat(), 0);
+        made.push((fs::read(&out).unwrap(), manifest));
     }
     assert!(made[0] == made[1]);
-    let manifest: toml::Table = text(&made[0].1).parse().unwrap();
+    let manifest: toml::Table = made[0].1.parse().unwrap();
     let entry = &manifest["made"][0];
     let digest = blake3::hash(&made[0].0).to_hex();
     assert_eq!(entry["files"][0]["blake3"].as_str(), Some(digest.as_str()));
@@ -128,90 +103,23 @@ fn files_are_the_same_whatever_the_threads() {
     }
 }
 
-#[test]
-fn a_small_benchmark_is_what_was_asked_for() {
-    let home = tempfile::tempdir().unwrap();
-    let maps = ["priority-t", "signalised-permissive"];
-    let make = |jobs: &str| {
-        let folder = home.path().join(jobs);
-        fs::create_dir(&folder).unwrap();
-        let out = folder.join("bench.parquet");
-        let output = reactsim(&[
-            "generate",
-            "--preset",
-            "bench",
-            "--count",
-            "6",
-            "--maps",
-            &maps.join(","),
-            "--out",
-            path(&out),
-            "--jobs",
-            jobs,
-        ]);
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-        let beside = out.with_extension("deviations.parquet");
-        (fs::read(&out).unwrap(), fs::read(beside).unwrap(), output.stdout)
-    };
-    let made = make("1");
-    assert!(made == make("3"), "the threads decide");
-    let manifest: toml::Table = text(&made.2).parse().unwrap();
-    let files = manifest["made"][0]["files"].as_array().unwrap();
-    let digests: Vec<_> = files.iter().map(|f| f["blake3"].as_str().unwrap()).collect();
-    assert_eq!(digests, [&made.0, &made.1].map(|b| blake3::hash(b).to_hex().to_string()));
-
-    let file = home.path().join("1/bench.parquet");
-    let scenarios: Vec<_> = formats::open(&file).unwrap().map(Result::unwrap).collect();
-    let records = store::read(home.path().join("1/bench.deviations.parquet")).unwrap();
-    let mut categories = BTreeMap::new();
-    for (scenario, record) in scenarios.iter().zip(records) {
-        let (deviation, record) = (scenario.deviation.as_ref().unwrap(), record.unwrap());
-        *categories.entry(deviation.category.unwrap()).or_insert(0) += 1;
-        assert_eq!((&record.scenario_id, &record.scenario_digest), (&scenario.id, &scenario.digest()));
-        let [chosen] = record.candidates.as_slice() else { panic!("{}: one candidate", scenario.id) };
-        assert!(chosen.chosen && chosen.certificate.is_some());
-        assert_eq!(chosen.candidate.track[1..], deviation.track);
-    }
-    assert_eq!(categories, in_proportion(6, &PROPORTIONS));
-    let of = |id: &str| scenarios.iter().filter(|s| s.source == format!("generated/{id}")).count();
-    assert!(of(maps[0]) > 0 && of(maps[0]) + of(maps[1]) == 6, "{} of {}", of(maps[0]), maps[0]);
-
-    // The file can be run as it is.
-    let run = reactsim(&["run", path(&file), "--models", "stop"]);
-    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
-}
-
 #[cfg(unix)]
 #[test]
 fn interrupted_it_leaves_what_is_finished() {
-    use std::process::Stdio;
-    use std::time::Duration;
-
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("a.parquet");
-    let partial = |wanted: u64| {
+    // As soon as a row group is written, there are scenarios.
+    let has_scenarios = || {
         let entries = fs::read_dir(home.path()).unwrap();
-        entries.filter_map(|e| e.ok()?.metadata().ok()).any(|m| m.len() >= wanted)
+        entries.filter_map(|e| e.ok()?.metadata().ok()).any(|m| m.len() >= 10_000)
     };
-    let child = program()
-        .args(["generate", "--preset", "train", "--count", "1000000", "--jobs", "1", "--out", path(&out)])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    // A row group has been written, so there are scenarios.
-    for _ in 0..1200 {
-        if partial(10_000) {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-    let (said, part) = (text(&output.stderr), home.path().join("a.interrupted.parquet"));
-    assert!(said.contains(&format!("interrupted: {} has the first ", path(&part))), "{said}");
-    assert!(said.contains(&format!("{} was not written", path(&out))) && !out.exists(), "{said}");
+    let mut command = program();
+    command.args(["generate", "--preset", "train", "--count", "1000000", "--jobs", "1", "--out", text(&out)]);
+    let output = signalled(&mut command, "-INT", has_scenarios);
+    let (said, part) = (stderr(&output), home.path().join("a.interrupted.parquet"));
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains(&format!("interrupted: {} has the first ", text(&part))), "{said}");
+    assert!(said.contains(&format!("{} was not written", text(&out))) && !out.exists(), "{said}");
     assert!(output.stdout.is_empty(), "what is not whole cannot be made again by the command");
     let scenarios: Vec<_> = formats::open(&part).unwrap().map(|s| s.unwrap().id).collect();
     assert!(!scenarios.is_empty());

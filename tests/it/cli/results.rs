@@ -6,9 +6,8 @@ use reactsim::evaluation::read_summary;
 use reactsim::geometry::Vec2;
 use reactsim::scene::{FRAMES, LightParts, LightState, Scenario};
 
-use super::{stderr, stdout, text};
-use crate::program::reactsim;
-use crate::reference::said;
+use crate::document::document;
+use crate::program::{ended, json_of, result, said, text};
 use crate::small_scenarios::{certified, parts, scenario, write};
 
 #[test]
@@ -16,74 +15,30 @@ fn kept_rollouts_score_to_the_same_numbers() {
     let home = tempfile::tempdir().unwrap();
     let input = home.path().join("scenarios.parquet");
     write(&input, (0..5).map(scenario));
+    let run =
+        ["run", text(&input), "--models", "stop,constant-velocity", "--rollouts", "2", "--keep-rollouts"];
     let mut kept = Vec::new();
     for jobs in ["1", "3", "600"] {
         let out = home.path().join(jobs);
-        let output = reactsim(&[
-            "run",
-            text(&input),
-            "--models",
-            "stop,constant-velocity",
-            "--rollouts",
-            "2",
-            "--jobs",
-            jobs,
-            "--batch",
-            "2",
-            "--out",
-            text(&out),
-            "--keep-rollouts",
-        ]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let threads = ["--jobs", jobs, "--batch", "2"];
+        ended(&[&run, &threads[..], &["--out", text(&out)]].concat(), 0);
         assert!(!out.join("parts").exists());
         kept.push(out.join("rollouts.parquet"));
     }
-    // Having far more threads than work changes nothing.
-    for other in &kept[1..] {
-        assert!(fs::read(&kept[0]).unwrap() == fs::read(other).unwrap());
-    }
-    let output = reactsim(&["score", text(&kept[0]), "--scenarios", text(&input), "--format", "json"]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let scored: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let run: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(home.path().join("1/summary.json")).unwrap()).unwrap();
+    let scored = result(&["score", text(&kept[0]), "--scenarios", text(&input)]);
+    let summary = json_of(&home.path().join("1/summary.json"));
     for simulator in ["stop", "constant-velocity"] {
-        assert_eq!(scored["simulators"][simulator]["metrics"], run["simulators"][simulator]["metrics"]);
+        assert_eq!(scored["simulators"][simulator]["metrics"], summary["simulators"][simulator]["metrics"]);
     }
-    assert_eq!(scored["deviation"], run["deviation"]);
+    assert_eq!(scored["deviation"], summary["deviation"]);
     let svg = home.path().join("x.svg");
-    let drawn = reactsim(&[
-        "inspect",
-        text(&input),
-        "--id",
-        "road-003",
-        "--rollout",
-        text(&home.path().join("1")),
-        "--simulator",
-        "stop",
-        "--index",
-        "1",
-        "--steps",
-        "0,40,80",
-        "--svg",
-        text(&svg),
-    ]);
-    assert_eq!(drawn.status.code(), Some(0), "{}", stderr(&drawn));
+    let one = home.path().join("1");
+    let begin = ["inspect", text(&input), "--id", "road-003", "--rollout", text(&one), "--simulator", "stop"];
+    let steps = ["--index", "1", "--steps", "0,40,80", "--svg", text(&svg)];
+    let (drawn, _) = said(&[&begin[..], &steps].concat(), 0);
     assert!(fs::read_to_string(&svg).unwrap().contains("</svg>"));
-    assert!(stdout(&drawn).contains("3 around the AV: 3 vehicles"), "{}", stdout(&drawn));
-    let resumed = reactsim(&[
-        "run",
-        text(&input),
-        "--models",
-        "stop,constant-velocity",
-        "--rollouts",
-        "2",
-        "--out",
-        text(&home.path().join("3")),
-        "--keep-rollouts",
-        "--resume",
-    ]);
-    assert_eq!(resumed.status.code(), Some(0), "{}", stderr(&resumed));
+    assert!(drawn.contains("3 around the AV: 3 vehicles"), "{drawn}");
+    ended(&[&run[..], &["--out", text(&home.path().join("3")), "--resume"]].concat(), 0);
     // Having far more threads than work changes nothing.
     for other in &kept[1..] {
         assert!(fs::read(&kept[0]).unwrap() == fs::read(other).unwrap());
@@ -95,13 +50,8 @@ fn results_come_in_every_form() {
     let home = tempfile::tempdir().unwrap();
     let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("x_1"));
     write(&input, (0..3).map(scenario));
-    let run = reactsim(&["run", text(&input), "--models", "log-replay,stop", "--out", text(&out)]);
-    assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));
-    let report = |format: &str| {
-        let output = reactsim(&["report", text(&out), "--format", format]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        output.stdout
-    };
+    let run = ended(&["run", text(&input), "--models", "log-replay,stop", "--out", text(&out)], 0);
+    let report = |format: &str| ended(&["report", text(&out), "--format", format], 0).stdout;
     assert!(report("markdown") == run.stdout);
     assert!(report("json") == fs::read(out.join("summary.json")).unwrap());
     assert!(report("parquet").starts_with(b"PAR1"));
@@ -114,8 +64,7 @@ fn results_come_in_every_form() {
     );
     assert!(csv.contains("x_1,stop,false,difference,,,ade,"));
     // Two runs in one table are distinguished by their names.
-    let two = reactsim(&["report", text(&out), text(&out)]);
-    assert!(stdout(&two).contains("| Run "));
+    assert!(said(&["report", text(&out), text(&out)], 0).0.contains("| Run "));
 }
 
 #[test]
@@ -123,19 +72,8 @@ fn tables_have_difficulties_and_further_metrics_on_request() {
     let home = tempfile::tempdir().unwrap();
     let (input, out) = (home.path().join("scenarios.parquet"), home.path().join("x"));
     write(&input, (0..3).map(certified));
-    let run = reactsim(&[
-        "run",
-        text(&input),
-        "--models",
-        "log-replay,stop",
-        "--out",
-        text(&out),
-        "--keep-rollouts",
-        "--also",
-        "log-clinging,progress",
-    ]);
-    assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));
-    let table = stdout(&run);
+    let run = ["run", text(&input), "--models", "log-replay,stop", "--out", text(&out), "--keep-rollouts"];
+    let (table, _) = said(&[&run[..], &["--also", "log-clinging,progress"]].concat(), 0);
     let at = |wanted: &str| table.find(wanted).unwrap_or_else(|| panic!("no `{wanted}` in {table}"));
     assert!(at("\nDirectional deviations (1 scenario):") < at("\nEasy conflicts (1 scenario):"));
     assert!(at("\nEasy conflicts") < at("\nMedium conflicts") && at("\nMedium") < at("\nHard conflicts"));
@@ -146,57 +84,40 @@ fn tables_have_difficulties_and_further_metrics_on_request() {
     assert_eq!(fs::read_to_string(out.join("summary.md")).unwrap(), table);
     assert!(fs::read_to_string(out.join("summary.json")).unwrap().contains("\"log-clinging\""));
 
-    let report = |options: &[&str]| stdout(&reactsim(&[&["report", text(&out)], options].concat()));
+    let report = |options: &[&str]| said(&[&["report", text(&out)], options].concat(), 0).0;
     assert!(!report(&[]).contains("On log"));
     assert_eq!(report(&["--also", "log-clinging"]), table);
     assert!(report(&["--format", "latex", "--also", "over-braking"]).contains("Over-br."));
     assert!(report(&["--format", "csv"]).contains("x,stop,false,mean,,hard,undisturbed-loss,"));
-    let unknown = reactsim(&["report", text(&out), "--also", "log-cling"]);
-    assert_eq!(unknown.status.code(), Some(2));
-    assert!(stderr(&unknown).contains("a similar value exists: 'log-clinging'"), "{}", stderr(&unknown));
-    let page = reactsim(&["report", text(&out), "--format", "html", "--also", "ade"]);
-    assert!(stderr(&page).contains("leave the options of tables out"), "{}", stderr(&page));
+    let (_, unknown) = said(&["report", text(&out), "--also", "log-cling"], 2);
+    assert!(unknown.contains("a similar value exists: 'log-clinging'"), "{unknown}");
+    let (_, page) = said(&["report", text(&out), "--format", "html", "--also", "ade"], 2);
+    assert!(page.contains("leave the options of tables out"), "{page}");
 
     let rollouts = out.join("rollouts.parquet");
-    let score = reactsim(&["score", text(&rollouts), "--scenarios", text(&input), "--also", "log-clinging"]);
-    let scored = stdout(&score);
+    let also = ["--also", "log-clinging"];
+    let (scored, _) =
+        said(&[&["score", text(&rollouts), "--scenarios", text(&input)], &also[..]].concat(), 0);
     assert!(scored.contains("\nHard conflicts (1 scenario):") && scored.contains("On log (%)"), "{scored}");
 }
 
 #[test]
 fn rollout_documents_are_scored() {
     let home = tempfile::tempdir().unwrap();
-    let document = home.path().join("document.json");
-    let steady = |x: f64| (0..91).map(|f| x + 0.5 * f64::from(f)).collect::<Vec<_>>();
-    let agent = |id: &str, x: f64| {
-        serde_json::json!({
-            "id": id, "type": "vehicle", "length": 4.5, "width": 2.0, "x": steady(x), "y": vec![0.0; 91],
-            "heading": vec![0.0; 91], "vx": null, "vy": null, "valid": vec![true; 91]
-        })
-    };
-    // At the same speed, the agent drives half a metre behind the AV's bumper without a collision, and is not
-    // risky.
-    let scenario = serde_json::json!({
-        "id": "pair", "current_index": 10, "num_future": 80, "av_index": 0, "map": {},
-        "agents": [agent("av", 5.0), agent("follower", 0.0)]
-    });
-    let text_of = |format: &str| {
-        serde_json::json!({ "format": format, "dt": 0.1, "scenarios": [scenario] }).to_string()
-    };
-    fs::write(&document, text_of("reactsim-rollouts-v1")).unwrap();
-    let output = reactsim(&["score", text(&document)]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let file = home.path().join("document.json");
+    let document = document().to_string();
+    fs::write(&file, &document).unwrap();
+    let (result, _) = said(&["score", text(&file)], 0);
+    let result: serde_json::Value = serde_json::from_str(&result).unwrap();
     assert_eq!(result["aggregate"]["a_av_collision_count"], 0.0);
     assert_eq!(result["aggregate"]["a_a_collision_rate"], 0.0);
     assert!(result["aggregate"]["offroad_rate"].is_null(), "no drivable area, nothing judged");
-    fs::write(&document, text_of("reactsim-rollouts-v9")).unwrap();
-    let output = reactsim(&["score", text(&document)]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("reactsim-rollouts-v9"), "{}", stderr(&output));
+    fs::write(&file, document.replace("rollouts-v1", "rollouts-v9")).unwrap();
+    let (_, error) = said(&["score", text(&file)], 2);
+    assert!(error.contains("reactsim-rollouts-v9"), "{error}");
     let rows = home.path().join("rows.parquet");
-    write(&rows, [crate::small_scenarios::scenario(0)]);
-    assert!(stderr(&reactsim(&["score", text(&rows)])).contains("give --scenarios"));
+    write(&rows, [scenario(0)]);
+    assert!(said(&["score", text(&rows)], 2).1.contains("give --scenarios"));
 }
 
 /// A semi-trailer overlaps its tractor by 1.5 m all the time: 2 of 4 agents collide, unless such pairs are

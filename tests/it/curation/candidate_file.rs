@@ -2,29 +2,17 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Output;
 
 use reactsim::curation::{ScenarioRecord, store};
 use reactsim::scene::{AgentState, Scenario};
 use serde_json::{Value, json};
 
 use super::cli::closing;
-use crate::program::reactsim;
+use crate::program::{BENCH, said, text};
 use crate::small_scenarios::write as write_scenarios;
 
-/// Scenarios whose AVs deviate, as shipped.
-const BENCH: &str = "scenarios/bench.parquet";
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-fn curate(scenarios: &str, out: &Path, more: &[&str]) -> Output {
-    reactsim(&[&["curate", scenarios, "--out", text(out), "--quiet"], more].concat())
+fn curate(scenarios: &str, out: &Path, more: &[&str], code: i32) -> String {
+    said(&[&["curate", scenarios, "--out", text(out), "--quiet"], more].concat(), code).1
 }
 
 fn records(path: &Path) -> Vec<ScenarioRecord> {
@@ -35,11 +23,9 @@ fn records(path: &Path) -> Vec<ScenarioRecord> {
 fn candidates_are_judged_as_if_the_rules_had_proposed_them() {
     let home = tempfile::tempdir().unwrap();
     let (own, again) = (home.path().join("own.parquet"), home.path().join("again.parquet"));
-    let made = curate(BENCH, &own, &["--limit", "5"]);
-    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    curate(BENCH, &own, &["--limit", "5"], 0);
     let source = format!("file:{}", text(&own));
-    let judged = curate(BENCH, &again, &["--limit", "5", "--source", &source]);
-    assert_eq!(judged.status.code(), Some(0), "{}", stderr(&judged));
+    curate(BENCH, &again, &["--limit", "5", "--source", &source], 0);
     let (own, again) = (records(&own), records(&again));
     assert!(own.iter().any(|record| record.chosen().is_some()), "nothing was chosen");
     assert_eq!(own.len(), again.len());
@@ -65,8 +51,7 @@ fn samples_of_a_network_are_judged_like_any_candidates() {
     let (weights, out) = (home.path().join("w.safetensors"), home.path().join("c.parquet"));
     fs::write(&weights, crate::diffusion_planner::untrained()).unwrap();
     let source = format!("diffusion:{}", text(&weights));
-    let judged = curate(BENCH, &out, &["--limit", "3", "--source", &source, "--candidates", "5"]);
-    assert!(judged.status.code() == Some(0), "{}", stderr(&judged));
+    curate(BENCH, &out, &["--limit", "3", "--source", &source, "--candidates", "5"], 0);
     let found = records(&out);
     assert!(!found.is_empty());
     for record in &found {
@@ -105,22 +90,20 @@ fn what_can_not_be_meant_is_refused_and_named() {
     let all: Vec<Scenario> = (0..3).map(closing).collect();
     write_scenarios(&path("s.parquet"), all.iter().cloned());
     let (scenarios, planned, out) = (path("s.parquet"), path("planned.json"), path("out.parquet"));
-    let run = |deviations: Value, more: &[&str]| {
+    let run = |deviations: Value, more: &[&str], code| {
         drop(fs::remove_file(&out));
         let file = json!({ "format": "reactsim-deviations-v1", "frame": "world", "deviations": deviations });
         fs::write(&planned, file.to_string()).unwrap();
         let source = format!("file:{}", text(&planned));
         let limits = ["--source", &source, "--min-vehicles", "1", "--max-ttc", "100"];
-        let output = curate(text(&scenarios), &out, &[&limits[..], more].concat());
-        (output.status.code(), stderr(&output).replace(text(home.path()), "HOME"))
+        curate(text(&scenarios), &out, &[&limits[..], more].concat(), code).replace(text(home.path()), "HOME")
     };
     let speeds = |i: usize| [4.0, 7.0].map(|speed| straight(&all[i], speed));
     let two = [speeds(0), speeds(1)].concat();
 
     // All candidates of a scenario, in the order of the file; one that repeats another counts as a
     // repetition.
-    let (code, said) = run(json!(two), &[]);
-    assert_eq!(code, Some(0), "{said}");
+    run(json!(two), &[], 0);
     let kept = records(&out);
     assert!(!kept.is_empty());
     for record in &kept {
@@ -130,7 +113,7 @@ fn what_can_not_be_meant_is_refused_and_named() {
         let to = record.candidates[0].candidate.track[80];
         assert!(((to.x - from.x).hypot(to.y - from.y) - 32.0).abs() < 1e-6, "coordinates are of the world");
     }
-    let (_, said) = run(json!(two), &["--candidates", "1"]);
+    let said = run(json!(two), &["--candidates", "1"], 0);
     assert!(records(&out).iter().all(|record| record.candidates.len() == 1), "{said}");
     let provenance = store::read(&out).unwrap().provenance().clone();
     assert_eq!(provenance.funnel.unproposed["the file has no candidate for the scenario"], 1);
@@ -148,14 +131,13 @@ fn what_can_not_be_meant_is_refused_and_named() {
         (with(&|d| d["category"] = json!("up")), "category is `up`"),
         (with(&|d| d["speed"] = json!(1)), "unknown field `speed`"),
     ] {
-        let (code, said) = run(deviations, &[]);
-        assert_eq!(code, Some(2), "{said}");
+        let said = run(deviations, &[], 2);
         assert!(said.contains("HOME/planned.json") && said.contains(expected), "{said}");
         assert!(!out.exists());
     }
     let many: Vec<Value> = (0..1001).map(|_| straight(&all[0], 4.0)).collect();
-    let (code, said) = run(json!(many), &[]);
-    assert!(code == Some(2) && said.contains("1001 candidates, expected at most 1000"), "{said}");
+    let said = run(json!(many), &[], 2);
+    assert!(said.contains("1001 candidates, expected at most 1000"), "{said}");
 
     // Errors of a scenario are its own.
     for (deviations, expected) in [
@@ -166,8 +148,7 @@ fn what_can_not_be_meant_is_refused_and_named() {
             "candidate 1 of planned.json: scenario_digest is 0000",
         ),
     ] {
-        let (code, said) = run(deviations, &[]);
-        assert_eq!(code, Some(1), "{said}");
+        let said = run(deviations, &[], 1);
         assert!(said.contains(&format!("scenario `{}`", all[0].id)) && said.contains(expected), "{said}");
         assert!(!said.contains("not among the inputs"), "{said}");
         assert!(records(&out).iter().all(|record| record.scenario_id != all[0].id));
@@ -176,11 +157,9 @@ fn what_can_not_be_meant_is_refused_and_named() {
     // Scenarios that nobody asked for.
     let mut other = straight(&all[0], 4.0);
     other["scenario_id"] = json!("elsewhere");
-    let (code, said) = run(json!([two[0], other]), &[]);
-    assert_eq!(code, Some(0), "{said}");
+    let said = run(json!([two[0], other]), &[], 0);
     assert!(said.contains("1 scenario not among the inputs, such as `elsewhere`"), "{said}");
-    let (code, said) = run(json!([other]), &[]);
-    assert_eq!(code, Some(2), "{said}");
+    let said = run(json!([other]), &[], 2);
     assert!(said.contains("it has `elsewhere`, they have `road-000`"), "{said}");
     assert!(!out.exists());
 }

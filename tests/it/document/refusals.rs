@@ -4,23 +4,7 @@ use reactsim::evaluation::document::score_document;
 use reactsim::formats::document::Document;
 use serde_json::{Value, json};
 
-fn document() -> Value {
-    let agent = |id: &str, y: f64| {
-        json!({
-            "id": id, "type": "vehicle", "length": 4.5, "width": 2.0,
-            "x": vec![0.0; 91], "y": vec![y; 91], "heading": vec![0.0; 91],
-            "vx": Value::Null, "vy": Value::Null, "valid": vec![true; 91],
-        })
-    };
-    json!({
-        "format": "reactsim-rollouts-v1", "dt": 0.1,
-        "scenarios": [{
-            "id": "s1", "current_index": 10, "num_future": 80, "av_index": 0,
-            "map": { "drivable_area": [], "lanes": [], "intersections": [] },
-            "agents": [agent("av", 0.0), agent("b7", 9.0)],
-        }],
-    })
-}
+use super::document;
 
 fn refusal(text: &str) -> String {
     match Document::from_json(text) {
@@ -80,47 +64,92 @@ fn refusals_name_what_is_wrong() {
     refused(|d| d["format"] = "other".into(), &["`other`", "reactsim-rollouts-v1"]);
     refused(|d| d["dt"] = 0.2.into(), &["0.2", "10 Hz"]);
     refused(|d| d["options"] = json!({ "fault_ordr": "paper" }), &["`fault_ordr`", "fault_order"]);
-    refused(
-        |d| d["options"] = json!({ "fault_order": "any" }),
-        &["`fault_order`", "`any`", "`paper` or `nuplan`"],
-    );
+    let (option, words) =
+        (json!({ "fault_order": "any" }), ["`fault_order`", "`any`", "`paper` or `nuplan`"]);
+    refused(|d| d["options"] = option, &words);
     let scenario = |d: &mut Value, key: &str, value: Value| d["scenarios"][0][key] = value;
-    refused(|d| scenario(d, "av_index", 2.into()), &["scenario `s1`", "av_index", "2 of 2 agents"]);
+    let refused_scenario = |key: &str, value: Value, words: &[&str]| {
+        refused(|d| scenario(d, key, value), &[&["scenario `s1`"], words].concat());
+    };
+    refused_scenario("av_index", 2.into(), &["av_index", "2 of 2 agents"]);
+    refused_scenario("num_future", 79.into(), &["(`av`).x", "91 entries", "90 entries"]);
+    refused_scenario("num_future", 0.into(), &["num_future"]);
+    refused_scenario("log", json!([]), &["log", "2 entries"]);
+    for (lane, words) in [
+        (
+            json!({ "id": "l", "kind": "path", "polygon": [], "baseline": [] }),
+            ["map.lanes[0] (`l`).kind", "`path`"],
+        ),
+        (
+            json!({ "id": "l", "kind": "lane", "polygon": [], "baseline": [[0, 0], [0, 0]] }),
+            ["(`l`).baseline", "two distinct points"],
+        ),
+    ] {
+        refused_scenario("map", json!({ "lanes": [lane] }), &words);
+    }
+    for (key, value, words) in [
+        ("id", json!("av"), ["agents[1].id", "av"]),
+        ("type", json!("bus"), ["(`b7`).type", "`bus`"]),
+        ("length", json!(-1.0), ["(`b7`).length", "-1"]),
+        ("length", json!(1e300), ["(`b7`).length", "less than 1000 m"]),
+        ("vx", json!([1.0]), ["(`b7`).vx", "1 entries"]),
+        ("x", json!(["one"]), ["`b7`", "one"]),
+    ] {
+        let words = [&["scenario `s1`"], &words[..]].concat();
+        refused(|d| d["scenarios"][0]["agents"][1][key] = value, &words);
+    }
     refused(
-        |d| scenario(d, "num_future", 79.into()),
-        &["scenario `s1`", "(`av`).x", "91 entries", "90 entries"],
-    );
-    refused(|d| scenario(d, "num_future", 0.into()), &["scenario `s1`", "num_future"]);
-    refused(|d| scenario(d, "log", json!([])), &["scenario `s1`", "log", "2 entries"]);
-    let agent = |d: &mut Value, key: &str, value: Value| d["scenarios"][0]["agents"][1][key] = value;
-    refused(|d| agent(d, "id", "av".into()), &["scenario `s1`", "agents[1].id", "av"]);
-    refused(|d| agent(d, "type", "bus".into()), &["scenario `s1`", "(`b7`).type", "`bus`"]);
-    refused(|d| agent(d, "length", (-1.0).into()), &["scenario `s1`", "(`b7`).length", "-1"]);
-    refused(|d| agent(d, "vx", json!([1.0])), &["scenario `s1`", "(`b7`).vx", "1 entries"]);
-    refused(|d| agent(d, "x", json!(["one"])), &["scenario `s1`", "`b7`", "one"]);
-    refused(
-        |d| {
-            d["scenarios"][0]["agents"][1].as_object_mut().unwrap().remove("width");
-        },
+        |d| _ = d["scenarios"][0]["agents"][1].as_object_mut().unwrap().remove("width"),
         &["scenario `s1`", "agents[1] (`b7`)", "missing field `width`"],
     );
-    refused(
-        |d| {
-            scenario(
-                d,
-                "map",
-                json!({ "lanes": [{ "id": "l", "kind": "path", "polygon": [], "baseline": [] }] }),
-            )
-        },
-        &["scenario `s1`", "map.lanes[0] (`l`).kind", "`path`"],
-    );
-    refused(
-        |d| {
-            let lane = json!({ "id": "l", "kind": "lane", "polygon": [], "baseline": [[0, 0], [0, 0]] });
-            scenario(d, "map", json!({ "lanes": [lane] }));
-        },
-        &["scenario `s1`", "(`l`).baseline", "two distinct points"],
-    );
+}
+
+/// Such values once took time and memory, or gave a number.
+#[test]
+fn far_values_are_refused_by_place() {
+    for (name, value) in [("y", 1e10), ("x", -1e300), ("y", 1e8), ("heading", 1e9), ("vx", 1e5)] {
+        let mut far = document();
+        let agent = &mut far["scenarios"][0]["agents"][1];
+        if name == "vx" {
+            (agent["vx"], agent["vy"]) = (json!(vec![5.0; 91]), json!(vec![0.0; 91]));
+        }
+        (21..91).for_each(|f| agent[name][f] = json!(value));
+        let message = refusal(&far.to_string());
+        assert!(message.contains(&format!("`b7`).{name}[21]")) && message.len() < 400, "{message}");
+    }
+    let edges = json!([[[-50.0, -6.0], [1e12, 0.0]]]);
+    refused(|d| d["scenarios"][0]["map"]["road_edges"] = edges, &["within 100 km of the AV"]);
+}
+
+#[test]
+fn what_a_document_lacks_or_repeats_is_said() {
+    let with = |change: &dyn Fn(&mut Value)| {
+        let mut changed = document();
+        change(&mut changed);
+        changed
+    };
+    let twice = with(&|d| {
+        let first = d["scenarios"][0].clone();
+        d["scenarios"].as_array_mut().unwrap().push(first);
+    });
+    let crowded = with(&|d| {
+        let agents = d["scenarios"][0]["agents"].as_array_mut().unwrap();
+        for i in 0..2500 {
+            let mut agent = agents[1].clone();
+            agent["id"] = json!(format!("copy-{i}"));
+            agents.push(agent);
+        }
+    });
+    for (document, part) in [
+        (with(&|d| d["scenarios"] = json!([])), "at least one scenario"),
+        (twice, "an id that no other scenario has"),
+        (with(&|d| d["option"] = json!({ "fault_order": "nuplan" })), "unknown field `option`"),
+        (crowded, "at most 2000 agents"),
+        (json!([]), "expected an object"),
+    ] {
+        let message = refusal(&document.to_string());
+        assert!(message.contains(part) && !message.contains("struct"), "{part}: {message}");
+    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
 
 use super::{Case, good, read_at, refusal};
-use crate::program::reactsim;
+use crate::program::{reactsim, stderr, stdout};
 
 /// A row: track, class, time step, x, y, heading.
 type Row = (Option<&'static str>, &'static str, i64, f64, f64, Option<f64>);
@@ -190,8 +190,8 @@ fn runs_and_pages_remember_the_current_frame() {
         let arguments: Vec<String> = arguments.iter().map(|a| place(a)).collect();
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let output = reactsim(&arguments);
-        let told = String::from_utf8(output.stderr).unwrap();
-        (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap() + &told)
+        let told = stderr(&output);
+        (output.status.code().unwrap(), stdout(&output) + &told)
     };
     let short = ["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT", "--current-frame", "49"];
     let short = call(&short);

@@ -5,8 +5,7 @@ use std::path::Path;
 use reactsim::formats::native::ByNumber;
 
 use super::{good, refusal, write_native};
-
-const MINI: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini");
+use crate::program::MINI;
 
 #[test]
 fn scenarios_are_the_same_in_any_order_and_on_any_thread() {

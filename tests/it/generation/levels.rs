@@ -5,17 +5,10 @@ use std::sync::LazyLock;
 use reactsim::formats;
 use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::rollout::Settings;
-use reactsim::scene::{AgentKind, CURRENT, MapHeights, Scenario};
+use reactsim::scene::{MapHeights, Scenario};
 
 use crate::formats::write_native;
-use crate::scenes::{accelerations, roll_with, scores};
-
-/// Distance from the crossing, metres, within which braking counts.
-const NEAR: f64 = 60.0;
-/// Speed from which a vehicle moves, m/s.
-const MOVES: f64 = 3.0;
-/// Braking that traffic on the own level seldom requires, m/s².
-const HARD: f64 = 3.0;
+use crate::scenes::{roll_with, scores};
 
 static OVERPASSES: LazyLock<Vec<Scenario>> = LazyLock::new(|| {
     let settings = GenerationSettings {
@@ -36,13 +29,6 @@ fn flattened(scenario: &Scenario) -> Scenario {
     flat.log_future.heights.clear();
     flat.unselected.iter_mut().for_each(|a| a.heights.clear());
     flat
-}
-
-/// Returns the vehicles of a scenario that move at the current frame.
-fn movers(scenario: &Scenario) -> impl Iterator<Item = usize> + use<'_> {
-    let vehicles = 1..scenario.start.agents.len();
-    let moves = |&i: &usize| scenario.start.now(i).speed() > MOVES;
-    vehicles.filter(|&i| scenario.start.agents[i].kind == AgentKind::Vehicle).filter(moves)
 }
 
 #[test]
@@ -73,31 +59,4 @@ fn logs_on_two_levels_are_faultless() {
         flat_overlaps += values(&flattened(scenario)).iter().sum::<f64>();
     }
     assert!(flat_overlaps > 0.0, "on one level the same traffic collides");
-}
-
-#[test]
-fn idm_does_not_brake_for_the_road_below() {
-    let (mut judged, mut braked) = (0, [0; 2]);
-    for scenario in OVERPASSES.iter() {
-        // Roads cross at the origin of the map.
-        let crossing = -scenario.origin;
-        let av: Vec<_> = scenario.log_future.tracks[0].iter().map(|s| s.unwrap()).collect();
-        for (flat, scenario) in [scenario.clone(), flattened(scenario)].iter().enumerate() {
-            let rollout = roll_with("idm", scenario, av.clone(), &Settings::default(), 0);
-            for agent in movers(scenario) {
-                let states: Vec<_> = rollout.tracks[agent][CURRENT..].iter().map_while(|s| *s).collect();
-                let near: Vec<_> =
-                    states.into_iter().filter(|s| (s.position() - crossing).norm() < NEAR).collect();
-                judged += usize::from(near.len() > 1);
-                braked[flat] += usize::from(accelerations(&near).iter().any(|a| *a < -HARD));
-            }
-        }
-    }
-    assert!(judged > 40, "only {judged} vehicles pass the crossing");
-    assert!(
-        4 * braked[0] < braked[1],
-        "{} vehicles brake hard, {} if all are on one level",
-        braked[0],
-        braked[1]
-    );
 }
