@@ -17,11 +17,14 @@ mod odd;
 mod scenarionet;
 mod tables;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
+use arrow_array::{ArrayRef, RecordBatch};
+use parquet::arrow::ArrowWriter;
 use reactsim::formats::{CurrentFrames, FormatError, Input, find_inputs, native, open};
-use reactsim::scene::Scenario;
+use reactsim::scene::{AgentKind, Lane, RoadMap, Scenario};
 
 use reactsim_test_support::proto::{self, Proto};
 
@@ -78,6 +81,75 @@ pub(crate) fn logs_agree(ours: &Scenario, theirs: &Scenario) {
             }
         }
     }
+}
+
+/// Checks that two readings of one map agree: lanes by their ids, with class, links and points, and the numbers
+/// of its other elements.
+pub(crate) fn maps_agree(ours: &RoadMap, theirs: &RoadMap) {
+    assert_eq!(ours.lanes.len(), theirs.lanes.len());
+    let names =
+        |map: &RoadMap, all: &[usize]| all.iter().map(|&l| map.lanes[l].id.clone()).collect::<BTreeSet<_>>();
+    for lane in &ours.lanes {
+        let other = theirs.lanes.iter().find(|other| other.id == lane.id).unwrap();
+        assert_eq!(lane.class, other.class, "{}", lane.id);
+        for of in [|lane: &Lane| lane.successors.clone(), |lane: &Lane| lane.predecessors.clone()] {
+            assert_eq!(names(ours, &of(lane)), names(theirs, &of(other)), "{}", lane.id);
+        }
+        let (p, q) = (lane.baseline.points(), other.baseline.points());
+        assert_eq!(p.len(), q.len(), "{}", lane.id);
+        assert!(p.iter().zip(q).all(|(p, q)| (p - q).amax() < 0.01), "{}", lane.id);
+    }
+    let counts = |map: &RoadMap| {
+        let lines = [map.road_edges.len(), map.road_lines.len()];
+        (lines, map.crosswalks.len(), map.driveways.len(), map.speed_bumps.len())
+    };
+    assert_eq!(counts(ours), counts(theirs));
+}
+
+/// Returns the number of recorded states of vehicles at more than 5 m/s, and of those among them that do not
+/// move in the direction of their heading.
+pub(crate) fn moving(scenario: &Scenario) -> (usize, usize) {
+    let vehicles = scenario.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle);
+    let states = vehicles.flat_map(|(a, _)| scenario.logged(a)).flatten().filter(|s| s.speed() > 5.0);
+    states.fold((0, 0), |(all, astray), state| {
+        (all + 1, astray + usize::from(state.forward_speed() < 0.9 * state.speed()))
+    })
+}
+
+/// Returns the first scenario of a file, or the message after the path of the folder.
+pub(crate) fn first(path: &Path) -> Result<Scenario, String> {
+    let folder = format!("{}/", path.parent().unwrap().display());
+    let told = |error: FormatError| error.to_string().strip_prefix(&folder).unwrap().to_owned();
+    open(path).map_err(told)?.next().unwrap().map_err(told)
+}
+
+/// Checks that every change is refused with its message, after the place `begin`.
+pub(crate) fn check_cases<T>(
+    cases: &[Case<T>],
+    begin: &str,
+    read: impl Fn(fn(&mut T)) -> Result<Scenario, String>,
+) {
+    for (expected, change) in cases {
+        let error = read(*change).unwrap_err();
+        assert!(error.starts_with(begin) && error.contains(expected), "expected {expected}: {error}");
+    }
+}
+
+/// Writes a Parquet file of these columns.
+pub(crate) fn write_table(
+    out: impl std::io::Write + Send,
+    columns: impl IntoIterator<Item = (&'static str, ArrayRef)>,
+) {
+    let batch = RecordBatch::try_from_iter(columns).unwrap();
+    let mut writer = ArrowWriter::try_new(out, batch.schema(), None).unwrap();
+    writer.write(&batch).unwrap();
+    writer.close().unwrap();
+}
+
+pub(crate) fn gzip(content: &[u8]) -> Vec<u8> {
+    let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut out, content).unwrap();
+    out.finish().unwrap()
 }
 
 /// Returns the only message that reading a file gives.
@@ -158,12 +230,9 @@ fn generated_messages_survive_native_bit_for_bit() {
 fn compressions_agree_and_are_told_by_content() {
     let folder = tempfile::tempdir().unwrap();
     let plain = proto::records(&[Proto::default()]);
-    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
-    std::io::Write::write_all(&mut gzip, &plain).unwrap();
-    let gzip = gzip.finish().unwrap();
-    let zstd = zstd::encode_all(&plain[..], 3).unwrap();
     let mut seen = Vec::new();
-    for (name, data) in [("a", plain), ("b", gzip), ("c", zstd)] {
+    let zstd = zstd::encode_all(&plain[..], 3).unwrap();
+    for (name, data) in [("a", plain.clone()), ("b", gzip(&plain)), ("c", zstd)] {
         let path = folder.path().join(name);
         fs::write(&path, data).unwrap();
         seen.push(good(&path)[0].digest());

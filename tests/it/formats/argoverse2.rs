@@ -4,16 +4,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
-use parquet::arrow::ArrowWriter;
+use arrow_array::{ArrayRef, Float64Array, Int64Array, StringArray};
 use reactsim::evaluation::Registrar;
-use reactsim::formats::{CurrentFrames, Input, find_inputs, open, survey};
+use reactsim::formats::{CurrentFrames, Input, find_inputs, survey};
 use reactsim::geometry::Polygon;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, good, read_at, refusal};
-use crate::program::{reactsim, stderr, stdout};
+use super::{Case, check_cases, first, good, read_at, refusal, write_table};
+use crate::program::{said, text, words};
 
 /// A row: track, class, time step, x, y, heading.
 type Row = (Option<&'static str>, &'static str, i64, f64, f64, Option<f64>);
@@ -93,16 +92,9 @@ fn map() -> Value {
     map
 }
 
-fn write_table(path: &Path, columns: Vec<(&'static str, ArrayRef)>) {
-    let batch = RecordBatch::try_from_iter(columns).unwrap();
-    let mut writer = ArrowWriter::try_new(fs::File::create(path).unwrap(), batch.schema(), None).unwrap();
-    writer.write(&batch).unwrap();
-    writer.close().unwrap();
-}
-
 fn write(folder: &Path, rows: &[Row], map: &Value) -> PathBuf {
     let path = folder.join("scenario_made-1.parquet");
-    write_table(&path, batch(rows));
+    write_table(fs::File::create(&path).unwrap(), batch(rows));
     fs::write(folder.join("log_map_archive_made-1.json"), map.to_string()).unwrap();
     path
 }
@@ -114,12 +106,7 @@ pub(super) fn small(folder: &Path) -> Vec<PathBuf> {
 
 fn read(rows: &[Row], map: &Value) -> Result<Scenario, String> {
     let folder = tempfile::tempdir().unwrap();
-    let path = write(folder.path(), rows, map);
-    let told = |e: reactsim::formats::FormatError| {
-        let text = e.to_string();
-        text.strip_prefix(&format!("{}/", folder.path().display())).unwrap().to_owned()
-    };
-    open(&path).map_err(told)?.next().unwrap().map_err(told)
+    first(&write(folder.path(), rows, map))
 }
 
 #[test]
@@ -184,44 +171,32 @@ fn runs_and_pages_remember_the_current_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &rows(110), &map());
     let out = folder.path().join("run");
-    let call = |arguments: &[&str]| {
-        let (path, out) = (path.to_str().unwrap(), out.to_str().unwrap());
-        let place = |a: &str| a.replace("PATH", path).replace("OUT", out);
-        let arguments: Vec<String> = arguments.iter().map(|a| place(a)).collect();
-        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        let output = reactsim(&arguments);
-        let told = stderr(&output);
-        (output.status.code().unwrap(), stdout(&output) + &told)
+    let call = |line: &str, code| {
+        let line = line.replace("PATH", text(&path)).replace("OUT", text(&out));
+        let (printed, told) = said(&words(&line), code);
+        printed + &told
     };
-    let short = ["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT", "--current-frame", "49"];
-    let short = call(&short);
-    assert_eq!(short.0, 2, "{}", short.1);
-    assert!(short.1.contains("absent at step 61"), "{}", short.1);
+    let run = "run PATH --av log --models stop --out OUT";
+    let short = call(&format!("{run} --current-frame 49"), 2);
+    assert!(short.contains("absent at step 61"), "{short}");
     fs::remove_dir_all(&out).unwrap();
-    let run = ["run", "PATH", "--av", "log", "--models", "stop", "--out", "OUT", "--keep-rollouts"];
+    let run = format!("{run} --keep-rollouts");
     // By default the latest frame after which the AV is recorded for 8 s.
-    let usual = call(&run);
-    assert!(usual.0 == 0 && usual.1.contains("(first: `made-1`, 20 frames before it)"), "{}", usual.1);
+    let usual = call(&run, 0);
+    assert!(usual.contains("(first: `made-1`, 20 frames before it)"), "{usual}");
     fs::remove_dir_all(&out).unwrap();
-    let done = call(&[&run[..], &["--current-frame", "29"]].concat());
-    assert_eq!(done.0, 0, "{}", done.1);
-    let other = call(&[&run[..], &["--resume", "--current-frame", "28"]].concat());
-    assert!(other.0 == 2 && other.1.contains("current_frame"), "{}", other.1);
-    let page = folder.path().join("page.html");
-    let shown =
-        call(&["report", "OUT", "--format", "html", "--scenarios", "PATH", "--out", page.to_str().unwrap()]);
-    assert_eq!(shown.0, 0, "{}", shown.1);
-    assert!(!shown.1.contains("scenes cannot be drawn"), "{}", shown.1);
-    let told = call(&["inspect", "PATH", "--current-frame", "29"]);
-    assert!(told.0 == 0 && told.1.contains("made-1"), "{}", told.1);
-    let native = folder.path().join("made.parquet");
-    let (native, at) = (native.to_str().unwrap(), ["--current-frame", "29"]);
-    assert_eq!(call(&[&["convert", "PATH", "--out", native][..], &at].concat()).0, 0);
-    assert_eq!(good(Path::new(native))[0].digest(), read_at(&path, 29).unwrap().digest());
+    call(&format!("{run} --current-frame 29"), 0);
+    let other = call(&format!("{run} --resume --current-frame 28"), 2);
+    assert!(other.contains("current_frame"), "{other}");
+    let (page, native) = (folder.path().join("page.html"), folder.path().join("made.parquet"));
+    let shown = call(&format!("report OUT --format html --scenarios PATH --out {}", text(&page)), 0);
+    assert!(!shown.contains("scenes cannot be drawn"), "{shown}");
+    assert!(call("inspect PATH --current-frame 29", 0).contains("made-1"));
+    call(&format!("convert PATH --out {} --current-frame 29", text(&native)), 0);
+    assert_eq!(good(&native)[0].digest(), read_at(&path, 29).unwrap().digest());
     // Other formats fix the current frame.
-    let fixed = call(&["inspect", native, "--current-frame", "29"]);
-    assert_eq!(fixed.0, 2, "{}", fixed.1);
-    assert!(fixed.1.contains("the current frame is 29, expected none: the format native fixes"));
+    let fixed = call(&format!("inspect {} --current-frame 29", text(&native)), 2);
+    assert!(fixed.contains("the current frame is 29, expected none: the format native fixes"), "{fixed}");
 }
 
 #[test]
@@ -289,44 +264,36 @@ fn bad_tables_are_refused_by_column_and_row() {
         ("expected a point within 100 km of the AV", |r| r[180].3 = 1e300),
         ("expected a finite heading", |r| r[151].5 = Some(1e300)),
     ];
-    for (expected, change) in cases {
+    check_cases(cases, "scenario_made-1.parquet: record 0", |change| {
         let mut rows = rows(110);
         change(&mut rows);
-        let error = read(&rows, &map()).unwrap_err();
-        assert!(error.contains(expected), "expected {expected}: {error}");
-        assert!(error.starts_with("scenario_made-1.parquet: record 0"), "{error}");
-    }
+        read(&rows, &map())
+    });
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), &rows(110), &map());
+    type Columns = Vec<(&'static str, ArrayRef)>;
+    let with = |change: &dyn Fn(&mut Columns)| {
+        let mut columns = batch(&rows(110));
+        change(&mut columns);
+        write_table(fs::File::create(&path).unwrap(), columns);
+    };
+    let n = rows(110).len();
     for name in ["object_type", "position_x", "heading", "scenario_id"] {
-        let mut columns = batch(&rows(110));
-        columns.retain(|c| c.0 != name);
-        write_table(&path, columns);
+        with(&|columns| columns.retain(|c| c.0 != name));
         assert!(refusal(&path).contains(&format!("column `{name}` is missing")), "{}", refusal(&path));
-        let mut columns = batch(&rows(110));
-        let wrong: ArrayRef = Arc::new(arrow_array::BooleanArray::from(vec![true; columns[0].1.len()]));
-        columns.iter_mut().find(|c| c.0 == name).unwrap().1 = wrong;
-        write_table(&path, columns);
-        assert!(
-            refusal(&path).contains(&format!("column `{name}` is Boolean, expected")),
-            "{}",
-            refusal(&path)
-        );
+        let wrong: ArrayRef = Arc::new(arrow_array::BooleanArray::from(vec![true; n]));
+        with(&|columns| columns.iter_mut().find(|c| c.0 == name).unwrap().1 = Arc::clone(&wrong));
+        let text = refusal(&path);
+        assert!(text.contains(&format!("column `{name}` is Boolean, expected")), "{text}");
     }
     // Two scenarios in one file, another rate, no velocities.
-    let mut columns = batch(&rows(110));
-    let mut names = vec!["made-1"; columns[0].1.len()];
+    let mut names = vec!["made-1"; n];
     names[70] = "made-2";
-    columns[9].1 = Arc::new(StringArray::from(names));
-    write_table(&path, columns);
+    with(&|columns| columns[9].1 = Arc::new(StringArray::from(names.clone())));
     assert!(refusal(&path).contains("`scenario_id` in row 70 is `made-2`, expected `made-1` as in row 0"));
-    let mut columns = batch(&rows(110));
-    columns[12].1 = Arc::new(Int64Array::from(vec![55; columns[0].1.len()]));
-    write_table(&path, columns);
+    with(&|columns| columns[12].1 = Arc::new(Int64Array::from(vec![55; n])));
     assert!(refusal(&path).contains("expected 0.1 s (10 Hz)"), "{}", refusal(&path));
-    let mut columns = batch(&rows(110));
-    columns.retain(|c| !c.0.starts_with("velocity") && !c.0.ends_with("timestamp"));
-    write_table(&path, columns);
+    with(&|columns| columns.retain(|c| !c.0.starts_with("velocity") && !c.0.ends_with("timestamp")));
     let s = good(&path).remove(0);
     assert!(s.timestamps.is_empty());
     for agent in 0..s.start.agents.len() {
@@ -358,13 +325,11 @@ fn bad_maps_are_refused_by_key() {
             m["lane_segments"]["2"]["centerline"][0]["x"] = json!(1e300);
         }),
     ];
-    for (expected, change) in cases {
+    check_cases(cases, "log_map_archive_made-1.json: ", |change| {
         let mut map = map();
         change(&mut map);
-        let error = read(&rows(110), &map).unwrap_err();
-        assert!(error.contains(expected), "expected {expected}: {error}");
-        assert!(error.starts_with("log_map_archive_made-1.json: "), "{error}");
-    }
+        read(&rows(110), &map)
+    });
     let mut many = map();
     let lanes = many["lane_segments"].as_object_mut().unwrap();
     (10..10_010).for_each(|id| drop(lanes.insert(id.to_string(), lane(id, 450.0, 0.0, false))));
@@ -406,7 +371,7 @@ fn the_map_lies_beside_the_scenario() {
     // No id leads out of the folder.
     let mut columns = batch(&rows(110));
     columns[9].1 = Arc::new(StringArray::from(vec!["../../etc/passwd"; columns[0].1.len()]));
-    write_table(&path, columns);
+    write_table(fs::File::create(&path).unwrap(), columns);
     assert!(refusal(&path).contains("is missing, expected the map"));
 }
 

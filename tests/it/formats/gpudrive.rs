@@ -7,7 +7,7 @@ use reactsim::formats::{find_inputs, open};
 use reactsim::scene::{AgentKind, LaneClass, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, good, logs_agree, refusal};
+use super::{Case, check_cases, first, good, logs_agree, maps_agree, moving, refusal};
 
 /// Returns an object that moves along the x axis at 10 m/s and is absent before frame `from`.
 fn object(id: u64, kind: &str, x: f64, y: f64, from: usize) -> Value {
@@ -76,9 +76,7 @@ fn read(change: impl FnOnce(&mut Value)) -> Result<Scenario, String> {
     let folder = tempfile::tempdir().unwrap();
     let mut value = made();
     change(&mut value);
-    let path = write(folder.path(), &value);
-    let told = |e: reactsim::formats::FormatError| e.to_string().split_once("f.json: ").unwrap().1.to_owned();
-    open(&path).map_err(told)?.next().unwrap().map_err(told)
+    first(&write(folder.path(), &value))
 }
 
 #[test]
@@ -236,11 +234,7 @@ fn bad_input_is_refused_by_name() {
             v["metadata"] = Value::Null;
         }),
     ];
-    for (expected, change) in cases {
-        let error = read(*change).unwrap_err();
-        assert!(error.contains(expected), "expected {expected}: {error}");
-        assert!(error.starts_with("record 0: "), "{error}");
-    }
+    check_cases(cases, "f.json: record 0: ", |change| read(change));
     // Codes of elements that do not exist have a stated meaning.
     let s = read(|v| {
         v["roads"][0]["map_element_id"] = json!(i64::MIN);
@@ -282,15 +276,8 @@ fn real_files() {
     for s in &scenarios {
         let av = &s.start.agents[0];
         assert!((av.length - 5.286).abs() < 1e-6 && (av.width - 2.332).abs() < 1e-6, "{}: {av:?}", s.id);
-        // Moving vehicles move in the direction of their heading.
-        let mut seen = 0;
-        for (a, agent) in s.start.agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
-            for state in s.logged(a).iter().flatten().filter(|s| s.speed() > 5.0) {
-                assert!(state.forward_speed() > 0.9 * state.speed(), "{}: {}", s.id, agent.id);
-                seen += 1;
-            }
-        }
-        assert!(seen > 20, "{}: {seen}", s.id);
+        let (seen, astray) = moving(s);
+        assert!(seen > 20 && astray == 0, "{}: {astray} of {seen}", s.id);
         assert!(s.start.map.lanes.iter().any(|l| !l.successors.is_empty()));
     }
 }
@@ -304,37 +291,10 @@ fn the_same_scenario_agrees_with_the_waymo_record() {
     let ours = good(&ours).remove(0);
     let theirs = open(&record).unwrap().map(|s| s.unwrap()).find(|s| s.id == ours.id).unwrap();
     logs_agree(&ours, &theirs);
-    let near = |a: f64, b: f64| (a - b).abs() < 0.01;
     let ids = |s: &Scenario| s.start.agents.iter().map(|a| a.id.clone()).collect::<Vec<_>>();
     assert_eq!(ids(&ours), ids(&theirs), "in one order");
     let (m, n) = (&ours.start.map, &theirs.start.map);
-    let by_id = |map: &reactsim::scene::RoadMap| {
-        let name = |all: &[usize]| {
-            let mut ids: Vec<String> = all.iter().map(|&l| map.lanes[l].id.clone()).collect();
-            ids.sort();
-            ids
-        };
-        let of = |l: &reactsim::scene::Lane| {
-            (l.id.clone(), (l.baseline.clone(), l.class, name(&l.successors), name(&l.predecessors)))
-        };
-        map.lanes.iter().map(of).collect::<std::collections::BTreeMap<_, _>>()
-    };
-    let (m_lanes, n_lanes) = (by_id(m), by_id(n));
-    assert_eq!(m_lanes.keys().collect::<Vec<_>>(), n_lanes.keys().collect::<Vec<_>>());
-    for (id, (line, class, next, before)) in &m_lanes {
-        let (other, other_class, other_next, other_before) = &n_lanes[id];
-        assert_eq!((class, next, before), (other_class, other_next, other_before), "{id}");
-        assert_eq!(line.points().len(), other.points().len());
-        assert!(
-            line.points().iter().zip(other.points()).all(|(p, q)| near(p.x, q.x) && near(p.y, q.y)),
-            "{id}"
-        );
-    }
-    assert_eq!(
-        (m.road_edges.len(), m.road_lines.len(), m.crosswalks.len()),
-        (n.road_edges.len(), n.road_lines.len(), n.crosswalks.len())
-    );
-    assert_eq!((m.driveways.len(), m.speed_bumps.len()), (n.driveways.len(), n.speed_bumps.len()));
+    maps_agree(m, n);
     let edges = |map: &reactsim::scene::RoadMap| map.road_edges.iter().map(|e| e.points.len()).sum::<usize>();
     assert_eq!(edges(m), edges(n));
 }

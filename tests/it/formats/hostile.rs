@@ -2,16 +2,14 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
-use parquet::arrow::ArrowWriter;
+use arrow_array::{ArrayRef, Float64Array, Int64Array, StringArray};
 
-use super::{HAND_WRITTEN, digests};
-use reactsim_test_support::proto::{self, Proto};
+use super::{HAND_WRITTEN, digests, gzip, write_table};
+use reactsim_test_support::proto::{self, Proto, bytes, crc, varint};
 
 /// Time limit for such files, in a build for tests on a machine with other work.
 const SOON: Duration = Duration::from_secs(20);
@@ -31,35 +29,13 @@ fn told(name: &str, content: &[u8]) -> String {
     told
 }
 
-fn varint(out: &mut Vec<u8>, mut v: usize) {
-    while v >= 128 {
-        out.push(v as u8 | 128);
-        v >>= 7;
-    }
-    out.push(v as u8);
-}
-
-/// Appends a field of bytes.
-fn field(out: &mut Vec<u8>, tag: u8, content: &[u8]) {
-    out.push(tag << 3 | 2);
-    varint(out, content.len());
-    out.extend(content);
-}
-
-fn gzip(content: &[u8]) -> Vec<u8> {
-    let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    out.write_all(content).unwrap();
-    out.finish().unwrap()
-}
-
 #[test]
 fn compressed_records_that_are_far_longer_than_their_files() {
     // A header that claims 512 MiB, followed by any number of zeros.
     let sound = proto::framed(&[Vec::new()]);
     assert_eq!(sound.len(), 16);
     let length = (1_u64 << 29).to_le_bytes();
-    let sum = crc32c::crc32c(&length).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes();
-    let claimed = [length.as_slice(), &sum, &[0; 4_000_000]].concat();
+    let claimed = [length.as_slice(), &crc(&length), &[0; 4_000_000]].concat();
     let most = "the length of the record is 536870912, expected at most 128 MiB";
     for (name, content) in [
         ("f.tfrecord", claimed.clone()),
@@ -81,13 +57,13 @@ fn messages_of_many_small_parts() {
     }
     // Within other messages, in lists of ids, and after the beginning of a group, which decoders skip.
     let mut track = Vec::new();
-    field(&mut track, 2, &[3 << 3 | 2, 0].repeat(2_000_000));
+    bytes(&mut track, 2, &[3 << 3 | 2, 0].repeat(2_000_000));
     let (mut lane, mut feature, mut map) = (Vec::new(), Vec::new(), Vec::new());
-    field(&mut lane, 9, &[1; 2_000_000]);
-    field(&mut feature, 3, &lane);
-    field(&mut map, 8, &feature);
+    bytes(&mut lane, 9, &[1; 2_000_000]);
+    bytes(&mut feature, 3, &lane);
+    bytes(&mut map, 8, &feature);
     let mut interest = Vec::new();
-    field(&mut interest, 4, &[1; 2_000_000]);
+    bytes(&mut interest, 4, &[1; 2_000_000]);
     let group = [[99, 99 << 3 & 0x7f | 3].as_slice(), &[100], &[2 << 3 | 2, 0].repeat(2_000_000)].concat();
     for message in [track, map, interest, group] {
         let said = told("f.tfrecord", &proto::framed(&[message]));
@@ -100,15 +76,15 @@ fn lights_of_many_lanes() {
     let mut message = Proto { lights: Vec::new(), ..Proto::default() }.encode();
     // Frames are identified by their number, so one of the existing frames gets all lights.
     let mut lights = Vec::new();
-    for lane in 0..200_000_usize {
+    for lane in 0..200_000 {
         let mut light = vec![1 << 3];
         varint(&mut light, lane + 1000);
-        field(&mut lights, 1, &light);
+        bytes(&mut lights, 1, &light);
     }
     let at = message.windows(3).position(|w| w == [7 << 3 | 2, 0, 7 << 3 | 2]).unwrap();
     let rest = message.split_off(at + 2);
     message.truncate(at);
-    field(&mut message, 7, &lights);
+    bytes(&mut message, 7, &lights);
     message.extend(rest);
     // Their lanes are not on the map: all are dropped and counted.
     assert_eq!(told("f.tfrecord", &proto::framed(&[message])).len(), 64);
@@ -174,7 +150,7 @@ fn a_table_of_many_tracks() {
     let numbers = |v: f64| Arc::new(Float64Array::from(vec![v; n])) as ArrayRef;
     let texts =
         |of: &dyn Fn(usize) -> String| Arc::new(StringArray::from_iter_values((0..n).map(of))) as ArrayRef;
-    let batch = RecordBatch::try_from_iter([
+    let columns = [
         ("track_id", texts(&|i| i.to_string())),
         ("object_type", texts(&|_| "vehicle".into())),
         ("timestep", Arc::new(Int64Array::from(vec![49; n])) as ArrayRef),
@@ -182,12 +158,9 @@ fn a_table_of_many_tracks() {
         ("position_y", numbers(0.0)),
         ("heading", numbers(0.0)),
         ("scenario_id", texts(&|_| "made".into())),
-    ])
-    .unwrap();
+    ];
     let mut file = Vec::new();
-    let mut writer = ArrowWriter::try_new(&mut file, batch.schema(), None).unwrap();
-    writer.write(&batch).unwrap();
-    writer.close().unwrap();
+    write_table(&mut file, columns);
     let said = told("f.parquet", &file);
     assert!(
         said.contains(

@@ -3,7 +3,7 @@
 use std::fs;
 use std::num::NonZeroUsize;
 
-use super::{good, refusal};
+use super::{Case, check_cases, good, refusal};
 use reactsim::formats::{CurrentFrames, Input, find_inputs};
 use reactsim::scene::Scenario;
 use reactsim_test_support::proto::{self, Proto};
@@ -61,46 +61,31 @@ fn odd_input_with_a_stated_meaning() {
     assert_eq!((s.unselected[0].agent.length, s.start.agents.len()), (0.0, 2));
 }
 
-type Change = Box<dyn FnOnce(&mut Proto)>;
-
 #[test]
 fn odd_input_is_refused_by_name() {
-    let nan = f64::NAN;
-    let cases: Vec<(Change, &str)> = vec![
-        (Box::new(move |p| p.tracks[0].2 = nan), "agents[0].track[0].x is NaN, expected a finite coordinate"),
+    let cases: &[Case<Proto>] = &[
+        ("agents[0].track[0].x is NaN, expected a finite coordinate", |p| p.tracks[0].2 = f64::NAN),
+        ("agents[0].track[0].x is inf, expected a finite coordinate", |p| p.tracks[0].2 = f64::INFINITY),
+        ("sdc_track_index is 3, expected the index of one of 3 tracks", |p| p.sdc = 3),
+        ("agents[1].track[10] is absent, expected the AV present at the current frame", |p| {
+            p.tracks[1].5 = 11..91;
+        }),
         (
-            Box::new(|p| p.tracks[0].2 = f64::INFINITY),
-            "agents[0].track[0].x is inf, expected a finite coordinate",
-        ),
-        (Box::new(|p| p.sdc = 3), "sdc_track_index is 3, expected the index of one of 3 tracks"),
-        (
-            Box::new(|p| p.tracks[1].5 = 11..91),
-            "agents[1].track[10] is absent, expected the AV present at the current frame",
-        ),
-        (
-            Box::new(|p| p.frames = 90),
             "timestamps_seconds is 90 entries, expected 91 entries (9.1 s at 10 Hz) or more, or 11 without the future",
+            |p| p.frames = 90,
         ),
-        (
-            Box::new(|p| p.current = 11),
-            "current_time_index is 11, expected a frame with 80 after it, of 91 in the record",
-        ),
-        (Box::new(|p| p.step = 0.25), "timestamps is a step of 0.25 s, expected steps of 0.1 s (10 Hz)"),
-        (Box::new(|p| p.tracks[2].0 = 7), "agents[2].id is 7, expected an id that no other agent has"),
-        (Box::new(|p| p.lanes[1].0 = 100), "map.lanes[1].id is 100, expected an id that no other lane has"),
-        (
-            Box::new(|p| p.tracks[0].4 = f32::NAN),
-            "agents[0].length is NaN, expected a size of at least 0 and less than 1000 m",
-        ),
-        (
-            Box::new(|p| p.tracks[0].3 = f32::INFINITY),
-            "agents[0].track[0].heading is inf, expected a finite heading",
-        ),
+        ("current_time_index is 11, expected a frame with 80 after it, of 91 in the record", |p| {
+            p.current = 11
+        }),
+        ("timestamps is a step of 0.25 s, expected steps of 0.1 s (10 Hz)", |p| p.step = 0.25),
+        ("agents[2].id is 7, expected an id that no other agent has", |p| p.tracks[2].0 = 7),
+        ("map.lanes[1].id is 100, expected an id that no other lane has", |p| p.lanes[1].0 = 100),
+        ("agents[0].length is NaN, expected a size of at least 0 and less than 1000 m", |p| {
+            p.tracks[0].4 = f32::NAN;
+        }),
+        ("agents[0].track[0].heading is inf, expected a finite heading", |p| p.tracks[0].3 = f32::INFINITY),
     ];
-    for (change, expected) in cases {
-        let found = read(change).unwrap_err();
-        assert_eq!(found, format!("record 0: scenario `made`: {expected}"));
-    }
+    check_cases(cases, "record 0: scenario `made`: ", |change| read(change));
 }
 
 #[test]
@@ -264,8 +249,7 @@ fn absurd_lengths_allocate_nothing() {
     let path = folder.path().join("f.tfrecord");
     for length in [u64::MAX, 1 << 40, (1 << 30) - 8] {
         let mut data = length.to_le_bytes().to_vec();
-        let sum = crc32c::crc32c(&data).rotate_right(15).wrapping_add(0xa282_ead8);
-        data.extend(sum.to_le_bytes());
+        data.extend(proto::crc(&data));
         data.extend(b"short");
         fs::write(&path, data).unwrap();
         let error = refusal(&path);

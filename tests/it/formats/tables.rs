@@ -12,6 +12,8 @@ use reactsim::formats::{deviations, rollouts};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentState, Deviation};
 
+use super::{refusal, write_table};
+
 fn column(values: impl Iterator<Item = Option<f64>>) -> ArrayRef {
     let mut builder = ListBuilder::new(Float64Builder::new());
     builder.append_value(values);
@@ -21,17 +23,14 @@ fn column(values: impl Iterator<Item = Option<f64>>) -> ArrayRef {
 /// Writes a file as pandas or any other program does: without metadata of this program.
 fn foreign(path: &std::path::Path, gap: Option<usize>, steps: usize) {
     let line = |by: f64| column((0..steps).map(move |k| (gap != Some(k)).then_some(by * k as f64)));
-    let batch = RecordBatch::try_from_iter([
+    let columns = [
         ("scenario_id", Arc::new(StringArray::from(vec!["a"])) as ArrayRef),
         ("x", line(1.0)),
         ("y", line(0.5)),
         ("heading", line(0.0)),
         ("category", Arc::new(StringArray::from(vec!["lateral"]))),
-    ])
-    .unwrap();
-    let mut writer = ArrowWriter::try_new(fs::File::create(path).unwrap(), batch.schema(), None).unwrap();
-    writer.write(&batch).unwrap();
-    writer.close().unwrap();
+    ];
+    write_table(fs::File::create(path).unwrap(), columns);
 }
 
 #[test]
@@ -125,7 +124,7 @@ fn rollouts_survive_bit_for_bit() {
         ),
         "{error}"
     );
-    let error = super::refusal(&path);
+    let error = refusal(&path);
     assert!(error.contains("a Parquet file of another kind"), "{error}");
 }
 
@@ -143,18 +142,15 @@ fn ids_of_other_programs_may_be_whole_numbers() {
         agents.append(true);
         Arc::new(agents.finish()) as ArrayRef
     };
-    let batch = RecordBatch::try_from_iter([
+    let columns = [
         ("scenario_id", Arc::new(Int64Array::from(vec![12])) as ArrayRef),
         ("simulator", Arc::new(StringArray::from(vec!["mine"]))),
         ("agent_id", Arc::new(ids.finish())),
         ("x", states(1.0)),
         ("y", states(0.0)),
         ("heading", states(0.0)),
-    ])
-    .unwrap();
-    let mut writer = ArrowWriter::try_new(fs::File::create(&path).unwrap(), batch.schema(), None).unwrap();
-    writer.write(&batch).unwrap();
-    writer.close().unwrap();
+    ];
+    write_table(fs::File::create(&path).unwrap(), columns);
     let record = rollouts::read(&path).unwrap().next().unwrap().unwrap();
     assert_eq!((record.scenario_id.as_str(), record.agent_ids), ("12", vec!["7".into(), "-8".into()]));
 }
@@ -176,22 +172,20 @@ fn other_schemas_and_versions_are_refused_by_name() {
         writer.write(&batch).unwrap();
         writer.close().unwrap();
     };
-    let scenarios = ("reactsim.format", "reactsim-scenarios");
-    write(&[scenarios, ("reactsim.version", "2")]);
-    let error = super::refusal(&path);
-    assert!(error.contains("`reactsim.version` in the file's metadata is `2`, expected `1`"), "{error}");
-    write(&[scenarios, ("reactsim.version", "1")]);
-    let error = super::refusal(&path);
-    assert!(
-        error.contains("`reactsim.row_groups` in the file's metadata is missing, expected present"),
-        "{error}"
-    );
-    write(&[scenarios, ("reactsim.version", "1"), ("reactsim.row_groups", "4:9:7:00000000")]);
-    let error = super::refusal(&path);
-    assert!(error.contains("checksums and row groups differ"), "{error}");
-    write(&[]);
-    let error = super::refusal(&path);
-    assert!(error.contains("is a Parquet file of another kind, not a scenario file"), "{error}");
+    let (format, version) = (("reactsim.format", "reactsim-scenarios"), ("reactsim.version", "1"));
+    for (keys, expected) in [
+        (
+            &[format, ("reactsim.version", "2")][..],
+            "`reactsim.version` in the file's metadata is `2`, expected `1`",
+        ),
+        (&[format, version], "`reactsim.row_groups` in the file's metadata is missing, expected present"),
+        (&[format, version, ("reactsim.row_groups", "4:9:7:00000000")], "checksums and row groups differ"),
+        (&[], "is a Parquet file of another kind, not a scenario file"),
+    ] {
+        write(keys);
+        let error = refusal(&path);
+        assert!(error.contains(expected), "{error}");
+    }
     let error = deviations::read(&path).unwrap_err().to_string();
     assert!(error.contains("s.parquet: column `x` is Utf8, expected list of float64"), "{error}");
     let mut all = rollouts::read(&path).unwrap();

@@ -43,7 +43,8 @@ impl Default for Proto {
     }
 }
 
-fn varint(out: &mut Vec<u8>, mut v: u64) {
+/// Appends a number in the coding of messages.
+pub fn varint(out: &mut Vec<u8>, mut v: u64) {
     while v >= 128 {
         out.push((v as u8 & 127) | 128);
         v >>= 7;
@@ -66,7 +67,8 @@ fn float(out: &mut Vec<u8>, tag: u64, v: f32) {
     out.extend(v.to_le_bytes());
 }
 
-fn bytes(out: &mut Vec<u8>, tag: u64, v: &[u8]) {
+/// Appends a field of bytes.
+pub fn bytes(out: &mut Vec<u8>, tag: u64, v: &[u8]) {
     varint(out, tag << 3 | 2);
     varint(out, v.len() as u64);
     out.extend(v);
@@ -168,7 +170,8 @@ impl Proto {
     }
 }
 
-fn crc(data: &[u8]) -> [u8; 4] {
+/// Returns the checksum of a part of a TFRecord.
+pub fn crc(data: &[u8]) -> [u8; 4] {
     crc32c::crc32c(data).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes()
 }
 
