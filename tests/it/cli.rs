@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 
 use reactsim::models::{Card, MODELS};
 
-use crate::program::{ended, json_of, reactsim, said, stderr, stdout, text};
+use crate::program::{json_of, reactsim, refused, said, stderr, stdout, text};
 
 /// Reads the files of a run that must not depend on how it was executed.
 fn results(folder: &Path) -> Vec<Vec<u8>> {
@@ -57,7 +57,7 @@ fn the_backend_is_chosen_at_run_time() {
     let resumed = run("flex", &["--resume"], 2);
     assert!(resumed.contains("backend"), "{resumed}");
     assert!(run("tpu", &[], 2).contains("backend `tpu`: this program contains flex, ndarray"));
-    assert!(stdout(&reactsim(&["list", "backends"])).contains("flex     works"));
+    assert!(said(&["list", "backends"], 0).0.contains("flex     works"));
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn nearly_the_same(a: &str, b: &str) -> bool {
 
 #[test]
 fn help_fits_a_terminal() {
-    let help = stdout(&reactsim(&["--help"]));
+    let (help, _) = said(&["--help"], 0);
     insta::assert_snapshot!(help, @r"
     Do simulated agents respond feasibly when the autonomous vehicle (AV) leaves the log?
 
@@ -164,7 +164,7 @@ fn help_fits_a_terminal() {
         "merge",
         "list",
     ] {
-        let help = stdout(&reactsim(&[verb, "--help"]));
+        let (help, _) = said(&[verb, "--help"], 0);
         assert!(help.contains("Usage: reactsim"), "{verb}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
         assert!(widest < 100, "{verb}: {widest} columns");
@@ -180,13 +180,13 @@ fn help_fits_a_terminal() {
         ("curate", "apply"),
         ("curate", "review"),
     ] {
-        let help = stdout(&reactsim(&[verb, kind, "--help"]));
+        let (help, _) = said(&[verb, kind, "--help"], 0);
         assert!(help.contains(&format!("Usage: reactsim {verb} {kind}")), "{help}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
         assert!(widest < 100, "{verb} {kind}: {widest} columns");
     }
     for old in ["export-av", "scenes"] {
-        assert_eq!(reactsim(&[old]).status.code(), Some(2), "{old}");
+        refused(&[old]);
     }
 }
 
@@ -195,11 +195,11 @@ fn how_plans_ended_is_in_the_folder_and_printed_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     let run = ["run", "--limit", "1", "--models", "idm+qp"];
-    let printed = ended(&[&run[..], &["--out", text(&out)]].concat(), 0);
-    assert!(!stdout(&printed).contains("How plans ended"), "{}", stdout(&printed));
-    assert_eq!(stderr(&printed), "", "nothing to worry about");
+    let (printed, notes) = said(&[&run[..], &["--out", text(&out)]].concat(), 0);
+    assert!(!printed.contains("How plans ended"), "{printed}");
+    assert_eq!(notes, "", "nothing to worry about");
     let kept = fs::read_to_string(out.join("summary.md")).unwrap();
-    let verbose = stdout(&reactsim(&[&run[..], &["--verbose"]].concat()));
+    let (verbose, _) = said(&[&run[..], &["--verbose"]].concat(), 0);
     for text in [kept, verbose] {
         assert!(text.contains("\nHow plans ended:\n\n- idm+qp: "), "{text}");
     }
@@ -208,8 +208,8 @@ fn how_plans_ended_is_in_the_folder_and_printed_on_request() {
 #[test]
 fn shells_and_man_know_every_command() {
     let home = tempfile::tempdir().unwrap();
-    let (script, _) = crate::reference::said(&["completions", "bash"], 0);
-    crate::reference::said(&["man", "--out", home.path().to_str().unwrap()], 0);
+    let (script, _) = said(&["completions", "bash"], 0);
+    said(&["man", "--out", home.path().to_str().unwrap()], 0);
     let page = |name: &str| home.path().join(format!("reactsim-{name}.1"));
     for command in ["run", "curate", "study", "inspect", "verify", "export", "export-av", "export-scenes"] {
         assert!(script.contains(command.split('-').next().unwrap()), "{command}");

@@ -17,7 +17,7 @@ use toml::{Table, Value};
 
 use self::values::{accepts, values};
 use crate::model_weights::untrained;
-use crate::program::{reactsim, stderr};
+use crate::program::{refused, said, text};
 use crate::scenes::{mini, request};
 
 /// Returns the setup of a baseline, with untrained weights if its own do not ship.
@@ -249,11 +249,9 @@ fn the_program_refuses_values_out_of_range_before_the_first_scenario() {
     ] {
         let id = set.split('.').next().unwrap();
         for command in [&["run"][..], &["study", "replan"], &["study", "guards"]] {
-            let rest = ["--limit", "1", "--models", id, "--set", set, "--out", out.to_str().unwrap()];
-            let output = reactsim(&[command, &rest].concat());
-            let error = stderr(&output);
-            assert_eq!(output.status.code(), Some(2), "{command:?} {set}: {error}");
-            assert!(error.contains(text) && output.stdout.is_empty(), "{command:?} {set}: {error}");
+            let rest = ["--limit", "1", "--models", id, "--set", set, "--out", self::text(&out)];
+            let error = refused(&[command, &rest].concat());
+            assert!(error.contains(text), "{command:?} {set}: {error}");
             assert!(!out.exists(), "{command:?} {set}");
         }
     }
@@ -261,31 +259,22 @@ fn the_program_refuses_values_out_of_range_before_the_first_scenario() {
 
 #[test]
 fn lists_show_parameters_and_metric_options() {
-    let list = |arguments: &[&str]| {
-        let output = reactsim(&[&["list"], arguments].concat());
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        (output.status.code(), text(output.stdout), text(output.stderr))
-    };
+    let list = |arguments: &[&str]| said(&[&["list"], arguments].concat(), 0).0;
     for model in MODELS.iter().filter(|m| !m.ranges.is_empty()) {
-        let (code, text, error) = list(&["parameters", model.id]);
-        assert_eq!(code, Some(0), "{error}");
+        let text = list(&["parameters", model.id]);
         assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
         for (key, _) in ranges(&setup(model)) {
             assert!(text.lines().any(|line| line.starts_with(&format!("{key} "))), "{key} is not in\n{text}");
         }
     }
-    let (_, text, _) = list(&["parameters", "stop"]);
+    let text = list(&["parameters", "stop"]);
     let row = "deceleration  3.4    m/s²  0.1 to 20  Deceleration of every agent.";
     assert!(text.contains(row), "{row} is not in\n{text}");
-    let (code, _, error) = list(&["parameters", "nobody"]);
-    assert_eq!(code, Some(2));
-    assert!(
-        error.contains("there is no simulator `nobody`; those with parameters are stop, idm,"),
-        "{error}"
-    );
+    let error = refused(&["list", "parameters", "nobody"]);
+    let expected = "there is no simulator `nobody`; those with parameters are stop, idm,";
+    assert!(error.contains(expected), "{error}");
 
-    let (code, text, error) = list(&["metric-options"]);
-    assert_eq!(code, Some(0), "{error}");
+    let text = list(&["metric-options"]);
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     for name in Options::NAMES {
         assert!(text.lines().any(|line| line.starts_with(&format!("{name} "))), "{name} is not in\n{text}");

@@ -1,7 +1,7 @@
 //! Rollouts of other programs are refused if their numbers would look better than they are.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use reactsim::evaluation::{EvaluationError, Pose, RolloutCheck, Scoring, Summary};
 use reactsim::formats::rollouts::{RolloutRecord, Writer};
@@ -9,7 +9,7 @@ use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
 use reactsim::metrics::Options;
 
-use crate::program::{ended, reactsim, stderr, stdout};
+use crate::program::{refused, said, text, words};
 use crate::small_scenarios::{deviating, write};
 
 struct Fixture {
@@ -33,19 +33,23 @@ impl Fixture {
             scenario
         };
         write(&input, (0..3).map(moved));
-        let text = |path: &Path| path.to_str().unwrap().to_owned();
-        let run = ["run", &text(&input), "--models", "stop", "--out", &text(&out), "--keep-rollouts"];
-        assert_eq!(reactsim(&run).status.code(), Some(0));
+        said(&["run", text(&input), "--models", "stop", "--out", text(&out), "--keep-rollouts"], 0);
         let records = read_rollouts(&out.join("rollouts.parquet"));
         Self { inputs: formats::find_inputs(&input).unwrap(), home, records }
     }
 
-    fn score(&self, records: &[RolloutRecord], allowed: &[RolloutCheck]) -> Result<Summary, EvaluationError> {
+    /// Writes a file of rollouts.
+    fn written(&self, records: &[RolloutRecord]) -> PathBuf {
         let path = self.home.path().join("changed.parquet");
         fs::remove_file(&path).ok();
         let mut writer = Writer::create(&path).unwrap();
         records.iter().for_each(|record| writer.write(record).unwrap());
         writer.finish().unwrap();
+        path
+    }
+
+    fn score(&self, records: &[RolloutRecord], allowed: &[RolloutCheck]) -> Result<Summary, EvaluationError> {
+        let path = self.written(records);
         Scoring::new(&[path], &self.inputs, Options::default(), Pose::Centre)?.run(allowed, None, &())
     }
 
@@ -136,21 +140,12 @@ fn the_wrong_frame_of_coordinates_is_recognised() {
 #[test]
 fn allowances_are_marked_below_the_table() {
     let fixture = Fixture::new();
-    let path = fixture.home.path().join("some.parquet");
-    let mut writer = Writer::create(&path).unwrap();
-    fixture.records[..2].iter().for_each(|record| writer.write(record).unwrap());
-    writer.finish().unwrap();
-    let input = fixture.inputs[0].path.to_str().unwrap();
-    let score = |more: &[&str]| {
-        reactsim(&[&["score", path.to_str().unwrap(), "--scenarios", input][..], more].concat())
-    };
-    let refused = score(&[]);
-    assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
-    let allowed = score(&["--allow", "partial"]);
-    assert_eq!(allowed.status.code(), Some(0));
-    let table = stdout(&allowed);
+    let path = fixture.written(&fixture.records[..2]);
+    let begin = ["score", text(&path), "--scenarios", text(&fixture.inputs[0].path)];
+    refused(&begin);
+    let (table, _) = said(&[&begin[..], &["--allow", "partial"]].concat(), 0);
     assert!(table.contains("1 exception allowed as partial"), "{table}");
-    let unknown = String::from_utf8(score(&["--allow", "everything"]).stderr).unwrap();
+    let unknown = refused(&[&begin[..], &["--allow", "everything"]].concat());
     assert!(unknown.contains("expected one of other-av, jumps, coordinates,"), "{unknown}");
 }
 
@@ -160,10 +155,8 @@ fn scored_rollouts_become_a_run_folder() {
     let path = |name: &str| fixture.home.path().join(name).to_str().unwrap().to_owned();
     let (input, run, scored) = (path("scenarios.parquet"), path("run"), path("scored"));
     let rollouts = format!("{run}/rollouts.parquet");
-    let score = |more: &[&str]| {
-        reactsim(&[&["score", &rollouts, "--scenarios", &input, "--out", &scored][..], more].concat())
-    };
-    assert_eq!(score(&[]).status.code(), Some(0));
+    let score = ["score", &rollouts, "--scenarios", &input, "--out", &scored];
+    said(&score, 0);
     // The same as the folder of the run, except that the rollouts are the first input.
     for name in ["rows.jsonl", "events.jsonl"] {
         let read = |folder: &str| fs::read_to_string(Path::new(folder).join(name)).unwrap();
@@ -173,46 +166,28 @@ fn scored_rollouts_become_a_run_folder() {
     assert!(!Path::new(&scored).join("parts").exists());
 
     // Every command accepts the folder.
-    let page = path("page.html");
-    for arguments in [
-        vec!["report", &scored],
-        vec!["report", &scored, "--scenarios", &input, "--format", "html", "--out", &page],
-        vec![
-            "inspect",
-            &input,
-            "--id",
-            &fixture.records[1].scenario_id,
-            "--rollout",
-            &scored,
-            "--simulator",
-            "stop",
-            "--svg",
-            &path("x.svg"),
-        ],
-        vec!["compare", &scored, &run],
+    let (page, svg, id) = (path("page.html"), path("x.svg"), &fixture.records[1].scenario_id);
+    for line in [
+        format!("report {scored}"),
+        format!("report {scored} --scenarios {input} --format html --out {page}"),
+        format!("inspect {input} --id {id} --rollout {scored} --simulator stop --svg {svg}"),
+        format!("compare {scored} {run}"),
     ] {
-        let output = reactsim(&arguments);
-        let text = stderr(&output);
-        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {text}");
+        said(&words(&line), 0);
     }
-    let full = String::from_utf8(score(&[]).stderr).unwrap();
+    let full = refused(&score);
     assert!(full.contains("scored") && full.contains("not empty"), "{full}");
 }
 
 #[test]
 fn refused_rollouts_leave_no_run_folder() {
     let fixture = Fixture::new();
-    let (path, out) = (fixture.home.path().join("some.parquet"), fixture.home.path().join("scored"));
-    let mut writer = Writer::create(&path).unwrap();
-    fixture.records[..2].iter().for_each(|record| writer.write(record).unwrap());
-    writer.finish().unwrap();
-    let (path, input) = (path.to_str().unwrap(), fixture.inputs[0].path.to_str().unwrap());
-    let score = ["score", path, "--scenarios", input, "--out", out.to_str().unwrap()];
-    assert_eq!(reactsim(&score).status.code(), Some(2));
+    let (path, out) = (fixture.written(&fixture.records[..2]), fixture.home.path().join("scored"));
+    let score = ["score", text(&path), "--scenarios", text(&fixture.inputs[0].path), "--out", text(&out)];
+    refused(&score);
     assert_eq!(fs::read_dir(&out).unwrap().count(), 0);
     // The same folder is accepted with an allowance.
-    let allowed = [&score[..], &["--allow", "partial"]].concat();
-    assert_eq!(reactsim(&allowed).status.code(), Some(0));
+    said(&[&score[..], &["--allow", "partial"]].concat(), 0);
     assert_eq!(fs::read_to_string(out.join("rows.jsonl")).unwrap().lines().count(), 4);
 }
 
@@ -237,12 +212,8 @@ fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
     let input = fixture.inputs[0].path.to_str().unwrap();
     let path = |name: &str| fixture.home.path().join(name).to_str().unwrap().to_owned();
     let (histories, avs) = (path("histories.parquet"), path("avs.json"));
-    for arguments in [
-        vec!["convert", input, "--history-only", "--out", &histories],
-        vec!["export", "av", input, "--out", &avs],
-    ] {
-        ended(&arguments, 0);
-    }
+    said(&["convert", input, "--history-only", "--out", &histories], 0);
+    said(&["export", "av", input, "--out", &avs], 0);
     let read = |file: &str| -> Vec<_> {
         let inputs = formats::find_inputs(Path::new(file)).unwrap();
         inputs[0].open().unwrap().map(Result::unwrap).collect()
@@ -258,10 +229,10 @@ fn files_for_others_hold_no_future_and_their_rollouts_can_be_scored() {
     // Both files together simulate as the whole scenarios, and the rollouts pass every check.
     let out = path("offline");
     let run = ["run", &histories, "--deviations", &avs, "--models", "stop", "--out", &out, "--keep-rollouts"];
-    ended(&run, 0);
+    said(&run, 0);
     let rollouts: Vec<RolloutRecord> = read_rollouts(&Path::new(&out).join("rollouts.parquet"));
     assert_eq!(rollouts, fixture.records);
-    ended(&["score", &format!("{out}/rollouts.parquet"), "--scenarios", input], 0);
+    said(&["score", &format!("{out}/rollouts.parquet"), "--scenarios", input], 0);
 }
 
 fn read_rollouts(path: &Path) -> Vec<RolloutRecord> {

@@ -6,7 +6,7 @@ use reactsim::evaluation::{Summary, read_summary};
 use reactsim::report::terminal::{self, TerminalStyle};
 use reactsim::report::{Division, Run, TableStyle};
 
-use crate::program::{MINI, ended, reactsim, said, stderr};
+use crate::program::{MINI, ended, refused, said, text};
 
 const PLAIN: TableStyle<'_> = TableStyle { columns: &[], also: &[], bold: false, caption: None, label: None };
 
@@ -15,7 +15,7 @@ const STYLE: TerminalStyle<'_> = TerminalStyle { width: 80, coloured: false, by:
 fn run(folder: &Path, name: &str, more: &[&str]) -> Summary {
     let out = folder.join(name);
     let models = "log-replay,constant-velocity,stop,idm";
-    let base = ["run", MINI, "--models", models, "--out", out.to_str().unwrap()];
+    let base = ["run", MINI, "--models", models, "--out", text(&out)];
     ended(&[&base[..], more].concat(), 0);
     read_summary(&out).unwrap()
 }
@@ -66,30 +66,11 @@ fn tables_fit_the_window_and_highlight_the_best() {
 }
 
 #[test]
-fn results_never_overwrite_the_files_of_a_run() {
-    let folder = tempfile::tempdir().unwrap();
-    run(folder.path(), "a", &["--limit", "1"]);
-    let rows = folder.path().join("a/rows.jsonl");
-    let before = std::fs::read(&rows).unwrap();
-    let a = folder.path().join("a");
-    let (_, output) = said(&["report", a.to_str().unwrap(), "--out", rows.to_str().unwrap()], 2);
-    let text = output;
-    assert!(text.contains("rows.jsonl") && text.contains("it is a file of a run folder"), "{text}");
-    assert_eq!(std::fs::read(&rows).unwrap(), before);
-    // Devices are written to, not replaced.
-    assert_eq!(reactsim(&["report", a.to_str().unwrap(), "--out", "/dev/null"]).status.code(), Some(0));
-    assert!(!Path::new("/dev/null").is_file());
-}
-
-#[test]
 fn columns_bold_numbers_caption_and_label_are_chosen() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "a", &[]);
     let a = folder.path().join("a");
-    let report = |more: &[&str]| {
-        let (output, _) = said(&[&["report", a.to_str().unwrap()][..], more].concat(), 0);
-        output
-    };
+    let report = |more: &[&str]| said(&[&["report", text(&a)][..], more].concat(), 0).0;
     let chosen = ["--columns", "aav-ttc,ade", "--bold"];
     let latex = report(
         &[&chosen[..], &["--format", "latex", "--caption", "50 % & more", "--label", "tab:x_1"]].concat(),
@@ -105,6 +86,9 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
     assert!(markdown.contains("| **") && !markdown.contains("A-AV Coll"), "{markdown}");
     let csv = report(&[&chosen[..2], &["--format", "csv"]].concat());
     assert!(csv.lines().skip(1).all(|line| line.contains(",aav-ttc,") || line.contains(",ade,")), "{csv}");
+    // Devices are written to, not replaced.
+    report(&["--out", "/dev/null"]);
+    assert!(!Path::new("/dev/null").is_file());
     // Options without effect on a format are refused, not ignored.
     for (options, option) in [
         (&["--bold", "--format", "csv"][..], "--bold"),
@@ -112,9 +96,7 @@ fn columns_bold_numbers_caption_and_label_are_chosen() {
         (&["--columns", "ade", "--format", "json"], "--columns"),
         (&["--all"], "--all"),
     ] {
-        let output = reactsim(&[&["report", a.to_str().unwrap()][..], options].concat());
-        let said = stderr(&output);
-        assert_eq!(output.status.code(), Some(2), "{options:?}");
-        assert!(said.contains(&format!("error: {option} ")), "{options:?}: {said}");
+        let error = refused(&[&["report", text(&a)][..], options].concat());
+        assert!(error.contains(&format!("error: {option} ")), "{options:?}: {error}");
     }
 }

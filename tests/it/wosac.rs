@@ -9,7 +9,7 @@ use reactsim::evaluation::realism::LogFiles;
 use reactsim::formats::wosac::{SubmissionReader, WosacLogs};
 use serde_json::Value;
 
-use crate::program::{reactsim, said, stderr, text, words};
+use crate::program::{json_of, lines_of, refused, result, said, text, words};
 use crate::shared;
 use reactsim_test_support::proto::{Proto, records};
 
@@ -22,11 +22,6 @@ uses_lidar_data = false
 uses_camera_data = false
 uses_public_model_pretraining = false
 ";
-
-fn json(arguments: &[&str]) -> Value {
-    let (out, _) = said(&[arguments, &["--format", "json"]].concat(), 0);
-    serde_json::from_str(&out).unwrap()
-}
 
 /// Decompresses a golden file.
 fn unpacked(path: &Path) -> Vec<u8> {
@@ -48,11 +43,8 @@ fn rollouts_of_others_have_the_official_scores() {
         let raw = golden.join(format!("{id}.scenario.binproto.zst"));
         let scenarios = if raw.exists() { raw } else { recordings.clone() };
         let configs = "2025,2024,2023,2024_challenge_code";
-        let found = json(&words(&format!(
-            "score {} --wosac --partial --scenarios {} --wosac-config {configs}",
-            text(&rollouts),
-            text(&scenarios)
-        )));
+        let begin = ["score", text(&rollouts), "--wosac", "--partial", "--scenarios", text(&scenarios)];
+        let found = result(&[&begin[..], &["--wosac-config", configs]].concat());
         for config in configs.split(',') {
             for kind in ["metrics", "buckets"] {
                 let found = found["configs"][config][kind].as_object().unwrap();
@@ -75,57 +67,30 @@ fn runs_become_submissions_with_the_same_scores() {
     let metadata = home.path().join("cv.toml");
     fs::write(&metadata, METADATA).unwrap();
     let realism = |rollouts: &str, out: &Path, more: &[&str]| {
-        let arguments = [
-            "run",
-            text(&file),
-            "--models",
-            "constant-velocity",
-            "--protocol",
-            "realism",
-            "--rollouts",
-            rollouts,
-            "--keep-rollouts",
-            "--out",
-            text(out),
-        ];
-        said(&[&arguments, more].concat(), 0);
+        let begin = ["run", text(&file), "--models", "constant-velocity", "--protocol", "realism"];
+        let rest = ["--rollouts", rollouts, "--keep-rollouts", "--out", text(out)];
+        said(&[&begin[..], &rest, more].concat(), 0);
     };
     realism("32", &run, &["--all-agents", "--limit", "3"]);
-    let export = |run: &Path| {
-        let scenarios = text(&file);
-        let (metadata, archive) = (text(&metadata), text(&archive));
-        reactsim(&words(&format!(
-            "export wosac {} --scenarios {scenarios} --metadata {metadata} --out {archive} --shards 2",
-            text(run)
-        )))
+    let export = |run: &Path, code| {
+        let begin = ["export", "wosac", text(run), "--scenarios", text(&file), "--metadata", text(&metadata)];
+        said(&[&begin[..], &["--out", text(&archive), "--shards", "2"]].concat(), code).1
     };
-    let exported = export(&run);
-    let warned = stderr(&exported);
     // The recordings have more than three scenarios.
-    assert_eq!(exported.status.code(), Some(1), "{warned}");
+    let warned = export(&run, 1);
     assert!(warned.contains("are not in the run"), "{warned}");
 
     let scores = |path: &Path, out: &str| {
         let out = home.path().join(out);
-        let found = json(&words(&format!(
-            "score {} --wosac --partial --scenarios {} --out {}",
-            text(path),
-            text(&file),
-            text(&out)
-        )));
-        assert_eq!(found["scenarios"], 3, "{found}");
-        let rows = fs::read_to_string(out.join("wosac.jsonl")).unwrap();
-        let without_method = |line: &str| {
-            let mut row: Value = serde_json::from_str(line).unwrap();
-            row.as_object_mut().unwrap().remove("method").unwrap();
-            row
-        };
-        rows.lines().map(without_method).collect::<Vec<_>>()
+        let begin = ["score", text(path), "--wosac", "--partial", "--scenarios", text(&file)];
+        assert_eq!(result(&[&begin[..], &["--out", text(&out)]].concat())["scenarios"], 3);
+        let mut rows = lines_of(&out.join("wosac.jsonl"));
+        rows.iter_mut().for_each(|row| drop(row.as_object_mut().unwrap().remove("method").unwrap()));
+        rows
     };
     assert_eq!(scores(&run, "of-run"), scores(&archive, "of-archive"));
     let (_, complete) = said(&["score", text(&archive), "--wosac", "--scenarios", text(&file)], 1);
-    let said_about = complete;
-    assert!(said_about.contains("scenarios without rollouts"), "{said_about}");
+    assert!(complete.contains("scenarios without rollouts"), "{complete}");
 
     // Runs that the challenge would not accept.
     let logs = WosacLogs::open(&file).unwrap().map(Result::unwrap);
@@ -142,9 +107,8 @@ fn runs_become_submissions_with_the_same_scores() {
     ] {
         let run = home.path().join(name);
         realism(rollouts, &run, more);
-        let refused = export(&run);
-        let said = stderr(&refused);
-        assert!(refused.status.code() == Some(2) && said.contains(fault), "{name}: {said}");
+        let error = export(&run, 2);
+        assert!(error.contains(fault), "{name}: {error}");
     }
 }
 
@@ -163,7 +127,7 @@ fn objects_of_size_zero_are_simulated_scored_and_submitted() {
     let rest = ["--rollouts", "32", "--all-agents", "--out", text(&run)];
     said(&[&begin[..], &rest].concat(), 0);
     let scenarios = ["--scenarios", text(&file)];
-    let found = json(&[&["score", text(&run), "--wosac"][..], &scenarios].concat());
+    let found = result(&[&["score", text(&run), "--wosac"][..], &scenarios].concat());
     assert_eq!(found["scenarios"], 1, "{found}");
     let out = ["--metadata", text(&metadata), "--out", text(&archive)];
     said(&[&["export", "wosac", text(&run)][..], &scenarios, &out].concat(), 0);
@@ -194,7 +158,7 @@ fn recordings_without_a_future_become_submissions() {
     let rest = ["--rollouts", "32", "--all-agents", "--keep-rollouts", "--out", text(&run)];
     said(&[&begin[..], &rest].concat(), 0);
     // Nothing can be compared with the log.
-    let summary: Value = serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
+    let summary = json_of(&run.join("summary.json"));
     let metrics = &summary["simulators"]["constant-velocity"]["metrics"];
     assert_eq!(metrics["ade"]["mean"], Value::Null);
     assert_eq!(metrics["aa-collision"]["scenarios"], 2);
@@ -226,16 +190,15 @@ fn runs_on_shipped_scenarios_have_realism_scores() {
     let rest = ["--limit", "6", "--keep-rollouts", "--out", text(&run)];
     said(&[&arguments[..], &rest].concat(), 0);
     let of = |simulator: &str| {
-        let found = json(&["score", text(&run), "--wosac", "--partial", "--simulator", simulator]);
+        let found = result(&["score", text(&run), "--wosac", "--partial", "--simulator", simulator]);
         assert_eq!(found["method"], simulator);
         found["configs"]["2025"]["metrics"].clone()
     };
     let (replay, constant) = (of("log-replay"), of("constant-velocity"));
     assert!(replay["average_displacement_error"].as_f64().unwrap() < 1e-4, "{replay}");
     assert!(replay["metametric"].as_f64() > constant["metametric"].as_f64(), "{replay} {constant}");
-    let refused = reactsim(&["score", text(&run), "--wosac"]);
-    let said = stderr(&refused);
-    assert!(said.contains("log-replay, constant-velocity: choose one with --simulator"), "{said}");
+    let (_, error) = said(&["score", text(&run), "--wosac"], 2);
+    assert!(error.contains("log-replay, constant-velocity: choose one with --simulator"), "{error}");
 }
 
 #[test]
@@ -258,7 +221,7 @@ fn the_realism_study_has_the_metrics_of_kept_rollouts() {
     assert_eq!(fs::read_to_string(study.join("study.md")).unwrap(), table);
     assert!(said(&["report", text(&study)], 0).0.contains("| Constant Velocity "));
     let means = study.join("wosac.json");
-    let summaries: serde_json::Value = serde_json::from_slice(&fs::read(&means).unwrap()).unwrap();
+    let summaries = json_of(&means);
     let mean = &summaries[0]["aggregates"]["realism_meta_metric"]["mean"];
     assert!((mean.as_f64().unwrap() - value(summaries[0]["title"].as_str().unwrap())).abs() < 1e-4);
     fs::write(&means, "[{}]").unwrap();
@@ -267,14 +230,12 @@ fn the_realism_study_has_the_metrics_of_kept_rollouts() {
 
 #[test]
 fn options_of_the_realism_metrics_go_with_them() {
-    for (option, value) in [("--wosac-config", "2024"), ("--simulator", "idm"), ("--jobs", "1")] {
-        let output = reactsim(&["score", "some.parquet", option, value]);
-        let said = stderr(&output);
-        assert!(output.status.code() == Some(2) && said.contains("goes with --wosac only"), "{said}");
+    for option in ["--wosac-config 2024", "--simulator idm", "--jobs 1"] {
+        let error = refused(&words(&format!("score some.parquet {option}")));
+        assert!(error.contains("goes with --wosac only"), "{error}");
     }
-    let output = reactsim(&["score", "some.binproto", "--wosac", "--wosac-config", "2022"]);
-    let said = stderr(&output);
-    assert!(said.contains("expected one of 2025, 2024, 2023, 2024_challenge_code"), "{said}");
+    let error = refused(&words("score some.binproto --wosac --wosac-config 2022"));
+    assert!(error.contains("expected one of 2025, 2024, 2023, 2024_challenge_code"), "{error}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::hand;
 use super::review::{file, records};
 use crate::chromium::{Browser, chromium};
-use crate::program::reactsim;
+use crate::program::{said, text};
 
 /// Access to the scenario that the page shows and to the selected candidate.
 trait Reviewed {
@@ -33,9 +33,8 @@ impl Reviewed for Browser {
 /// Writes the review page of a file; returns its address.
 fn page(file: &Path) -> String {
     let page = file.with_extension("html");
-    let (file, out) = (file.to_str().unwrap(), page.to_str().unwrap());
-    assert_eq!(reactsim(&["curate", "review", file, "--out", out]).status.code(), Some(0));
-    format!("file://{out}")
+    said(&["curate", "review", text(file), "--out", text(&page)], 0);
+    format!("file://{}", text(&page))
 }
 
 /// Exports the decisions of the page; returns the file.
@@ -123,8 +122,7 @@ fn decisions_survive_the_page_and_are_applied() {
         ((Decision::Pick, Some(3)), (Decision::Reject, None), (Decision::Flag, Some(1)));
     assert_eq!(decided, [Some(pick), Some(reject), Some(flag), None, None]);
     let out = folder.path().join("applied.parquet");
-    let [file, lines, out] = [&file, &lines, &out].map(|path| path.to_str().unwrap());
-    assert_eq!(reactsim(&["curate", "apply", file, lines, "--out", out]).status.code(), Some(0));
+    said(&["curate", "apply", text(&file), text(&lines), "--out", text(&out)], 0);
     let chosen: Vec<Option<u32>> =
         store::read(out).unwrap().map(|r| r.unwrap().chosen().map(|c| c.candidate.number)).collect();
     assert_eq!(chosen, [Some(3), None, Some(1), Some(1), Some(1)]);
