@@ -149,6 +149,7 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
             current_frame: None,
             window_step: None,
             all_agents: false,
+            trajectories: None,
             companions: Vec::new(),
         },
         open: Box::new(move |first| {
