@@ -24,6 +24,8 @@ pub use reactsim_evaluation as evaluation;
 pub use reactsim_external as external;
 #[doc(inline)]
 pub use reactsim_files as files;
+#[doc(inline)]
+pub use reactsim_files::work;
 #[cfg(feature = "formats")]
 #[doc(inline)]
 pub use reactsim_formats as formats;
@@ -53,9 +55,6 @@ pub use reactsim_training as training;
 #[cfg(feature = "web")]
 #[doc(inline)]
 pub use reactsim_web as web;
-#[cfg(feature = "work")]
-#[doc(inline)]
-pub use reactsim_work as work;
 
 #[cfg(feature = "report")]
 pub mod benchmark;

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
+use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_formats::{FormatError, Opener, UndecodedScenario};
 use reactsim_web::sketch;
-use reactsim_work::{MAX_THREADS, Pool};
 
 use super::outcomes::RecordOutcome;
 use super::stats::{Collector, Statistics};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
+use reactsim_files::work::Pool;
 use reactsim_metrics::{METRICS, Options, Unit};
-use reactsim_work::Pool;
 
 use super::statistics::Estimate;
 use super::summary::PAIRING_REFERENCE;

@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
+use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_metrics::Event;
 use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
 use reactsim_scene::{HISTORY, Scenario};
-use reactsim_work::{MAX_THREADS, Pool};
 
 use super::driver::{Driver, GivenPlans};
 use super::finish::finish;

@@ -1,5 +1,5 @@
 //! Files: written so that they are complete or absent, whatever happens; read if they are regular files or
-//! behind URLs; locked.
+//! behind URLs; locked. [`work`] has what else the program takes from its machine: threads.
 
 #[cfg(feature = "cloud")]
 mod cloud;
@@ -10,6 +10,7 @@ mod lock;
 mod new_file;
 mod regular;
 mod url;
+pub mod work;
 
 pub use digest::{FileDigest, digest};
 pub use lock::{FolderLock, LOCK, lock_folder};

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
-use reactsim_work::{MAX_THREADS, Pool};
+use reactsim_files::work::{MAX_THREADS, Pool};
 
 /// Results per thread that are in memory at a time: enough that threads seldom wait for the slowest.
 pub(super) const CHUNK_PER_JOB: usize = 8;

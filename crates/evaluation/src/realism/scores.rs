@@ -1,9 +1,9 @@
 //! Scores of many scenarios, computed on several threads and reported in their order.
 
 use rayon::prelude::*;
+use reactsim_files::work::Pool;
 use reactsim_metrics::wosac::{Config, MeanMetrics, Scorer, WosacMetrics};
 use reactsim_scene::wosac::{ScenarioRollouts, WosacLog};
-use reactsim_work::Pool;
 
 use crate::Estimate;
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use reactsim_files::work::available_threads;
 use reactsim_nn::cpu_class;
-use reactsim_work::available_threads;
 use serde::{Deserialize, Serialize};
 
 use super::SimulatorClass;
