@@ -1,6 +1,7 @@
 //! All baselines and training tasks of [reactsim](https://docs.rs/reactsim), one folder per family, and what
 //! they share.
 
+pub use reactsim_baseline::non_reactive::{constant_velocity, log_replay, stop};
 pub use reactsim_baseline::{
     Allowed, Baseline, Card, CardError, ModelError, ParameterRange, Parameters, Ranges, Setup, WeightsFile,
     weights,
@@ -11,7 +12,6 @@ pub use reactsim_diffusion_planner as diffusion_planner;
 pub use reactsim_idm as idm;
 pub use reactsim_learning as learning;
 pub use reactsim_nn as nn;
-pub use reactsim_non_reactive::{constant_velocity, log_replay, stop};
 pub use reactsim_ntp as ntp;
 pub use reactsim_perception as perception;
 pub use reactsim_pufferdrive as pufferdrive;

@@ -1,11 +1,12 @@
 //! Shared parts of the baselines of [reactsim](https://docs.rs/reactsim): [`Baseline`], the entry of a simulator
 //! in the list of baselines, and the [`Setup`] from which it is built: the parameters of its card within
-//! their ranges, and weights.
+//! their ranges, and weights. [`non_reactive`] has the baselines that need nothing else.
 
 mod backend;
 mod card;
 mod entry;
 mod error;
+pub mod non_reactive;
 mod parameters;
 mod ranges;
 mod setup;

@@ -281,7 +281,7 @@ fn cards_are_read_and_each_is_that_of_one_baseline() {
     for (i, model) in MODELS.iter().enumerate() {
         assert!(MODELS[..i].iter().all(|m| m.id != model.id), "{} twice", model.id);
         // A baseline with a folder of its own has the name of the folder.
-        let folders = [home.clone(), home.join("non_reactive")];
+        let folders = [home.clone(), home.join("baseline/non_reactive")];
         let cards = folders.map(|folder| folder.join(model.id.replace('-', "_")).join("card.toml"));
         for own in cards.into_iter().filter(|path| path.exists()) {
             assert_eq!(std::fs::read_to_string(own).unwrap(), model.card, "{}", model.id);

@@ -1,8 +1,9 @@
 //! Every agent keeps its velocity and its heading.
 
-use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::{AgentState, DT, Start};
+
+use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline = Baseline {

@@ -1,9 +1,10 @@
 //! Log replay: every agent follows its log, whatever the AV does. An oracle, because it sees the
 //! future.
 
-use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_rollout::{Controller, Episode, Memory, Oracle, PlanError};
 use reactsim_scene::{Frame, Scenario};
+
+use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline = Baseline {

@@ -1,9 +1,10 @@
 //! Every agent brakes to a halt and stays there.
 
-use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::{AgentState, DT, Start};
 use serde::Deserialize;
+
+use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline = Baseline {
