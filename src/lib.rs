@@ -45,6 +45,9 @@ pub use reactsim_planning as planning;
 #[cfg(feature = "report")]
 #[doc(inline)]
 pub use reactsim_report as report;
+#[cfg(feature = "report")]
+#[doc(inline)]
+pub use reactsim_report::web;
 #[doc(inline)]
 pub use reactsim_rollout as rollout;
 #[doc(inline)]
@@ -52,9 +55,6 @@ pub use reactsim_scene as scene;
 #[cfg(feature = "training")]
 #[doc(inline)]
 pub use reactsim_training as training;
-#[cfg(feature = "web")]
-#[doc(inline)]
-pub use reactsim_web as web;
 
 #[cfg(feature = "report")]
 pub mod benchmark;

@@ -6,8 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use reactsim_files::work::{MAX_THREADS, Pool};
-use reactsim_formats::{FormatError, Opener, UndecodedScenario};
-use reactsim_web::sketch;
+use reactsim_formats::{FormatError, Opener, UndecodedScenario, sketch};
 
 use super::outcomes::RecordOutcome;
 use super::stats::{Collector, Statistics};

@@ -21,6 +21,7 @@ pub mod tensorboard;
 pub mod terminal;
 pub mod training_curves;
 pub mod verification;
+pub mod web;
 pub mod wrap;
 pub mod wosac_tables;
 

@@ -7,11 +7,11 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use reactsim_web::{Asset, PALETTE, SHARED, bundle};
 use sha2::{Digest, Sha256};
 
 use super::PageError;
 use super::gallery::Gallery;
+use crate::web::{Asset, PALETTE, SHARED, bundle};
 
 const PAGE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
@@ -21,9 +21,9 @@ macro_rules! script {
         script!("", $name)
     };
     ($folder:literal, $name:literal) => {
-        reactsim_web::Asset {
+        crate::web::Asset {
             name: $name,
-            kind: reactsim_web::JAVASCRIPT,
+            kind: crate::web::JAVASCRIPT,
             text: include_str!(concat!("assets/", $folder, $name)),
         }
     };

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use reactsim_evaluation::EvaluationError;
 use reactsim_formats::FormatError;
-use reactsim_web::ServeError;
+
+use crate::web::ServeError;
 
 /// Error in creating or serving a page.
 #[derive(Debug, thiserror::Error)]

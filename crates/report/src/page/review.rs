@@ -7,12 +7,12 @@ use std::path::Path;
 use reactsim_curation::{CandidateRecord, ScenarioRecord, candidate_digest, store};
 use reactsim_evaluation::FileRecord;
 use reactsim_scene::{AgentState, CURRENT, Certificate, Deviation, Difficulty, Frame, Response};
-use reactsim_web::Asset;
 use serde_json::{Value, json};
 
 use super::PageError;
 use super::document::{assemble, packed, script};
 use super::tracks::spans;
+use crate::web::Asset;
 
 pub(super) const PAGE: &str = include_str!("assets/review/page.html");
 const STYLE: &str = include_str!("assets/review/style.css");

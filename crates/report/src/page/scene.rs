@@ -1,8 +1,8 @@
 //! One scenario with the rollouts of simulators, as JSON.
 
 use reactsim_evaluation::EventRecord;
+use reactsim_formats::sketch;
 use reactsim_scene::{Frame, Scenario};
-use reactsim_web::sketch;
 use serde::Serialize;
 use serde_json::value::RawValue;
 

@@ -9,10 +9,10 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use parking_lot::Mutex;
-use reactsim_web::{Loopback, Site, Stop};
 
 use super::PageError;
 use super::gallery::Gallery;
+use crate::web::{Loopback, Site, Stop};
 
 /// Number of cached scenes at which the cache is cleared.
 const MAX_CACHED_SCENES: usize = 64;

@@ -7,10 +7,9 @@ mod bundle;
 mod guard;
 mod server;
 mod site;
-mod sketch;
 
 pub use assets::{Asset, JAVASCRIPT, PALETTE, SHARED};
 pub use bundle::bundle;
+pub use reactsim_formats::{SKETCH_VERSION, sketch};
 pub use server::{Loopback, ServeError, Stop};
 pub use site::Site;
-pub use sketch::{SKETCH_VERSION, sketch};
