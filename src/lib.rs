@@ -11,8 +11,6 @@
 #[cfg(feature = "curation")]
 #[doc(inline)]
 pub use reactsim_curation as curation;
-#[doc(inline)]
-pub use reactsim_dynamics as dynamics;
 #[cfg(feature = "environment")]
 #[doc(inline)]
 pub use reactsim_environment as environment;
@@ -52,6 +50,8 @@ pub use reactsim_report::web;
 pub use reactsim_rollout as rollout;
 #[doc(inline)]
 pub use reactsim_scene as scene;
+#[doc(inline)]
+pub use reactsim_scene::dynamics;
 #[cfg(feature = "training")]
 #[doc(inline)]
 pub use reactsim_training as training;

@@ -1,7 +1,7 @@
 //! Execution of joint plans: states that a network predicted for some of the agents.
 
-use reactsim_dynamics::STANDSTILL_SPEED;
 use reactsim_rollout::{NOT_FINITE, Planning};
+use reactsim_scene::dynamics::STANDSTILL_SPEED;
 use reactsim_scene::{AgentState, DT};
 
 /// Distance in metres: a standing agent stays if its plan for the next second is shorter.

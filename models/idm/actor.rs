@@ -1,8 +1,8 @@
 //! Agents and obstacles as moving boxes.
 
-use reactsim_dynamics::{DrivenPath, Pose};
 use reactsim_geometry::{OrientedBox, wrap};
 use reactsim_scene::AgentKind;
+use reactsim_scene::dynamics::{DrivenPath, Pose};
 
 /// Largest lateral offset at which an agent keeps to a path, metres.
 const ON_PATH_OFFSET: f64 = 0.4;

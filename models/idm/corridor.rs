@@ -1,8 +1,8 @@
 //! Agents that are or will be in the corridor that a vehicle's box sweeps along its path.
 
-use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::OrientedBox;
 use reactsim_scene::Road;
+use reactsim_scene::dynamics::DrivenPath;
 
 use super::actor::Actor;
 use super::driver::PathFollower;

@@ -1,9 +1,9 @@
 //! Behaviour of agents: parked, on a path, on foot.
 
 use rand::RngExt;
-use reactsim_dynamics::{DrivenPath, Pose, Pursuit};
 use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, left, math};
 use reactsim_rollout::{Observation, Stream};
+use reactsim_scene::dynamics::{DrivenPath, Pose, Pursuit};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, DT, FUTURE, Frame, HISTORY, LaneClass, Road, Start, StopKind,
 };

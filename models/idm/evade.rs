@@ -4,8 +4,8 @@
 //! accelerations and checked against the forecasts. The cheapest combination that stays clear of the
 //! AV, of other agents and of the road edge is chosen.
 
-use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction, left, math};
+use reactsim_scene::dynamics::DrivenPath;
 use reactsim_scene::{LaneHit, Road};
 
 use super::actor::Actor;

@@ -1,7 +1,7 @@
 //! Forecasts of all agents over the next four seconds.
 
-use reactsim_dynamics::{DrivenPath, STANDSTILL_SPEED};
 use reactsim_geometry::{Bounds, Vec2, direction, math};
+use reactsim_scene::dynamics::{DrivenPath, STANDSTILL_SPEED};
 
 use super::actor::Actor;
 use super::driver::AgentBehaviour;

@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::Vec2;
+use reactsim_scene::dynamics::DrivenPath;
 use reactsim_scene::{Road, levels};
 
 use super::actor::Actor;

@@ -1,8 +1,8 @@
 //! The traffic of one episode: decisions at every decision interval, motion at every step.
 
-use reactsim_dynamics::{DrivenPath, Pose, STANDSTILL_SPEED};
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, wrap};
 use reactsim_rollout::{Observation, Planning, Stream};
+use reactsim_scene::dynamics::{DrivenPath, Pose, STANDSTILL_SPEED};
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Road, Start};
 
 use super::actor::Actor;

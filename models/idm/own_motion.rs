@@ -1,7 +1,7 @@
 //! The motion of a vehicle along a path with a simple profile of acceleration.
 
-use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::{Bounds, OrientedBox, Vec2};
+use reactsim_scene::dynamics::DrivenPath;
 
 use super::actor::Actor;
 use super::strip::Strip;

@@ -1,7 +1,7 @@
 //! Parameters of the card.
 
-use reactsim_dynamics::Pursuit;
 use reactsim_scene::AgentKind;
+use reactsim_scene::dynamics::Pursuit;
 use serde::Deserialize;
 
 /// All parameters of the card.

@@ -1,7 +1,7 @@
 //! A quick proof that an agent stays beside a section of a path.
 
-use reactsim_dynamics::DrivenPath;
 use reactsim_geometry::Vec2;
+use reactsim_scene::dynamics::DrivenPath;
 
 use super::forecast::Band;
 
@@ -117,8 +117,8 @@ fn across(band: &Band, axis: &Vec2, from: &Vec2) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use reactsim_dynamics::Pose;
     use reactsim_geometry::{OrientedBox, direction};
+    use reactsim_scene::dynamics::Pose;
 
     use super::*;
 

@@ -1,9 +1,9 @@
 //! A scenario as training data, with its mirrored and stretched variants.
 
 use rand::RngExt;
-use reactsim_dynamics::PARKED_DISPLACEMENT;
 use reactsim_geometry::Vec2;
 use reactsim_perception::SceneView;
+use reactsim_scene::dynamics::PARKED_DISPLACEMENT;
 use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Scenario};
 use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};

@@ -122,9 +122,9 @@ fn halting(planned: &[Frame]) -> impl Iterator<Item = Frame> + use<> {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_dynamics::Pose;
     use reactsim_perception::Class;
     use reactsim_scene::AgentKind;
+    use reactsim_scene::dynamics::Pose;
 
     use super::super::execute::Executor;
     use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TokenPoses};

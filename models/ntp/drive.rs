@@ -5,8 +5,8 @@
 //! part of the way back to the log, so that errors decay without swerving.
 
 use rand::RngExt;
-use reactsim_dynamics::Pose;
 use reactsim_perception::Class;
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{Agent, AgentKind, FRAMES, Frame};
 use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};

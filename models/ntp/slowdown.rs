@@ -1,8 +1,8 @@
 //! Vehicles that brake for no reason during replay, and how they return to the speeds of their logs.
 
 use rand::RngExt;
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, wrap};
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{DT, Frame};
 use reactsim_training::Stream;
 

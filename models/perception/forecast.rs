@@ -1,7 +1,7 @@
 //! Forecast of the AV from its motion so far.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, wrap};
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, DT, FUTURE, Frame};
 
 /// Time in seconds for which acceleration and yaw rate are kept; then the AV goes straight on at

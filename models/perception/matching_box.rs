@@ -1,7 +1,7 @@
 //! Boxes by which motions of a class are compared.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, left};
+use reactsim_scene::dynamics::Pose;
 
 use super::Class;
 

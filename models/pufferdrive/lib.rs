@@ -16,10 +16,10 @@ mod world;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use reactsim_baseline::{Baseline, ModelError, Setup};
-use reactsim_dynamics::{MotionLimits, Pose, Tracker, VehicleMotion};
 use reactsim_geometry::{direction, math};
 use reactsim_nn::{Initializer, Tensors, device_of};
 use reactsim_rollout::{Controller, Episode, Memory, PlanError, Simulator, Stream};
+use reactsim_scene::dynamics::{MotionLimits, Pose, Tracker, VehicleMotion};
 use reactsim_scene::{AgentKind, Start};
 use serde::Deserialize;
 

@@ -1,8 +1,8 @@
 //! Actions and the bicycle model of PufferDrive ("classic" dynamics).
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, math, wrap};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::Pose;
 
 use super::network::ACTIONS;
 

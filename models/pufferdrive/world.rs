@@ -1,8 +1,8 @@
 //! State of one episode in the policy's environment: all agents now, and during a plan.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction};
 use reactsim_rollout::Observation;
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, DT};
 
 use super::motion::Body;

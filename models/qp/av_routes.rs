@@ -1,7 +1,7 @@
 //! Lanes that the AV may follow.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Polyline, Vec2, direction, left, math};
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, LaneHit, Road};
 
 /// Cosine of the largest difference between the heading of the AV and that of a lane that it may follow: 60

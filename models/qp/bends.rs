@@ -5,8 +5,8 @@
 //! curvatures: turns add up to headings, and headings to lateral offsets. The path is driven exactly
 //! with the solution, and linearised again where it moved much.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Polyline, Vec2, left};
+use reactsim_scene::dynamics::Pose;
 
 use super::path::{Path, STATIONS};
 use super::program::{CONTROLS, Controls, Pattern, Program, Quadratic, Solve};

@@ -1,7 +1,7 @@
 //! Driving of a path at planned speeds within the limits of the vehicle, whatever the programs return.
 
-use reactsim_dynamics::VehicleMotion;
 use reactsim_geometry::direction;
+use reactsim_scene::dynamics::VehicleMotion;
 use reactsim_scene::{AgentState, DT};
 
 use super::path::Path;

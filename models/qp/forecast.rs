@@ -1,8 +1,8 @@
 //! Forecasts of other agents from what has been observed.
 
-use reactsim_dynamics::{Pose, STANDSTILL_SPEED};
 use reactsim_geometry::{OrientedBox, Vec2, direction, math, wrap};
 use reactsim_rollout::Observation;
+use reactsim_scene::dynamics::{Pose, STANDSTILL_SPEED};
 use reactsim_scene::{Agent, AgentState, DT, Frame};
 
 use super::av_routes::{Route, routes};

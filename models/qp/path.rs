@@ -1,7 +1,7 @@
 //! The path of a vehicle: the rear axle follows arcs, and the box centre moves with it.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, left};
+use reactsim_scene::dynamics::Pose;
 
 /// Number of intervals between stations.
 pub(super) const STATIONS: usize = 30;

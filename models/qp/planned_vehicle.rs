@@ -1,8 +1,8 @@
 //! A vehicle that is to be planned.
 
-use reactsim_dynamics::VehicleMotion;
 use reactsim_geometry::{OrientedBox, Vec2};
 use reactsim_scene::Road;
+use reactsim_scene::dynamics::VehicleMotion;
 
 use super::obstacle::Extent;
 

@@ -1,7 +1,7 @@
 //! Bounds on the distance over time that keep a vehicle clear of what is ahead.
 
-use reactsim_dynamics::VehicleMotion;
 use reactsim_geometry::direction;
+use reactsim_scene::dynamics::VehicleMotion;
 
 use super::obstacle::{Obstacle, Span, TIMES, step_of};
 use super::planned_vehicle::PlannedVehicle;

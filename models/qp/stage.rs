@@ -1,8 +1,8 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
-use reactsim_dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim_geometry::{Bounds, OrientedBox, direction, math};
 use reactsim_rollout::Observation;
+use reactsim_scene::dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, Road};
 
 use super::drive::halt;

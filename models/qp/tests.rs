@@ -1,9 +1,9 @@
 //! Plans of single vehicles, checked by their poses alone.
 
 use proptest::prelude::*;
-use reactsim_dynamics::{Pose, VehicleMotion};
 use reactsim_geometry::{OrientedBox, Vec2, direction, left, wrap};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::{Pose, VehicleMotion};
 
 use super::ending::Ending;
 use super::mode::Mode;

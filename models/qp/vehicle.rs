@@ -1,8 +1,8 @@
 //! Planning of one vehicle: a path and the speed along it for each of its modes, until one is clear.
 
-use reactsim_dynamics::{MotionLimits, Pose, STANDSTILL_SPEED, Tracker, VehicleMotion};
 use reactsim_geometry::{OrientedBox, Vec2, direction};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::{MotionLimits, Pose, STANDSTILL_SPEED, Tracker, VehicleMotion};
 
 use super::bends::{PathProblem, PathProgram};
 use super::drive::drive;

@@ -1,8 +1,8 @@
 //! Predictions of an agent, as other modules use them.
 
-use reactsim_dynamics::{Pose, motion_through};
 use reactsim_geometry::{Vec2, math};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::{Pose, motion_through};
 
 use super::inputs::{LocalFrame, Surroundings};
 use super::network::{Config, STATE, suppress};

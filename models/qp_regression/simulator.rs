@@ -2,10 +2,10 @@
 
 use burn::tensor::Device;
 use rand::RngExt;
-use reactsim_dynamics::STANDSTILL_SPEED;
 use reactsim_geometry::{direction, heading_of};
 use reactsim_perception::Nearest;
 use reactsim_rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
+use reactsim_scene::dynamics::STANDSTILL_SPEED;
 use reactsim_scene::{AgentKind, AgentState, DT, Start};
 use serde::{Deserialize, Serialize};
 
@@ -208,8 +208,8 @@ pub(super) fn execute(mode: &Mode, kind: AgentKind, now: AgentState, steps: usiz
 
 #[cfg(test)]
 mod tests {
-    use reactsim_dynamics::Pose;
     use reactsim_geometry::Vec2;
+    use reactsim_scene::dynamics::Pose;
 
     use super::super::predict::ModePoint;
     use super::*;

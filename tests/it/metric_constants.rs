@@ -9,7 +9,7 @@ use reactsim_test_support::documents::ROOT;
 /// Folders and files whose constants the page lists.
 const SOURCES: [&str; 4] =
     ["crates/metrics/src", "crates/planning/src/metrics", "crates/planning/src/contact.rs", LIMITS];
-const LIMITS: &str = "crates/dynamics/src/limits.rs";
+const LIMITS: &str = "crates/scene/src/dynamics/limits.rs";
 /// Constants that no value depends on, or that follow from others.
 const OTHERS: [&str; 4] =
     ["likelihood::MAX_BINS", "limits::STANDSTILL_SPEED", "limits::PARKED_DISPLACEMENT", "motion::CHUNK"];

@@ -1,9 +1,9 @@
 //! Infeasible accelerations and curvatures of vehicles (ReactSim-Bench, "Metric Computation Details"; the
 //! inverse of Waymax's bicycle model).
 
-use reactsim_dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 use reactsim_geometry::{heading_of, wrap};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 
 use super::options::CurvatureYaw;
 use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};

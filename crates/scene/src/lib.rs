@@ -1,4 +1,5 @@
-//! The data types of scenarios: agents, tracks, maps and lights. This module depends on geometry only.
+//! The data types of scenarios: agents, tracks, maps and lights; and the motion of vehicles ([`dynamics`]). This
+//! module depends on geometry only.
 
 mod agent;
 mod all_agents;
@@ -6,6 +7,7 @@ mod assemble;
 mod certificate;
 mod contradictions;
 mod digest;
+pub mod dynamics;
 mod error;
 mod headings;
 pub mod levels;

@@ -1,9 +1,9 @@
 //! Network input from observed episodes: the map once, agents at every step.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::Vec2;
 use reactsim_perception::Class;
 use reactsim_rollout::Observation;
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{Agent, CURRENT, Frame, Start};
 
 use super::super::tokens::{

@@ -1,8 +1,8 @@
 //! Network input: plain lists, validated before any computation.
 
-use reactsim_dynamics::Pose;
 use reactsim_perception::Class;
 use reactsim_scene::Agent;
+use reactsim_scene::dynamics::Pose;
 
 use super::SmartConfig;
 

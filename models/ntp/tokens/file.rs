@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, heading_of};
 use reactsim_learning::Provenance;
 use reactsim_nn::{Tensors, weights::Tables};
 use reactsim_perception::Class;
+use reactsim_scene::dynamics::Pose;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 use super::{ORIGIN, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};

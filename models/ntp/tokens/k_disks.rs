@@ -1,11 +1,11 @@
 //! k-disks: tokens drawn from recorded motions with a minimum distance (SMART, CATK).
 
 use rand::RngExt;
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, wrap};
 use reactsim_perception::Class;
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::Pose;
 use serde::Serialize;
 
 use super::token_set::corner_distance;

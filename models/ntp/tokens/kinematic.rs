@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use reactsim_dynamics::{Pose, REAR_AXLE};
 use reactsim_geometry::{Vec2, direction, wrap};
 use reactsim_learning::Provenance;
 use reactsim_perception::Class;
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::{Pose, REAR_AXLE};
 use serde::Serialize;
 
 use super::{

@@ -2,10 +2,10 @@
 //! CATK).
 
 use rand::RngExt;
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, math, wrap};
 use reactsim_perception::Class;
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, Frame};
 
 use super::{ORIGIN, TOKEN_FRAMES, Vocabulary, motion_between, moved};

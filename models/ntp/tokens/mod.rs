@@ -33,7 +33,7 @@ pub use tokenizer::Tokenizer;
 pub use trajtok::{EndGrid, TrajTok};
 pub use vocabulary::{Vocabulary, VocabularyError};
 
-use reactsim_dynamics::Pose;
+use reactsim_scene::dynamics::Pose;
 
 /// Number of frames that a token spans: it ends 0.5 s after it starts.
 pub const TOKEN_FRAMES: usize = 5;

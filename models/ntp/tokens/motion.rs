@@ -1,7 +1,7 @@
 //! Motions: poses relative to another pose.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, into_frame, left, wrap};
+use reactsim_scene::dynamics::Pose;
 
 /// The pose at the origin with heading along x, which is no motion.
 pub const ORIGIN: Pose = Pose { position: Vec2::new(0.0, 0.0), heading: 0.0 };

@@ -1,9 +1,9 @@
 //! Recorded motions of half a second, from which vocabularies are built.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::wrap;
 use reactsim_learning::{Reservoir, for_each_track};
 use reactsim_perception::Class;
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentKind, Frame, Scenario};
 
 use super::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, motion_between};

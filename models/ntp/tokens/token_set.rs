@@ -1,8 +1,8 @@
 //! Tokens of one class, and the search for the nearest.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::Vec2;
 use reactsim_perception::Class;
+use reactsim_scene::dynamics::Pose;
 
 use super::{TOKEN_FRAMES, TokenPoses};
 

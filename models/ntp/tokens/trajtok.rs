@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, heading_of, wrap};
 use reactsim_perception::Class;
+use reactsim_scene::dynamics::Pose;
 use serde::Serialize;
 
 use super::k_disks::{mean, mirror};

@@ -1,9 +1,9 @@
 //! Vocabulary: the motions of each class that an agent can choose from.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::Vec2;
 use reactsim_learning::Provenance;
 use reactsim_perception::Class;
+use reactsim_scene::dynamics::Pose;
 use safetensors::{Dtype, SafeTensorError};
 
 use super::token_set::{TokenSet, corner_distance};

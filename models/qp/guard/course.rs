@@ -1,8 +1,8 @@
 //! Courses: where a vehicle is over the next seconds if it changes its speed or moves aside.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{OrientedBox, direction, left, math};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::Pose;
 
 use super::super::obstacle::{TIMES, step_of};
 use super::super::planned_vehicle::PlannedVehicle;

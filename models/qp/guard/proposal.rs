@@ -1,7 +1,7 @@
 //! Proposed motion of a vehicle.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, left, wrap};
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, DT, LaneHit, Road};
 
 use super::super::planned_vehicle::PlannedVehicle;

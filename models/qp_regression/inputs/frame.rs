@@ -1,7 +1,7 @@
 //! The frame of an agent, and the features of polylines in it.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, into_frame};
+use reactsim_scene::dynamics::Pose;
 
 /// Frame of an agent, which is at the origin and faces along x.
 #[derive(Clone, Copy, Debug)]

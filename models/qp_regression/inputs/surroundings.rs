@@ -1,8 +1,8 @@
 //! Surroundings of one agent.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::Vec2;
 use reactsim_perception::{Class, Nearest, SceneView};
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, DT};
 
 use super::frame::LocalFrame;

@@ -1,6 +1,6 @@
 //! The state of one agent when it begins to respond: its path, its motion, its limits.
 
-use reactsim_dynamics::STANDSTILL_SPEED;
+use reactsim_scene::dynamics::STANDSTILL_SPEED;
 use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, FUTURE, Frame};
 
 use super::AvoidanceSettings;

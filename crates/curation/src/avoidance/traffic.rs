@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_dynamics::PARKED_DISPLACEMENT;
 use reactsim_geometry::{Bounds, OrientedBox, rounded_distance, wrap};
 use reactsim_metrics::Options;
+use reactsim_scene::dynamics::PARKED_DISPLACEMENT;
 use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
 
 use super::AvoidanceSettings;

@@ -1,6 +1,6 @@
 //! Filters of the distance from the log, the drivable area and the kinematic limits.
 
-use reactsim_dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
+use reactsim_scene::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 
 use crate::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
 use crate::ground::lateral_acceleration;

@@ -1,7 +1,7 @@
 //! Plans of a learned planner, driven along the lanes: the route that a plan takes, at its speeds.
 
-use reactsim_dynamics::{AxlePath, REAR_AXLE, VehicleMotion, follow_smoothly};
 use reactsim_geometry::{Vec2, direction, wrap};
+use reactsim_scene::dynamics::{AxlePath, REAR_AXLE, VehicleMotion, follow_smoothly};
 use reactsim_scene::{AgentState, DT, FUTURE, Frame, Scenario, Start};
 
 use super::routes::{Route, drive, routes};

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use rand::RngExt;
-use reactsim_dynamics::{AxlePath, speeds};
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::{AxlePath, speeds};
 use reactsim_scene::{AgentState, DT, FUTURE};
 
 use super::routes::{Branch, PathEntry};

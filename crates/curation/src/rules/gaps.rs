@@ -4,9 +4,9 @@
 use std::ops::{Range, RangeInclusive};
 
 use rand::RngExt;
-use reactsim_dynamics::speeds;
 use reactsim_geometry::smooth_step;
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::speeds;
 use reactsim_scene::{AgentState, DT, FUTURE};
 
 use super::survey::Survey;

@@ -4,10 +4,10 @@
 use std::ops::Range;
 
 use rand::RngExt;
-use reactsim_dynamics::speeds;
 use reactsim_geometry::smooth_step;
 use reactsim_rollout::Stream;
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::speeds;
 
 use super::survey::Survey;
 use super::{Draft, between, gaps};

@@ -1,7 +1,7 @@
 //! Speed limits along a path, and the lanes that decide them.
 
-use reactsim_dynamics::AxlePath;
 use reactsim_geometry::{Vec2, wrap};
+use reactsim_scene::dynamics::AxlePath;
 use reactsim_scene::{LaneHit, Road};
 
 /// Tolerances within which the speed limit of a lane applies.

@@ -7,8 +7,8 @@
 use std::ops::Range;
 
 use rand::RngExt;
-use reactsim_dynamics::speeds::{self, MAX_PLANNED_ACCELERATION, MAX_PLANNED_DECELERATION};
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::speeds::{self, MAX_PLANNED_ACCELERATION, MAX_PLANNED_DECELERATION};
 use reactsim_scene::{DT, FUTURE};
 
 use super::directional::{ARRIVAL_LEAD, SpeedPlan, cruise_to_arrive, desired_speeds};

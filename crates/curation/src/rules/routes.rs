@@ -1,7 +1,7 @@
 //! Routes over the lane graph other than the logged one.
 
-use reactsim_dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
 use reactsim_geometry::{Bounds, Polyline, Vec2, direction, left, smooth_step, wrap};
+use reactsim_scene::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE};
 use reactsim_scene::{AgentKind, DT, LaneClass, LaneHit, Road, Scenario, Start};
 
 use super::limits::{LaneTolerance, Limits, MAX_LATERAL_ACCELERATION, lane_along};

@@ -1,9 +1,9 @@
 //! Precomputed data that all draws of one scenario share: the logged drive, the motion of others, other
 //! routes of the AV.
 
-use reactsim_dynamics::{AxlePath, follow_smoothly};
 use reactsim_geometry::{Polyline, Vec2, direction, wrap};
 use reactsim_rollout::{AvError, LoggedDrive};
+use reactsim_scene::dynamics::{AxlePath, follow_smoothly};
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FUTURE, Scenario};
 
 use super::limits::{Limits, MAX_LATERAL_ACCELERATION, lane_limit};

@@ -15,8 +15,8 @@
 //! Transportation Research Procedia 25, 2017: trucks at most 1.0 m/s², cars 2.2 to 2.9), trucks accelerate
 //! at most about half as hard as cars; the factors of vans and buses are chosen.
 
-use reactsim_dynamics::REAR_AXLE;
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::REAR_AXLE;
 
 use crate::Draw;
 

@@ -1,8 +1,8 @@
 //! State and motion of a vehicle or bicycle.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{Vec2, direction, left, smooth_step};
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::Pose;
 
 use super::driver::{Driver, MOTORWAY_LIMIT};
 use super::fleet::Size;

@@ -3,8 +3,8 @@
 
 use std::f64::consts::PI;
 
-use reactsim_dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE, STANDSTILL_SPEED};
 use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, heading_of, left, smooth_step, wrap};
+use reactsim_scene::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE, STANDSTILL_SPEED};
 use reactsim_scene::{AgentState, CURRENT, DT, Frame, LaneHit, Road, Scenario};
 
 use super::{AvError, MAX_STEP_DISPLACEMENT, check_steps};

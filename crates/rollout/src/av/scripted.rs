@@ -8,8 +8,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use reactsim_dynamics::{STANDSTILL_SPEED, follow, speeds};
 use reactsim_geometry::{direction, smooth_step};
+use reactsim_scene::dynamics::{STANDSTILL_SPEED, follow, speeds};
 use reactsim_scene::{AgentState, DT, FUTURE, Scenario, brief};
 
 use super::logged_drive::{LoggedDrive, velocity_now};

@@ -2,9 +2,9 @@
 //! the record.
 
 use rand::RngExt;
-use reactsim_dynamics::Pose;
 use reactsim_perception::Class;
 use reactsim_scene::Scenario;
+use reactsim_scene::dynamics::Pose;
 use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 

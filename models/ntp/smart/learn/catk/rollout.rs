@@ -1,6 +1,6 @@
 //! The rollout: the network drives, kept near the record.
 
-use reactsim_dynamics::Pose;
+use reactsim_scene::dynamics::Pose;
 use reactsim_training::Stream;
 
 use super::super::super::super::token_loss::Target;

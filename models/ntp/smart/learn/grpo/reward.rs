@@ -1,7 +1,7 @@
 //! Rewards of the agents in a rollout.
 
-use reactsim_dynamics::Pose;
 use reactsim_geometry::{OrientedBox, direction, math};
+use reactsim_scene::dynamics::Pose;
 
 use super::super::closed_loop::{AV, RecordedAgent};
 use super::Rewards;

@@ -2,10 +2,10 @@
 //! extrapolation of the plan.
 
 use reactsim_geometry::{Vec2, direction, left, wrap};
-use reactsim_scene::DT;
 
 use super::{MotionLimits, PREVIEW_POSES, STANDSTILL_SPEED};
-use crate::Pose;
+use crate::DT;
+use crate::dynamics::Pose;
 
 /// Number of steps at the end of a plan from which it is extrapolated.
 const TAIL_STEPS: usize = 5;

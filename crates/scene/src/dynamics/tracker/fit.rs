@@ -1,8 +1,7 @@
 //! The least-squares fits of the tracker.
 
-use reactsim_scene::DT;
-
 use super::PREVIEW_POSES;
+use crate::DT;
 
 /// Weight of speed errors relative to position errors, seconds.
 const SPEED_WEIGHT: f64 = 0.15;

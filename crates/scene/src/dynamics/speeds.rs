@@ -2,7 +2,8 @@
 //! by 0.1 s.
 
 use reactsim_geometry::math;
-use reactsim_scene::{DT, FUTURE};
+
+use crate::{DT, FUTURE};
 
 /// Largest change of speed in one step, m/s: the bound of the acceleration metric, 6 m/s², over 0.1
 /// s.

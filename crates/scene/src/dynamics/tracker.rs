@@ -17,11 +17,11 @@ mod aim;
 mod fit;
 
 use reactsim_geometry::{Vec2, direction, left, math, wrap};
-use reactsim_scene::{AgentState, DT, Frame};
 
 use self::aim::{Aim, aim};
 use self::fit::{Bend, gains};
 use super::Pose;
+use crate::{AgentState, DT, Frame};
 
 /// Number of planned poses considered ahead of each step.
 const PREVIEW_POSES: usize = 5;

@@ -1,7 +1,8 @@
 //! The kinematic bicycle model, parametrised by path curvature.
 
 use reactsim_geometry::{Vec2, direction, math, wrap};
-use reactsim_scene::AgentState;
+
+use crate::AgentState;
 
 /// Position and heading of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,9 +4,9 @@
 use std::f64::consts::PI;
 
 use reactsim_geometry::{Polyline, Vec2, direction, wrap};
-use reactsim_scene::{AgentState, DT, FUTURE};
 
 use super::{Pose, speeds};
+use crate::{AgentState, DT, FUTURE};
 
 /// Spacing of the poses of a path, in metres of rear-axle travel.
 const POSE_SPACING: f64 = 0.1;
