@@ -37,6 +37,9 @@ pub use reactsim_metrics as metrics;
 #[cfg(feature = "models")]
 #[doc(inline)]
 pub use reactsim_models as models;
+#[cfg(feature = "training")]
+#[doc(inline)]
+pub use reactsim_nn::training;
 #[cfg(feature = "planning")]
 #[doc(inline)]
 pub use reactsim_planning as planning;
@@ -52,9 +55,6 @@ pub use reactsim_rollout as rollout;
 pub use reactsim_scene as scene;
 #[doc(inline)]
 pub use reactsim_scene::dynamics;
-#[cfg(feature = "training")]
-#[doc(inline)]
-pub use reactsim_training as training;
 
 #[cfg(feature = "report")]
 pub mod benchmark;

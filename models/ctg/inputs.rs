@@ -1,7 +1,7 @@
 //! Scenes as inputs of the network.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim_perception::{Class, SceneView};
+use reactsim_nn::perception::{Class, SceneView};
 use reactsim_scene::AgentState;
 
 use super::network::ATTRIBUTES;

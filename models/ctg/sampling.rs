@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use reactsim_diffusion::{
     Sampler, Sampling, Schedule, ScheduleError, motion_from, standard_normal, states_of,
 };
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_rollout::Stream;
 use reactsim_scene::{AgentState, DT};
 use serde::{Deserialize, Serialize};

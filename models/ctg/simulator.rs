@@ -2,7 +2,7 @@
 
 use burn::tensor::Device;
 use reactsim_diffusion::joint_plan;
-use reactsim_perception::SceneView;
+use reactsim_nn::perception::SceneView;
 use reactsim_rollout::{PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::Start;
 

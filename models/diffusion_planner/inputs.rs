@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, heading_of, into_frame, left, wrap};
 use reactsim_nn::SizeError;
-use reactsim_perception::{Class, Nearest, SceneView, velocity_at};
+use reactsim_nn::perception::{Class, Nearest, SceneView, velocity_at};
 use reactsim_scene::dynamics::REAR_AXLE;
 use reactsim_scene::{Agent, AgentState, LightState, Start};
 use serde::{Deserialize, Serialize};

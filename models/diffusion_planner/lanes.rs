@@ -1,7 +1,7 @@
 //! The map as the network reads it: pieces of lanes between their boundaries, and boxes that stand on it.
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, left};
-use reactsim_learning::LearningMap;
+use reactsim_nn::learning::LearningMap;
 use reactsim_scene::{LANE_HALF_WIDTH, Lane, LaneArea, LaneClass, Start};
 
 /// Distance from a centre line beyond which a boundary is not searched, metres.

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor};
 use reactsim_diffusion::standard_normal;
 use reactsim_geometry::{Vec2, direction, heading_of, wrap};
-use reactsim_perception::SceneView;
+use reactsim_nn::perception::SceneView;
 use reactsim_rollout::{Observation, Stream};
 use reactsim_scene::dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion, motion_through};
 use reactsim_scene::{Agent, AgentState, DT, FUTURE, Frame};

@@ -1,6 +1,7 @@
-//! Layers and tools that several networks share: devices, weights files and building blocks.
+//! Layers and tools that several networks share: devices, weights files and building blocks; what agents perceive
+//! ([`perception`]), scenes and tasks of training ([`learning`]), and the learning loop ([`training`]).
 //!
-//! Everything here is a function of its inputs. Initial weights come from a seed ([`Initializer`])
+//! Layers are functions of their inputs. Initial weights come from a seed ([`Initializer`])
 //! and dropout from a stream of the caller ([`Noise`]); no layer reads the time or draws its own
 //! random numbers.
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
@@ -14,16 +15,19 @@ mod fourier;
 mod fused;
 mod host;
 mod initializer;
+pub mod learning;
 mod links;
 mod multi_head;
 mod neighbors;
 mod noise;
+pub mod perception;
 mod perceptron;
 mod processor;
 mod relations;
 mod rows;
 mod shared_rows;
 mod size_error;
+pub mod training;
 mod turns;
 pub mod weights;
 

@@ -122,7 +122,7 @@ fn halting(planned: &[Frame]) -> impl Iterator<Item = Frame> + use<> {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_perception::Class;
+    use reactsim_nn::perception::Class;
     use reactsim_scene::AgentKind;
     use reactsim_scene::dynamics::Pose;
 

@@ -5,10 +5,10 @@
 //! part of the way back to the log, so that errors decay without swerving.
 
 use rand::RngExt;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::Stream;
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{Agent, AgentKind, FRAMES, Frame};
-use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::execute::Executor;

@@ -1,7 +1,7 @@
 //! Execution of tokens: from a token to the motion of an agent.
 
 use reactsim_geometry::Vec2;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::{MotionLimits, Pose, REAR_AXLE, Tracker, VehicleMotion};
 use reactsim_scene::{Agent, AgentState, DT, Frame};
 

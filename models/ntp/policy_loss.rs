@@ -2,8 +2,8 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_perception::Class;
-use reactsim_training::{Output, Sums};
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::{Output, Sums};
 
 use super::token_loss::Target;
 

@@ -2,9 +2,9 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, wrap};
+use reactsim_nn::training::Stream;
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{DT, Frame};
-use reactsim_training::Stream;
 
 use super::tokens::TOKEN_FRAMES;
 

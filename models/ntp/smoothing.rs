@@ -1,7 +1,7 @@
 //! Target distributions of a token loss: the label, smoothed toward tokens that end nearby.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::tokens::Vocabulary;

@@ -2,9 +2,9 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_learning::LearningScene;
-use reactsim_perception::Class;
-use reactsim_training::{Output, Sums};
+use reactsim_nn::learning::LearningScene;
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::{Output, Sums};
 
 use super::smoothing::TargetDistributions;
 

@@ -1,7 +1,7 @@
 //! The road as the policy observes it: straight pieces of lanes, lines and edges, in cells of 5 m.
 
 use reactsim_geometry::{Bounds, Grid, Vec2};
-use reactsim_perception::edge_rings;
+use reactsim_nn::perception::edge_rings;
 use reactsim_scene::RoadMap;
 
 use super::network::ROAD;

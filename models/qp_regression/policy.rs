@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use reactsim_nn::perception::{KnownMotion, SceneView};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
-use reactsim_perception::{KnownMotion, SceneView};
 use reactsim_rollout::Observation;
 use reactsim_scene::{CURRENT, Start};
 use serde::{Deserialize, Serialize};

@@ -3,9 +3,9 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_diffusion::latest_motion;
 use reactsim_geometry::{Vec2, heading_of, math};
-use reactsim_learning::Intentions;
 use reactsim_nn::SizeError;
-use reactsim_perception::{Class, KnownMap, Nearest, PieceKind, SceneView, Stop};
+use reactsim_nn::learning::Intentions;
+use reactsim_nn::perception::{Class, KnownMap, Nearest, PieceKind, SceneView, Stop};
 use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 

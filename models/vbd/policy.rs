@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 

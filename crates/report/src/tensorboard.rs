@@ -6,7 +6,7 @@
 
 use prost::{Message, Oneof};
 use reactsim_formats::tf_record;
-use reactsim_training::Row;
+use reactsim_nn::training::Row;
 
 /// Name of the event file; TensorBoard recognises its beginning.
 pub const EVENTS: &str = "events.out.tfevents.0.reactsim";
@@ -81,7 +81,7 @@ pub fn record(row: &Row) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_training::{StepRow, Wall};
+    use reactsim_nn::training::{StepRow, Wall};
 
     use super::*;
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use reactsim_training::Row;
+use reactsim_nn::training::Row;
 
 use super::birdseye::palette;
 
@@ -193,7 +193,7 @@ fn thin(points: &Points) -> Points {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_training::{StepRow, ValidationRow, Wall};
+    use reactsim_nn::training::{StepRow, ValidationRow, Wall};
 
     use super::*;
 

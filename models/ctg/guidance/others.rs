@@ -1,6 +1,6 @@
 //! Motion of agents that are not planned.
 
-use reactsim_perception::{SceneView, forecast};
+use reactsim_nn::perception::{SceneView, forecast};
 use reactsim_scene::{AgentState, DT};
 
 use super::Other;

@@ -4,7 +4,7 @@ use burn::tensor::Tensor;
 use reactsim_diffusion::{Guide, Moment};
 use reactsim_geometry::Vec2;
 use reactsim_nn::device;
-use reactsim_perception::SceneView;
+use reactsim_nn::perception::SceneView;
 use reactsim_scene::{Agent, AgentKind, AgentState};
 
 use super::super::network::CtgConfig;

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use reactsim_diffusion::{Schedule, standard_normal, unnormalized};
-use reactsim_training::{Output, Stream, Sums};
+use reactsim_nn::training::{Output, Stream, Sums};
 
 use super::super::inputs::Seen;
 use super::super::network::{Ctg, CtgConfig, EncodedAgents, NUMBERS, trajectory, unnormalized_states};

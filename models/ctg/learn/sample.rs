@@ -2,9 +2,9 @@
 
 use reactsim_diffusion::{actions, normalized};
 use reactsim_geometry::{direction, into_frame, wrap};
-use reactsim_learning::LearningScene;
+use reactsim_nn::learning::LearningScene;
+use reactsim_nn::training::Stream;
 use reactsim_scene::{AgentState, Frame, Scenario};
-use reactsim_training::Stream;
 
 use super::super::inputs::Seen;
 use super::super::network::{CtgConfig, normalized_state};

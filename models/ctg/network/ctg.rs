@@ -4,8 +4,8 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_geometry::math;
+use reactsim_nn::perception::Class;
 use reactsim_nn::{Initializer, Perceptron, PerceptronKind, linear};
-use reactsim_perception::Class;
 
 use super::config::{CtgConfig, Decoding};
 use super::denoiser::Denoiser;

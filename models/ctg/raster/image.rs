@@ -1,7 +1,7 @@
 //! Images around agents.
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, into_frame, left};
-use reactsim_perception::SceneView;
+use reactsim_nn::perception::SceneView;
 use reactsim_scene::AgentState;
 
 use super::fill::fill;

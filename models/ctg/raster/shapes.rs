@@ -1,7 +1,7 @@
 //! Outlines of the ground.
 
 use reactsim_geometry::{Polyline, Vec2, left};
-use reactsim_learning::LearningMap;
+use reactsim_nn::learning::LearningMap;
 use reactsim_scene::{LaneArea, RoadMap, Start};
 
 /// Half-width of a drawn centre line, metres.

@@ -3,7 +3,7 @@
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use reactsim_diffusion::{VariancePreserving, standard_normal};
-use reactsim_training::{Output, Stream, Sums};
+use reactsim_nn::training::{Output, Stream, Sums};
 
 use super::super::network::DiffusionPlanner;
 use super::{Recipe, Sample};

@@ -1,9 +1,9 @@
 //! Training samples: scenes, and what the AV and its neighbours did in them.
 
 use reactsim_geometry::direction;
-use reactsim_learning::LearningScene;
+use reactsim_nn::learning::LearningScene;
+use reactsim_nn::training::Stream;
 use reactsim_scene::{AgentState, DT, FUTURE, Scenario};
-use reactsim_training::Stream;
 
 use super::super::inputs::{PlannerScene, rear_axle};
 use super::super::lanes::PlannerMap;

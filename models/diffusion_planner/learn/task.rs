@@ -6,12 +6,12 @@ use burn::module::Module;
 use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
 use reactsim_baseline::weights::PLANNER;
-use reactsim_learning::{
+use reactsim_nn::learning::{
     Origin, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
 };
+use reactsim_nn::training::{Output, Settings, Stream, Task, View};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::PlannerPolicy;
 use super::super::network::DiffusionPlanner;

@@ -1,7 +1,7 @@
 //! Training loss of the reactive network.
 
 use burn::tensor::Device;
-use reactsim_training::Output;
+use reactsim_nn::training::Output;
 
 use super::super::reactive::Config;
 use super::super::reactive::batch::{SceneRows, map_tensors, node_tensors};

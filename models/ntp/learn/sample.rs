@@ -1,10 +1,10 @@
 //! Training samples of the network.
 
 use rand::RngExt;
-use reactsim_learning::{LearningScene, shifted};
-use reactsim_perception::{KnownMap, denoised};
+use reactsim_nn::learning::{LearningScene, shifted};
+use reactsim_nn::perception::{KnownMap, denoised};
+use reactsim_nn::training::Stream;
 use reactsim_scene::{CURRENT, FRAMES, FUTURE, Frame};
-use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::drive::{Perturbation, drive};

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_learning::{
+use reactsim_nn::learning::{
     LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
     TrainingTask, recipe_values,
 };
-use reactsim_perception::{Class, KnownMap};
+use reactsim_nn::perception::{Class, KnownMap};
+use reactsim_nn::training::{Output, Settings, Stream, Task, View};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Settings, Stream, Task, View};
 use serde::{Deserialize, Serialize};
 
 use super::super::drive::Perturbation;

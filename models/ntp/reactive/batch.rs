@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_nn::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 use reactsim_nn::{LinkTensors, Links};
-use reactsim_perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 use super::config::Config;
 use super::linked_places::LinkedPlaces;

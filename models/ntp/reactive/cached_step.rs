@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Tensor};
 use reactsim_nn::Links;
-use reactsim_perception::{BODY_FEATURES, Class};
+use reactsim_nn::perception::{BODY_FEATURES, Class};
 
 use super::batch::{NodeTensors, SceneRows, floats, node_tensors};
 use super::config::Config;

@@ -1,7 +1,7 @@
 //! Choice of the places that an agent attends to.
 
 use reactsim_geometry::{Vec2, into_frame};
-use reactsim_perception::{Body, Nearest, Places, Role};
+use reactsim_nn::perception::{Body, Nearest, Places, Role};
 
 use super::config::Config;
 

@@ -1,7 +1,7 @@
 //! Places with their neighbours, to which they attend.
 
 use reactsim_nn::Links;
-use reactsim_perception::{KnownMap, Nearest, Places};
+use reactsim_nn::perception::{KnownMap, Nearest, Places};
 use reactsim_scene::Start;
 
 use super::config::Config;

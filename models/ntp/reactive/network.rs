@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::{Int, Tensor, TensorData};
+use reactsim_nn::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 use reactsim_nn::{
     AttentionConfig, FeedForwardConfig, Initializer, Perceptron, PerceptronKind, RelationalAttention,
 };
-use reactsim_perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 
 use super::batch::{MapTensors, NodeTensors};
 use super::config::Config;

@@ -1,7 +1,7 @@
 //! Relations between agents at the same step.
 
 use reactsim_geometry::{Vec2, into_frame};
-use reactsim_perception::{Body, put};
+use reactsim_nn::perception::{Body, put};
 
 /// Number of features of the relation between two agents.
 pub(crate) const PAIR_FEATURES: usize = 29;

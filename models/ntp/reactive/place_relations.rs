@@ -1,7 +1,7 @@
 //! Relations of a place to other places and to agents.
 
 use reactsim_geometry::{Vec2, into_frame};
-use reactsim_perception::{Body, Place, Role, put};
+use reactsim_nn::perception::{Body, Place, Role, put};
 use reactsim_scene::LightState;
 
 /// Number of features of the relation between two places.

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
+use reactsim_nn::perception::Class;
 use reactsim_nn::{Initializer, Tensors, weights::save_with};
-use reactsim_perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::Vocabulary;

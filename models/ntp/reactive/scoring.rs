@@ -1,7 +1,7 @@
 //! Scores of known motion, all steps in one pass.
 
 use burn::tensor::{Device, Tensor};
-use reactsim_perception::{KnownMotion, denoised};
+use reactsim_nn::perception::{KnownMotion, denoised};
 use reactsim_scene::CURRENT;
 
 use super::batch::{SceneRows, map_tensors, node_tensors};

@@ -1,8 +1,8 @@
 //! The reactive network as a simulator.
 
 use burn::tensor::{Device, Tensor};
+use reactsim_nn::perception::{Body, Class, denoised};
 use reactsim_nn::{RowCollector, SharedRows, is_host};
-use reactsim_perception::{Body, Class, denoised};
 use reactsim_rollout::{Beginning, Episode, Memory, NOT_FINITE, PlanError, Simulator};
 use reactsim_scene::{CURRENT, Frame};
 

@@ -2,7 +2,7 @@
 //! next plan. These are most of a scene.
 
 use burn::tensor::{Int, Tensor, TensorData};
-use reactsim_perception::Body;
+use reactsim_nn::perception::Body;
 use reactsim_scene::{AgentState, Frame};
 
 use super::super::tokens::TOKEN_FRAMES;

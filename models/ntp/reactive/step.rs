@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{Vec2, into_frame};
 use reactsim_nn::Links;
-use reactsim_perception::{BODY_FEATURES, Body, Class, Nearest, Places, SceneView, corridor, put};
+use reactsim_nn::perception::{BODY_FEATURES, Body, Class, Nearest, Places, SceneView, corridor, put};
 use reactsim_scene::LightState;
 
 use super::choice::{Chooser, Surroundings};

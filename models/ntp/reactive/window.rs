@@ -1,7 +1,7 @@
 //! Memory of computed steps between plans.
 
 use reactsim_nn::SharedRows;
-use reactsim_perception::{Body, SceneView};
+use reactsim_nn::perception::{Body, SceneView};
 use reactsim_rollout::Observation;
 use reactsim_scene::Frame;
 

@@ -1,7 +1,7 @@
 //! Network input from observed episodes: the map once, agents at every step.
 
 use reactsim_geometry::Vec2;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_rollout::Observation;
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{Agent, CURRENT, Frame, Start};

@@ -1,6 +1,6 @@
 //! Network input: plain lists, validated before any computation.
 
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_scene::Agent;
 use reactsim_scene::dynamics::Pose;
 

@@ -1,7 +1,7 @@
 //! Vocabularies of all classes, from any method.
 
-use reactsim_learning::Provenance;
-use reactsim_perception::Class;
+use reactsim_nn::learning::Provenance;
+use reactsim_nn::perception::Class;
 
 use super::token_set::corner_distance;
 use super::{

@@ -1,6 +1,6 @@
 //! Reasons why a vocabulary cannot be built.
 
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 
 use super::VocabularyError;
 

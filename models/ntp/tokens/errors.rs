@@ -1,6 +1,6 @@
 //! Matching errors between tokens and recorded motion.
 
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_scene::Scenario;
 
 use super::{PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, motion_between};

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use reactsim_geometry::{Vec2, heading_of};
-use reactsim_learning::Provenance;
+use reactsim_nn::learning::Provenance;
+use reactsim_nn::perception::Class;
 use reactsim_nn::{Tensors, weights::Tables};
-use reactsim_perception::Class;
 use reactsim_scene::dynamics::Pose;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 

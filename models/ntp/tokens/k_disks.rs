@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, wrap};
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::DT;
 use reactsim_scene::dynamics::Pose;

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use reactsim_geometry::{Vec2, direction, wrap};
-use reactsim_learning::Provenance;
-use reactsim_perception::Class;
+use reactsim_nn::learning::Provenance;
+use reactsim_nn::perception::Class;
 use reactsim_scene::DT;
 use reactsim_scene::dynamics::{Pose, REAR_AXLE};
 use serde::Serialize;

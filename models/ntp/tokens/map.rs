@@ -1,7 +1,7 @@
 //! The map for CATK's network: pieces of 5 m that are matched to the curves of a vocabulary.
 
 use reactsim_geometry::{Polyline, Vec2, direction, heading_of, into_frame};
-use reactsim_perception::{MAX_LINE_LENGTH, edge_rings};
+use reactsim_nn::perception::{MAX_LINE_LENGTH, edge_rings};
 use reactsim_scene::{CURRENT, LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 /// Spacing of points along a piece, metres.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, direction, into_frame};
-use reactsim_learning::{Provenance, Reservoir};
+use reactsim_nn::learning::{Provenance, Reservoir};
 use reactsim_nn::{Tensors, weights::Tables};
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::Scenario;

@@ -3,7 +3,7 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, math, wrap};
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_rollout::Stream;
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, Frame};

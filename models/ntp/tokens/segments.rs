@@ -1,8 +1,8 @@
 //! Recorded motions of half a second, from which vocabularies are built.
 
 use reactsim_geometry::wrap;
-use reactsim_learning::{Reservoir, for_each_track};
-use reactsim_perception::Class;
+use reactsim_nn::learning::{Reservoir, for_each_track};
+use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentKind, Frame, Scenario};
 

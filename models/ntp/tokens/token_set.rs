@@ -1,7 +1,7 @@
 //! Tokens of one class, and the search for the nearest.
 
 use reactsim_geometry::Vec2;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
 
 use super::{TOKEN_FRAMES, TokenPoses};

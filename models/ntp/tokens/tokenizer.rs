@@ -1,6 +1,6 @@
 //! Common interface of the vocabulary builders.
 
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 
 use super::{BuildError, Segments, TokenPoses};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use reactsim_geometry::{Vec2, direction, heading_of, wrap};
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
 use serde::Serialize;
 

@@ -1,8 +1,8 @@
 //! Vocabulary: the motions of each class that an agent can choose from.
 
 use reactsim_geometry::Vec2;
-use reactsim_learning::Provenance;
-use reactsim_perception::Class;
+use reactsim_nn::learning::Provenance;
+use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
 use safetensors::{Dtype, SafeTensorError};
 

@@ -1,8 +1,8 @@
 //! Map features: lines in the input, and lanes that lead on.
 
 use reactsim_geometry::Vec2;
-use reactsim_learning::LearningMap;
-use reactsim_perception::{KnownMap, Places};
+use reactsim_nn::learning::LearningMap;
+use reactsim_nn::perception::{KnownMap, Places};
 use reactsim_scene::Start;
 
 use super::Lines;

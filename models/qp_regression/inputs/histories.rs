@@ -1,6 +1,6 @@
 //! Histories of agents as input features.
 
-use reactsim_perception::{SceneView, velocity_at};
+use reactsim_nn::perception::{SceneView, velocity_at};
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
 use super::frame::{LocalFrame, PolylineFeatures};

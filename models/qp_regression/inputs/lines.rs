@@ -3,8 +3,8 @@
 use std::sync::OnceLock;
 
 use reactsim_geometry::{Bounds, Polyline, Vec2};
-use reactsim_learning::LearningMap;
-use reactsim_perception::{MAX_LINE_LENGTH, Nearest, PointIndex, closed, edge_rings};
+use reactsim_nn::learning::LearningMap;
+use reactsim_nn::perception::{MAX_LINE_LENGTH, Nearest, PointIndex, closed, edge_rings};
 use reactsim_scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 use super::frame::{LocalFrame, PolylineFeatures};

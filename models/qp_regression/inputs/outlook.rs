@@ -1,7 +1,7 @@
 //! Lane and conflict features of an agent, the same as those of the token network.
 
 use reactsim_geometry::Vec2;
-use reactsim_perception::{BODY_FEATURES, Body, Class, corridor, lane};
+use reactsim_nn::perception::{BODY_FEATURES, Body, Class, corridor, lane};
 
 use super::SceneContext;
 use super::frame::LocalFrame;

@@ -1,6 +1,6 @@
 //! Data of a scene that all its predictions share.
 
-use reactsim_perception::{Body, Places, SceneView, forecast};
+use reactsim_nn::perception::{Body, Places, SceneView, forecast};
 use reactsim_scene::AgentState;
 
 use super::MapFeatures;

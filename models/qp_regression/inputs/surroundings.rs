@@ -1,7 +1,7 @@
 //! Surroundings of one agent.
 
 use reactsim_geometry::Vec2;
-use reactsim_perception::{Class, Nearest, SceneView};
+use reactsim_nn::perception::{Class, Nearest, SceneView};
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentState, DT};
 

@@ -3,8 +3,8 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, direction, left, smooth_step};
+use reactsim_nn::training::Stream;
 use reactsim_scene::{AgentState, DT, Frame};
-use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of disturbances.

@@ -4,8 +4,8 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_learning::Intentions;
-use reactsim_training::{Output, Sums};
+use reactsim_nn::learning::Intentions;
+use reactsim_nn::training::{Output, Sums};
 
 use super::super::network::{Batch, Config, LayerOutput, Network, STATE};
 use super::super::predict::{MAX_CORRELATION, MAX_LOG_DEVIATION, MIN_LOG_DEVIATION};

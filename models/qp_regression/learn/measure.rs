@@ -1,8 +1,8 @@
 //! Accuracy of predictions: displacements of the best mode, and the share of misses.
 
 use reactsim_geometry::into_frame;
-use reactsim_perception::Class;
-use reactsim_training::Sums;
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::Sums;
 
 use super::super::network::{Config, LayerOutput, STATE};
 use super::super::predict::kept_modes;

@@ -2,10 +2,10 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, direction};
-use reactsim_learning::{LearningScene, SceneAugmentation};
-use reactsim_perception::Class;
+use reactsim_nn::learning::{LearningScene, SceneAugmentation};
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::Stream;
 use reactsim_scene::{CURRENT, DT, FRAMES, FUTURE, Frame};
-use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::inputs::{LocalFrame, SceneContext, Surroundings, Survey};

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_learning::{
+use reactsim_nn::learning::{
     Intentions, LearningScene, Origin, SceneAugmentation, ShippedRecipe, SimulatorTask, TaskError, TaskInput,
     TaskSetup, Trainable, TrainingTask, recipe_values,
 };
+use reactsim_nn::training::{Output, Settings, Stream, Task, View};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Settings, Stream, Task, View};
 use serde::{Deserialize, Serialize};
 
 use super::super::entries::regression_driving;

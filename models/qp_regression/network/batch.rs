@@ -2,9 +2,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_geometry::Vec2;
-use reactsim_learning::Intentions;
 use reactsim_nn::CLOSED;
-use reactsim_perception::{Class, millionths};
+use reactsim_nn::learning::Intentions;
+use reactsim_nn::perception::{Class, millionths};
 use reactsim_scene::HISTORY;
 
 use super::STATE;

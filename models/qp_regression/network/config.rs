@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use reactsim_nn::SizeError;
-use reactsim_perception::denoised;
+use reactsim_nn::perception::denoised;
 use reactsim_scene::{FUTURE, Frame};
 use serde::{Deserialize, Serialize};
 

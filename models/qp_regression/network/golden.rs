@@ -2,9 +2,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_golden::{Golden, GoldenFile, assert_close, values};
-use reactsim_learning::Intentions;
+use reactsim_nn::learning::Intentions;
+use reactsim_nn::perception::Class;
 use reactsim_nn::{CLOSED, Initializer, device};
-use reactsim_perception::Class;
 
 use super::batch::{AgentInput, Polylines, TokenPlaces, nearest_tokens};
 use super::{Batch, Config, Network, STATE};

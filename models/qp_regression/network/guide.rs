@@ -3,7 +3,7 @@
 
 use burn::tensor::{Tensor, TensorData};
 use reactsim_geometry::{Vec2, into_frame, left, math, smooth_step};
-use reactsim_perception::lane;
+use reactsim_nn::perception::lane;
 use reactsim_scene::DT;
 
 use super::STATE;

@@ -3,8 +3,8 @@
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::{Tensor, TensorData};
+use reactsim_nn::training::{Average, Observation};
 use reactsim_nn::{Initializer, Rows};
-use reactsim_training::{Average, Observation};
 
 use super::config::Norms;
 

@@ -1,7 +1,7 @@
 //! Output of the network.
 
 use burn::tensor::Tensor;
-use reactsim_training::Observation;
+use reactsim_nn::training::Observation;
 
 /// Output of one layer of the decoder.
 #[derive(Clone, Debug)]

@@ -5,8 +5,8 @@ use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use rand::RngExt;
 use reactsim_diffusion::{Schedule, own_motion, standard_normal};
-use reactsim_learning::Intentions;
-use reactsim_training::{Output, Stream, Sums};
+use reactsim_nn::learning::Intentions;
+use reactsim_nn::training::{Output, Stream, Sums};
 
 use super::super::network::{Encoded, Vbd, VbdConfig};
 use super::super::sampling::with_av;

@@ -1,6 +1,6 @@
 //! Recipe of a training.
 
-use reactsim_learning::SceneAugmentation;
+use reactsim_nn::learning::SceneAugmentation;
 use serde::{Deserialize, Serialize};
 
 use super::super::Sight;

@@ -2,10 +2,10 @@
 
 use reactsim_diffusion::{actions, normalized};
 use reactsim_geometry::{Vec2, direction, into_frame, wrap};
-use reactsim_learning::{Intentions, LearningScene};
-use reactsim_perception::KnownMap;
+use reactsim_nn::learning::{Intentions, LearningScene};
+use reactsim_nn::perception::KnownMap;
+use reactsim_nn::training::Stream;
 use reactsim_scene::{Agent, AgentState, FUTURE, Frame, Scenario};
-use reactsim_training::Stream;
 
 use super::super::inputs::Seen;
 use super::Recipe;

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use burn::tensor::Device;
 use rand_chacha::rand_core::SeedableRng;
 use reactsim_diffusion::{Schedule, ScheduleError};
-use reactsim_learning::{
+use reactsim_nn::learning::{
     Intentions, Origin, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
     recipe_values,
 };
+use reactsim_nn::training::{Output, Settings, Stream, Task, View};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::entries::parameters;
 use super::super::network::Vbd;

@@ -2,10 +2,10 @@
 //! the record.
 
 use rand::RngExt;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::Stream;
 use reactsim_scene::Scenario;
 use reactsim_scene::dynamics::Pose;
-use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::super::super::token_loss::loss_weight;

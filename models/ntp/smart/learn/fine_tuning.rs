@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use burn::module::Module;
 use burn::tensor::Device;
-use reactsim_learning::{SimulatorTask, TaskError, TaskSetup, Trainable};
+use reactsim_nn::learning::{SimulatorTask, TaskError, TaskSetup, Trainable};
+use reactsim_nn::training::{Output, Stream, Task, View};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Stream, Task, View};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

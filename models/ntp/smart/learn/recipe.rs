@@ -1,6 +1,6 @@
 //! Recipe of a training.
 
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
 use serde::{Deserialize, Serialize};
 
 use super::super::super::smoothing::Smoothing;

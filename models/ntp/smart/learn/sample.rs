@@ -1,8 +1,8 @@
 //! Training samples: logged scenes as tokens, with the token to choose at every step.
 
 use rand::RngExt;
+use reactsim_nn::training::Stream;
 use reactsim_scene::Scenario;
-use reactsim_training::Stream;
 
 use super::super::super::token_loss::{Target, loss_weight};
 use super::super::super::tokens::{

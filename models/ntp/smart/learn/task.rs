@@ -5,15 +5,15 @@ use std::error::Error;
 
 use burn::module::Module;
 use burn::tensor::Device;
-use reactsim_learning::{
+use reactsim_nn::Noise;
+use reactsim_nn::learning::{
     Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
     recipe_values,
 };
-use reactsim_nn::Noise;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::{Output, Settings, Stream, Task, View};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Output, Settings, Stream, Task, View};
 
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
 use super::super::{Smart, SmartConfig, SmartPolicy};

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use burn::tensor::{Device, Int, Tensor};
 use reactsim_nn::Noise;
-use reactsim_perception::Class;
+use reactsim_nn::perception::Class;
+use reactsim_nn::training::Output;
 use reactsim_rollout::Controller;
-use reactsim_training::Output;
 
 use super::super::super::entries::smart_parameters;
 use super::super::super::policy_loss::{Choice, policy_loss};

@@ -1,8 +1,8 @@
 //! Scenes to learn from as input of the network: the map, and the agents with their tracks.
 
 use reactsim_geometry::Vec2;
-use reactsim_learning::{LearningMap, LearningScene};
-use reactsim_perception::Class;
+use reactsim_nn::learning::{LearningMap, LearningScene};
+use reactsim_nn::perception::Class;
 use reactsim_scene::{CURRENT, Frame};
 
 use super::super::super::tokens::{

@@ -1,7 +1,7 @@
 //! The rollout: the network drives, kept near the record.
 
+use reactsim_nn::training::Stream;
 use reactsim_scene::dynamics::Pose;
-use reactsim_training::Stream;
 
 use super::super::super::super::token_loss::Target;
 use super::super::super::super::tokens::{ORIGIN, TokenNoise, Vocabulary, motion_between, moved};

@@ -1,9 +1,9 @@
 //! Fine-tuning of the network as a task.
 
 use burn::module::Module;
-use reactsim_learning::{ShippedRecipe, TrainingTask, recipe_values};
 use reactsim_nn::Noise;
-use reactsim_training::{Output, Settings, Stream};
+use reactsim_nn::learning::{ShippedRecipe, TrainingTask, recipe_values};
+use reactsim_nn::training::{Output, Settings, Stream};
 
 use super::super::super::super::smoothing::Smoothing;
 use super::super::super::{InputError, Scene, Smart};

@@ -120,7 +120,7 @@ fn brings_about(paths: &Paths, a: usize, b: usize, frame: usize, dt: f64) -> boo
 #[cfg(test)]
 mod tests {
     use reactsim_geometry::Vec2;
-    use reactsim_perception::Class;
+    use reactsim_nn::perception::Class;
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! Rollouts of a group, and what is learned from them.
 
+use reactsim_nn::training::Stream;
 use reactsim_scene::DT;
-use reactsim_training::Stream;
 
 use super::super::super::super::policy_loss::Choice;
 use super::super::super::super::token_loss::Target;

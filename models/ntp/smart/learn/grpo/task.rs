@@ -3,8 +3,8 @@
 use burn::module::Module;
 use burn::tensor::Tensor;
 use rand::SeedableRng;
-use reactsim_learning::{TrainingTask, recipe_values};
-use reactsim_training::{Output, Settings, Stream, Sums};
+use reactsim_nn::learning::{TrainingTask, recipe_values};
+use reactsim_nn::training::{Output, Settings, Stream, Sums};
 
 use super::super::super::Smart;
 use super::super::closed_loop::{AV, ClosedLoopSample, Excerpt};

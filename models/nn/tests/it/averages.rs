@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim_training::{
+use reactsim_nn::training::{
     Average, Execution, Learner, Output, Settings, Stream, Sums, Task, View, draw_parameters,
 };
 use serde_json::Map;

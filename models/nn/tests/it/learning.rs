@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-use reactsim_training::{Ending, Observer, Row, Settings, TrainingError};
+use reactsim_nn::training::{Ending, Observer, Row, Settings, TrainingError};
 
 use super::toy::{Curve, Toy, Trial, left, settings};
 

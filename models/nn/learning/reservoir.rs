@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use rand::RngExt;
 use reactsim_rollout::{Purpose, Stream, stream};
-use reactsim_training::leading_bits;
+
+use crate::training::leading_bits;
 
 /// Keys of seen items to remember, as a multiple of the sample size. When there are more, all are
 /// forgotten, which bounds memory.

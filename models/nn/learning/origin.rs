@@ -1,7 +1,8 @@
 //! The network that a training begins with.
 
 use burn::tensor::Device;
-use reactsim_nn::Initializer;
+
+use crate::Initializer;
 
 /// Network that a training begins with, and the device of the training.
 #[derive(Clone, Debug)]

@@ -8,7 +8,7 @@ use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Tensor, TensorData, activation};
 use rand_chacha::rand_core::Rng;
-use reactsim_training::{
+use reactsim_nn::training::{
     ClosedLoop, Execution, LOG, Learner, NamedTensors, Observer, Outcome, Output, Row, Settings, Source,
     Stream, Sums, Task, TrainingError, View, WEIGHTS, Wall, draw_parameters, read_log,
 };

@@ -6,8 +6,9 @@ use std::sync::atomic::AtomicBool;
 
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
-use reactsim_training::{Execution, Learner, Observer, Outcome, Settings, Source, Task, TrainingError};
 use serde_json::{Map, Value};
+
+use crate::training::{Execution, Learner, Observer, Outcome, Settings, Source, Task, TrainingError};
 
 /// A task whose network a simulator runs.
 pub trait SimulatorTask: Task<Example = Scenario> + Send {

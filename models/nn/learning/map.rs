@@ -1,7 +1,8 @@
 //! Maps that can be transformed together with a scene.
 
 use reactsim_geometry::Vec2;
-use reactsim_perception::{KnownMap, PieceKind};
+
+use crate::perception::{KnownMap, PieceKind};
 
 /// Map data of a network that can be transformed together with a scene.
 pub trait LearningMap {

@@ -1,14 +1,14 @@
 //! Intention points: positions that agents may reach within eight seconds, one per motion query.
 
 use reactsim_geometry::Vec2;
-use reactsim_nn::{
-    Tensors, WeightsError,
-    weights::{Tables, save_tables},
-};
-use reactsim_perception::Class;
 use serde_json::json;
 
 use super::Provenance;
+use crate::perception::Class;
+use crate::{
+    Tensors, WeightsError,
+    weights::{Tables, save_tables},
+};
 
 /// Prefix of the tensor names.
 pub const PREFIX: &str = "intention_points.";

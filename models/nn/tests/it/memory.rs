@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use reactsim_training::{Execution, Learner, Output, Settings, Source, Stream, Task, View};
+use reactsim_nn::training::{Execution, Learner, Output, Settings, Source, Stream, Task, View};
 use serde_json::Map;
 
 use super::toy::{Net, Toy, settings};

@@ -5,12 +5,12 @@ use std::error::Error;
 
 use burn::tensor::Device;
 use reactsim_baseline::{ModelError, Parameters, WeightsFile};
-use reactsim_training::Settings;
 use serde::de::DeserializeOwned;
 use toml::Table;
 
 use super::Trainable;
 use super::recipe::{LEARNING, recipe_parameters};
+use crate::training::Settings;
 
 /// A kind of training, as `list tasks` shows it.
 #[derive(Clone, Copy, Debug)]

@@ -3,9 +3,10 @@
 use std::fmt::Write;
 
 use reactsim_baseline::{Allowed, ModelError, ParameterRange, Parameters, Ranges};
-use reactsim_training::Settings;
 use serde::Serialize;
 use toml::{Table, Value};
+
+use crate::training::Settings;
 
 /// Units and ranges of the learner's settings, which are part of every recipe (TOML).
 pub const LEARNING_RANGES: &str = include_str!("ranges.toml");

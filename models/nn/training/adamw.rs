@@ -60,7 +60,7 @@ mod tests {
     use burn::tensor::{Device, Tensor};
 
     use super::*;
-    use crate::parameters;
+    use crate::training::parameters;
 
     /// Parameters after steps 1, 10 and 20 of the AdamW of burn-optim 0.22.1 on the same loss.
     #[rustfmt::skip]
@@ -85,7 +85,7 @@ mod tests {
         let settings = Settings { weight_decay: 0.1, epsilon: 1e-5, ..Settings::default() };
         let device = Device::flex().autodiff();
         let model = LinearConfig::new(3, 4).with_bias(false).init(&device);
-        let model = crate::draw_parameters(model, 3, 1.0);
+        let model = crate::training::draw_parameters(model, 3, 1.0);
         let (layout, mut values) = parameters::read(&model);
         let mut adamw = AdamW::new(layout.len);
         for step in 0..20u8 {
@@ -112,14 +112,14 @@ mod tests {
             table: Embedding,
             norm: LayerNorm,
             linear: Linear,
-            mean: crate::Average,
+            mean: crate::training::Average,
         }
         let device = Device::flex().autodiff();
         let net = Net {
             table: EmbeddingConfig::new(5, 3).init(&device),
             norm: LayerNormConfig::new(3).init(&device),
             linear: LinearConfig::new(3, 2).init(&device),
-            mean: crate::Average::new(Tensor::zeros([2], &device)),
+            mean: crate::training::Average::new(Tensor::zeros([2], &device)),
         };
         let (layout, _) = parameters::read(&net);
         let groups: Vec<(&str, Group)> =

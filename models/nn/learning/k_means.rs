@@ -2,12 +2,12 @@
 
 use rand::RngExt;
 use reactsim_geometry::{Vec2, into_frame};
-use reactsim_perception::Class;
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
 use super::{Intentions, IntentionsError, Provenance, Reservoir, for_each_track};
+use crate::perception::Class;
 
 /// Displacement in metres below which an agent counts as standing, which has a point of its own.
 const STANDSTILL_DISPLACEMENT: f64 = 1.0;

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use reactsim_training::{Ending, LOG, NamedTensors, Observer, Row, Settings, TrainingError, WEIGHTS};
+use reactsim_nn::training::{Ending, LOG, NamedTensors, Observer, Row, Settings, TrainingError, WEIGHTS};
 
 use super::toy::{Curve, Toy, Trial, checkpoints, left, settings};
 

@@ -2,13 +2,13 @@
 
 use rand::RngExt;
 use reactsim_geometry::Vec2;
-use reactsim_perception::SceneView;
 use reactsim_scene::dynamics::PARKED_DISPLACEMENT;
 use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Scenario};
-use reactsim_training::Stream;
 use serde::{Deserialize, Serialize};
 
 use super::map::LearningMap;
+use crate::perception::SceneView;
+use crate::training::Stream;
 
 /// Augmentation of scenes by draws from a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
