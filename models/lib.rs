@@ -6,9 +6,8 @@ pub use reactsim_baseline::{
     Allowed, Baseline, Card, CardError, ModelError, ParameterRange, Parameters, Ranges, Setup, WeightsFile,
     weights,
 };
-pub use reactsim_ctg as ctg;
 pub use reactsim_diffusion as diffusion;
-pub use reactsim_diffusion_planner as diffusion_planner;
+pub use reactsim_diffusion::{ctg, planner as diffusion_planner, vbd};
 pub use reactsim_idm as idm;
 pub use reactsim_nn as nn;
 pub use reactsim_nn::{learning, perception};
@@ -16,7 +15,6 @@ pub use reactsim_ntp as ntp;
 pub use reactsim_pufferdrive as pufferdrive;
 pub use reactsim_qp as qp;
 pub use reactsim_qp_regression as qp_regression;
-pub use reactsim_vbd as vbd;
 
 use learning::TrainingTask;
 

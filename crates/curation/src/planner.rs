@@ -1,7 +1,7 @@
 //! Candidates of a learned planner: samples of Diffusion-Planner.
 
 use burn::tensor::Device;
-use reactsim_diffusion_planner::PlannerPolicy;
+use reactsim_diffusion::planner::PlannerPolicy;
 use reactsim_rollout::{Observation, Stream};
 use reactsim_scene::{AgentState, Scenario};
 
