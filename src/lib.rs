@@ -11,9 +11,6 @@
 #[cfg(feature = "curation")]
 #[doc(inline)]
 pub use reactsim_curation as curation;
-#[cfg(feature = "environment")]
-#[doc(inline)]
-pub use reactsim_environment as environment;
 #[cfg(feature = "evaluation")]
 #[doc(inline)]
 pub use reactsim_evaluation as evaluation;
@@ -60,6 +57,8 @@ pub use reactsim_scene::dynamics;
 pub mod benchmark;
 #[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(feature = "environment")]
+pub mod environment;
 
 /// Commit from which the program is built, with `+` if files were changed since; `unknown` outside a checkout.
 #[cfg(feature = "report")]

@@ -1,16 +1,16 @@
 //! Actions: how a program moves the AV or an agent during one step.
 
-use reactsim_geometry::{Vec2, direction, left};
-use reactsim_planning::av::{at_start, state_of_box};
-use reactsim_planning::from_scene::ego_states_until_now;
-use reactsim_planning::tracking::Controller;
-use reactsim_planning::{EgoShape, EgoState, MAX_SPEED, STEP, Trajectory};
-use reactsim_rollout::MAX_STEP_DISPLACEMENT;
-use reactsim_scene::dynamics::{MAX_ACCELERATION, MAX_CURVATURE, Pose};
-use reactsim_scene::{AgentState, DT, Frame};
 use serde::Deserialize;
 
 use super::session::RequestError;
+use crate::geometry::{Vec2, direction, left};
+use crate::planning::av::{at_start, state_of_box};
+use crate::planning::from_scene::ego_states_until_now;
+use crate::planning::tracking::Controller;
+use crate::planning::{EgoShape, EgoState, MAX_SPEED, STEP, Trajectory};
+use crate::rollout::MAX_STEP_DISPLACEMENT;
+use crate::scene::dynamics::{MAX_ACCELERATION, MAX_CURVATURE, Pose};
+use crate::scene::{AgentState, DT, Frame};
 
 /// Share of the largest speed of a trajectory to which planned displacements are shortened.
 const BELOW_MAX_SPEED: f64 = 0.999;

@@ -4,21 +4,18 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use reactsim_evaluation::{KnownDeviation, Row, judge_in_memory};
-use reactsim_metrics::{Event, Options};
-use reactsim_planning::from_scene::{
-    ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map,
-};
-use reactsim_planning::metrics::SampleJudge;
-use reactsim_planning::{EgoShape, PlanningMap};
-use reactsim_rollout::{
-    AvError, AvPolicy, Controller, Lockstep, Observation, Rollout, RolloutBeginning, Settings,
-};
-use reactsim_scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame, Scenario};
-
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
 use super::session::RequestError;
+use crate::evaluation::{KnownDeviation, Row, judge_in_memory};
+use crate::metrics::{Event, Options};
+use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map};
+use crate::planning::metrics::SampleJudge;
+use crate::planning::{EgoShape, PlanningMap};
+use crate::rollout::{
+    AvError, AvPolicy, Controller, Lockstep, Observation, Rollout, RolloutBeginning, Settings,
+};
+use crate::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame, Scenario};
 
 /// Slot of the AV among the agents.
 const AV: usize = 0;

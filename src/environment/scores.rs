@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_evaluation::{EventLine, Pose, RolloutCheck, Row, score_in_memory};
-use reactsim_external::Frame;
-use reactsim_formats::rollouts::RolloutRecord;
-use reactsim_metrics::{Event, Options};
-use reactsim_scene::{AgentState, FUTURE, Frame as StateFrame};
 use serde::{Deserialize, Serialize};
 
 use super::scenarios::{Reading, ScenarioCache};
 use super::session::{Answer, RequestError, answer, arguments};
+use crate::evaluation::{EventLine, Pose, RolloutCheck, Row, score_in_memory};
+use crate::external::Frame;
+use crate::formats::rollouts::RolloutRecord;
+use crate::metrics::{Event, Options};
+use crate::scene::{AgentState, FUTURE, Frame as StateFrame};
 
 /// Values of a state: x, y, heading, and the velocities, which may be left out.
 const VALUES: [usize; 2] = [3, 5];

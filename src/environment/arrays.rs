@@ -3,10 +3,11 @@
 //! Everything is in the frame of the observing agent: origin at its box centre, x axis along its heading.
 //! Metres and m/s. Rows that do not exist are 0, and their flag `valid` is 0.
 
-use reactsim_geometry::{Polyline, Vec2, direction, left};
-use reactsim_rollout::Observation;
-use reactsim_scene::{AgentKind, AgentState, FUTURE, HISTORY, LaneKind, LightState, Scenario};
 use serde::{Deserialize, Serialize};
+
+use crate::geometry::{Polyline, Vec2, direction, left};
+use crate::rollout::Observation;
+use crate::scene::{AgentKind, AgentState, FUTURE, HISTORY, LaneKind, LightState, Scenario};
 
 /// Distance between points of lanes, metres.
 const LANE_SPACING: f64 = 2.0;

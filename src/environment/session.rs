@@ -3,18 +3,18 @@
 use std::fmt;
 use std::io::{self, Read, Write};
 
-use reactsim_evaluation::EvaluationError;
-use reactsim_external::{DocumentError, Frame, FrameWriter, Values, read_frame};
-use reactsim_formats::FormatError;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
-use super::environment::Environment;
+use super::drive::Environment;
 use super::realism::LogCache;
 use super::scenarios::ScenarioCache;
 use super::world::World;
 use super::{realism, requests, scores, world_requests};
+use crate::evaluation::EvaluationError;
+use crate::external::{DocumentError, Frame, FrameWriter, Values, read_frame};
+use crate::formats::FormatError;
 
 /// Largest request, bytes.
 const MOST_BYTES: u64 = 4 << 30;
@@ -142,10 +142,10 @@ fn in_words(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_scene::FUTURE;
     use serde_json::Value;
 
     use super::*;
+    use crate::scene::FUTURE;
 
     /// A request: its type, its arguments and a tensor.
     type Sent<'a> = (&'a str, Value, Option<(&'static str, Values)>);

@@ -3,18 +3,18 @@
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use reactsim_evaluation::{Plan, Row, judge_in_memory};
-use reactsim_metrics::{Event, Options};
-use reactsim_planning::EgoShape;
-use reactsim_rollout::{
-    Av, AvError, AvPolicy, Controller, Episode, Lockstep, Memory, Observation, PlanError, Protocol, Replan,
-    Rollout, RolloutBeginning, Settings, Simulator, Stream,
-};
-use reactsim_scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario, Start};
 
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
 use super::session::RequestError;
+use crate::evaluation::{Plan, Row, judge_in_memory};
+use crate::metrics::{Event, Options};
+use crate::planning::EgoShape;
+use crate::rollout::{
+    Av, AvError, AvPolicy, Controller, Episode, Lockstep, Memory, Observation, PlanError, Protocol, Replan,
+    Rollout, RolloutBeginning, Settings, Simulator, Stream,
+};
+use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario, Start};
 
 /// Slot of the AV among the agents.
 const AV: usize = 0;
@@ -282,7 +282,7 @@ fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_evaluation::{AvChoice, PlanRequest, Source};
+    use crate::evaluation::{AvChoice, PlanRequest, Source};
 
     use super::*;
 

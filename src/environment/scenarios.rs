@@ -5,12 +5,12 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use reactsim_evaluation::{Deviations, Source};
-use reactsim_formats::{self as formats, CurrentFrames, PendingScenarios};
-use reactsim_scene::Scenario;
 use serde::Deserialize;
 
 use super::session::RequestError;
+use crate::evaluation::{Deviations, Source};
+use crate::formats::{self as formats, CurrentFrames, PendingScenarios};
+use crate::scene::Scenario;
 
 /// Number of scenarios that are kept in memory.
 const MOST_SCENARIOS: usize = 256;

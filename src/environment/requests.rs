@@ -4,22 +4,22 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use reactsim_evaluation::{Adjustments, PlannedSimulator, Row, Selection, weights_file};
-use reactsim_external::{Frame, FrameWriter, Values};
-use reactsim_metrics::Event;
-use reactsim_rollout::{Protocol, Replan, Settings};
-use reactsim_scene::{FUTURE, Frame as StateFrame, Scenario};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::action::ActionKind;
 use super::arrays::{Arrays, Sizes};
-use super::environment::{
+use super::drive::{
     End, EndCondition, Environment, EnvironmentSettings, EpisodeBeginning, MEASURES, Stepped,
 };
 use super::scenarios::Reading;
 use super::scores::{Scored, metric_options};
 use super::session::{Answer, RequestError, answer, arguments};
+use crate::evaluation::{Adjustments, PlannedSimulator, Row, Selection, weights_file};
+use crate::external::{Frame, FrameWriter, Values};
+use crate::metrics::Event;
+use crate::rollout::{Protocol, Replan, Settings};
+use crate::scene::{FUTURE, Frame as StateFrame, Scenario};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -3,14 +3,12 @@
 //!
 //! Start with [`serve`], which answers requests over two streams until the first one ends, and with
 //! [`Environment`], whose actions drive the AV, or with [`World`], whose actions move the agents. Requests
-//! and answers are frames of the protocol for external simulators ([`reactsim_external::Frame`]) with
+//! and answers are frames of the protocol for external simulators ([`crate::external::Frame`]) with
 //! arguments in JSON. They are an interface between this program and its Python package of the same version.
-// Tests may call the mathematical functions of the platform: their comparisons have tolerances.
-#![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 mod action;
 mod arrays;
-mod environment;
+mod drive;
 mod realism;
 mod requests;
 mod scenarios;
@@ -21,8 +19,6 @@ mod world_requests;
 
 pub use action::ActionKind;
 pub use arrays::{Arrays, Sizes};
-pub use environment::{
-    End, EndCondition, Environment, EnvironmentSettings, EpisodeBeginning, MEASURES, Stepped,
-};
+pub use drive::{End, EndCondition, Environment, EnvironmentSettings, EpisodeBeginning, MEASURES, Stepped};
 pub use session::{RequestError, serve};
 pub use world::{AGENT_MEASURES, World, WorldStepped};

@@ -3,18 +3,16 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use reactsim_evaluation::realism::{
-    LogFiles, LogSource, RealismFailure, RealismScores, ScoredPair, score_all,
-};
-use reactsim_external::Frame;
 use reactsim_formats as formats;
-use reactsim_metrics::wosac::Config;
-use reactsim_scene::FUTURE;
-use reactsim_scene::wosac::{JointScene, ObjectTrajectory, ScenarioRollouts, WosacLog};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::session::{Answer, RequestError, answer, arguments};
+use crate::evaluation::realism::{LogFiles, LogSource, RealismFailure, RealismScores, ScoredPair, score_all};
+use crate::external::Frame;
+use crate::metrics::wosac::Config;
+use crate::scene::FUTURE;
+use crate::scene::wosac::{JointScene, ObjectTrajectory, ScenarioRollouts, WosacLog};
 
 /// Number of logs that are kept in memory.
 const MOST_LOGS: usize = 64;

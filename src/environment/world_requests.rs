@@ -3,8 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use reactsim_evaluation::{PlanRequest, Selection};
-use reactsim_external::{Frame, Values};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -15,6 +13,8 @@ use super::scenarios::Reading;
 use super::scores::metric_options;
 use super::session::{Answer, RequestError, answer, arguments};
 use super::world::{AGENT_MEASURES, World};
+use crate::evaluation::{PlanRequest, Selection};
+use crate::external::{Frame, Values};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
