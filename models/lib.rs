@@ -14,7 +14,7 @@ pub use reactsim_nn::{learning, perception};
 pub use reactsim_ntp as ntp;
 pub use reactsim_pufferdrive as pufferdrive;
 pub use reactsim_qp as qp;
-pub use reactsim_qp_regression as qp_regression;
+pub use reactsim_qp::regression as qp_regression;
 
 use learning::TrainingTask;
 

@@ -2,7 +2,8 @@
 //! clear of other agents.
 //!
 //! The stage sits between the modes that a simulator proposes and the motion of the vehicles. Read
-//! [`Stage`] first; [`Smoothing`] puts it behind a simulator. `models/qp/README.md` explains the design
+//! [`Stage`] first; [`Smoothing`] puts it behind a simulator. [`regression`] has networks whose predictions it
+//! smooths. `models/qp/README.md` explains the design
 //! and has figures.
 
 mod av_routes;
@@ -16,6 +17,7 @@ mod obstacle;
 mod path;
 mod planned_vehicle;
 mod program;
+pub mod regression;
 mod rows;
 mod settings;
 mod sides;

@@ -8,7 +8,7 @@ use reactsim_scene::{AgentState, DT};
 use super::frame::LocalFrame;
 use super::histories::histories;
 use super::{Outlook, PolylineFeatures, SceneContext};
-use crate::network::{Attributes, Config};
+use crate::regression::network::{Attributes, Config};
 
 /// Surroundings of one agent, in its frame.
 #[derive(Clone, Debug)]

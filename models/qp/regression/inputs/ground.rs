@@ -6,7 +6,7 @@ use reactsim_nn::perception::{KnownMap, Places};
 use reactsim_scene::Start;
 
 use super::Lines;
-use crate::network::Config;
+use crate::regression::network::Config;
 
 /// Map features that can still be mirrored and stretched.
 #[derive(Clone, Debug)]

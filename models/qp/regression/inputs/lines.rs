@@ -8,7 +8,7 @@ use reactsim_nn::perception::{MAX_LINE_LENGTH, Nearest, PointIndex, closed, edge
 use reactsim_scene::{LaneClass, LaneKind, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 use super::frame::{LocalFrame, PolylineFeatures};
-use crate::network::{Attributes, Config};
+use crate::regression::network::{Attributes, Config};
 
 /// Returns the number of features of a point of a line.
 pub(crate) const fn point_numbers(attributes: Attributes) -> usize {

@@ -17,7 +17,7 @@ use super::guide;
 use super::layers::{NormedMlp, Observed};
 use super::output::LayerOutput;
 use super::sine::sine;
-use crate::inputs::OUTLOOK;
+use crate::regression::inputs::OUTLOOK;
 
 /// Scale of reference positions in the input, 1/m, for numbers near 1.
 const REFERENCE_SCALE: f64 = 0.05;

@@ -7,7 +7,7 @@ use reactsim_nn::{Initializer, Perceptron, PerceptronKind, Rows, pool};
 use super::batch::Polylines;
 use super::config::{Config, Norms};
 use super::layers::{NormedMlp, Observed};
-use crate::inputs::{agent_numbers, point_numbers};
+use crate::regression::inputs::{agent_numbers, point_numbers};
 
 /// A PointNet for polylines: points pass a perceptron and are pooled, pass another one together with
 /// the pooled values, and are pooled again.

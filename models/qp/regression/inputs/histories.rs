@@ -4,7 +4,7 @@ use reactsim_nn::perception::{SceneView, velocity_at};
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, HISTORY};
 
 use super::frame::{LocalFrame, PolylineFeatures};
-use crate::network::{Attributes, Config};
+use crate::regression::network::{Attributes, Config};
 
 /// Returns the number of features of an agent at a frame.
 pub(crate) const fn agent_numbers(attributes: Attributes) -> usize {

@@ -8,7 +8,7 @@ use reactsim_nn::{CLOSED, Initializer, device};
 
 use super::batch::{AgentInput, Polylines, TokenPlaces, nearest_tokens};
 use super::{Batch, Config, Network, STATE};
-use crate::predict::kept_modes;
+use crate::regression::predict::kept_modes;
 
 /// The configuration of the golden data.
 const CONFIG: Config = Config {

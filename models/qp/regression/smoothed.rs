@@ -1,7 +1,6 @@
 //! Vehicles that plan along their predictions.
 
 use burn::tensor::Device;
-use reactsim_qp::{Intent, KeepClear, Mode, REFUSED, STEPS, Settings, Stage, is_planned};
 use reactsim_rollout::{NOT_FINITE, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
@@ -10,6 +9,7 @@ use super::follow::follow;
 use super::policy::Policy;
 use super::predict::Prediction;
 use super::simulator::{EpisodeMemory, execute, predicted_slots};
+use crate::{Intent, KeepClear, Mode, REFUSED, STEPS, Settings, Stage, is_planned};
 
 /// Parameters of planning along predictions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -10,7 +10,7 @@ use reactsim_scene::HISTORY;
 use super::STATE;
 use super::config::Config;
 use super::guide::References;
-use crate::inputs::{OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers};
+use crate::regression::inputs::{OUTLOOK, PolylineFeatures, Surroundings, agent_numbers, point_numbers};
 
 /// Points of histories of agents, or of map lines, as tensors.
 #[derive(Clone, Debug)]
