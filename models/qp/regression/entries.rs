@@ -3,7 +3,6 @@
 use burn::tensor::Device;
 use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_nn::device_of;
-use reactsim_qp as qp;
 use reactsim_rollout::Controller;
 
 use super::{Driving, Policy, QpRegressionSimulator, RegressionSimulator};
@@ -45,7 +44,7 @@ pub(super) fn regression_driving() -> Result<Driving, ModelError> {
 
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;
-    let (device, settings) = (device_of(setup.backend), qp::settings()?);
+    let (device, settings) = (device_of(setup.backend), crate::settings()?);
     let policy = read_policy(&setup, &device)?;
     Ok(Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device))))
 }
