@@ -89,7 +89,13 @@ impl Case {
         }
     }
 
-    fn forward(&self, config: &AttentionConfig, layer: &RelationalAttention, device: &Device) -> Vec<f32> {
+    fn output(
+        &self,
+        config: &AttentionConfig,
+        layer: &RelationalAttention,
+        device: &Device,
+        mut noise: Noise,
+    ) -> Tensor<2> {
         let (sources, targets): (Vec<u32>, Vec<u32>) =
             self.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
         let neighbors = Neighbors::from_edges(9, &sources, &targets, device);
@@ -97,13 +103,17 @@ impl Case {
         if config.relation_norm {
             relations = normalize(relations);
         }
-        values(layer.forward(
+        layer.forward(
             tensor(&self.dst, config.width, device),
             layer.sources(tensor(&self.src, config.width, device)),
             &neighbors,
             neighbors.relations(relations),
-            &mut Noise::none(),
-        ))
+            &mut noise,
+        )
+    }
+
+    fn forward(&self, config: &AttentionConfig, layer: &RelationalAttention, device: &Device) -> Vec<f32> {
+        values(self.output(config, layer, device, Noise::none()))
     }
 
     fn naive(&self, config: &AttentionConfig, layer: &RelationalAttention) -> Vec<f32> {
@@ -173,16 +183,8 @@ fn closed_slots_count_for_nothing() {
 fn dropout_is_what_its_stream_says() {
     let config = config();
     let case = Case::new(&config);
-    let (sources, targets): (Vec<u32>, Vec<u32>) =
-        case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
-    let run_on = |device: &Device, mut noise: Noise| {
-        let layer = layer(&config, device);
-        let neighbors = Neighbors::from_edges(9, &sources, &targets, device);
-        let relations =
-            neighbors.relations(normalize(tensor(&case.relations, config.relation_width, device)));
-        let (dst, src) = (tensor(&case.dst, config.width, device), tensor(&case.src, config.width, device));
-        values(layer.forward(dst, layer.sources(src), &neighbors, relations, &mut noise))
-    };
+    let run_on =
+        |device: &Device, noise: Noise| values(case.output(&config, &layer(&config, device), device, noise));
     let device = Device::flex();
     let run = |noise: Noise| run_on(&device, noise);
     let stream = |seed| Noise::new(ChaCha8Rng::seed_from_u64(seed));
@@ -216,13 +218,8 @@ fn gradients_flow_through_every_weight() {
     // Loaded weights can be trained like any others.
     let layer = Tensors::read(&bytes).unwrap().load(layer(&config, &device)).unwrap();
     let case = Case::new(&config);
-    let (sources, targets): (Vec<u32>, Vec<u32>) =
-        case.edges.iter().map(|e| (e.0 as u32, e.1 as u32)).unzip();
-    let neighbors = Neighbors::from_edges(9, &sources, &targets, &device);
-    let relations = neighbors.relations(normalize(tensor(&case.relations, config.relation_width, &device)));
-    let (dst, src) = (tensor(&case.dst, config.width, &device), tensor(&case.src, config.width, &device));
     let weights = tensor(&rows(&mut ChaCha8Rng::seed_from_u64(8), 9, config.width), config.width, &device);
-    let out = layer.forward(dst, layer.sources(src), &neighbors, relations, &mut Noise::none());
+    let out = case.output(&config, &layer, &device, Noise::none());
     let gradients = (out * weights).sum().backward();
 
     struct Check<'a>(&'a burn::tensor::Gradients, usize);
