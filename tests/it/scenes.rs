@@ -8,8 +8,8 @@ use reactsim::metrics::{self, Case, Options, Scores};
 use reactsim::models;
 use reactsim::rollout::{DeviatedAv, Request, Rollout, Settings, roll_out};
 use reactsim::scene::{
-    Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LaneArea, LaneClass, LaneKind,
-    LaneParts, LightParts, LightState, LoggedAgent, MapParts, Scenario, ScenarioParts,
+    Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LaneKind, LaneParts, LightParts,
+    LightState, LoggedAgent, MapParts, Scenario, ScenarioParts,
 };
 
 use crate::program::MINI;
@@ -54,18 +54,7 @@ pub(crate) fn bystander() -> LoggedAgent {
 
 /// Returns a lane of 3.5 m along points.
 pub(crate) fn lane(id: &str, points: Vec<Vec2>, speed_limit: Option<f64>) -> LaneParts {
-    LaneParts {
-        id: id.to_owned(),
-        kind: LaneKind::Connector,
-        class: LaneClass::SurfaceStreet,
-        speed_limit,
-        points,
-        area: LaneArea::Corridor { half_width: 1.75 },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
-    }
+    LaneParts { id: id.to_owned(), kind: LaneKind::Connector, speed_limit, points, ..LaneParts::default() }
 }
 
 /// Returns points every 2 m from one position to another.

@@ -7,8 +7,7 @@ use reactsim::metrics::Options;
 use reactsim::rollout::Settings;
 use reactsim::scene::{
     Agent, AgentKind, AgentState, Certificate, Deviation, DeviationParts, Effort, FRAMES, FUTURE, Frame,
-    HISTORY, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, Response, RoadEdge,
-    RoadEdgeKind, Scenario, ScenarioParts,
+    HISTORY, LaneParts, LoggedAgent, MapParts, Response, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
 };
 
 /// Returns a vehicle along the x axis: present in all frames, with this position and speed at the current
@@ -60,15 +59,9 @@ pub(crate) fn parts(i: usize, deviated: bool) -> ScenarioParts {
     };
     let lane = |id: &str, y: f64| LaneParts {
         id: id.to_owned(),
-        kind: LaneKind::Lane,
-        class: LaneClass::SurfaceStreet,
         speed_limit: Some(13.4),
         points: (-30..=30).map(|k| Vec2::new(10.0 * f64::from(k), y)).collect(),
-        area: LaneArea::Corridor { half_width: 1.75 },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
+        ..LaneParts::default()
     };
     let braking: Vec<Frame> = (1..=FUTURE)
         .map(|k| {

@@ -177,9 +177,7 @@ fn set_velocities(track: &mut [Frame]) {
 #[cfg(test)]
 mod tests {
     use reactsim_rollout::{Purpose, stream};
-    use reactsim_scene::{
-        Agent, AgentState, CURRENT, FRAMES, HISTORY, LaneClass, LaneParts, LightState, StopLineParts,
-    };
+    use reactsim_scene::{Agent, AgentState, CURRENT, FRAMES, HISTORY, LaneParts, LightState, StopLineParts};
 
     use super::*;
 
@@ -249,15 +247,9 @@ mod tests {
     fn lit(draw: u32) -> ScenarioParts {
         let lane = LaneParts {
             id: "lane".to_owned(),
-            kind: LaneKind::Lane,
-            class: LaneClass::SurfaceStreet,
             speed_limit: Some(15.0),
-            points: Vec::new(),
             area: LaneArea::Polygon(Vec::new()),
-            successors: Vec::new(),
-            predecessors: Vec::new(),
-            left: Vec::new(),
-            right: Vec::new(),
+            ..LaneParts::default()
         };
         let states = vec![Some(LightState::Stop); FRAMES];
         let light = LightParts { lane: "lane".to_owned(), stop_point: Vec2::zeros(), states };

@@ -278,8 +278,8 @@ mod tests {
 
     use super::*;
     use crate::{
-        Agent, AgentState, CURRENT, DT, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent,
-        MapParts, RoadEdge, RoadEdgeKind, ScenarioParts, SceneError, Surface,
+        Agent, AgentState, CURRENT, DT, FRAMES, LaneParts, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind,
+        ScenarioParts, SceneError, Surface,
     };
 
     /// Returns vehicles that move at these positions, the AV first, on a road along the x axis whose edges
@@ -313,15 +313,8 @@ mod tests {
         };
         let lane = LaneParts {
             id: "lane".into(),
-            kind: LaneKind::Lane,
-            class: LaneClass::SurfaceStreet,
-            speed_limit: None,
             points: vec![Vec2::new(-500.0, 0.0), Vec2::new(500.0, 0.0)],
-            area: LaneArea::Corridor { half_width: 1.75 },
-            successors: Vec::new(),
-            predecessors: Vec::new(),
-            left: Vec::new(),
-            right: Vec::new(),
+            ..LaneParts::default()
         };
         let map =
             MapParts { lanes: vec![lane], road_edges: vec![edge(-3.0), edge(3.0)], ..MapParts::default() };

@@ -3,8 +3,8 @@
 use reactsim_geometry::{Polygon, Vec2};
 
 use super::{
-    Crosswalk, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, MapHeights, RoadEdge, RoadLine,
-    StopKind, Surface,
+    Crosswalk, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, MapHeights, RoadEdge,
+    RoadLine, StopKind, Surface,
 };
 use crate::{Certificate, Deviation, Frame};
 
@@ -87,6 +87,24 @@ pub struct LaneParts {
     pub left: Vec<NeighborParts>,
     /// Adjacent lanes on the right.
     pub right: Vec<NeighborParts>,
+}
+
+impl Default for LaneParts {
+    /// A lane of a surface street without a name, points, a recorded width and links.
+    fn default() -> Self {
+        Self {
+            id: String::new(),
+            kind: LaneKind::Lane,
+            class: LaneClass::SurfaceStreet,
+            speed_limit: None,
+            points: Vec::new(),
+            area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
+            successors: Vec::new(),
+            predecessors: Vec::new(),
+            left: Vec::new(),
+            right: Vec::new(),
+        }
+    }
 }
 
 /// An adjacent lane, by id; point indices as in [`super::LaneNeighbor`].

@@ -81,23 +81,15 @@ mod tests {
     use reactsim_geometry::Vec2;
 
     use super::*;
-    use crate::{
-        Agent, AgentKind, AgentState, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent,
-        MapParts, ScenarioParts,
-    };
+    use crate::{Agent, AgentKind, AgentState, FRAMES, LaneParts, LoggedAgent, MapParts, ScenarioParts};
 
     fn lane(id: &str, points: &[(f64, f64)], after: &[&str], before: &[&str]) -> LaneParts {
         LaneParts {
             id: id.to_owned(),
-            kind: LaneKind::Lane,
-            class: LaneClass::SurfaceStreet,
-            speed_limit: None,
             points: points.iter().map(|(x, y)| Vec2::new(*x, *y)).collect(),
-            area: LaneArea::Corridor { half_width: 1.75 },
             successors: after.iter().map(|id| (*id).to_owned()).collect(),
             predecessors: before.iter().map(|id| (*id).to_owned()).collect(),
-            left: Vec::new(),
-            right: Vec::new(),
+            ..LaneParts::default()
         }
     }
 

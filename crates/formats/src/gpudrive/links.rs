@@ -52,7 +52,7 @@ pub(crate) fn link(lanes: &mut [LaneParts]) -> Result<(), Cause> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "tests stop at what they did not expect")]
 
-    use reactsim_scene::{LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind};
+    use reactsim_scene::{LaneClass, LaneKind};
 
     use super::*;
 
@@ -61,13 +61,8 @@ mod tests {
             id: id.to_string(),
             kind: LaneKind::Connector,
             class: LaneClass::Undefined,
-            speed_limit: None,
             points: points.iter().map(|p| Vec2::new(p.0, p.1)).collect(),
-            area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
-            successors: Vec::new(),
-            predecessors: Vec::new(),
-            left: Vec::new(),
-            right: Vec::new(),
+            ..LaneParts::default()
         }
     }
 

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Crosswalk, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, MapParts, RoadEdge, RoadEdgeKind,
-    RoadLine, Surface,
+    Crosswalk, LaneClass, LaneKind, LaneParts, MapParts, RoadEdge, RoadEdgeKind, RoadLine, Surface,
 };
 
 use super::links;
@@ -38,13 +37,8 @@ pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static st
                     // Waymo's lanes overlap at merges and junctions, as connectors do.
                     kind: LaneKind::Connector,
                     class: class(code),
-                    speed_limit: None,
                     points,
-                    area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
-                    successors: Vec::new(),
-                    predecessors: Vec::new(),
-                    left: Vec::new(),
-                    right: Vec::new(),
+                    ..LaneParts::default()
                 });
             }
             "road_line" => {

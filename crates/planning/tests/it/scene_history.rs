@@ -6,7 +6,7 @@ use reactsim_planning::map::{DrivableArea, Intersections};
 use reactsim_planning::metrics::{Label, MetricValue, PlannerMetric, UndefinedReason};
 use reactsim_planning::{EgoShape, ObjectKind};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, FRAMES, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts,
+    Agent, AgentKind, AgentState, FRAMES, Frame, LaneClass, LaneKind, LaneParts,
     LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
 };
 
@@ -27,14 +27,9 @@ fn lane(id: &str, kind: LaneKind, x: [f64; 2], y: f64) -> LaneParts {
     LaneParts {
         id: id.to_owned(),
         kind,
-        class: LaneClass::SurfaceStreet,
         speed_limit: Some(13.0),
         points: vec![v(x[0], y), v(x[1], y)],
-        area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
+        ..LaneParts::default()
     }
 }
 

@@ -1,7 +1,7 @@
 use reactsim_geometry::Polygon;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Crosswalk, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LightParts,
-    LightState, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
+    Agent, AgentKind, AgentState, Crosswalk, FRAMES, LaneParts, LightParts, LightState, LoggedAgent,
+    MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
 };
 
 use super::*;
@@ -77,15 +77,8 @@ fn moving(id: &str, kind: AgentKind, from: Vec2, speed: f64) -> LoggedAgent {
 fn tiny() -> ScenarioParts {
     let lane = LaneParts {
         id: "east".into(),
-        kind: LaneKind::Lane,
-        class: LaneClass::SurfaceStreet,
-        speed_limit: None,
         points: vec![Vec2::new(-900.0, 0.0), Vec2::new(900.0, 0.0)],
-        area: LaneArea::Corridor { half_width: 1.75 },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
+        ..LaneParts::default()
     };
     ScenarioParts {
         id: "tiny".into(),

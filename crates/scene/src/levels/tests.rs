@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::{
-    Agent, AgentState, FRAMES, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge,
-    RoadEdgeKind, ScenarioParts,
+    Agent, AgentState, FRAMES, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind,
+    ScenarioParts,
 };
 
 fn line(from: Vec2, to: Vec2) -> Vec<Vec2> {
@@ -15,13 +15,8 @@ fn lane(id: &str, points: Vec<Vec2>) -> LaneParts {
         id: id.into(),
         kind: LaneKind::Connector,
         class: LaneClass::Undefined,
-        speed_limit: None,
         points,
-        area: LaneArea::Corridor { half_width: 1.75 },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
+        ..LaneParts::default()
     }
 }
 

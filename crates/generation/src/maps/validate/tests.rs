@@ -2,8 +2,8 @@
 
 use reactsim_geometry::{Polygon, Polyline, Vec2};
 use reactsim_scene::{
-    Crosswalk, LaneArea, LaneClass, LaneKind, LaneParts, LightState, MapHeights, MapParts, NeighborParts,
-    RoadEdge, RoadEdgeKind, StopKind, StopLineParts,
+    Crosswalk, LaneArea, LaneKind, LaneParts, LightState, MapHeights, MapParts, NeighborParts, RoadEdge,
+    RoadEdgeKind, StopKind, StopLineParts,
 };
 
 use super::super::super::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
@@ -23,14 +23,10 @@ fn lane(id: &str, from: Vec2, to: Vec2) -> LaneParts {
     LaneParts {
         id: id.into(),
         kind: if id.ends_with(".x") { LaneKind::Connector } else { LaneKind::Lane },
-        class: LaneClass::SurfaceStreet,
         speed_limit: Some(13.4),
         points: (0..=10).map(|i| from + (to - from) * (f64::from(i) / 10.0)).collect(),
         area: LaneArea::Polygon(vec![from - half, to - half, to + half, from + half]),
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
+        ..LaneParts::default()
     }
 }
 

@@ -115,7 +115,7 @@ fn stretches(a: &TrafficLane, b: &TrafficLane, joins: bool) -> Option<([f64; 2],
 #[cfg(test)]
 mod tests {
     use reactsim_geometry::Vec2;
-    use reactsim_scene::{LaneArea, LaneClass, LaneKind, LaneParts, MapHeights, MapParts};
+    use reactsim_scene::{LaneKind, LaneParts, MapHeights, MapParts};
 
     use super::*;
 
@@ -123,14 +123,8 @@ mod tests {
         LaneParts {
             id: id.to_owned(),
             kind: LaneKind::Connector,
-            class: LaneClass::SurfaceStreet,
-            speed_limit: None,
             points: vec![from, to],
-            area: LaneArea::Corridor { half_width: 1.75 },
-            successors: Vec::new(),
-            predecessors: Vec::new(),
-            left: Vec::new(),
-            right: Vec::new(),
+            ..LaneParts::default()
         }
     }
 

@@ -1,6 +1,6 @@
 use reactsim_geometry::{OrientedBox, Polyline, direction, rounded_distance};
 use reactsim_rollout::{Purpose, stream};
-use reactsim_scene::{LaneArea, LaneClass, LaneKind, LaneParts, LightState, MapParts};
+use reactsim_scene::{LaneParts, LightState, MapParts};
 
 use super::*;
 use crate::{Footway, SignalPlan};
@@ -50,15 +50,9 @@ pub(super) fn street(light: bool) -> Layout {
         |a: (f64, f64), b: (f64, f64)| Polyline::new(&[Vec2::new(a.0, a.1), Vec2::new(b.0, b.1)]).unwrap();
     let lane = |id: &str, y: f64, x: f64| LaneParts {
         id: id.into(),
-        kind: LaneKind::Lane,
-        class: LaneClass::SurfaceStreet,
         speed_limit: Some(11.0),
         points: vec![Vec2::new(-x, y), Vec2::new(x, y)],
-        area: LaneArea::Corridor { half_width: 1.75 },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
+        ..LaneParts::default()
     };
     let pavement = |a: f64, b: f64, y: f64| Footway {
         line: line((a, y), (b, y)),

@@ -1,8 +1,7 @@
 use proptest::prelude::*;
 use reactsim_geometry::{Polyline, Vec2, wrap};
 use reactsim_scene::{
-    Agent, AgentKind, CURRENT, FRAMES, Frame, LaneArea, LaneClass, LaneKind, LaneParts, LoggedAgent,
-    MapParts, ScenarioParts,
+    Agent, AgentKind, CURRENT, FRAMES, Frame, LaneParts, LoggedAgent, MapParts, ScenarioParts,
 };
 
 use super::*;
@@ -154,18 +153,7 @@ fn retime_reaches_the_factor_and_goes_on_along_its_lane() {
         let a = i as f64 / 70.0;
         Vec2::new(80.0 + 70.0 * a.sin(), 70.0 - 70.0 * a.cos())
     }));
-    let lane = LaneParts {
-        id: "bend".into(),
-        kind: LaneKind::Lane,
-        class: LaneClass::SurfaceStreet,
-        speed_limit: None,
-        points,
-        area: LaneArea::Corridor { half_width: 1.75 },
-        successors: Vec::new(),
-        predecessors: Vec::new(),
-        left: Vec::new(),
-        right: Vec::new(),
-    };
+    let lane = LaneParts { id: "bend".into(), points, ..LaneParts::default() };
     let track = (0..FRAMES)
         .map(|k| Some(AgentState { x: 0.8 * (k as f64 - 10.0), y: 0.0, heading: 0.0, vx: 8.0, vy: 0.0 }))
         .collect();
