@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
 use super::{ExitStatus, count, say, write_result};
-use crate::evaluation::reference::{MakeOptions, Reference, StudyReference, make, make_study};
+use crate::evaluation::reference::{MakeOptions, Part, Reference, StudyReference, make, make_study};
 use crate::evaluation::{StudyResults, is_study, shipped_benchmark};
 use crate::report::blocks::{Selection, blocks, render};
 use crate::report::study_tables;
@@ -78,8 +78,8 @@ Markers in the files:
   <!-- end -->
 
 columns, models, category and difficulty are optional; give at most one of the last two. Folders \
-of references are relative to the current directory. For the reference of a study, all its tables \
-are written.";
+of references are relative to the current directory. The reference of a study takes only columns; \
+without them, all its tables are written.";
 
 pub(super) fn reference(args: &ReferenceArgs) -> anyhow::Result<ExitStatus> {
     match &args.command {
@@ -163,15 +163,15 @@ impl Tables {
     fn render(&self, selection: &Selection) -> anyhow::Result<String> {
         match self {
             Self::Run(reference) => Ok(render(reference, selection)?),
-            Self::Study(_) if *selection != Selection::default() => {
+            Self::Study(_) if !selection.models.is_empty() || selection.part != Part::All => {
                 bail!(
-                    "the tables of a study are written as a whole: \
-                     leave out columns, models, category and difficulty"
+                    "the tables of a study have all simulators and scenarios: \
+                     leave out models, category and difficulty"
                 )
             }
             Self::Study(results) => {
                 let mut text = Vec::new();
-                study_tables::write_document(results, &mut text)?;
+                study_tables::write_document(results, &selection.columns, &mut text)?;
                 Ok(String::from_utf8_lossy(&text).into_owned())
             }
         }

@@ -48,8 +48,17 @@ fn every_member_is_a_reference() {
         "{written}"
     );
     assert_eq!(said(&["reference", "tables", text(&page), "--check"], 0).1, "");
-    fs::write(&page, format!("<!-- table {} models=idm -->\n<!-- end -->\n", text(&reference))).unwrap();
-    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("are written as a whole"));
+    // A block may choose columns, but neither simulators nor scenarios.
+    let block = |keys: &str| {
+        fs::write(&page, format!("<!-- table {} {keys} -->\n<!-- end -->\n", text(&reference))).unwrap();
+    };
+    block("columns=aav-ttc");
+    said(&["reference", "tables", text(&page)], 0);
+    let chosen = fs::read_to_string(&page).unwrap();
+    let table = tables.split("A-AV risky").nth(1).unwrap().split("\n\n").nth(1).unwrap();
+    assert!(chosen.contains(table) && !chosen.contains("A-AV Coll."), "{chosen}");
+    block("models=idm");
+    assert!(said(&["reference", "tables", text(&page)], 2).1.contains("leave out models"));
 }
 
 #[test]

@@ -106,10 +106,10 @@ fn parse(line: usize, mark: &str, at: usize) -> Result<Block, String> {
         match key {
             "columns" => {
                 for id in value.split(',') {
-                    let column = COLUMNS.iter().find(|c| c.metric == id);
                     let known = || COLUMNS.iter().map(|c| c.metric).collect::<Vec<_>>().join(", ");
+                    let column = Column::of(id);
                     let column = column.ok_or_else(|| format!("no column `{id}`; there are: {}", known()))?;
-                    selection.columns.push(*column);
+                    selection.columns.push(column);
                 }
             }
             "models" => selection.models = value.split(',').map(str::to_owned).collect(),

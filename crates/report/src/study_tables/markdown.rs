@@ -8,7 +8,7 @@ use super::planners::notes;
 use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
-use crate::table::{count, program, provenance};
+use crate::table::{Column, count, program, provenance};
 use crate::{Run, TableStyle, wosac_tables};
 
 /// Writes the tables of a study as Markdown.
@@ -26,11 +26,19 @@ pub fn write_markdown(results: &StudyResults, style: TableStyle<'_>, out: &mut d
 }
 
 /// Writes the tables of a study for a document, with benchmark, number of scenarios and program below them.
+/// With `columns`, it writes the values of these columns only, without differences and ranks.
 ///
 /// # Errors
 /// When `out` cannot be written.
-pub fn write_document(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
-    write_tables(results, TableStyle::default(), out)?;
+pub fn write_document(results: &StudyResults, columns: &[Column], out: &mut dyn Write) -> io::Result<()> {
+    if columns.is_empty() {
+        write_tables(results, TableStyle::default(), out)?;
+    } else {
+        let style = TableStyle { columns, ..TableStyle::default() };
+        let all = tables(results, style);
+        write_values(all.iter().filter(|table| !matches!(table.title, Title::Differences)), out)?;
+        write_legend(results, out)?;
+    }
     let Some(summary) = results.summaries.first() else { return Ok(()) };
     let run = &summary.provenance.run;
     let benchmark = run.benchmark.as_ref().map(|b| format!("{b}, ")).unwrap_or_default();
@@ -40,25 +48,12 @@ pub fn write_document(results: &StudyResults, out: &mut dyn Write) -> io::Result
 
 /// Writes the tables and their legend.
 fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-    for (i, table) in tables(results, style).iter().enumerate() {
-        let gap = if i > 0 { "\n" } else { "" };
-        match table.title {
-            Title::None => write!(out, "{gap}")?,
-            Title::ByInterval(column) => {
-                writeln!(out, "{gap}{} by steps (of 0.1 s) between two plans:\n", column.head())?;
-            }
-            Title::ByPlanner(column) => writeln!(out, "{gap}{} by planner:\n", column.head())?,
-            Title::Differences => writeln!(out, "{gap}Difference to the same simulator as it is:\n")?,
-        }
-        write_table(table, out)?;
-    }
+    write_values(tables(results, style).iter(), out)?;
     for table in text_tables(results) {
         writeln!(out, "\n{}:\n", table.title)?;
         write_aligned(out, &table.rows, table.texts)?;
     }
-    let all = || results.summaries.iter().flat_map(|s| s.simulators.values());
-    writeln!(out)?;
-    legend(out, all().map(SimulatorSummary::standing))?;
+    write_legend(results, out)?;
     if results.study.kind == StudyKind::Guards {
         writeln!(
             out,
@@ -79,6 +74,33 @@ fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Wri
         wosac_tables::write_simulators(&results.realism, out)?;
     }
     Ok(())
+}
+
+/// Writes tables of numbers under their titles.
+fn write_values<'a, 'b: 'a>(
+    tables: impl Iterator<Item = &'a StudyTable<'b>>,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    for (i, table) in tables.enumerate() {
+        let gap = if i > 0 { "\n" } else { "" };
+        match table.title {
+            Title::None => write!(out, "{gap}")?,
+            Title::ByInterval(column) => {
+                writeln!(out, "{gap}{} by steps (of 0.1 s) between two plans:\n", column.head())?;
+            }
+            Title::ByPlanner(column) => writeln!(out, "{gap}{} by planner:\n", column.head())?,
+            Title::Differences => writeln!(out, "{gap}Difference to the same simulator as it is:\n")?,
+        }
+        write_table(table, out)?;
+    }
+    Ok(())
+}
+
+/// Writes the meaning of the marks in the tables.
+fn write_legend(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out)?;
+    let all = results.summaries.iter().flat_map(|s| s.simulators.values());
+    legend(out, all.map(SimulatorSummary::standing))
 }
 
 fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
