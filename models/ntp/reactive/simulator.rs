@@ -62,7 +62,7 @@ struct EpisodeMemory {
     /// Latest steps, oldest first.
     remembered: Vec<StepMemory>,
     /// Agents that stand in the executed part of the next plan as well. Longer rests cost reactions
-    /// (docs/experiments/guard.md).
+    /// (docs/decisions.md, "The guard").
     resting: Standing,
     /// Frame at which the next plan can continue from the remembered steps.
     next_frame: usize,
