@@ -24,7 +24,7 @@ docs:
 # Compares this program with the published numbers, and the tables in the documents with the references.
 reference:
     cargo run --release -- verify --quick
-    cargo run --release -- reference tables --check README.md docs/*.md models/*/README.md models/*/*/README.md
+    cargo run --release -- reference tables --check README.md docs/*.md docs/*/*.md
 
 # Runs everything that must hold before a change is taken.
 ci:
