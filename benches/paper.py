@@ -104,33 +104,18 @@ def pressure() -> str:
 def systems() -> str:
     """The six systems: paper and here, absolute and relative to log replay."""
     rows = []
-    for name, (reference, simulator) in SYSTEMS.items():
-        row = [f"{name} (`{simulator}`)"]
-        for k, metric in enumerate((COLLISION, RISKY)):
-            row.append(f"{PAPER[name][k]:.3f}")
-            row.append(f"{PAPER[name][k] / PAPER['Log Replay'][k]:.2f}")
-            row.append(interval(reference, simulator, metric))
-            row.append(f"{relative(reference, simulator, metric):.2f}")
-        rows.append(row)
-    replay = ["Log replay"]
-    for k, metric in enumerate((COLLISION, RISKY)):
-        ours = interval("token-networks", "log-replay", metric)
-        replay += [f"{PAPER['Log Replay'][k]:.3f}", "1", ours, "1"]
-    head = ["", "A-AV, paper", "relative", "A-AV, here", "relative"]
-    head += ["risky, paper", "relative", "risky, here", "relative"]
-    return table(head, [*rows, replay])
-
-
-def recorded() -> str:
-    """The six systems on recordings, absolute and relative to log replay."""
-    rows = []
-    for name, (_, simulator) in [*SYSTEMS.items(), ("Log replay", ("", "log-replay"))]:
+    replay = ("Log Replay", ("token-networks", "log-replay"))
+    for name, (reference, simulator) in [*SYSTEMS.items(), replay]:
         row = [f"{name} (`{simulator}`)" if name in SYSTEMS else name]
-        for metric in (COLLISION, RISKY):
-            row.append(interval("womd-val", simulator, metric))
-            row.append(f"{relative('womd-val', simulator, metric):.2f}")
+        row += [f"{PAPER[name][0]:.3f}", f"{PAPER[name][0] / PAPER['Log Replay'][0]:.2f}"]
+        for here in (reference, "womd-val"):
+            row += [interval(here, simulator, COLLISION), f"{relative(here, simulator, COLLISION):.2f}"]
+        row.append(f"{PAPER[name][1] / PAPER['Log Replay'][1]:.2f}")
+        row += [f"{relative(here, simulator, RISKY):.2f}" for here in (reference, "womd-val")]
         rows.append(row)
-    return table(["", "A-AV, womd-val", "relative", "risky, womd-val", "relative"], rows)
+    head = ["", "A-AV, paper", "relative", "A-AV, generated", "relative", "A-AV, womd-val", "relative"]
+    head += ["risky, relative, paper", "generated", "womd-val"]
+    return table(head, rows)
 
 
 def correlation() -> str:
@@ -151,22 +136,6 @@ def correlation() -> str:
     return table([*head, "order, womd-val", "rank correlation"], rows)
 
 
-def shipped() -> str:
-    """Learned baselines relative to log replay, on generated and recorded scenarios."""
-    rows = []
-    for simulator in ("regression", "ntp-reactive-raw", "ntp-reactive", "qp-regression"):
-        row = [f"`{simulator}`"]
-        for reference in ("reactsim-bench-v2-full", "womd-val"):
-            for metric in (COLLISION, RISKY):
-                row.append(interval(reference, simulator, metric))
-                row.append(f"{relative(reference, simulator, metric):.2f}")
-        rows.append(row)
-    head = [""]
-    for reference in ("v2-full", "womd-val"):
-        head += [f"A-AV, {reference}", "relative", f"risky, {reference}", "relative"]
-    return table(head, rows)
-
-
 def protocols() -> str:
     """Collisions in both protocols, and realism."""
     rows = []
@@ -184,23 +153,6 @@ def protocols() -> str:
     return table([*head, "kinematic likelihood, realism"], rows)
 
 
-STEPS = (1, 2, 5, 10, 20, 40)
-
-
-def replan() -> str:
-    """Collisions and distance from the log by the replan interval."""
-    rows = []
-    for study, metric, text in (
-        ("replan-reactive", COLLISION, "A-AV Coll., reactive"),
-        ("replan-reactive", "ade", "ADE (m), reactive"),
-        ("replan-realism", "ade", "ADE (m), realism"),
-    ):
-        for simulator in ("regression", "ntp-reactive-raw", "ntp-reactive"):
-            values = [mean(f"{study}/steps-{steps:02}", simulator, metric) for steps in STEPS]
-            rows.append([f"{text}, `{simulator}`", *(f"{value:.2f}" for value in values)])
-    return table(["replan interval (s)", *(f"{0.1 * steps:.1f}" for steps in STEPS)], rows)
-
-
 def motion() -> str:
     """Infeasible accelerations and curvatures of the six systems."""
     rows = []
@@ -213,7 +165,7 @@ def motion() -> str:
     return table(head, rows)
 
 
-TABLES = (pressure, systems, recorded, correlation, shipped, protocols, replan, motion)
+TABLES = (pressure, systems, correlation, protocols, motion)
 
 
 def main() -> int:

@@ -1,5 +1,6 @@
-//! The worked cases of `docs/metrics.md`. The stop line is at x = 0, where a straight lane and a lane to the
-//! left begin; a car of 4 m comes along the x axis with 10 m/s, its centre at -20 m at the current frame.
+//! Worked cases of the metric `red-light` (`docs/metrics.md`). The stop line is at x = 0, where a straight
+//! lane and a lane to the left begin; a car of 4 m comes along the x axis with 10 m/s, its centre at -20 m
+//! at the current frame.
 
 use reactsim_geometry::{Polyline, Vec2, direction};
 use reactsim_scene::{
