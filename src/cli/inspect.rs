@@ -73,7 +73,7 @@ pub(super) struct InspectArgs {
 }
 
 const AFTER: &str = "\
-Without --simulator an animation shows what happens if nobody reacts: the AV follows the \
+Without --simulator an animation shows what happens if no agent reacts: the AV follows the \
 scenario's deviated trajectory, and all other agents follow the log. A scenario without a \
 deviated AV is shown as recorded.
 

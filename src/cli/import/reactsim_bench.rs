@@ -36,7 +36,7 @@ The meaning of the numbers in the files is found: of all arrays, frames of coord
 times, those are taken with which the AVs of nearly all files continue their logs. Options state what cannot \
 be found.
 
-Beside the output are written: NAME.selection.json, the scenarios for `reactsim run`; NAME.logs.jsonl, the \
+Next to the output, it writes NAME.selection.json, the scenarios for `reactsim run`; NAME.logs.jsonl, the \
 scenes of the logs, so that the next import need not read them; NAME.refused.tsv, if files are refused.
 
 Example:

@@ -2,7 +2,7 @@
 //! continue, and with what a road user can do, before they are judged.
 //!
 //! Every check is a statistic over the agents of one rollout with a threshold that all recorded logs and all
-//! baselines keep with a margin (`docs/guides/external-simulators.md` has the table).
+//! baselines keep with a margin (`docs/guides/external-simulators.md` lists them).
 
 mod continuity;
 mod headings;
