@@ -6,8 +6,8 @@ use reactsim_planning::map::{DrivableArea, Intersections};
 use reactsim_planning::metrics::{Label, MetricValue, PlannerMetric, UndefinedReason};
 use reactsim_planning::{EgoShape, ObjectKind};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, FRAMES, Frame, LaneClass, LaneKind, LaneParts,
-    LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
+    Agent, AgentKind, AgentState, FRAMES, Frame, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts,
+    NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
 };
 
 use crate::drive::v;
