@@ -1,5 +1,6 @@
-//! Layers and tools that several networks share: devices, weights files and building blocks; what agents perceive
-//! ([`perception`]), scenes and tasks of training ([`learning`]), and the learning loop ([`training`]).
+//! Layers and tools that several networks share: devices, weights files and building blocks; what agents
+//! perceive ([`perception`]), scenes and tasks of training ([`learning`]), and the learning loop
+//! ([`training`]).
 //!
 //! Layers are functions of their inputs. Initial weights come from a seed ([`Initializer`])
 //! and dropout from a stream of the caller ([`Noise`]); no layer reads the time or draws its own

@@ -1,10 +1,9 @@
 //! Vehicle plans by quadratic programs: smooth, within the limits of the benchmark, on the road, and
 //! clear of other agents.
 //!
-//! The stage sits between the modes that a simulator proposes and the motion of the vehicles. Read
-//! [`Stage`] first; [`Smoothing`] puts it behind a simulator. [`regression`] has networks whose predictions it
-//! smooths. `models/qp/README.md` explains the design
-//! and has figures.
+//! The stage sits between the modes that a simulator proposes and the motion of the vehicles. Read [`Stage`]
+//! first; [`Smoothing`] puts it behind a simulator. [`regression`] has networks whose predictions it smooths.
+//! `models/qp/README.md` explains the design and has figures.
 
 mod av_routes;
 mod bends;

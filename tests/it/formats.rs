@@ -83,8 +83,8 @@ pub(crate) fn logs_agree(ours: &Scenario, theirs: &Scenario) {
     }
 }
 
-/// Checks that two readings of one map agree: lanes by their ids, with class, links and points, and the numbers
-/// of its other elements.
+/// Checks that two readings of one map agree: lanes by their ids, with class, links and points, and the
+/// numbers of its other elements.
 pub(crate) fn maps_agree(ours: &RoadMap, theirs: &RoadMap) {
     assert_eq!(ours.lanes.len(), theirs.lanes.len());
     let names =

@@ -82,7 +82,8 @@ fn edges_against_the_convention_are_reported() {
     assert_eq!(summary["provenance"]["notes"], Value::Null);
 }
 
-/// Scenarios with such properties are repaired as the tests of the crate `scene` say; here is what users read.
+/// Scenarios with such properties are repaired as the tests of the crate `scene` say; here is what users
+/// read.
 #[test]
 fn unusual_velocities_clocks_and_links_are_reported() {
     let scenario = |change: &dyn Fn(&mut Value)| {

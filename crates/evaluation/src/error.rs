@@ -189,8 +189,8 @@ pub enum EvaluationError {
     },
     /// A folder has a partition of another run than the folder that it is to be joined with.
     #[error(
-        "{path} cannot be merged with {first}: `{setting}` is {new} in the former and {old} in the latter; run all partitions \
-         with the same program, settings and files, on the same kind of processor"
+        "{path} cannot be merged with {first}: `{setting}` is {new} in the former and {old} in the latter; run \
+         all partitions with the same program, settings and files, on the same kind of processor"
     )]
     OtherPartition {
         /// The folder.

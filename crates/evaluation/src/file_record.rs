@@ -107,8 +107,8 @@ impl FileRecord {
         }
     }
 
-    /// Returns whether both give the same scenarios or the same deviated AVs. Names may differ, and so may the
-    /// program that made the deviated AVs.
+    /// Returns whether both give the same scenarios or the same deviated AVs. Names may differ, and so may
+    /// the program that made the deviated AVs.
     pub fn is_same(&self, other: &Self) -> bool {
         self.digest() == other.digest()
             || self.trajectories.is_some() && self.trajectories == other.trajectories

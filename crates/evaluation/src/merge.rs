@@ -17,8 +17,8 @@ use super::runner::refuse_repeated;
 use super::tally::Tally;
 use super::{EvaluationError, Provenance, Summary};
 
-/// Joins the folders of all partitions of a run, in their order, into a new run folder, byte-identical to that of
-/// the whole run. Returns it with its summary, which is written.
+/// Joins the folders of all partitions of a run, in their order, into a new run folder, byte-identical to
+/// that of the whole run. Returns it with its summary, which is written.
 ///
 /// # Errors
 /// [`EvaluationError`] if a folder has no finished run, or one of another run, if `out` is not empty, or if a
@@ -79,7 +79,8 @@ fn whole(partitions: &[PathBuf]) -> Result<Provenance, EvaluationError> {
     Ok(joined)
 }
 
-/// Replaces records of files that one of two partitions has not read by those of the other one.
+/// Completes two lists of records of the same files: where one partition has not read a file, it gets the
+/// record of the other one.
 pub fn unite<T: Clone>(some: &mut [T], others: &mut [T], is_unread: impl Fn(&T) -> bool) {
     for (one, other) in some.iter_mut().zip(others) {
         match (is_unread(one), is_unread(other)) {

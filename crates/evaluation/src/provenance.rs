@@ -251,8 +251,8 @@ pub fn program_version() -> &'static str {
     env!("CARGO_PKG_VERSION")
 }
 
-/// The commit from which the program was built. The crate of the program sets it: only a change there compiles
-/// anew after every edit.
+/// The commit from which the program was built. The crate of the program sets it: only a change there
+/// compiles anew after every edit.
 static COMMIT: OnceLock<&'static str> = OnceLock::new();
 
 /// Sets the commit from which this program was built; later calls change nothing.
@@ -288,8 +288,8 @@ pub(super) fn named_options(options: &Options) -> BTreeMap<String, String> {
     options.named().into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// Reads variants of the metrics, with the defaults of those that the file lacks, and without those of earlier
-/// versions that change nothing.
+/// Reads variants of the metrics, with the defaults of those that the file lacks, and without those of
+/// earlier versions that change nothing.
 fn present_options<'de, D: Deserializer<'de>>(file: D) -> Result<BTreeMap<String, String>, D::Error> {
     let mut options = named_options(&Options::default());
     options.extend(BTreeMap::<String, String>::deserialize(file)?);

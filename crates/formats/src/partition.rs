@@ -35,9 +35,9 @@ impl Partition {
     }
 
     /// Returns which records of each input the partition has. Whole inputs are divided if there are at least
-    /// as many as partitions, and are then not read here. Otherwise records are divided: `records` returns the
-    /// number of those of an input, and ranges within an input begin at multiples of `block`. Inputs without
-    /// records are in all partitions.
+    /// as many as partitions, and are then not read here. Otherwise records are divided: `records` returns
+    /// the number of those of an input, and ranges within an input begin at multiples of `block`. Inputs
+    /// without records are in all partitions.
     pub fn of_inputs(
         self,
         inputs: usize,

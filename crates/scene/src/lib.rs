@@ -1,5 +1,5 @@
-//! The data types of scenarios: agents, tracks, maps and lights; and the motion of vehicles ([`dynamics`]). This
-//! module depends on geometry only.
+//! The data types of scenarios: agents, tracks, maps and lights; and the motion of vehicles ([`dynamics`]).
+//! This module depends on geometry only.
 
 mod agent;
 mod all_agents;

@@ -14,8 +14,8 @@ use crate::nuplan::Pose;
 const MOVING: f64 = 2.0;
 /// Largest difference of a heading from that of the log, and mean one from the direction of motion, radians.
 const SAME_HEADING: f64 = 0.25;
-/// Radians by which headings from the motion must fit better than those of a column: a column of other numbers
-/// fits worse than that.
+/// Radians by which headings from the motion must fit better than those of a column: a column of other
+/// numbers fits worse than that.
 const CLOSER: f64 = 0.02;
 /// Shortest distance that shows a direction, metres.
 const SHORTEST: f64 = 0.05;

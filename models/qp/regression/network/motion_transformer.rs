@@ -31,8 +31,8 @@ impl Network {
         self
     }
 
-    /// Predicts one agent per scene of the batch. In training, batch norms use the means and variances of their
-    /// rows; otherwise the running ones.
+    /// Predicts one agent per scene of the batch. In training, batch norms use the means and variances of
+    /// their rows; otherwise the running ones.
     pub(crate) fn forward(&self, batch: &Batch, config: &Config, training: bool) -> NetworkOutput {
         let mut observed = training.then(Vec::new);
         let tokens = self.context_encoder.forward(batch, config, &mut observed);
