@@ -42,17 +42,17 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
-    self, Adjustments, AvChoice, Driver, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedAv,
-    PlannedSimulator, RolloutCheck, RunObserver, Selection, Source, Summary, weights_file,
+    self, AvChoice, Driver, EvaluationError, Execution, Opening, Outcome, Plan, PlannedAv, PlannedSimulator,
+    RolloutCheck, RunObserver, RunParts, RunSpec, Selection, Source, Summary,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
-use crate::formats::{self, FormatError};
+use crate::formats::FormatError;
 use crate::metrics::Options;
 use crate::models::nn::Backend;
 use crate::planning::planner::Planner;
 use crate::planning::tracking::Controller as PlanTracking;
 use crate::report::{self, Run, TableStyle};
-use crate::rollout::{Controller, Oracle, Protocol, Replan, Settings, Simulator};
+use crate::rollout::{Controller, Oracle, Protocol, Replan, Simulator};
 use crate::scene::Scenario;
 use crate::work::available_threads;
 
@@ -64,32 +64,21 @@ const DEFAULT_BATCH: NonZeroUsize = NonZeroUsize::new(4).expect("4 is not 0");
 #[must_use = "a benchmark does nothing until `run` is called"]
 pub struct Benchmark {
     scenarios: Scenarios,
-    deviations: Option<PathBuf>,
-    av: Option<AvChoice>,
+    spec: RunSpec,
+    /// Planners of the calling program.
     drivers: Vec<Driver>,
-    settings: Settings,
-    options: Options,
-    rollouts: u32,
-    limit: Option<usize>,
-    selection: Selection,
-    /// Ids of baselines.
-    baselines: Vec<String>,
-    weights: Vec<(String, PathBuf)>,
-    adjustments: Adjustments,
     simulators: Vec<Entry>,
     threads: Option<NonZeroUsize>,
     batch: NonZeroUsize,
     folder: Option<PathBuf>,
     resume: bool,
-    keep_rollouts: bool,
-    allowed: Vec<RolloutCheck>,
     observer: Arc<dyn RunObserver + Send>,
     stop: Arc<AtomicBool>,
 }
 
 enum Scenarios {
-    Shipped,
-    Files(Vec<PathBuf>),
+    /// Those of the specification.
+    Specified,
     Memory(Vec<Scenario>),
 }
 
@@ -136,40 +125,36 @@ pub struct Results {
 impl Benchmark {
     /// The benchmark that ships with the crate, with its deviated AVs.
     pub fn shipped() -> Self {
-        Self::of(Scenarios::Shipped)
+        Self::specified(RunSpec::default())
     }
 
     /// Scenarios from files, folders and URLs in any of [`formats::FORMATS`].
     pub fn files<P: Into<PathBuf>>(paths: impl IntoIterator<Item = P>) -> Self {
-        Self::of(Scenarios::Files(paths.into_iter().map(Into::into).collect()))
+        let mut spec = RunSpec::default();
+        spec.subject.input.scenarios = paths.into_iter().map(Into::into).collect();
+        Self::specified(spec)
+    }
+
+    /// What a specification states, as `reactsim run FILE` reads it. Without scenarios, the shipped ones.
+    pub fn specified(spec: RunSpec) -> Self {
+        Self::of(Scenarios::Specified, spec)
     }
 
     /// Scenarios in memory.
     pub fn scenarios(scenarios: impl IntoIterator<Item = Scenario>) -> Self {
-        Self::of(Scenarios::Memory(scenarios.into_iter().collect()))
+        Self::of(Scenarios::Memory(scenarios.into_iter().collect()), RunSpec::default())
     }
 
-    fn of(scenarios: Scenarios) -> Self {
+    fn of(scenarios: Scenarios, spec: RunSpec) -> Self {
         Self {
             scenarios,
-            deviations: None,
-            av: None,
+            spec,
             drivers: Vec::new(),
-            settings: Settings::default(),
-            options: Options::default(),
-            rollouts: 1,
-            limit: None,
-            selection: Selection::default(),
-            baselines: Vec::new(),
-            weights: Vec::new(),
-            adjustments: Adjustments::default(),
             simulators: Vec::new(),
             threads: None,
             batch: DEFAULT_BATCH,
             folder: None,
             resume: false,
-            keep_rollouts: false,
-            allowed: Vec::new(),
             observer: Arc::new(()),
             stop: Arc::default(),
         }
@@ -205,7 +190,7 @@ impl Benchmark {
     /// Adds a baseline by its id, such as `idm` or `idm+qp`, or a variant of it, such as `idm@calm`. `default`
     /// adds all that run by default, `all` all that have weights. Tables list baselines first.
     pub fn baseline(mut self, id: impl Into<String>) -> Self {
-        self.baselines.push(id.into());
+        self.spec.subject.models.push(id.into());
         self
     }
 
@@ -222,32 +207,34 @@ impl Benchmark {
         key: impl Into<String>,
         value: impl Into<String>,
     ) -> Self {
-        self.adjustments.parameters.push((id.into(), key.into(), value.into()));
+        let (id, key, value) = (id.into(), key.into(), value.into());
+        self.spec.subject.set.push(format!("{id}.{key}={value}"));
         self
     }
 
     /// Reads the weights of a baseline that was added, or of a variant, from a file.
     pub fn weights(mut self, id: impl Into<String>, file: impl Into<PathBuf>) -> Self {
-        self.weights.push((id.into(), file.into()));
+        let (id, file) = (id.into(), file.into());
+        self.spec.subject.model_weights.push(format!("{id}={}", file.display()));
         self
     }
 
     /// Tensor backend of the networks [default: flex].
     pub fn backend(mut self, backend: Backend) -> Self {
-        self.adjustments.backend = backend;
+        self.spec.subject.backend = backend;
         self
     }
 
     /// Deviated AVs from a file, Parquet or JSON. Scenarios without an entry are skipped, or driven by the
     /// logged AV with [`AvChoice::DeviatedOrLog`]. Policies without deviated AVs are refused.
     pub fn deviations(mut self, path: impl Into<PathBuf>) -> Self {
-        self.deviations = Some(path.into());
+        self.spec.subject.input.deviations = Some(path.into());
         self
     }
 
     /// Policy of the AV [default: the deviated trajectory].
     pub fn av(mut self, av: AvChoice) -> Self {
-        self.av = Some(av);
+        self.spec.subject.av = Some(av);
         self
     }
 
@@ -265,56 +252,57 @@ impl Benchmark {
     /// Lets a planner drive the AV, tracked by `tracking`, with a plan every `every` steps.
     pub fn planner_with(mut self, driver: Driver, tracking: PlanTracking, every: Replan) -> Self {
         let planned = PlannedAv { driver: driver.driver().clone(), controller: tracking, every };
-        self.av = Some(AvChoice::Planned(planned));
+        self.spec.subject.av = Some(AvChoice::Planned(planned));
         self.drivers.push(driver);
         self
     }
 
     /// Protocol [default: reactive].
     pub fn protocol(mut self, protocol: Protocol) -> Self {
-        self.settings.protocol = protocol;
+        self.spec.rollout.protocol = protocol;
         self
     }
 
     /// Replan interval [default: 5 steps].
     pub fn replan(mut self, replan: Replan) -> Self {
-        self.settings.replan = replan;
+        self.spec.rollout.replan = replan;
         self
     }
 
     /// Whether agents at t + 1 observe the AV at t + 1 [default: true].
     pub fn av_lookahead(mut self, lookahead: bool) -> Self {
-        self.settings.av_lookahead = lookahead;
+        self.spec.rollout.av_lookahead = u8::from(lookahead);
         self
     }
 
     /// Seed of all random choices [default: 0].
     pub fn seed(mut self, seed: u64) -> Self {
-        self.settings.seed = seed;
+        self.spec.subject.seed = seed;
         self
     }
 
     /// Rollouts per scenario and simulator [default: 1].
     pub fn rollouts(mut self, rollouts: u32) -> Self {
-        self.rollouts = rollouts;
+        self.spec.rollout.rollouts = rollouts;
         self
     }
 
     /// Variants of the metrics [default: those of the benchmark].
     pub fn metric_options(mut self, options: Options) -> Self {
-        self.options = options;
+        let named = options.named().into_iter();
+        self.spec.subject.metric_option = named.map(|(name, value)| format!("{name}={value}")).collect();
         self
     }
 
     /// At most this number of scenarios of every file.
     pub fn limit(mut self, scenarios: usize) -> Self {
-        self.limit = Some(scenarios);
+        self.spec.subject.input.limit = NonZeroUsize::new(scenarios);
         self
     }
 
     /// Scenarios with certain ids or categories [default: all].
     pub fn selection(mut self, selection: Selection) -> Self {
-        self.selection = selection;
+        self.spec.subject.input.selection = selection.into();
         self
     }
 
@@ -344,14 +332,14 @@ impl Benchmark {
 
     /// Keeps the rollouts in the run folder.
     pub fn keep_rollouts(mut self) -> Self {
-        self.keep_rollouts = true;
+        self.spec.keep_rollouts = Some(true);
         self
     }
 
     /// Judges motion of external simulators and deviations although it fails a check, and marks its rows in
     /// every table.
     pub fn allow(mut self, check: RolloutCheck) -> Self {
-        self.allowed.push(check);
+        self.spec.subject.motion.allow.push(check);
         self
     }
 
@@ -395,22 +383,21 @@ impl Benchmark {
     }
 
     /// Builds the simulators, opens the scenarios and plans the run.
-    fn plan(mut self) -> Result<Plan, BenchmarkError> {
-        if self.baselines.is_empty() && self.simulators.is_empty() {
+    fn plan(self) -> Result<Plan, BenchmarkError> {
+        let Self { scenarios, spec, drivers, simulators: entries, .. } = self;
+        if spec.subject.models.is_empty() && entries.is_empty() {
             return Err(BenchmarkError::NoSimulator);
         }
-        for (id, file) in self.weights {
-            self.adjustments.weights.push((id, weights_file(&file)?));
-        }
-        let mut simulators = if !self.baselines.is_empty() {
-            PlannedSimulator::adjusted(&self.baselines, &self.adjustments)?
-        } else if let Some(id) = self.adjustments.ids().next() {
+        let adjustments = spec.subject.adjustments(spec.rollout.smooth.0)?;
+        let mut simulators = if !spec.subject.models.is_empty() {
+            PlannedSimulator::adjusted(&spec.subject.models, &adjustments)?
+        } else if let Some(id) = adjustments.ids().next() {
             return Err(EvaluationError::NotRun { id: id.to_owned() }.into());
         } else {
             Vec::new()
         };
-        let outline = RunOutline::of(&self.settings);
-        for entry in self.simulators {
+        let outline = RunOutline::of(&spec.settings());
+        for entry in entries {
             simulators.push(match entry {
                 Entry::Own(simulator) => *simulator,
                 Entry::External(external) => {
@@ -418,30 +405,13 @@ impl Benchmark {
                 }
             });
         }
-        let most = self.limit.unwrap_or(usize::MAX);
-        let sources = match self.scenarios {
-            Scenarios::Shipped => vec![Source::shipped(most)],
-            Scenarios::Memory(scenarios) => vec![Source::of_scenarios(scenarios, most)],
-            Scenarios::Files(paths) => {
-                let inputs =
-                    paths.iter().map(|path| formats::find_inputs(path)).collect::<Result<Vec<_>, _>>()?;
-                Source::of_inputs(inputs.concat(), most)?
+        let sources = match scenarios {
+            Scenarios::Specified => spec.subject.input.open(Opening::Whole)?.0,
+            Scenarios::Memory(scenarios) => {
+                vec![Source::of_scenarios(scenarios, spec.subject.input.most())]
             }
         };
-        let request = PlanRequest {
-            deviations: self.deviations,
-            av: self.av,
-            drivers: self.drivers,
-            rollout: self.settings,
-            rollouts: self.rollouts,
-            options: self.options,
-            limit: self.limit,
-            selection: self.selection,
-            keep_rollouts: self.keep_rollouts,
-            allowed: self.allowed,
-            ..PlanRequest::new(sources, simulators)
-        };
-        Ok(request.plan()?)
+        Ok(spec.plan(RunParts { sources, simulators, drivers, partition: None })?)
     }
 }
 

@@ -9,9 +9,10 @@ use clap::Args;
 use super::certified::Certified;
 use super::futures::Futures;
 use super::progress::Progress;
-use super::scenario_args::{SelectionArgs, is_selected};
-use super::{ExitStatus, ReadingArgs, count, nothing, say};
+use super::scenario_args::is_selected;
+use super::{ExitStatus, count, inputs_of, nothing, say};
 use crate::curation::driver::CurationObserver;
+use crate::evaluation::{ReadingSpec, SelectionSpec};
 use crate::formats::native::Writer;
 use crate::formats::{self, FormatError, Scenarios};
 use crate::scene::Scenario;
@@ -26,9 +27,9 @@ pub(super) struct ConvertArgs {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
-    selection: SelectionArgs,
+    selection: SelectionSpec,
     #[command(flatten)]
-    reading: ReadingArgs,
+    reading: ReadingSpec,
     /// Rollouts (of `run --keep-rollouts`) that replace the logged future; scenarios without a
     /// rollout are left out
     #[arg(long, value_name = "ROLLOUTS", requires = "model")]
@@ -47,7 +48,7 @@ pub(super) struct ConvertArgs {
 
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // Find all inputs before reading the first and before touching the output.
-    let inputs = args.reading.find_inputs(&args.inputs)?;
+    let inputs = inputs_of(&args.reading, &args.inputs)?;
     let mut futures = match (&args.futures, &args.model, &args.certificates) {
         (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Box::new(Futures::open(path, model)?))),
         (_, _, Some(path)) => Some(NewFutures::Certificates(Certified::open(path)?)),

@@ -11,8 +11,9 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
+use super::ExitStatus;
 use super::partition::{PartitionArg, Partitions};
-use super::{ExitStatus, ReadingArgs};
+use crate::evaluation::ReadingSpec;
 
 const AFTER: &str = "\
 Step 1 keeps scenarios with vehicles around the AV. Step 2 proposes candidates. Step 3 drops \
@@ -39,7 +40,7 @@ pub(super) struct CurateArgs {
     make: Option<make::MakeArgs>,
     // Not within the optional arguments: their presence would no longer be recognised.
     #[command(flatten)]
-    reading: ReadingArgs,
+    reading: ReadingSpec,
     #[command(flatten)]
     partition: PartitionArg,
 }

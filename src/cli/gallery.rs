@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::NuplanArgs;
 use super::find_inputs;
-use crate::evaluation::{EvaluationError, ScenarioFiles, Source, StudyResults, is_study, read_provenance};
+use crate::evaluation::{
+    EvaluationError, NuplanSpec, ScenarioFiles, Source, StudyResults, is_study, read_provenance,
+};
 use crate::formats::Input;
 use crate::report::page::{Gallery, Member};
 
@@ -18,18 +19,20 @@ pub(super) struct RunScenarioArgs {
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
     #[command(flatten)]
-    nuplan: NuplanArgs,
+    nuplan: NuplanSpec,
 }
 
 impl RunScenarioArgs {
     /// Returns whether some are given.
     pub(super) fn is_given(&self) -> bool {
-        !self.scenarios.is_empty() || self.nuplan.is_given()
+        !self.scenarios.is_empty() || self.nuplan.filter.is_some()
     }
 
     /// Finds the files.
     pub(super) fn inputs(&self) -> anyhow::Result<Vec<Input>> {
-        self.nuplan.find_inputs(&self.scenarios)
+        let mut inputs = find_inputs(&self.scenarios)?;
+        inputs.extend(self.nuplan.input()?);
+        Ok(inputs)
     }
 }
 

@@ -11,8 +11,8 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::suggestion::did_you_mean;
-use super::{ExitStatus, ReadingArgs, say, write_result};
-use crate::evaluation::{CASE_STUDIES, CaseStudy, Source};
+use super::{ExitStatus, inputs_of, say, write_result};
+use crate::evaluation::{CASE_STUDIES, CaseStudy, ReadingSpec, Source};
 use crate::formats::{self, FormatError};
 use crate::scene::{Deviation, Scenario};
 
@@ -34,7 +34,7 @@ pub(super) struct InspectArgs {
           value_parser = case_study, conflicts_with_all = ["scenario", "id", "category"])]
     case_study: Option<&'static CaseStudy>,
     #[command(flatten)]
-    reading: ReadingArgs,
+    reading: ReadingSpec,
     /// Draw a rollout of this run folder (written with --keep-rollouts)
     #[arg(long, value_name = "RUN", requires_all = ["simulator", "picture"])]
     rollout: Option<PathBuf>,
@@ -109,7 +109,7 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
         let scenarios = Source::shipped(usize::MAX).scenarios()?;
         return wanted.pick(scenarios, "the shipped benchmark");
     }
-    let inputs = args.reading.find_inputs(paths)?;
+    let inputs = inputs_of(&args.reading, paths)?;
     let name =
         inputs.first().map(|input| args.scenario.as_ref().unwrap_or(&input.path).display().to_string());
     wanted.pick(formats::open_all(inputs)?, &name.unwrap_or_default())

@@ -9,9 +9,9 @@ mod tasks;
 use clap::{Args, Subcommand};
 
 use self::columns::{aligned, wrapped};
-use super::scenario_args::ScenarioArgs;
 use super::{ExitStatus, write_result};
 use crate::evaluation::CASE_STUDIES;
+use crate::evaluation::ScenarioSpec;
 use crate::formats::FORMATS;
 use crate::generation::maps;
 use crate::metrics::{METRICS, Unit};
@@ -42,7 +42,7 @@ enum Kind {
     MetricOptions,
     /// The scenarios of files: id, source, number of agents with the AV, category and difficulty of the
     /// deviated AV
-    Scenarios(ScenarioArgs),
+    Scenarios(ScenarioSpec),
     /// The scenario formats that can be read
     Formats,
     /// The weights of learned models

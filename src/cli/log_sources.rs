@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::ReadingArgs;
-use super::find_inputs;
+use super::{find_inputs, inputs_of};
+use crate::evaluation::ReadingSpec;
 use crate::evaluation::realism::LogSource;
 use crate::formats::CurrentFrames;
 
@@ -26,10 +26,10 @@ pub(super) fn recorded(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>> {
 
 /// Returns the sources of logs with the agents that a run simulates: recordings as they are if these are all,
 /// at the current frame that they state.
-pub(super) fn simulated(paths: &[PathBuf], reading: &ReadingArgs) -> anyhow::Result<Vec<LogSource>> {
-    let as_recorded = reading.all_agents && reading.frames() == CurrentFrames::Stated;
-    if reading.is_shipped(paths) || as_recorded && !reading.nuplan.is_given() {
+pub(super) fn simulated(paths: &[PathBuf], reading: &ReadingSpec) -> anyhow::Result<Vec<LogSource>> {
+    let as_recorded = reading.has_all_agents() && reading.frames() == CurrentFrames::Stated;
+    if reading.is_shipped(paths) || as_recorded && reading.nuplan.filter.is_none() {
         return recorded(paths);
     }
-    Ok(reading.find_inputs(paths)?.into_iter().map(LogSource::Scenarios).collect())
+    Ok(inputs_of(reading, paths)?.into_iter().map(LogSource::Scenarios).collect())
 }

@@ -7,7 +7,6 @@ mod certified;
 mod compare;
 mod convert;
 mod curate;
-mod duration;
 mod export;
 mod external;
 mod finished;
@@ -22,7 +21,6 @@ mod list;
 mod live_table;
 mod log_sources;
 mod merge;
-mod nuplan_args;
 mod partition;
 mod progress;
 mod reference;
@@ -45,21 +43,19 @@ use std::env;
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow};
 use clap::error::ErrorKind;
-use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use self::nuplan_args::NuplanArgs;
 use self::suggestion::{did_you_mean, most_similar, question};
-use crate::evaluation::EvaluationError;
+use crate::evaluation::{EvaluationError, ReadingSpec};
 use crate::files::{self, FolderLock};
-use crate::formats::{self, CurrentFrames, Input};
+use crate::formats::{Input, PassedOver};
 use crate::metrics::{OptionError, Options};
 use crate::models::{self, MODELS, ModelError};
 use crate::report::terminal::plain;
@@ -467,83 +463,21 @@ fn is_same(a: &Path, b: &Path) -> bool {
 /// Finds the scenario files at all paths and recognises their formats. Warns of files that have the
 /// name of a scenario file only.
 fn find_inputs(paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
-    let mut inputs = Vec::new();
-    for path in paths {
-        let found = formats::survey(path)?;
-        for (file, reason) in found.passed_over {
-            say(format_args!("warning: {} is skipped: {reason}", file.display()));
-        }
-        inputs.extend(found.inputs);
+    inputs_of(&ReadingSpec::default(), paths)
+}
+
+/// Warns of files that have the name of a scenario file only.
+fn warn_passed_over(files: PassedOver) {
+    for (file, reason) in files {
+        say(format_args!("warning: {} is skipped: {reason}", file.display()));
     }
+}
+
+/// Finds inputs as [`find_inputs`], and sets how they are read.
+fn inputs_of(reading: &ReadingSpec, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
+    let (inputs, passed_over) = reading.find_inputs(paths)?;
+    warn_passed_over(passed_over);
     Ok(inputs)
-}
-
-/// Options for formats that leave a choice to the reader.
-#[derive(Debug, Args)]
-struct ReadingArgs {
-    /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet, Waymo
-    /// files of more than 91 frames) [default: the recorded index; for Argoverse 2 the latest one up to 49
-    /// with 80 steps of the AV after it]
-    #[arg(long, value_name = "N")]
-    current_frame: Option<usize>,
-    /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a
-    /// current frame, as far as 80 frames follow; ids get the frame, such as ID@60
-    #[arg(long, value_name = "N", conflicts_with = "current_frame")]
-    window_step: Option<NonZeroUsize>,
-    /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
-    /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
-    #[arg(long)]
-    all_agents: bool,
-    #[command(flatten)]
-    nuplan: NuplanArgs,
-}
-
-impl ReadingArgs {
-    /// Returns whether the shipped scenarios are meant, because no others are given.
-    fn is_shipped(&self, paths: &[PathBuf]) -> bool {
-        paths.is_empty() && !self.nuplan.is_given()
-    }
-
-    /// Refuses options without effect on the shipped scenarios.
-    fn check_absent(&self) -> anyhow::Result<()> {
-        if self.current_frame.is_some() {
-            bail!("the shipped scenarios have a fixed current frame: leave --current-frame out");
-        }
-        if self.window_step.is_some() {
-            bail!("the shipped scenarios have one window each: leave --window-step out");
-        }
-        if self.all_agents {
-            bail!("agents of the shipped scenarios are all simulated: leave --all-agents out");
-        }
-        Ok(())
-    }
-
-    /// Returns the current frames of recordings.
-    fn frames(&self) -> CurrentFrames {
-        match (self.current_frame, self.window_step) {
-            (Some(frame), _) => CurrentFrames::At(frame),
-            (None, Some(step)) => CurrentFrames::Every(step),
-            (None, None) => CurrentFrames::Stated,
-        }
-    }
-
-    /// Returns the options that are given, by name.
-    fn named(&self) -> impl Iterator<Item = (String, String)> {
-        let frame = self.current_frame.map(|frame| ("current-frame", frame.to_string()));
-        let step = self.window_step.map(|step| ("window-step", step.to_string()));
-        let all = self.all_agents.then(|| ("all-agents", true.to_string()));
-        let filter = self.nuplan.named();
-        [frame, step, all].into_iter().flatten().chain(filter).map(|(name, value)| (name.to_owned(), value))
-    }
-
-    /// Finds inputs as [`find_inputs`] and sets how they are read.
-    fn find_inputs(&self, paths: &[PathBuf]) -> anyhow::Result<Vec<Input>> {
-        let mut inputs = self.nuplan.find_inputs(paths)?;
-        for input in &mut inputs {
-            (input.frames, input.all_agents) = (self.frames(), self.all_agents);
-        }
-        Ok(inputs)
-    }
 }
 
 /// Parses the requested variants of the metrics.

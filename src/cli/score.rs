@@ -11,11 +11,10 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::finished::{put_table, report_notes, show_next_steps};
-use super::subject::MotionArgs;
 use super::table_output::{TableArgs, formats as table_formats};
 use super::{ExitStatus, count, find_inputs, metric_options, nothing, say, write_result};
 use crate::evaluation::document::{check_document, score_document};
-use crate::evaluation::{Deviations, Failure, RunFolder, RunObserver, Scoring};
+use crate::evaluation::{Deviations, Failure, MotionSpec, RunFolder, RunObserver, Scoring};
 use crate::files::read_regular;
 use crate::formats;
 use crate::formats::document::Document;
@@ -35,7 +34,7 @@ pub(super) struct ScoreArgs {
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
     #[command(flatten)]
-    motion: MotionArgs,
+    motion: MotionSpec,
     /// Variant of the metrics, such as fault_order=nuplan; may be repeated. `reactsim list
     /// metric-options` shows all
     #[arg(long = "metric-option", value_name = "NAME=VALUE")]
@@ -109,7 +108,7 @@ fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStat
     }
     let options = metric_options(&args.metric_options)?;
     let inputs = find_inputs(&args.scenarios)?;
-    let mut scoring = Scoring::new(paths, &inputs, options, args.motion.pose)?;
+    let mut scoring = Scoring::new(paths, &inputs, options, args.motion.pose.unwrap_or_default())?;
     if let Some(path) = &args.deviations {
         scoring = scoring.deviations(Deviations::read(path)?);
     }

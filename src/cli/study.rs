@@ -12,12 +12,16 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::ExitStatus;
-use super::external::Outside;
 use super::partition::{PartitionArg, Partitions};
-use super::subject::{EvaluationArgs, ExecutionArgs};
+use super::scenario_args::sources;
+use super::subject::{self, ExecutionArgs};
 use super::table_output::ColumnArgs;
-use crate::evaluation::{Source, StudyPlan};
-use crate::rollout::{Replan, Settings};
+use crate::evaluation::{
+    ExternalPrograms, Opening, PlannedSimulator, RolloutSpec, RunSpec, Source, Specification, StudyPlan,
+    SubjectSpec,
+};
+use crate::external::RunOutline;
+use crate::rollout::Replan;
 
 const AFTER: &str = "\
 Examples:
@@ -57,13 +61,13 @@ enum StudyCommand {
 }
 
 /// A study, and the external simulators and planners in it.
-type PlannedStudy = (StudyPlan, Outside);
+type PlannedStudy = (StudyPlan, ExternalPrograms);
 
 /// Arguments common to all studies.
 #[derive(Debug, Args)]
 struct SharedArgs {
     #[command(flatten)]
-    subject: EvaluationArgs,
+    subject: Specification<SubjectSpec>,
     /// Folder of the study to write: its table, and a run folder per member
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
@@ -98,8 +102,21 @@ struct RolloutArgs {
 }
 
 impl RolloutArgs {
-    fn settings(&self, seed: u64) -> Settings {
-        Settings { replan: self.replan, seed, ..Settings::default() }
+    fn rollout(&self) -> RolloutSpec {
+        RolloutSpec { replan: self.replan, rollouts: self.rollouts, ..RolloutSpec::default() }
+    }
+}
+
+impl SharedArgs {
+    /// Returns the specification of a member.
+    fn spec(&self, rollout: RolloutSpec) -> RunSpec {
+        let subject = self.subject.0.clone();
+        RunSpec { subject, rollout, keep_rollouts: Some(self.keep_rollouts) }
+    }
+
+    /// Creates the simulators, and starts the external programs.
+    fn simulators(&self, outline: &RunOutline) -> anyhow::Result<(Vec<PlannedSimulator>, ExternalPrograms)> {
+        subject::simulators(&self.subject.0, &[], None, outline)
     }
 }
 
@@ -117,18 +134,19 @@ impl StudyArgs {
     /// Plans the study on these scenarios.
     fn plan(&self, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
         match &self.command {
-            StudyCommand::Replan(args) => replan::plan(args, sources),
-            StudyCommand::Realism(args) => realism::plan(args, sources),
-            StudyCommand::Guards(args) => guards::plan(args, sources),
-            StudyCommand::Planners(args) => planners::plan(args, sources),
-            StudyCommand::Errors(args) => errors::plan(args, sources),
+            StudyCommand::Replan(args) => replan::study(args, sources),
+            StudyCommand::Realism(args) => realism::study(args, sources),
+            StudyCommand::Guards(args) => guards::study(args, sources),
+            StudyCommand::Planners(args) => planners::study(args, sources),
+            StudyCommand::Errors(args) => errors::study(args, sources),
         }
     }
 }
 
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
     let shared = args.shared();
-    let (mut plan, outside) = args.plan(shared.subject.sources(shared.partition.partition)?)?;
+    let opening = shared.partition.partition.map_or(Opening::Whole, Opening::Partition);
+    let (mut plan, outside) = args.plan(sources(&shared.subject.0.input, opening)?)?;
     plan.set_partition(shared.partition.partition);
     shared.table.check(&shared.format, &FORMATS)?;
     carry_out::carry_out((plan, outside), shared)
@@ -137,6 +155,6 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
 /// Joins the partitions of a study and prints its table.
 pub(super) fn merge(args: &StudyArgs, partitions: &Partitions, out: &Path) -> anyhow::Result<ExitStatus> {
     let shared = args.shared();
-    let (plan, _outside) = args.plan(shared.subject.unread_sources()?)?;
+    let (plan, _outside) = args.plan(sources(&shared.subject.0.input, Opening::Unread)?)?;
     carry_out::merge(&plan, shared, partitions, out)
 }

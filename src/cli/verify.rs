@@ -6,11 +6,12 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::progress::Progress;
-use super::subject::{ExecutionArgs, read_weights};
-use super::{ExitStatus, NuplanArgs, gallery, reference, say, stop_on_interrupt, write_result};
+use super::subject::ExecutionArgs;
+use super::{ExitStatus, find_inputs, gallery, reference, say, stop_on_interrupt, write_result};
 use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
-use crate::evaluation::{Deviations, FinishedRun, Source};
+use crate::evaluation::{Deviations, FinishedRun, NuplanSpec, Source, weights};
+use crate::formats::Input;
 use crate::report::{paper, verification};
 
 /// Stride in scenarios at which `--quick` runs networks.
@@ -52,7 +53,7 @@ pub(super) struct VerifyArgs {
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
     #[command(flatten)]
-    nuplan: NuplanArgs,
+    nuplan: NuplanSpec,
     /// File of deviated AVs, if the reference has one
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
@@ -109,7 +110,7 @@ fn compare_with_paper(args: &VerifyArgs, run: &Path) -> anyhow::Result<ExitStatu
         bail!("{option}: {PAPER} is compared with what --run has; leave {option} out");
     }
     let finished = FinishedRun::open(run)?;
-    let scenarios = gallery::scenario_files(&[run], &args.nuplan.find_inputs(&args.scenarios)?)?;
+    let scenarios = gallery::scenario_files(&[run], &inputs(args)?)?;
     let progress = Progress::new();
     progress.set_total(Some(finished.tally().entries.len()));
     let jobs = args.work.execution().jobs;
@@ -120,13 +121,20 @@ fn compare_with_paper(args: &VerifyArgs, run: &Path) -> anyhow::Result<ExitStatu
     Ok(if compared.passed() { ExitStatus::Done } else { ExitStatus::SomeFailed })
 }
 
+/// Finds the files of scenarios.
+fn inputs(args: &VerifyArgs) -> anyhow::Result<Vec<Input>> {
+    let mut inputs = find_inputs(&args.scenarios)?;
+    inputs.extend(args.nuplan.input()?);
+    Ok(inputs)
+}
+
 fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs> {
     let stated = &reference.provenance;
     let most = stated.settings.limit.unwrap_or(usize::MAX);
-    let sources = if args.scenarios.is_empty() && !args.nuplan.is_given() {
+    let sources = if args.scenarios.is_empty() && args.nuplan.filter.is_none() {
         vec![Source::shipped(most)]
     } else {
-        let mut inputs = args.nuplan.find_inputs(&args.scenarios)?;
+        let mut inputs = inputs(args)?;
         // The provenance holds the current frames of each file.
         for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
             input.frames = file.frames();
@@ -135,5 +143,5 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
         Source::of_inputs(inputs, most)?
     };
     let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
-    Ok(RerunInputs { sources, deviations, weights: read_weights(&args.model_weights)? })
+    Ok(RerunInputs { sources, deviations, weights: weights(&args.model_weights)? })
 }

@@ -91,9 +91,7 @@ fn event_lines<'a>(rows: &'a [Row], events: &'a [Vec<Event>]) -> Vec<Vec<EventLi
 }
 
 fn allowance(name: &str) -> Result<RolloutCheck, RequestError> {
-    let known = || RolloutCheck::ALL.map(RolloutCheck::allowance).join(", ");
-    RolloutCheck::from_allowance(name)
-        .ok_or_else(|| RequestError::new(format_args!("unknown check `{name}`: expected one of {}", known())))
+    name.parse().map_err(|error| RequestError::new(format_args!("unknown check `{name}`: {error}")))
 }
 
 /// Returns the number of rollouts, and the tracks of their agents one after the other.

@@ -282,14 +282,18 @@ fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
 
 #[cfg(test)]
 mod tests {
-    use crate::evaluation::{AvChoice, PlanRequest, Source};
+    use crate::evaluation::{AvChoice, RunParts, RunSpec, Source};
 
     use super::*;
 
     fn world(av: AvChoice) -> Result<World, RequestError> {
         let scenarios: Vec<_> =
             Source::shipped(1).scenarios().unwrap().map(|scenario| Arc::new(scenario.unwrap())).collect();
-        let plan = PlanRequest { av: Some(av), ..PlanRequest::new(Vec::new(), Vec::new()) }.plan().unwrap();
+        let plan = {
+            let mut spec = RunSpec::default();
+            spec.subject.av = Some(av);
+            spec.plan(RunParts::default()).unwrap()
+        };
         let sizes = Sizes { agents: 2, history: 1, lanes: 2, points: 2, lights: 1, route: 0 };
         World::new(scenarios, plan, ActionKind::State, sizes, Some(Options::default()))
     }

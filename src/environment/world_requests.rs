@@ -13,7 +13,7 @@ use super::scenarios::Reading;
 use super::scores::metric_options;
 use super::session::{Answer, RequestError, answer, arguments};
 use super::world::{AGENT_MEASURES, World};
-use crate::evaluation::{PlanRequest, Selection};
+use crate::evaluation::{RunParts, RunSpec, Selection};
 use crate::external::{Frame, Values};
 
 #[derive(Deserialize)]
@@ -39,15 +39,13 @@ struct NewWorld {
 pub(super) fn create(request: &Frame, world: &mut Option<World>) -> Answer {
     let given: NewWorld = arguments(request)?;
     let options = metric_options(&given.metric_options)?;
-    let plan = PlanRequest {
-        av: Some(given.av.parse().map_err(RequestError::new)?),
-        deviations: given.deviations,
-        ..PlanRequest::new(Vec::new(), Vec::new())
-    };
+    let mut spec = RunSpec::default();
+    spec.subject.av = Some(given.av.parse().map_err(RequestError::new)?);
+    spec.subject.input.deviations = given.deviations;
     let selection = Selection { ids: given.ids, ..Selection::default() };
     let scenarios = select(&given.reading, &selection, given.limit)?;
     let options = given.scores.then_some(options);
-    let new = World::new(scenarios, plan.plan()?, given.action, given.sizes, options)?;
+    let new = World::new(scenarios, spec.plan(RunParts::default())?, given.action, given.sizes, options)?;
     let scenarios = new.scenarios();
     let ids: Vec<&str> = scenarios.iter().map(|scenario| scenario.id.as_str()).collect();
     let agents = scenarios.iter().map(|scenario| scenario.start.agents.len() - 1).max();

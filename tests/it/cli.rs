@@ -5,6 +5,7 @@ mod generate;
 mod interruption;
 mod refusals;
 mod results;
+mod specification;
 
 use std::fs;
 use std::path::Path;

@@ -4,7 +4,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use reactsim_baseline::{BackendError, ModelError};
+use reactsim_external::ExternalError;
 use reactsim_formats::FormatError;
+use reactsim_metrics::OptionError;
 use reactsim_models::diffusion_planner::PlannerPolicyError;
 
 use super::av::AV_CHOICES;
@@ -27,6 +29,28 @@ pub enum EvaluationError {
     /// The backend of a network does not work on this machine.
     #[error(transparent)]
     Backend(#[from] BackendError),
+    /// A text of a specification has another form than its key needs.
+    #[error("{key} `{text}`: write {expected}")]
+    Spec {
+        /// The key.
+        key: &'static str,
+        /// The text.
+        text: String,
+        /// What is expected.
+        expected: &'static str,
+    },
+    /// A key of a specification has no effect on the shipped scenarios.
+    #[error("the shipped scenarios are read as they are: leave {key} out")]
+    ShippedAsIs {
+        /// The key.
+        key: &'static str,
+    },
+    /// A variant of the metrics is unknown.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// An external simulator or planner cannot be started.
+    #[error(transparent)]
+    External(#[from] ExternalError),
     /// A line of a file is damaged.
     #[error("{} is damaged in line {line}: {source}; repeat the run, or restore the file", path.display())]
     DamagedLine {
@@ -393,4 +417,11 @@ pub enum EvaluationError {
         /// The damage.
         error: FormatError,
     },
+}
+
+impl EvaluationError {
+    /// Refuses a text of a specification.
+    pub(crate) fn spec(key: &'static str, text: &str, expected: &'static str) -> Self {
+        Self::Spec { key, text: text.to_owned(), expected }
+    }
 }

@@ -52,7 +52,6 @@ pub mod reference;
 mod rollouts;
 mod row;
 mod runner;
-mod request;
 mod rollout_checks;
 mod samples;
 mod scoring;
@@ -62,6 +61,7 @@ mod shipped;
 mod simulator_id;
 mod simulators;
 mod source;
+mod spec;
 mod statistics;
 mod study;
 mod summary;
@@ -94,7 +94,6 @@ pub use provenance::{
     ExternalRecord, Provenance, SettingsRecord, SimulatorRecord, WeightsRecord, program_commit,
     program_version, set_program_commit,
 };
-pub use request::PlanRequest;
 pub use rollout_checks::{Findings, RolloutCheck};
 pub use rollouts::recorded_tracks;
 pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, RowNote, Value};
@@ -105,6 +104,11 @@ pub use selection::Selection;
 pub use shipped::shipped_ids;
 pub use simulators::{Adjustments, PlannedSimulator, weights_file};
 pub use source::Source;
+pub use spec::{
+    ExternalPrograms, ExternalSpec, MotionSpec, NamesScenarios, NuplanSpec, Opening, ReadingSpec,
+    RolloutSpec, RunParts, RunSpec, ScenarioSpec, SelectionSpec, Specification, Stage, SubjectSpec, Time,
+    weights,
+};
 pub use statistics::Estimate;
 pub use study::{
     Agreement, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange, PLANNER_RANKS,

@@ -1,6 +1,8 @@
 //! Checks of rollouts from other programs, whose numbers would otherwise look better than they are.
 
 use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
 
 use reactsim_scene::{Frame, HISTORY, Scenario};
 
@@ -105,10 +107,22 @@ impl RolloutCheck {
             Self::Coverage => "allowed-partial",
         }
     }
+}
+
+impl fmt::Display for RolloutCheck {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.allowance())
+    }
+}
+
+impl FromStr for RolloutCheck {
+    type Err = String;
 
     /// Returns the check with this allowance.
-    pub fn from_allowance(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|check| check.allowance() == name)
+    fn from_str(name: &str) -> Result<Self, String> {
+        let known = || Self::ALL.map(Self::allowance).join(", ");
+        let found = Self::ALL.into_iter().find(|check| check.allowance() == name);
+        found.ok_or_else(|| format!("expected one of {}", known()))
     }
 }
 

@@ -24,6 +24,21 @@ impl Protocol {
     }
 }
 
+impl fmt::Display for Protocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Protocol {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = [Self::Reactive, Self::Realism].into_iter().find(|protocol| protocol.name() == name);
+        found.ok_or_else(|| "expected reactive or realism".to_owned())
+    }
+}
+
 /// Number of steps between two plans of a simulator, or of a planner of the AV.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Replan {

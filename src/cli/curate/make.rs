@@ -11,14 +11,14 @@ use clap::Args;
 use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, ReadingArgs, count, nothing, say, say_part, stop_on_interrupt, write_result};
+use crate::cli::{ExitStatus, count, inputs_of, nothing, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;
 use crate::curation::{
     self, CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
-use crate::evaluation::{FileRecord, Registrar, program_commit, program_version, unite};
+use crate::evaluation::{FileRecord, ReadingSpec, Registrar, program_commit, program_version, unite};
 use crate::files::name_of;
 use crate::formats::{self, Opener, Partition, count_records};
 use crate::report::curation_tables;
@@ -114,13 +114,13 @@ impl MakeArgs {
 
 pub(super) fn make(
     args: &MakeArgs,
-    reading: &ReadingArgs,
+    reading: &ReadingSpec,
     partition: Option<Partition>,
 ) -> anyhow::Result<ExitStatus> {
     // Report every input error before the first scenario.
     let out = args.out()?;
     let source = args.source.open(args.temperature)?;
-    let found = reading.find_inputs(&args.scenarios)?;
+    let found = inputs_of(reading, &args.scenarios)?;
     if let Some(partition) = partition {
         return find(args, reading, found, partition);
     }
@@ -144,7 +144,7 @@ pub(super) fn make(
 /// Finds the candidates of a partition.
 fn find(
     args: &MakeArgs,
-    reading: &ReadingArgs,
+    reading: &ReadingSpec,
     found: Vec<formats::Input>,
     partition: Partition,
 ) -> anyhow::Result<ExitStatus> {
@@ -245,7 +245,7 @@ impl MakeArgs {
     fn provenance(
         &self,
         settings: &CurationSettings,
-        reading: &ReadingArgs,
+        reading: &ReadingSpec,
         inputs: &[Input],
     ) -> anyhow::Result<CurationProvenance> {
         Ok(CurationProvenance {
@@ -262,7 +262,7 @@ impl MakeArgs {
 fn named(
     args: &MakeArgs,
     settings: &CurationSettings,
-    reading: &ReadingArgs,
+    reading: &ReadingSpec,
 ) -> anyhow::Result<BTreeMap<String, String>> {
     let mut named = settings.named();
     match &args.source {
@@ -281,7 +281,7 @@ fn named(
         }
     };
     named.insert("scenes".into(), settings.scenes.to_string());
-    named.extend(reading.named());
+    named.extend(reading.named().map(|(key, value)| (key.to_owned(), value)));
     if let Some(limit) = args.limit {
         named.insert("limit".into(), limit.to_string());
     }

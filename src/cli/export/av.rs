@@ -6,9 +6,10 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use crate::cli::scenario_args::ScenarioArgs;
+use crate::cli::scenario_args::select;
 use crate::cli::{ExitStatus, count, say};
 use crate::evaluation::Deviations;
+use crate::evaluation::ScenarioSpec;
 use crate::files;
 use crate::scene::{AgentState, DeviatedTrack, Deviation, Scenario};
 
@@ -26,14 +27,14 @@ Example:
 #[command(after_help = AFTER)]
 pub(super) struct ExportAvArgs {
     #[command(flatten)]
-    input: ScenarioArgs,
+    input: ScenarioSpec,
     /// The JSON file of deviations to write, in the coordinates of the scenarios
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
 pub(super) fn export(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
-    let selected = args.input.selected()?;
+    let selected = select(&args.input)?;
     let mut entries = Vec::new();
     let failed = selected.each(|scenario| {
         entries.extend(entry(&scenario, selected.deviations.as_ref()));

@@ -4,9 +4,10 @@ use std::io::{self, Write};
 
 use clap::Args;
 
-use crate::cli::scenario_args::ScenarioArgs;
+use crate::cli::scenario_args::select;
 use crate::cli::{ExitStatus, say, write_result};
 use crate::evaluation::Deviations;
+use crate::evaluation::ScenarioSpec;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};
 use crate::scene::Scenario;
 
@@ -20,14 +21,14 @@ written. The protocol is described in docs/external-protocol.md.";
 #[command(after_help = AFTER)]
 pub(super) struct ExportScenesArgs {
     #[command(flatten)]
-    input: ScenarioArgs,
+    input: ScenarioSpec,
     /// Also write the logged future and the deviated AV
     #[arg(long)]
     future: bool,
 }
 
 pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
-    let selected = args.input.selected()?;
+    let selected = select(&args.input)?;
     let mut failed = 0;
     write_result(None, |out| {
         let mut number = 0;

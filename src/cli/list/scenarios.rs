@@ -1,7 +1,8 @@
 //! `reactsim list scenarios`: the scenarios of files.
 
-use super::super::scenario_args::ScenarioArgs;
+use super::super::scenario_args::select;
 use crate::evaluation::Deviations;
+use crate::evaluation::ScenarioSpec;
 use crate::scene::Scenario;
 
 /// Text of a property that a scenario does not have.
@@ -9,8 +10,8 @@ const NONE: &str = "-";
 
 /// Returns a row per selected scenario below a row of headings, and the number of scenarios that cannot be
 /// read.
-pub(super) fn rows(args: &ScenarioArgs) -> anyhow::Result<(Vec<Vec<String>>, usize)> {
-    let selected = args.selected()?;
+pub(super) fn rows(args: &ScenarioSpec) -> anyhow::Result<(Vec<Vec<String>>, usize)> {
+    let selected = select(args)?;
     let headings = ["scenario_id", "source", "agents", "category", "difficulty"].map(str::to_owned);
     let mut rows = vec![headings.to_vec()];
     let failed = selected.each(|scenario| {

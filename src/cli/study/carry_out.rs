@@ -6,9 +6,11 @@ use anyhow::Context;
 
 use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
+use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
+use crate::cli::subject::log_sources;
 use crate::cli::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
     self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyPlan,
@@ -17,14 +19,14 @@ use crate::evaluation::{
 use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
-    (mut plan, outside): PlannedStudy,
+    (mut plan, programs): PlannedStudy,
     shared: &SharedArgs,
 ) -> anyhow::Result<ExitStatus> {
     let folder = match shared.resume {
         true => StudyFolder::resume(&shared.out, &mut plan)?,
         false => StudyFolder::create(&shared.out, plan.study())?,
     };
-    outside.keep_stderr(Some(folder.path()))?;
+    keep_stderr(&programs, Some(folder.path()))?;
     let stop = stop_on_interrupt("writing what is finished")?;
     let members = plan.study().members.clone();
     let mut failed = 0;
@@ -56,7 +58,7 @@ pub(super) fn carry_out(
         }
         failed += summary.provenance.failures.len();
     }
-    outside.report_faults(Some(folder.path()));
+    report_faults(&programs, Some(folder.path()));
     if let Some(partition) = shared.partition.partition {
         return partition::finish(folder.path(), partition, failed, &());
     }
@@ -116,7 +118,7 @@ fn finish(
 ) -> anyhow::Result<ExitStatus> {
     let kind = plan.study().kind;
     if kind == StudyKind::Realism && shared.keep_rollouts {
-        score_realism(folder.path(), &shared.subject.log_sources()?)?;
+        score_realism(folder.path(), &log_sources(&shared.subject.0)?)?;
     }
     if kind == StudyKind::Planners {
         PlannerRanks::of_study(folder.path())?.write(folder.path())?;

@@ -4,7 +4,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::{PlannedStudy, RolloutArgs, SharedArgs};
-use crate::evaluation::{AvChoice, PlanRequest, Source, StudyPlan};
+use crate::evaluation::{AvChoice, RunParts, Source, StudyPlan};
 use crate::external::RunOutline;
 
 const AFTER: &str = "\
@@ -28,17 +28,13 @@ pub(super) struct ErrorsArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &ErrorsArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
-    let subject = &args.shared.subject;
-    if subject.av.is_some() {
+pub(super) fn study(args: &ErrorsArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
+    if args.shared.subject.0.av.is_some() {
         bail!("--av: the AV of this study follows the log: leave out --av");
     }
-    let settings = args.rolling.settings(subject.seed);
-    let (simulators, outside) = subject.simulators(None, &RunOutline::of(&settings))?;
-    let request = PlanRequest {
-        av: Some(AvChoice::Log),
-        rollouts: args.rolling.rollouts,
-        ..subject.request(sources, simulators, settings, true)?
-    };
-    Ok((StudyPlan::errors(request.plan()?), outside))
+    let mut spec = args.shared.spec(args.rolling.rollout());
+    (spec.subject.av, spec.keep_rollouts) = (Some(AvChoice::Log), Some(true));
+    let (simulators, programs) = args.shared.simulators(&RunOutline::of(&spec.settings()))?;
+    let plan = spec.plan(RunParts { sources, simulators, ..RunParts::default() })?;
+    Ok((StudyPlan::errors(plan), programs))
 }

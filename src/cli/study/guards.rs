@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::{PlannedStudy, RolloutArgs, SharedArgs};
+use crate::cli::subject::plan;
 use crate::evaluation::{Source, StudyPlan};
 use crate::external::RunOutline;
 
@@ -21,18 +22,9 @@ pub(super) struct GuardsArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &GuardsArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
-    let subject = &args.shared.subject;
-    let adjustments = subject.adjustments(None)?;
-    let settings = args.rolling.settings(subject.seed);
-    let (simulators, outside) = subject.simulators(None, &RunOutline::of(&settings))?;
-    let plan = subject.plan(
-        sources,
-        simulators,
-        &outside,
-        settings,
-        args.rolling.rollouts,
-        args.shared.keep_rollouts,
-    )?;
-    Ok((StudyPlan::guards(plan, &adjustments)?, outside))
+pub(super) fn study(args: &GuardsArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
+    let spec = args.shared.spec(args.rolling.rollout());
+    let (simulators, programs) = args.shared.simulators(&RunOutline::of(&spec.settings()))?;
+    let plan = plan(&spec, sources, simulators, &programs, None)?;
+    Ok((StudyPlan::guards(plan, &spec.subject.adjustments(None)?)?, programs))
 }

@@ -4,7 +4,8 @@ use anyhow::bail;
 use clap::{Args, ValueEnum};
 
 use super::{PlannedStudy, RolloutArgs, SharedArgs};
-use crate::evaluation::{AvChoice, AvDriver, Driver, PlanRequest, PlannedAv, Source, StudyPlan};
+use crate::cli::subject;
+use crate::evaluation::{AvChoice, AvDriver, Driver, PlannedAv, RunParts, Source, StudyPlan};
 use crate::external::RunOutline;
 use crate::planning::tracking::Controller;
 use crate::rollout::Replan;
@@ -52,15 +53,16 @@ enum Tracker {
     Perfect,
 }
 
-pub(super) fn plan(args: &PlannersArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
-    let subject = &args.shared.subject;
-    if subject.av.is_some() {
+pub(super) fn study(args: &PlannersArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
+    let mut spec = args.shared.spec(args.rolling.rollout());
+    if spec.subject.av.replace(AvChoice::Log).is_some() {
         bail!("--av: the planners of this study drive the AV: name them with --planners");
     }
-    let settings = args.rolling.settings(subject.seed);
+    spec.keep_rollouts = Some(true);
     let default: Vec<String> = SIMULATORS.map(str::to_owned).to_vec();
-    let (simulators, outside) = subject.simulators_or(&default, None, &RunOutline::of(&settings))?;
-    let drivers: Vec<Driver> = outside.planners.iter().cloned().map(Driver::external).collect();
+    let outline = RunOutline::of(&spec.settings());
+    let (simulators, programs) = subject::simulators(&spec.subject, &default, None, &outline)?;
+    let drivers: Vec<Driver> = programs.planners.iter().cloned().map(Driver::external).collect();
     let mut planners: Vec<PlannedAv> = vec!["log".parse()?];
     for id in &args.planners {
         let planned: PlannedAv = id.parse()?;
@@ -78,13 +80,8 @@ pub(super) fn plan(args: &PlannersArgs, sources: Vec<Source>) -> anyhow::Result<
     if let Some((i, _)) = planners.iter().enumerate().find(|(i, p)| planners[..*i].contains(p)) {
         bail!("--planners: `{}` is given twice", planners[i]);
     }
-    let request = PlanRequest {
-        av: Some(AvChoice::Log),
-        drivers,
-        rollouts: args.rolling.rollouts,
-        ..subject.request(sources, simulators, settings, true)?
-    };
-    Ok((StudyPlan::planners(request.plan()?, &planners)?, outside))
+    let plan = spec.plan(RunParts { sources, simulators, drivers, partition: None })?;
+    Ok((StudyPlan::planners(plan, &planners)?, programs))
 }
 
 /// Sets the tracker and the interval of a planner. Simulators have neither.

@@ -8,12 +8,13 @@ use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::progress::Progress;
+use crate::cli::subject::plan;
 use crate::cli::{say, write_file};
 use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPairs, score_all};
-use crate::evaluation::{Source, StudyPlan, read_summary};
+use crate::evaluation::{RolloutSpec, Source, StudyPlan, read_summary};
 use crate::external::RunOutline;
 use crate::metrics::wosac::Config;
-use crate::rollout::{Protocol, Replan, Settings};
+use crate::rollout::{Protocol, Replan};
 use crate::work::available_threads;
 
 /// Arguments of `study realism`.
@@ -34,21 +35,14 @@ pub(super) struct RealismArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &RealismArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
-    let subject = &args.shared.subject;
+pub(super) fn study(args: &RealismArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
     let protocols = vec!["reactive", "realism"];
     let outline = RunOutline { intervals: vec![args.replan.steps()], protocols };
-    let (simulators, outside) = subject.simulators(None, &outline)?;
-    let settings = Settings { replan: args.replan, seed: subject.seed, ..Settings::default() };
-    let plan = subject.plan(
-        sources,
-        simulators,
-        &outside,
-        settings,
-        args.reactive_rollouts,
-        args.shared.keep_rollouts,
-    )?;
-    Ok((StudyPlan::realism(plan, args.rollouts), outside))
+    let (simulators, programs) = args.shared.simulators(&outline)?;
+    let rollout =
+        RolloutSpec { replan: args.replan, rollouts: args.reactive_rollouts, ..RolloutSpec::default() };
+    let plan = plan(&args.shared.spec(rollout), sources, simulators, &programs, None)?;
+    Ok((StudyPlan::realism(plan, args.rollouts), programs))
 }
 
 /// Scores the kept rollouts of the realism protocol by the metrics of the Sim Agents challenge, and writes

@@ -4,10 +4,10 @@ use anyhow::bail;
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
-use crate::cli::subject::ProtocolName;
-use crate::evaluation::{Source, StudyPlan};
+use crate::cli::subject::plan;
+use crate::evaluation::{RolloutSpec, Source, StudyPlan};
 use crate::external::RunOutline;
-use crate::rollout::{Protocol, Replan, Settings};
+use crate::rollout::{Protocol, Replan};
 
 const AFTER: &str = "\
 Without --models, oracles are left out: their motion does not depend on the replan interval.";
@@ -21,8 +21,8 @@ pub(super) struct ReplanArgs {
     intervals: Vec<Replan>,
     /// reactive: the AV is an external input (Algorithm 1); realism: the simulator also moves the AV
     /// (Algorithm 2)
-    #[arg(long, value_enum, default_value = "reactive")]
-    protocol: ProtocolName,
+    #[arg(long, default_value_t = Protocol::Reactive, value_name = "PROTOCOL")]
+    protocol: Protocol,
     /// Rollouts per scenario and simulator
     #[arg(long, default_value_t = 1, value_name = "R",
           value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -31,22 +31,20 @@ pub(super) struct ReplanArgs {
     pub shared: SharedArgs,
 }
 
-pub(super) fn plan(args: &ReplanArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
+pub(super) fn study(args: &ReplanArgs, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
     let mut intervals = args.intervals.clone();
     intervals.sort_by_key(|i| i.steps());
     if let Some(repeated) = intervals.windows(2).find(|w| w[0] == w[1]) {
         bail!("--intervals has {} steps twice: give each interval once", repeated[0].steps());
     }
-    let subject = &args.shared.subject;
-    let protocol: Protocol = args.protocol.into();
+    let protocol = args.protocol;
     let steps = intervals.iter().map(|interval| interval.steps()).collect();
     let outline = RunOutline { intervals: steps, protocols: vec![protocol.name()] };
-    let (mut simulators, outside) = subject.simulators(None, &outline)?;
-    if subject.models.is_empty() {
+    let (mut simulators, programs) = args.shared.simulators(&outline)?;
+    if args.shared.subject.0.models.is_empty() {
         simulators.retain(|s| !s.controller.is_oracle());
     }
-    let settings = Settings { protocol, seed: subject.seed, ..Settings::default() };
-    let plan =
-        subject.plan(sources, simulators, &outside, settings, args.rollouts, args.shared.keep_rollouts)?;
-    Ok((StudyPlan::replan(plan, &intervals), outside))
+    let rollout = RolloutSpec { protocol, rollouts: args.rollouts, ..RolloutSpec::default() };
+    let plan = plan(&args.shared.spec(rollout), sources, simulators, &programs, None)?;
+    Ok((StudyPlan::replan(plan, &intervals), programs))
 }

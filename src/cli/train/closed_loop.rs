@@ -10,7 +10,7 @@ use clap::Args;
 
 use crate::cli::find_inputs;
 use crate::evaluation::{
-    self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlanRequest, PlannedSimulator, Source,
+    self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunParts, RunSpec, Source,
 };
 use crate::formats::native::ByNumber;
 use crate::rollout::Controller;
@@ -84,12 +84,10 @@ impl ClosedLoop {
     }
 
     fn plan(&self, simulators: Vec<PlannedSimulator>) -> Result<Plan, EvaluationError> {
-        let request = PlanRequest {
-            av: Some(AvChoice::DeviatedOrLog),
-            rollouts: self.rollouts,
-            ..PlanRequest::new(vec![Source::of_scenarios(self.scenarios.clone(), usize::MAX)], simulators)
-        };
-        request.plan()
+        let mut spec = RunSpec::default();
+        (spec.subject.av, spec.rollout.rollouts) = (Some(AvChoice::DeviatedOrLog), self.rollouts);
+        let sources = vec![Source::of_scenarios(self.scenarios.clone(), usize::MAX)];
+        spec.plan(RunParts { sources, simulators, ..RunParts::default() })
     }
 
     /// Returns the ids of the scenarios.

@@ -13,8 +13,8 @@ use super::closed_loop::ClosedLoop;
 use super::data::Data;
 use super::exclusion::Exclusion;
 use super::progress::{CURVES, Progress};
-use crate::cli::duration::duration;
 use crate::cli::{ExitStatus, say};
+use crate::evaluation::Time;
 use crate::evaluation::{program_commit, program_version};
 use crate::models::learning::{Trainable, Training};
 use crate::models::nn::Backend;
@@ -52,8 +52,8 @@ pub(super) struct SessionArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     /// Time between checkpoints, such as 90s, 3m or 1h
-    #[arg(long, default_value = "3m", value_name = "TIME", value_parser = duration)]
-    checkpoint_every: Duration,
+    #[arg(long, default_value = "3m", value_name = "TIME")]
+    checkpoint_every: Time,
 }
 
 impl SessionArgs {
@@ -68,7 +68,7 @@ impl SessionArgs {
             seed,
             backend: Backend::default(),
             jobs,
-            checkpoint_every: Duration::from_secs(30),
+            checkpoint_every: Time(Duration::from_secs(30)),
         }
     }
 
@@ -118,7 +118,7 @@ pub(super) fn train(
     let outcome = training.learn(Training {
         source: &data,
         settings,
-        execution: Execution { jobs: args.jobs(), checkpoint_every: args.checkpoint_every },
+        execution: Execution { jobs: args.jobs(), checkpoint_every: args.checkpoint_every.0 },
         about,
         measure: measure.as_ref().map(|measure| measure as _),
         observer: &progress,

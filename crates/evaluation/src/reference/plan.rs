@@ -6,7 +6,7 @@ use reactsim_rollout::{Protocol, Replan, Settings};
 
 use super::{Reference, ReferenceError};
 use crate::leaves::differences;
-use crate::request::with_driver;
+use crate::spec::with_driver;
 use crate::{
     Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
     Provenance, RunSettings, Source, program_version,

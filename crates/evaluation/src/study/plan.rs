@@ -7,7 +7,7 @@ use reactsim_rollout::{Protocol, Replan, Settings};
 
 use super::guards::{self, Variant};
 use super::{Member, Study, StudyKind};
-use crate::request::{are_deviated, with_driver};
+use crate::spec::{are_deviated, with_driver};
 use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedAv, PlannedSimulator, RunSettings, Source};
 
 /// The plans of all members of a study. They share the scenarios, so there is one plan, in which

@@ -23,7 +23,8 @@ use super::recipe::RecipeArgs;
 use super::session::{self, SessionArgs};
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
-use crate::cli::{Command, ExitStatus, ReadingArgs, command_line, lock_folder, run, say, stop_on_interrupt};
+use crate::cli::{Command, ExitStatus, command_line, inputs_of, lock_folder, run, say, stop_on_interrupt};
+use crate::evaluation::ReadingSpec;
 use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
 use crate::models;
@@ -113,7 +114,7 @@ pub(super) struct AdaptArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
     #[command(flatten)]
-    reading: ReadingArgs,
+    reading: ReadingSpec,
 }
 
 pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
@@ -122,7 +123,7 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
         bail!("--minutes {}: expected a number above 0, up to 100000", args.minutes);
     }
     let model = AdaptableModel::find(&args.model)?;
-    let mut inputs = args.reading.find_inputs(&args.logs)?;
+    let mut inputs = inputs_of(&args.reading, &args.logs)?;
     // If there are too many logs for the time, those that are read are a random sample of the files.
     inputs.sort_by_key(|input| {
         let name = input.path.file_name().unwrap_or_default().to_string_lossy();
@@ -195,13 +196,13 @@ fn check_folder(args: &AdaptArgs) -> anyhow::Result<Option<Value>> {
     let mut wanted = json!({
         "logs": args.logs,
         "frames": format!("{:?}", args.reading.frames()),
-        "all_agents": args.reading.all_agents,
+        "all_agents": args.reading.has_all_agents(),
         "model": args.model,
         "minutes": args.minutes,
         "seed": args.seed,
     });
-    for (name, value) in args.reading.nuplan.named() {
-        wanted[name] = json!(value);
+    if let Some(filter) = &args.reading.nuplan.filter {
+        wanted["filter"] = json!(filter.display().to_string());
     }
     if !args.exclude.is_empty() {
         wanted["exclude"] = json!(args.exclude);

@@ -170,10 +170,10 @@ fn wrong_input_is_refused_with_its_remedy() {
 
 #[test]
 fn times_have_units() {
-    assert_eq!(duration("90s"), Ok(Duration::from_secs(90)));
-    assert_eq!(duration("3m"), Ok(Duration::from_secs(180)));
-    assert_eq!(duration("0.5h"), Ok(Duration::from_secs(1800)));
+    assert_eq!("90s".parse(), Ok(Time(Duration::from_secs(90))));
+    assert_eq!("3m".parse(), Ok(Time(Duration::from_secs(180))));
+    assert_eq!("0.5h".parse(), Ok(Time(Duration::from_secs(1800))));
     for wrong in ["", "m", "3", "-1s", "3 min", "é"] {
-        assert!(duration(wrong).is_err(), "{wrong}");
+        assert!(wrong.parse::<Time>().is_err(), "{wrong}");
     }
 }

@@ -1,0 +1,134 @@
+//! Plans of specified runs.
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+use reactsim_formats::Partition;
+use reactsim_rollout::{Protocol, Settings};
+
+use super::{RunSpec, SubjectSpec};
+use crate::av::{AvChoice, AvDriver, PlannedAv};
+use crate::benchmarks::BenchmarkRecord;
+use crate::driver::Driver;
+use crate::plan::{Deviations, Plan, RunSettings};
+use crate::pose::Pose;
+use crate::simulators::PlannedSimulator;
+use crate::{EvaluationError, Source};
+
+/// What is opened and started for a run.
+#[derive(Default)]
+pub struct RunParts {
+    /// Sources of scenarios.
+    pub sources: Vec<Source>,
+    /// Simulators in the order of the tables.
+    pub simulators: Vec<PlannedSimulator>,
+    /// Planners that the AV policy may name, without simulators.
+    pub drivers: Vec<Driver>,
+    /// The partition to run, for which the sources were opened; `None` for the whole.
+    pub partition: Option<Partition>,
+}
+
+impl RunSpec {
+    /// Returns the text of a file, with all values that are set or have a default.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a specification has texts, numbers and lists only")
+    }
+
+    /// Returns protocol, replan interval, lookahead and seed.
+    pub fn settings(&self) -> Settings {
+        let rollout = &self.rollout;
+        Settings {
+            protocol: rollout.protocol,
+            replan: rollout.replan,
+            av_lookahead: rollout.av_lookahead == 1,
+            seed: self.subject.seed,
+        }
+    }
+
+    /// Plans the run. Every error of its inputs is reported here, before the first scenario.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a simulator is repeated, there are no rollouts, the AV and the deviations do
+    /// not fit together or to the protocol, the AV policy names a planner that is not given, the file of
+    /// deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
+    pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
+        let RunParts { sources, simulators, drivers, partition } = parts;
+        for (i, simulator) in simulators.iter().enumerate() {
+            if simulators[..i].iter().any(|earlier| earlier.id == simulator.id) {
+                return Err(EvaluationError::RepeatedSimulator { id: simulator.id.clone() });
+            }
+        }
+        let (subject, rollout) = (&self.subject, self.settings());
+        if self.rollout.rollouts == 0 {
+            return Err(EvaluationError::ZeroRollouts);
+        }
+        let is_realism = rollout.protocol == Protocol::Realism;
+        if is_realism && subject.av.is_some() {
+            return Err(EvaluationError::AvInRealism);
+        }
+        let mut deviations = deviations_file(subject)?.map(Deviations::read).transpose()?;
+        let pose = subject.motion.pose.unwrap_or(Pose::Centre);
+        match &mut deviations {
+            Some(deviations) => deviations.pose = pose,
+            None if pose != Pose::Centre => return Err(EvaluationError::PoseUnused),
+            None => {}
+        }
+        let av = match subject.av.clone() {
+            Some(av) => av,
+            // Never asked: the simulator moves the AV.
+            None if is_realism => AvChoice::Log,
+            None if deviations.is_none() && !sources.is_empty() && !are_deviated(&sources) => {
+                return Err(EvaluationError::NoDeviatedAv);
+            }
+            None => AvChoice::Deviated,
+        };
+        let drivers = with_driver(&av, drivers)?;
+        let settings = RunSettings {
+            rollout,
+            av,
+            rollouts: self.rollout.rollouts,
+            options: subject.options()?,
+            limit: subject.input.limit.map(NonZeroUsize::get),
+            selection: subject.input.selection.selection(),
+        };
+        let (keep_rollouts, allowed) = (self.keep_rollouts == Some(true), subject.motion.allow.clone());
+        Ok(Plan { sources, simulators, deviations, drivers, settings, keep_rollouts, allowed, partition })
+    }
+}
+
+/// Returns the file of deviations, which the AV policy may name too.
+fn deviations_file(subject: &SubjectSpec) -> Result<Option<&Path>, EvaluationError> {
+    match (&subject.input.deviations, &subject.av) {
+        (Some(_), Some(AvChoice::File(_))) => Err(EvaluationError::DeviationsTwice),
+        (Some(_), Some(AvChoice::Log | AvChoice::Scripted(_) | AvChoice::Planned(_))) => {
+            Err(EvaluationError::DeviationsUnused)
+        }
+        (Some(path), None | Some(AvChoice::Deviated | AvChoice::DeviatedOrLog))
+        | (None, Some(AvChoice::File(path))) => Ok(Some(path)),
+        (None, _) => Ok(None),
+    }
+}
+
+/// Returns these drivers and, if the AV policy names a simulator, this one.
+///
+/// # Errors
+/// [`EvaluationError`] if the policy names a planner that is not given, or a simulator that cannot drive.
+pub(crate) fn with_driver(av: &AvChoice, mut drivers: Vec<Driver>) -> Result<Vec<Driver>, EvaluationError> {
+    drivers.extend(Driver::of(av)?);
+    let AvChoice::Planned(PlannedAv { driver, .. }) = av else { return Ok(drivers) };
+    let needs_driver = matches!(driver, AvDriver::External(_) | AvDriver::Own(_));
+    if needs_driver && !drivers.iter().any(|given| given.driver == *driver) {
+        return Err(EvaluationError::NoDriver { name: driver.to_string() });
+    }
+    Ok(drivers)
+}
+
+/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the
+/// run reports later. Known benchmarks are not read for it.
+pub(crate) fn are_deviated(sources: &[Source]) -> bool {
+    if sources.first().is_some_and(|source| BenchmarkRecord::of(&source.file).is_some()) {
+        return true;
+    }
+    let scenarios = sources.iter().filter_map(|source| source.scenarios().ok()).flatten();
+    scenarios.filter_map(Result::ok).next().is_none_or(|scenario| scenario.deviation.is_some())
+}

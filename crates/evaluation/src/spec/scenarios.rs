@@ -1,0 +1,211 @@
+//! Scenarios of a specification.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::Args;
+use reactsim_formats::{CurrentFrames, Input, Partition, PassedOver, nuplan_filter, survey};
+use reactsim_scene::Deviation;
+use serde::{Deserialize, Serialize};
+
+use crate::{EvaluationError, Selection, Source};
+
+/// Scenarios, by default those of the shipped benchmark, and their deviated AVs.
+#[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case")]
+pub struct ScenarioSpec {
+    /// Files, folders or URLs of scenarios [default: the shipped benchmark]
+    #[arg(value_name = "SCENARIOS")]
+    pub scenarios: Vec<PathBuf>,
+    /// Deviated AVs by scenario id, Parquet or JSON, also a URL; other scenarios are skipped
+    #[arg(long, value_name = "FILE")]
+    pub deviations: Option<PathBuf>,
+    /// Only the first N scenarios of every file [default: all]
+    #[arg(long, value_name = "N")]
+    pub limit: Option<NonZeroUsize>,
+    /// Scenarios by id and category.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub selection: SelectionSpec,
+    /// Options for formats that leave a choice to the reader.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub reading: ReadingSpec,
+}
+
+/// Scenarios by id and category.
+#[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case")]
+pub struct SelectionSpec {
+    /// Only the scenario with this id; may be repeated
+    #[arg(long, value_name = "ID")]
+    pub id: Vec<String>,
+    /// Only scenarios whose deviated AV has this category; may be repeated
+    #[arg(long, value_name = "CATEGORY", value_delimiter = ',', value_parser = Deviation::ALL.map(Deviation::name))]
+    pub category: Vec<String>,
+}
+
+/// Options for formats that leave a choice to the reader.
+#[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case")]
+pub struct ReadingSpec {
+    /// Index of the current frame, from 0, for formats that leave it open (Argoverse 2, ScenarioNet, Waymo
+    /// files of more than 91 frames) [default: the recorded index; for Argoverse 2 the latest one up to 49
+    /// with 80 steps of the AV after it]
+    #[arg(long, value_name = "N")]
+    pub current_frame: Option<usize>,
+    /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a
+    /// current frame, as far as 80 frames follow; ids get the frame, such as ID@60
+    #[arg(long, value_name = "N", conflicts_with = "current_frame")]
+    pub window_step: Option<NonZeroUsize>,
+    /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
+    /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
+    pub all_agents: Option<bool>,
+    /// Logs of nuPlan with a scenario filter.
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub nuplan: NuplanSpec,
+}
+
+/// Logs of nuPlan with a scenario filter of the devkit.
+#[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default, rename_all = "kebab-case")]
+pub struct NuplanSpec {
+    /// Logs of nuPlan (`.db`), or folders that hold some; may be repeated
+    #[arg(long, value_name = "LOGS", requires = "filter")]
+    pub nuplan: Vec<PathBuf>,
+    /// Scenarios of --nuplan that a scenario_filter of nuPlan's devkit (YAML) selects, such as val14_split.yaml
+    #[arg(long, value_name = "FILE", requires = "nuplan")]
+    pub filter: Option<PathBuf>,
+    /// Folder with the list of nuPlan's maps [default: the one above the logs]
+    #[arg(long, value_name = "FOLDER", requires = "nuplan")]
+    pub maps: Option<PathBuf>,
+}
+
+/// Which files are read for their digests when sources are opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Opening {
+    /// All.
+    Whole,
+    /// Those with records of a partition, which is run.
+    Partition(Partition),
+    /// None.
+    Unread,
+}
+
+impl ScenarioSpec {
+    /// Returns the largest number of scenarios of a file.
+    pub fn most(&self) -> usize {
+        self.limit.map_or(usize::MAX, NonZeroUsize::get)
+    }
+
+    /// Returns whether the shipped scenarios are meant, because no others are given.
+    pub fn is_shipped(&self) -> bool {
+        self.reading.is_shipped(&self.scenarios)
+    }
+
+    /// Finds the files of scenarios and recognises their formats. The second value has the files that only look
+    /// like scenarios.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a file cannot be read, or a key has no effect on the shipped scenarios.
+    pub fn open(&self, opening: Opening) -> Result<(Vec<Source>, PassedOver), EvaluationError> {
+        if self.is_shipped() {
+            self.reading.check_absent()?;
+            return Ok((vec![Source::shipped(self.most())], PassedOver::new()));
+        }
+        let (inputs, passed_over) = self.reading.find_inputs(&self.scenarios)?;
+        let sources = match opening {
+            Opening::Whole => Source::of_inputs(inputs, self.most())?,
+            Opening::Partition(partition) => Source::of_partition(inputs, self.most(), partition)?,
+            Opening::Unread => Source::unread(inputs, self.most()),
+        };
+        Ok((sources, passed_over))
+    }
+}
+
+impl SelectionSpec {
+    /// Returns the selection.
+    pub fn selection(&self) -> Selection {
+        let (ids, categories) = (&self.id, &self.category);
+        Selection { ids: ids.iter().cloned().collect(), categories: categories.iter().cloned().collect() }
+    }
+}
+
+impl From<Selection> for SelectionSpec {
+    fn from(selection: Selection) -> Self {
+        Self { id: selection.ids.into_iter().collect(), category: selection.categories.into_iter().collect() }
+    }
+}
+
+impl ReadingSpec {
+    /// Returns whether the shipped scenarios are meant, because no others are given.
+    pub fn is_shipped(&self, paths: &[PathBuf]) -> bool {
+        paths.is_empty() && self.nuplan.filter.is_none()
+    }
+
+    /// Returns whether all agents are simulated.
+    pub fn has_all_agents(&self) -> bool {
+        self.all_agents == Some(true)
+    }
+
+    /// Returns the current frames of recordings.
+    pub fn frames(&self) -> CurrentFrames {
+        match (self.current_frame, self.window_step) {
+            (Some(frame), _) => CurrentFrames::At(frame),
+            (None, Some(step)) => CurrentFrames::Every(step),
+            (None, None) => CurrentFrames::Stated,
+        }
+    }
+
+    /// Returns the keys that are given, with their values.
+    pub fn named(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let frame = self.current_frame.map(|frame| ("current-frame", frame.to_string()));
+        let step = self.window_step.map(|step| ("window-step", step.to_string()));
+        let all = self.has_all_agents().then(|| ("all-agents", true.to_string()));
+        let filter = self.nuplan.filter.as_ref().map(|filter| ("filter", filter.display().to_string()));
+        [frame, step, all, filter].into_iter().flatten()
+    }
+
+    /// Refuses keys without effect on the shipped scenarios.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names the first key that is given.
+    pub fn check_absent(&self) -> Result<(), EvaluationError> {
+        match self.named().next() {
+            Some((key, _)) => Err(EvaluationError::ShippedAsIs { key }),
+            None => Ok(()),
+        }
+    }
+
+    /// Finds the scenario files at all paths and in the logs of nuPlan, and sets how they are read. The second
+    /// value has the files that only look like scenarios.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a file cannot be read.
+    pub fn find_inputs(&self, paths: &[PathBuf]) -> Result<(Vec<Input>, PassedOver), EvaluationError> {
+        let (mut inputs, mut passed_over) = (Vec::new(), PassedOver::new());
+        for path in paths {
+            let found = survey(path)?;
+            inputs.extend(found.inputs);
+            passed_over.extend(found.passed_over);
+        }
+        inputs.extend(self.nuplan.input()?);
+        for input in &mut inputs {
+            (input.frames, input.all_agents) = (self.frames(), self.has_all_agents());
+        }
+        Ok((inputs, passed_over))
+    }
+}
+
+impl NuplanSpec {
+    /// Returns the selected scenarios, if a filter is given.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the filter or a log cannot be read.
+    pub fn input(&self) -> Result<Option<Input>, EvaluationError> {
+        let Some(filter) = &self.filter else { return Ok(None) };
+        Ok(Some(nuplan_filter(filter, &self.nuplan, self.maps.clone())?))
+    }
+}
