@@ -24,6 +24,7 @@ pub const MODELS: &[Baseline] = &[
     constant_velocity::ENTRY,
     stop::ENTRY,
     idm::ENTRY,
+    idm::STYLES,
     ntp::entries::REACTIVE,
     ntp::entries::REACTIVE_RAW,
     ntp::guarded::GUARDED,

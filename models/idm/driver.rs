@@ -161,7 +161,8 @@ impl AgentBehaviour {
                 if is_parked(sight, &motion, cyclist, parameters) {
                     return Self::Parked;
                 }
-                let style = Style::of(class, headway, speed);
+                let variation = parameters.styles.as_ref().map(|styles| styles.draw(&own));
+                let style = Style::of(class, headway, speed, variation.unwrap_or_default());
                 Self::OnPath(Box::new(PathFollower::plan(sight, &motion, class, style, cyclist, &mut own)))
             }
             AgentKind::Other => Self::Parked,
@@ -251,7 +252,7 @@ impl PathFollower {
     ) -> Self {
         let road = sight.road();
         let pose = Pose { position: motion.position, heading: motion.heading };
-        let free = class.speed_freeway.max(motion.speed);
+        let free = (class.speed_freeway * style.haste).max(motion.speed);
         // Cover the distance that the vehicle can travel within the horizon, and its look-ahead.
         let horizon = DT * FUTURE as f64;
         let coming = motion.speed * horizon + 0.5 * style.acceleration * horizon * horizon;

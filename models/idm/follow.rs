@@ -3,6 +3,7 @@
 use reactsim_geometry::math;
 
 use super::parameters::Class;
+use super::styles::Variation;
 
 /// Parameters of one driver.
 #[derive(Clone, Copy, Debug)]
@@ -19,18 +20,21 @@ pub(super) struct Style {
     pub(super) coolness: f64,
     /// Factor on speed limits.
     pub(super) speed_factor: f64,
+    /// Part of this factor that comes from the style of the driver.
+    pub(super) haste: f64,
 }
 
 impl Style {
     /// Creates a driver of a class; `headway` and `speed` in [-1, 1] place it within the spreads.
-    pub(super) fn of(class: &Class, headway: f64, speed: f64) -> Self {
+    pub(super) fn of(class: &Class, headway: f64, speed: f64, variation: Variation) -> Self {
         Self {
-            headway: class.headway * (1.0 + headway * class.headway_spread),
+            headway: class.headway * (1.0 + headway * class.headway_spread) * variation.headway,
             gap: class.standstill_gap,
-            acceleration: class.acceleration,
+            acceleration: class.acceleration * variation.acceleration,
             deceleration: class.deceleration,
             coolness: class.coolness,
-            speed_factor: 1.0 + speed * class.speed_spread,
+            speed_factor: (1.0 + speed * class.speed_spread) * variation.speed,
+            haste: variation.speed,
         }
     }
 
@@ -95,6 +99,7 @@ mod tests {
         deceleration: 2.0,
         coolness: 0.99,
         speed_factor: 1.0,
+        haste: 1.0,
     };
 
     #[test]

@@ -17,6 +17,7 @@ mod parameters;
 mod route;
 mod signals;
 mod strip;
+mod styles;
 
 use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
@@ -35,6 +36,15 @@ pub const ENTRY: Baseline = Baseline {
     by_default: true,
     needs_weights: false,
     make,
+};
+
+/// Its variant whose drivers have styles.
+pub const STYLES: Baseline = Baseline {
+    id: "idm@styles",
+    card: include_str!("styles/card.toml"),
+    ranges: concat!(include_str!("ranges.toml"), include_str!("styles/ranges.toml")),
+    by_default: false,
+    ..ENTRY
 };
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {

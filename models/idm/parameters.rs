@@ -4,6 +4,8 @@ use reactsim_scene::AgentKind;
 use reactsim_scene::dynamics::Pursuit;
 use serde::Deserialize;
 
+use super::styles::Styles;
+
 /// All parameters of the card.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -14,6 +16,9 @@ pub(super) struct Parameters {
     pub(super) limits: Limits,
     pub(super) conflict: Conflict,
     pub(super) parked: ParkedCriteria,
+    /// Distributions of driver styles; `None` if drivers differ by the spreads of their class only.
+    #[serde(default)]
+    pub(super) styles: Option<Styles>,
 }
 
 impl Parameters {

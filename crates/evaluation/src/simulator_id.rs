@@ -1,5 +1,6 @@
 //! The parts of a simulator's id.
 
+use reactsim_models as models;
 use reactsim_qp::Smoothing;
 
 use super::EvaluationError;
@@ -30,6 +31,10 @@ impl<'a> SimulatorId<'a> {
             Some((variant, smoothing)) => (variant, Some(smoothing)),
             None => (id, None),
         };
+        // `idm@styles` is a baseline of its own.
+        if models::find(variant).is_some() {
+            return Ok(Self { variant, baseline: variant, label: None, smoothing });
+        }
         let Some((baseline, label)) = variant.split_once(LABEL) else {
             return Ok(Self { variant, baseline: variant, label: None, smoothing });
         };
@@ -50,6 +55,8 @@ mod tests {
         let id = SimulatorId::parse("ntp-reactive@mine+qp").unwrap();
         assert_eq!((id.variant, id.baseline, id.label), ("ntp-reactive@mine", "ntp-reactive", Some("mine")));
         assert_eq!(id.smoothing, Some(Smoothing::Full));
+        let id = SimulatorId::parse("idm@styles+qp").unwrap();
+        assert_eq!((id.baseline, id.label, id.smoothing), ("idm@styles", None, Some(Smoothing::Full)));
         let id = SimulatorId::parse("idm").unwrap();
         assert_eq!((id.variant, id.baseline, id.label, id.smoothing), ("idm", "idm", None, None));
     }
