@@ -188,7 +188,8 @@ impl Benchmark {
     }
 
     /// Adds a baseline by its id, such as `idm` or `idm+qp`, or a variant of it, such as `idm@calm`. `default`
-    /// adds all that run by default, `all` all that have weights. Tables list baselines first.
+    /// adds all that run by default, `all` all that have weights, `mix:idm=1+stop=1` mixed traffic. Tables list
+    /// baselines first.
     pub fn baseline(mut self, id: impl Into<String>) -> Self {
         self.spec.subject.models.push(id.into());
         self

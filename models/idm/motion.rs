@@ -87,9 +87,10 @@ impl Traffic {
     /// Plans all steps of an episode's plan.
     pub(super) fn plan(&mut self, parameters: &Parameters, episode: &mut Planning<'_, '_>) {
         let seen = episode.seen;
-        if episode.moves_av {
-            self.take_over(seen, parameters, episode.stream);
-        } else {
+        if episode.moves_av || episode.shares_traffic {
+            self.take_over(parameters, episode);
+        }
+        if !episode.moves_av {
             self.observe_av(&seen, parameters);
         }
         let agents = seen.start().agents.len();
@@ -119,11 +120,13 @@ impl Traffic {
         }
     }
 
-    /// Takes over the realised states of agents that did not execute their plans: as a planner of the AV the
-    /// model merely imagines what others do.
-    fn take_over(&mut self, seen: Observation<'_>, parameters: &Parameters, stream: &mut Stream) {
+    /// Takes over the realised states of agents that did not execute their plans: as a planner of the AV and
+    /// in mixed traffic the model merely imagines what others do.
+    fn take_over(&mut self, parameters: &Parameters, episode: &mut Planning<'_, '_>) {
+        let seen = episode.seen;
         let heights: Vec<f64> = self.actors.iter().map(|a| a.height).collect();
-        for (agent, behaviour) in self.behaviours.iter_mut().enumerate() {
+        let first = usize::from(!episode.moves_av);
+        for (agent, behaviour) in self.behaviours.iter_mut().enumerate().skip(first) {
             let Some(now) = seen.state(agent) else {
                 *behaviour = AgentBehaviour::Absent;
                 continue;
@@ -142,7 +145,7 @@ impl Traffic {
                 _ => false,
             };
             if !resumes {
-                *behaviour = AgentBehaviour::begin(&sight, parameters, stream);
+                *behaviour = AgentBehaviour::begin(&sight, parameters, episode.stream);
             }
             self.actors[agent] = present(&sight, behaviour);
         }

@@ -154,6 +154,7 @@ impl Simulator for Smoothed {
                 memory,
                 stream: &mut *episode.stream,
                 moves_av: episode.moves_av,
+                shares_traffic: episode.shares_traffic,
                 plan: JointPlan::with_outlook(episode.plan.agents(), steps, episode.plan.steps()),
                 outcomes: std::mem::take(&mut episode.outcomes),
                 error: None,

@@ -277,7 +277,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
             default. All selected scenarios are kept in memory.
-        simulator: Id of the simulator, such as "idm".
+        simulator: Id of the simulator, such as "idm" or "mix:idm=1+ntp-guarded=1".
         ids: Only scenarios with one of these ids; all by default.
         limit: Only the first `limit` scenarios of every file.
         action: Kind of the actions. "bicycle": acceleration (m/s², up to 6) and curvature (1/m,

@@ -88,7 +88,7 @@ def run(
         protocol: "reactive", or "realism", in which the simulator also moves the AV.
         replan: Replan rate or interval, such as "2hz" or "5steps".
         baselines: Ids of baselines to run next to the simulator, or alone, such as "idm"; "default"
-            for those that run by default.
+            for those that run by default; "mix:idm=1+stop=1" for mixed traffic.
         rollouts: Rollouts per scenario and simulator.
         seed: Seed of all random choices.
         limit: Only the first `limit` scenarios of every file.

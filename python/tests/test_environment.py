@@ -266,6 +266,20 @@ class TestEnv:
                 value = info["scores"].metrics[metric]
                 assert value == row[metric] or value is None, metric
 
+    def test_mixed_traffic_is_that_of_run(self, tmp_path: Path, closing: Any) -> None:
+        mix = "mix:constant-velocity=1+idm=1"
+        out = tmp_path / "run"
+        results = reactsim.run(baselines=[mix], scenarios=MINI, out=out, progress=False)
+        assert set(results.rows["simulator"]) == {mix}
+        env = closing(reactsim.Env(MINI, "mix:idm=1, constant-velocity=1", action="state", **SMALL))
+        for scenario in reactsim.scenarios(MINI):
+            env.reset(options={"scenario": scenario.id, "rollout": 0})
+            assert scenario.av is not None
+            for state in scenario.av:
+                env.step(state)
+            expected = states_of(results, scenario.id)[0]
+            assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
+
     def test_observations_are_in_the_frame_of_the_av(self, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))
         scenario = next(reactsim.scenarios(MINI))

@@ -57,6 +57,10 @@ enum Kind {
     Backends,
 }
 
+/// Summary of mixed traffic.
+const MIX: &str = "Mixed traffic: each agent is drawn to one of several of these simulators, such as \
+                   mix:idm=0.5+ntp-guarded=0.5+pedestrian=constant-velocity. Runs by its id.";
+
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
     let rows = match &args.what {
         Kind::Parameters { model } => {
@@ -87,6 +91,7 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
                 let summary = format!("{}{needs}{named}", card.summary);
                 rows.push(vec![model.id.to_owned(), format!("{}{mark}", card.title), summary]);
             }
+            rows.push(["mix:ID=SHARE+…", "Mix", MIX].map(str::to_owned).to_vec());
             rows
         }
         Kind::Metrics => METRICS

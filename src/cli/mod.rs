@@ -329,7 +329,7 @@ fn hint(error: &anyhow::Error) -> Option<String> {
         return full.then(|| "the last checkpoint is intact; free some space and give --resume".to_owned());
     }
     match error.downcast_ref::<EvaluationError>()? {
-        EvaluationError::UnknownSimulator { id, .. } => {
+        EvaluationError::UnknownSimulator { id, .. } | EvaluationError::UnknownMember { id, .. } => {
             let meant = question(most_similar(id, MODELS.iter().map(|m| m.id)));
             Some(format!("{meant}`reactsim list models` describes each of them"))
         }

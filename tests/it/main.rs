@@ -31,6 +31,7 @@ mod levels;
 mod long_tables;
 mod metric_constants;
 mod mini_scenarios;
+mod mix;
 mod model_weights;
 mod networks;
 mod ntp_reactive;

@@ -114,6 +114,7 @@ fn planned(scenario: &Scenario, executed: usize) -> JointPlan {
         memory: &mut memory,
         stream: &mut stream,
         moves_av: false,
+        shares_traffic: false,
         plan: JointPlan::with_outlook(tracks.len(), 20, executed),
         outcomes: BTreeMap::new(),
         error: None,

@@ -7,9 +7,9 @@ mod planner;
 mod reversing;
 mod sight;
 
-use reactsim::models::{Baseline, MODELS};
-use reactsim::rollout::{Controller, Replan, Rollout, Settings, roll_out};
-use reactsim::scene::{AgentState, Scenario};
+use reactsim::models::{Baseline, MODELS, ModelError, Setup, find, idm};
+use reactsim::rollout::{Controller, Mix, MixMember, Replan, Rollout, Settings, roll_out};
+use reactsim::scene::{AgentKind, AgentState, Scenario};
 
 use crate::model_weights::untrained;
 use crate::scenes::{mini, real, request};
@@ -31,8 +31,21 @@ fn settings(replan: usize, av_lookahead: bool) -> Settings {
     Settings { replan: Replan::every(replan).unwrap(), av_lookahead, ..Settings::default() }
 }
 
+/// Mixed traffic, which must have the same properties.
+const MIX: Baseline = Baseline { id: "mix", make: mixed, ..idm::ENTRY };
+
+fn mixed(_: Setup) -> Result<Controller, ModelError> {
+    let members =
+        [("idm", 2.0), ("constant-velocity", 1.0), ("idm@styles", 1.0), ("stop", 0.0)].map(|(id, share)| {
+            let Controller::Fair(simulator) = find(id).unwrap().simulator().unwrap() else { unreachable!() };
+            let kinds = if share > 0.0 { Vec::new() } else { vec![AgentKind::Pedestrian] };
+            MixMember { simulator, share, kinds }
+        });
+    Ok(Controller::Fair(Box::new(Mix::new(members.into()).unwrap())))
+}
+
 fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
-    MODELS.iter().filter_map(|model| {
+    MODELS.iter().chain([&MIX]).filter_map(|model| {
         let mut setup = model.setup().unwrap();
         if model.needs_weights && setup.weights.is_none() {
             // The protocol also holds for untrained weights.

@@ -289,6 +289,24 @@ pub enum EvaluationError {
         /// The id.
         id: String,
     },
+    /// The id of a mix is invalid.
+    #[error("`{id}`: {reason}")]
+    Mix {
+        /// The id.
+        id: String,
+        /// Reason, with the part.
+        reason: String,
+    },
+    /// There is no baseline of the name of a member of a mix.
+    #[error("`{mix}`: there is no baseline `{id}`, and members of a mix are baselines; there are: {known}")]
+    UnknownMember {
+        /// Id of the mix.
+        mix: String,
+        /// Id of the member.
+        id: String,
+        /// Ids of all baselines.
+        known: String,
+    },
     /// There is nothing to roll out.
     #[error("0 rollouts: at least 1 is needed")]
     ZeroRollouts,

@@ -41,6 +41,7 @@ mod leaves;
 mod left_out;
 mod long_tables;
 mod merge;
+mod mix;
 mod motion;
 pub mod paper;
 mod plan;

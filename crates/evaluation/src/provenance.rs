@@ -142,6 +142,9 @@ pub struct SimulatorRecord {
     /// Weights, if the simulator has any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<WeightsRecord>,
+    /// Simulators of a mix, each with its parameters and weights; otherwise empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub members: Vec<SimulatorRecord>,
     /// The external program that is the simulator, if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub external: Option<ExternalRecord>,
@@ -194,6 +197,7 @@ impl SimulatorRecord {
             card: String::new(),
             parameters: BTreeMap::new(),
             weights: None,
+            members: Vec::new(),
             external: None,
         }
     }
@@ -207,6 +211,7 @@ impl SimulatorRecord {
             card: blake3::hash(simulator.card.as_bytes()).to_hex().to_string(),
             parameters: simulator.parameters.clone(),
             weights: simulator.weights.clone(),
+            members: simulator.members.clone(),
             external: simulator.external.clone(),
         }
     }
@@ -223,7 +228,12 @@ impl SimulatorRecord {
 
     /// Returns whether the simulator runs a network.
     pub fn is_network(&self) -> bool {
-        self.weights.is_some()
+        self.parts().iter().any(|part| part.weights.is_some())
+    }
+
+    /// Returns the simulators of a mix, or the simulator itself: parameters and weights are theirs.
+    pub fn parts(&self) -> &[Self] {
+        if self.members.is_empty() { std::slice::from_ref(self) } else { &self.members }
     }
 }
 

@@ -1,6 +1,5 @@
 //! Scores of rollout files from any program.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use reactsim_formats as formats;
@@ -74,7 +73,7 @@ impl Scoring {
             },
             metric_options: named_options(&options),
             driver: None,
-            simulators: recorded.simulators().iter().map(|name| simulator(name)).collect(),
+            simulators: recorded.simulators().iter().map(|name| SimulatorRecord::named(name, name)).collect(),
             // The rollout files first, then the scenario files.
             inputs: files,
             deviations: None,
@@ -189,19 +188,6 @@ fn keep(
     let (Some(folder), Some(row)) = (folder, pair.rows.first()) else { return Ok(()) };
     write_part(&folder.part(place, pair.simulator)?, scenario, &row.simulator, &pair.rollouts)?;
     folder.append(&pair.rows, &pair.events)
-}
-
-/// Returns the provenance record of a simulator of which only the name is known.
-fn simulator(name: &str) -> SimulatorRecord {
-    SimulatorRecord {
-        id: name.to_owned(),
-        title: name.to_owned(),
-        oracle: false,
-        card: String::new(),
-        parameters: BTreeMap::new(),
-        weights: None,
-        external: None,
-    }
 }
 
 fn failure(

@@ -11,16 +11,17 @@ use reactsim_models::MODELS;
 use reactsim_nn::{Backend, check_backend};
 use reactsim_qp as qp;
 use reactsim_qp::Smoothing;
-use reactsim_rollout::Controller;
+use reactsim_rollout::{Controller, Mix, MixMember};
 
 use super::EvaluationError;
-use super::provenance::{ExternalRecord, WeightsRecord};
+use super::mix::{MixId, joined};
+use super::provenance::{ExternalRecord, SimulatorRecord, WeightsRecord};
 use super::simulator_id::SimulatorId;
 
 /// A simulator that is ready to run.
 pub struct PlannedSimulator {
     /// Id of the baseline and, if any, label of the variant and id of the stage behind it:
-    /// `ntp-reactive@mine+qp`.
+    /// `ntp-reactive@mine+qp`. Id of a mix: `mix:idm=0.5+ntp-guarded=0.5`.
     pub id: String,
     /// Name in tables.
     pub title: String,
@@ -30,6 +31,8 @@ pub struct PlannedSimulator {
     pub parameters: BTreeMap<String, String>,
     /// Weights, if the simulator has any.
     pub weights: Option<WeightsRecord>,
+    /// Simulators of a mix, with their parameters and weights; otherwise empty.
+    pub members: Vec<SimulatorRecord>,
     /// Backend of its network, if it has one.
     pub backend: Option<Backend>,
     /// The external program that it is, if it is one.
@@ -61,25 +64,58 @@ impl Adjustments {
     }
 }
 
-/// A baseline or a variant of it, and the stage behind it.
+/// A simulator, and the stage behind it.
 struct SelectedSimulator {
     id: String,
-    baseline: &'static Baseline,
-    label: Option<String>,
+    /// Id without the stage.
+    variant: String,
+    kind: SelectedKind,
     smoothing: Option<Smoothing>,
 }
 
+/// What a [`SelectedSimulator`] is.
+enum SelectedKind {
+    /// A baseline, or the variant of it with this label.
+    Baseline(&'static Baseline, Option<String>),
+    /// A mix of simulators, which are in the order of [`MixId::members`].
+    Mix(MixId, Vec<SelectedSimulator>),
+}
+
 impl SelectedSimulator {
-    /// Returns the id without the stage.
-    fn variant(&self) -> String {
-        let label = self.label.iter().map(|label| format!("@{label}"));
-        std::iter::once(self.baseline.id.to_owned()).chain(label).collect()
+    /// Returns whether `id` is its id, with or without the stage, or that of a member.
+    fn is_named(&self, id: &str) -> bool {
+        let is_member = match &self.kind {
+            SelectedKind::Baseline(..) => false,
+            SelectedKind::Mix(_, members) => members.iter().any(|member| member.is_named(id)),
+        };
+        is_member || self.id == id || self.variant == id
     }
 
-    /// Returns whether `id` is its id, with or without the stage.
-    fn is_named(&self, id: &str) -> bool {
-        self.id == id || self.variant() == id
+    /// Returns the id of its baseline, for messages.
+    fn baseline_id(&self) -> &'static str {
+        match &self.kind {
+            SelectedKind::Baseline(baseline, _) => baseline.id,
+            SelectedKind::Mix(..) => "mix",
+        }
     }
+
+    /// Returns whether a stage can follow it; none has been chosen yet.
+    fn takes_stage(&self) -> bool {
+        self.smoothing.is_none()
+            && match &self.kind {
+                SelectedKind::Baseline(baseline, _) => baseline.takes_stage,
+                SelectedKind::Mix(_, members) => members.iter().all(Self::takes_stage),
+            }
+    }
+}
+
+/// Weights and parameters of the simulators of a run.
+struct Changes<'a> {
+    /// Files of weights, by id.
+    weights: BTreeMap<&'a str, &'a WeightsFile>,
+    /// Values of parameters, by id and dotted path.
+    parameters: BTreeMap<(&'a str, &'a str), &'a str>,
+    backend: Backend,
 }
 
 /// Name of the baselines that run if none are named.
@@ -106,13 +142,18 @@ impl PlannedSimulator {
     /// Also names weights or parameters that are repeated, are for a simulator that does not run, cannot be
     /// read, or do not fit.
     pub fn adjusted(ids: &[String], adjustments: &Adjustments) -> Result<Vec<Self>, EvaluationError> {
-        let all = select(ids, adjustments)?;
-        let runs = |id: &str| match all.iter().find(|c| c.is_named(id)) {
-            Some(_) => Ok(()),
-            None => {
-                named(id)?;
-                Err(EvaluationError::NotRun { id: id.to_owned() })
+        let all = select(&joined(ids), adjustments)?;
+        let runs = |id: &str| {
+            if MixId::parse(id)?.is_some() {
+                let reason =
+                    "a mix has no parameters or weights: give those of a member, by its id".to_owned();
+                return Err(EvaluationError::Mix { id: id.to_owned(), reason });
             }
+            if !all.iter().any(|selected| selected.is_named(id)) {
+                named(id)?;
+                return Err(EvaluationError::NotRun { id: id.to_owned() });
+            }
+            Ok(())
         };
         let mut weights: BTreeMap<&str, &WeightsFile> = BTreeMap::new();
         for (id, file) in &adjustments.weights {
@@ -128,20 +169,8 @@ impl PlannedSimulator {
                 return Err(EvaluationError::ParameterTwice { id: id.clone(), key: key.clone() });
             }
         }
-        let make = |selected: SelectedSimulator| {
-            // Adjustments of a variant also apply to it with a stage, unless the id with the stage has its
-            // own.
-            let variant = selected.variant();
-            let ids = [variant.as_str(), selected.id.as_str()];
-            let file = ids.iter().rev().find_map(|id| weights.get(id)).copied().cloned();
-            let mut parameters: BTreeMap<&str, &str> = BTreeMap::new();
-            for id in ids {
-                let own = changes.iter().filter(|((of, _), _)| *of == id);
-                parameters.extend(own.map(|((_, key), value)| (*key, *value)));
-            }
-            Self::make(&selected, file, parameters.into_iter(), adjustments.backend)
-        };
-        all.into_iter().map(make).collect()
+        let changes = Changes { weights, parameters: changes, backend: adjustments.backend };
+        all.iter().map(|selected| Self::make(selected, &changes)).collect()
     }
 
     /// Creates the entry of a simulator that is not a baseline. Its id is also its title.
@@ -153,6 +182,7 @@ impl PlannedSimulator {
             card: String::new(),
             parameters: BTreeMap::new(),
             weights: None,
+            members: Vec::new(),
             backend: None,
             external: None,
             controller,
@@ -188,6 +218,7 @@ impl PlannedSimulator {
             card,
             parameters,
             weights: None,
+            members: Vec::new(),
             backend: None,
             external,
             controller,
@@ -206,60 +237,103 @@ impl PlannedSimulator {
         self.processes.as_ref()?.given_up()
     }
 
-    fn make<'a>(
+    fn make(selected: &SelectedSimulator, changes: &Changes<'_>) -> Result<Self, EvaluationError> {
+        let mut made = match &selected.kind {
+            SelectedKind::Baseline(baseline, label) => {
+                Self::baseline(selected, baseline, label.as_deref(), changes)?
+            }
+            SelectedKind::Mix(mix, members) => {
+                if selected.smoothing.is_some()
+                    && let Some(member) = members.iter().find(|member| !member.takes_stage())
+                {
+                    return Err(ModelError::TakesNoStage { id: member.baseline_id() }.into());
+                }
+                let members = members.iter().map(|member| Self::make(member, changes));
+                Self::mix(&selected.id, mix, members.collect::<Result<_, _>>()?)?
+            }
+        };
+        if let Some(smoothing) = selected.smoothing {
+            made.title = format!("{} + {}", made.title, smoothing.name());
+            made.controller = smoothing.behind(selected.baseline_id(), made.controller)?;
+            made.card.push_str(qp::CARD);
+        }
+        Ok(made)
+    }
+
+    /// Creates a baseline, without the stage behind it.
+    fn baseline(
         selected: &SelectedSimulator,
-        weights: Option<WeightsFile>,
-        changes: impl Iterator<Item = (&'a str, &'a str)>,
-        backend: Backend,
+        baseline: &'static Baseline,
+        label: Option<&str>,
+        changes: &Changes<'_>,
     ) -> Result<Self, EvaluationError> {
-        let baseline = selected.baseline;
         let id = baseline.id;
         if selected.smoothing.is_some() && !baseline.takes_stage {
             return Err(ModelError::TakesNoStage { id }.into());
         }
         let mut setup = baseline.setup()?;
-        setup.backend = backend;
+        setup.backend = changes.backend;
+        // Adjustments of a variant also apply to it with a stage, unless the id with the stage has its own.
+        let ids = [selected.variant.as_str(), selected.id.as_str()];
+        let mut values: BTreeMap<&str, &str> = BTreeMap::new();
+        for id in ids {
+            let own = changes.parameters.iter().filter(|((of, _), _)| *of == id);
+            values.extend(own.map(|((_, key), value)| (*key, *value)));
+        }
         let mut parameters = BTreeMap::new();
-        for (key, value) in changes {
+        for (key, value) in values {
             parameters.insert(key.to_owned(), setup.set(key, value)?);
         }
-        if let Some(file) = weights {
+        if let Some(file) = ids.iter().rev().find_map(|id| changes.weights.get(id)) {
             if !baseline.needs_weights {
-                return Err(ModelError::UnexpectedWeights { id, file: file.name }.into());
+                return Err(ModelError::UnexpectedWeights { id, file: file.name.clone() }.into());
             }
             file.check(id)?;
-            setup.weights = Some(file);
+            setup.weights = Some((*file).clone());
         }
         if baseline.needs_weights {
             setup.weights()?;
         }
         let weights = setup.weights.as_ref().map(WeightsRecord::of);
-        let backend = weights.is_some().then_some(backend);
+        let backend = weights.is_some().then_some(setup.backend);
         let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
-        if let Some(mark) = mark(selected, setup.weights.as_ref())? {
+        if let Some(mark) = mark(id, label, setup.weights.as_ref())? {
             title = format!("{title} ({mark})");
         }
         if backend.is_some() {
             check_backend(setup.backend)?;
         }
-        let mut controller = (baseline.make)(setup)?;
-        let mut card = baseline.card.to_owned();
-        if let Some(smoothing) = selected.smoothing {
-            title = format!("{title} + {}", smoothing.name());
-            controller = smoothing.behind(id, controller)?;
-            card.push_str(qp::CARD);
-        }
         Ok(Self {
-            id: selected.id.clone(),
             title,
-            card,
+            card: baseline.card.to_owned(),
             parameters,
             weights,
             backend,
-            external: None,
-            controller,
-            processes: None,
+            ..Self::own(selected.id.clone(), (baseline.make)(setup)?)
         })
+    }
+
+    /// Creates a mix of simulators, without the stage behind it.
+    fn mix(id: &str, mix: &MixId, members: Vec<Self>) -> Result<Self, EvaluationError> {
+        let refuse = |reason: String| EvaluationError::Mix { id: id.to_owned(), reason };
+        let records: Vec<SimulatorRecord> = members.iter().map(SimulatorRecord::of).collect();
+        let title = |id: &str| records.iter().find(|member| member.id == id).map_or("", |m| m.title.as_str());
+        let title = mix.title(title);
+        let card = members.iter().map(|member| member.card.as_str()).collect();
+        let backend = members.iter().find_map(|member| member.backend);
+        let mut movers = Vec::new();
+        for Self { id, controller, .. } in members {
+            let Controller::Fair(simulator) = controller else {
+                let reason = format!("`{id}` observes the logged future and cannot be part of a mix");
+                return Err(refuse(reason));
+            };
+            let share = mix.shares.iter().find(|(of, _)| *of == id).map_or(0.0, |(_, share)| *share);
+            let kinds = mix.classes.iter().filter(|(_, of)| *of == id).map(|(kind, _)| *kind).collect();
+            movers.push(MixMember { simulator, share, kinds });
+        }
+        let mix = Mix::new(movers).ok_or_else(|| refuse("its shares are invalid".to_owned()))?;
+        let controller = Controller::Fair(Box::new(mix));
+        Ok(Self { title, card, backend, members: records, ..Self::own(id, controller) })
     }
 }
 
@@ -277,14 +351,15 @@ pub fn weights_file(path: &Path) -> Result<WeightsFile, EvaluationError> {
 /// Returns what tells a simulator apart from the known one in tables: its label, or else the name of weights
 /// that the manifest does not list, be they new or a damaged copy.
 fn mark(
-    selected: &SelectedSimulator,
+    id: &str,
+    label: Option<&str>,
     weights: Option<&WeightsFile>,
 ) -> Result<Option<String>, EvaluationError> {
-    if let Some(label) = &selected.label {
-        return Ok(Some(label.clone()));
+    if let Some(label) = label {
+        return Ok(Some(label.to_owned()));
     }
     let Some(file) = weights else { return Ok(None) };
-    if file.is_listed(selected.baseline.id)? {
+    if file.is_listed(id)? {
         return Ok(None);
     }
     Ok(Path::new(&file.name).file_stem().map(|stem| stem.to_string_lossy().into_owned()))
@@ -321,8 +396,8 @@ fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimul
         }
     }
     if let Some(smoothing) = adjustments.smoothing {
-        for selected in all.iter_mut().filter(|s| s.smoothing.is_none() && s.baseline.takes_stage) {
-            selected.id = smoothing.id(&selected.variant());
+        for selected in all.iter_mut().filter(|selected| selected.takes_stage()) {
+            selected.id = smoothing.id(&selected.variant);
             selected.smoothing = Some(smoothing);
         }
     }
@@ -334,13 +409,26 @@ fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimul
     Ok(all)
 }
 
-/// Returns the baseline, the label and the stage that an id names.
+/// Returns the simulator that an id names.
 fn named(id: &str) -> Result<SelectedSimulator, EvaluationError> {
-    let parts = SimulatorId::parse(id)?;
-    let baseline = models::find(parts.baseline).ok_or_else(|| EvaluationError::UnknownSimulator {
+    if let Some(mix) = MixId::parse(id)? {
+        let of_mix = |error| match error {
+            EvaluationError::UnknownSimulator { id: member, known } => {
+                EvaluationError::UnknownMember { mix: id.to_owned(), id: member, known }
+            }
+            error => error,
+        };
+        let members = mix.members().into_iter().map(|id| named(id).map_err(of_mix));
+        let members = members.collect::<Result<_, _>>()?;
+        let (id, smoothing) = (mix.to_string(), mix.smoothing);
+        let variant = MixId { smoothing: None, ..mix.clone() }.to_string();
+        return Ok(SelectedSimulator { id, variant, kind: SelectedKind::Mix(mix, members), smoothing });
+    }
+    let SimulatorId { variant, baseline, label, smoothing } = SimulatorId::parse(id)?;
+    let baseline = models::find(baseline).ok_or_else(|| EvaluationError::UnknownSimulator {
         id: id.to_owned(),
         known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
     })?;
-    let (label, smoothing) = (parts.label.map(str::to_owned), parts.smoothing);
-    Ok(SelectedSimulator { id: id.to_owned(), baseline, label, smoothing })
+    let kind = SelectedKind::Baseline(baseline, label.map(str::to_owned));
+    Ok(SelectedSimulator { id: id.to_owned(), variant: variant.to_owned(), kind, smoothing })
 }

@@ -93,7 +93,9 @@ pub struct SubjectSpec {
     #[serde(flatten)]
     pub input: ScenarioSpec,
     /// Simulators, separated by commas; `all` for all baselines that have weights, `default` for the ones
-    /// that run by default; `reactsim list models` shows them [default: default]
+    /// that run by default; `reactsim list models` shows them. mix:idm=0.5+ntp-guarded=0.5 draws a simulator
+    /// for each agent by these shares; +pedestrian=ID and +cyclist=ID name that of a class
+    /// [default: default]
     #[arg(long, value_delimiter = ',', value_name = "IDS")]
     pub models: Vec<String>,
     /// Weights of a simulator, such as pufferdrive=puffer.safetensors, or of a variant next to the

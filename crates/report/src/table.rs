@@ -293,15 +293,17 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     if !changed.is_empty() {
         parts.push(format!("metric options {}", changed.join(" ")));
     }
-    for simulator in &p.run.simulators {
+    for simulator in p.run.simulators.iter().flat_map(|simulator| simulator.parts()) {
         let mut details = Vec::new();
         if let Some(weights) = &simulator.weights {
             // A prefix of the digest suffices to identify files; the provenance has all of it.
             details.push(format!("{} ({:.12})", weights.name, weights.sha256));
         }
         details.extend(simulator.parameters.iter().map(|(key, value)| format!("{key}={value}")));
-        if !details.is_empty() {
-            parts.push(format!("{} with {}", simulator.id, details.join(" ")));
+        let text = format!("{} with {}", simulator.id, details.join(" "));
+        // A simulator may also be a member of a mix.
+        if !details.is_empty() && !parts.contains(&text) {
+            parts.push(text);
         }
     }
     parts.push(program(&p.run));

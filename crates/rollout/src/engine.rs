@@ -332,6 +332,7 @@ fn plan_all<S: Deref<Target = Scenario>>(
             memory: &mut scenario.memory,
             stream: &mut scenario.stream,
             moves_av: settings.protocol == Protocol::Realism,
+            shares_traffic: false,
             plan: JointPlan::new(agents, steps),
             outcomes: std::mem::take(&mut scenario.outcomes),
             error: None,

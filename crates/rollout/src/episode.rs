@@ -122,6 +122,8 @@ pub struct Episode<'a> {
     pub stream: &'a mut Stream,
     /// Whether the simulator moves the AV too (realism protocol).
     pub moves_av: bool,
+    /// Whether other simulators move some of the agents, which may therefore not have executed the plans.
+    pub shares_traffic: bool,
     /// The plan to fill in.
     pub plan: JointPlan,
     /// Counts of how parts of the plan ended, by outcome (a fallback, a solve that only nearly
@@ -221,6 +223,8 @@ pub struct Planning<'a, 'b> {
     pub stream: &'b mut Stream,
     /// Whether the simulator moves the AV too (realism protocol).
     pub moves_av: bool,
+    /// Whether other simulators move some of the agents, which may therefore not have executed the plans.
+    pub shares_traffic: bool,
     /// The plan to fill in.
     pub plan: &'b mut JointPlan,
     /// Counts of how parts of the plan ended, by outcome.
@@ -249,6 +253,7 @@ impl<S: SingleEpisode> Simulator for S {
                 seen: episode.seen,
                 stream: &mut *episode.stream,
                 moves_av: episode.moves_av,
+                shares_traffic: episode.shares_traffic,
                 plan: &mut episode.plan,
                 outcomes: &mut episode.outcomes,
             };

@@ -6,6 +6,7 @@
 mod av;
 mod engine;
 mod episode;
+mod mix;
 mod observation;
 mod settings;
 mod stream;
@@ -19,6 +20,7 @@ pub use episode::{
     Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,
     Simulator, SingleEpisode,
 };
+pub use mix::{Mix, MixMember};
 pub use observation::Observation;
 pub use settings::{ParseReplanError, Protocol, Replan, Settings};
 pub use stream::{Purpose, Stream, stream};

@@ -1,5 +1,7 @@
 //! The plan that repeats the run of a reference.
 
+use std::collections::BTreeSet;
+
 use reactsim_baseline::{WeightsFile, weights};
 use reactsim_metrics::Options;
 use reactsim_rollout::{Protocol, Replan, Settings};
@@ -35,13 +37,16 @@ impl Reference {
         }
         self.check_inputs(&inputs)?;
         let ids: Vec<String> = stated.simulators.iter().map(|s| s.id.clone()).collect();
-        let parameters = stated.simulators.iter().flat_map(|simulator| {
+        let parts = stated.simulators.iter().flat_map(|simulator| simulator.parts());
+        let parameters = parts.flat_map(|simulator| {
             let id = &simulator.id;
             simulator.parameters.iter().map(move |(key, value)| (id.clone(), key.clone(), value.clone()))
         });
+        // A simulator may also be a member of a mix.
+        let parameters: BTreeSet<_> = parameters.collect();
         let adjustments = Adjustments {
             weights: self.weights(inputs.weights)?,
-            parameters: parameters.collect(),
+            parameters: parameters.into_iter().collect(),
             smoothing: None,
             backend: stated.backend.as_deref().and_then(|name| name.parse().ok()).unwrap_or_default(),
         };
@@ -69,7 +74,7 @@ impl Reference {
         &self,
         mut given: Vec<(String, WeightsFile)>,
     ) -> Result<Vec<(String, WeightsFile)>, ReferenceError> {
-        for simulator in &self.provenance.simulators {
+        for simulator in self.provenance.simulators.iter().flat_map(|simulator| simulator.parts()) {
             let Some(stated) = &simulator.weights else { continue };
             if given.iter().any(|(id, _)| *id == simulator.id) {
                 continue;

@@ -116,7 +116,7 @@ pub fn verify(
     };
     let every = every.max(1);
     let simulators = std::mem::take(&mut plan.simulators);
-    let (networks, exact): (Vec<_>, Vec<_>) = simulators.into_iter().partition(|s| s.weights.is_some());
+    let (networks, exact): (Vec<_>, Vec<_>) = simulators.into_iter().partition(|s| s.backend.is_some());
     let mut rows = Vec::new();
     let mut summary: Option<Box<Summary>> = None;
     plan.simulators = exact;

@@ -108,7 +108,9 @@ pub(super) fn variants(
         adjustments,
     )?);
     for stage in Smoothing::ALL {
-        let with_it = simulators.iter().filter_map(|from| match Smoothing::of_id(&from.id) {
+        // Mixes have no variants.
+        let single = simulators.iter().filter(|from| from.members.is_empty());
+        let with_it = single.filter_map(|from| match Smoothing::of_id(&from.id) {
             Some((id, own)) if own == stage => {
                 Some(ChangedSimulator { from, id: id.to_owned(), parameter: None })
             }

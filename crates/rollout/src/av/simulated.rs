@@ -100,6 +100,7 @@ impl SimulatedPolicy<'_> {
             memory,
             stream: &mut self.stream,
             moves_av: true,
+            shares_traffic: true,
             plan: JointPlan::new(seen.tracks().len(), steps),
             outcomes: BTreeMap::new(),
             error: None,
