@@ -66,7 +66,7 @@ pub enum ModelError {
     /// The baseline needs weights and has none.
     #[error(
         "the simulator `{id}` needs weights, which do not ship with the program: \
-         give --model-weights {id}=FILE"
+         give `model-weights` {id}=FILE"
     )]
     NoWeights {
         /// Id of the baseline.
@@ -79,7 +79,7 @@ pub enum ModelError {
         id: &'static str,
     },
     /// Weights were given to a baseline that needs none.
-    #[error("the simulator `{id}` has no weights: omit --model-weights {id}={file}")]
+    #[error("the simulator `{id}` has no weights: omit the file {file}")]
     UnexpectedWeights {
         /// Id of the baseline.
         id: &'static str,

@@ -82,7 +82,7 @@ class TestScoreStates:
         scenario = next(reactsim.scenarios(MINI))
         states = states_of(results, scenario.id)
         moved = states + np.array([100.0, 0.0, 0.0, 0.0, 0.0])
-        with pytest.raises(reactsim.ReactsimError, match="--allow other-av"):
+        with pytest.raises(reactsim.ReactsimError, match="`allow` other-av"):
             reactsim.score_states(scenario, moved)
         with pytest.raises(reactsim.ReactsimError, match="unknown metric option `a`"):
             reactsim.score_states(scenario, states, metric_options={"a": 1})

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use clap::{Arg, ArgMatches};
 
-use super::is_same;
+use super::output::is_same;
 use super::urls::{leaf, name_of};
 use crate::evaluation::{PROVENANCE, RUN_FILES};
 use crate::formats;
@@ -122,7 +122,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::cli::command_line;
+    use crate::cli::command_line::command_line;
     use crate::evaluation::Source;
     use crate::formats::native::Writer;
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
-use super::suggestion::did_you_mean;
-use super::{ExitStatus, say, write_result};
+use super::output::{ExitStatus, say, write_result};
+use crate::evaluation::suggestion::did_you_mean;
 use crate::evaluation::{Comparison, Condition, ConditionDifference, read_provenance, read_tally};
 use crate::metrics::{self, METRICS, Unit};
 use crate::report::comparison;

@@ -8,9 +8,10 @@ use clap::Args;
 
 use super::certified::Certified;
 use super::futures::Futures;
+use super::inputs::inputs_of;
+use super::inputs::is_selected;
+use super::output::{ExitStatus, count, nothing, say};
 use super::progress::Progress;
-use super::scenario_args::is_selected;
-use super::{ExitStatus, count, inputs_of, nothing, say};
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::{ReadingSpec, SelectionSpec};
 use crate::formats::native::Writer;

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
-use super::ExitStatus;
+use super::output::ExitStatus;
 use super::partition::{PartitionArg, Partitions};
 use crate::evaluation::ReadingSpec;
 

@@ -7,7 +7,7 @@ mod wosac;
 
 use clap::{Args, Subcommand};
 
-use super::ExitStatus;
+use super::output::ExitStatus;
 
 /// Arguments of `export`.
 #[derive(Debug, Args)]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::{count, say};
+use super::output::{count, say};
 use crate::evaluation::{ExternalPrograms, Plan};
 use crate::external::{ExternalSimulator, StderrTarget};
 use crate::rollout::Request;

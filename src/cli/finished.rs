@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::{count, note, say};
+use super::output::{count, note, say};
 use crate::evaluation::{EVENTS, ROUTE_ENDS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
 use crate::models::qp::FAILED_SOLVES;
 use crate::report::{Run, TableStyle, exporter, markdown_text};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::find_inputs;
+use super::inputs::find_inputs;
 use crate::evaluation::{
     EvaluationError, NuplanSpec, ScenarioFiles, Source, StudyResults, is_study, read_provenance,
 };

@@ -43,7 +43,7 @@ mod tests {
     use reactsim_test_support::documents;
 
     use super::{COMMAND_WIDTH, TASKS};
-    use crate::cli::{HELP_WIDTH, command_line};
+    use crate::cli::command_line::{HELP_WIDTH, command_line};
 
     #[test]
     fn every_command_belongs_to_a_task() {

@@ -4,7 +4,7 @@ mod reactsim_bench;
 
 use clap::{Args, Subcommand};
 
-use super::ExitStatus;
+use super::output::ExitStatus;
 
 /// Arguments of `import`.
 #[derive(Debug, Args)]

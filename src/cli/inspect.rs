@@ -10,8 +10,9 @@ use std::path::PathBuf;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
-use super::suggestion::did_you_mean;
-use super::{ExitStatus, inputs_of, say, write_result};
+use super::inputs::inputs_of;
+use super::output::{ExitStatus, say, write_result};
+use crate::evaluation::suggestion::did_you_mean;
 use crate::evaluation::{CASE_STUDIES, CaseStudy, ReadingSpec, Source};
 use crate::formats::{self, FormatError};
 use crate::scene::{Deviation, Scenario};

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{ExitStatus, find_inputs, gallery, write_result};
+use super::gallery;
+use super::inputs::find_inputs;
+use super::output::{ExitStatus, write_result};
 use crate::evaluation::reference::Entry;
 use crate::evaluation::{BenchmarkRecord, Source};
 use crate::report::leaderboard;

@@ -9,7 +9,7 @@ mod tasks;
 use clap::{Args, Subcommand};
 
 use self::columns::{aligned, wrapped};
-use super::{ExitStatus, write_result};
+use super::output::{ExitStatus, write_result};
 use crate::evaluation::CASE_STUDIES;
 use crate::evaluation::ScenarioSpec;
 use crate::formats::FORMATS;

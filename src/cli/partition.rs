@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{ExitStatus, count, lock_folder, note, say, write_file};
+use super::output::{ExitStatus, count, lock_folder, note, say, write_file};
 use crate::evaluation::{EvaluationError, differences};
 use crate::files::FolderLock;
 use crate::formats::Partition;

@@ -7,7 +7,7 @@ use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, P
 use parking_lot::Mutex;
 
 use super::live_table::LiveTable;
-use super::{is_quiet, say};
+use super::output::{is_quiet, say};
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::{Failure, Row, RunObserver};
 

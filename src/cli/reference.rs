@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand};
 
-use super::{ExitStatus, count, say, write_result};
+use super::output::{ExitStatus, count, say, write_result};
 use crate::evaluation::reference::{MakeOptions, Part, Reference, StudyReference, make, make_study};
 use crate::evaluation::{StudyResults, is_study, shipped_benchmark};
 use crate::report::blocks::{Selection, blocks, render};

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
+use super::gallery;
+use super::output::{ExitStatus, say, write_result};
 use super::table_output::{TableArgs, formats};
-use super::{ExitStatus, gallery, say, write_result};
 use crate::evaluation::{StudyResults, Summary, is_study, read_summary};
 use crate::report::{Run, TableStyle, study_tables};
 

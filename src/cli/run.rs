@@ -1,21 +1,22 @@
 //! `reactsim run`: runs simulators on scenarios.
 
+use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::bail;
-use clap::Args;
+use clap::{Args, FromArgMatches};
 
 use super::external::{check_batches, keep_stderr, report_faults};
 use super::finished::{outcomes, put_table, report_left_out, report_notes, report_problems, show_next_steps};
+use super::inputs::sources;
 use super::live_table::LiveTable;
+use super::output::{ExitStatus, is_verbose, note, nothing, say, stop_on_interrupt, write_result};
 use super::partition::{self, PartitionArg, Partitions};
 use super::progress::Progress;
-use super::scenario_args::sources;
 use super::subject::{self, ExecutionArgs};
 use super::table_output::{TableArgs, formats};
-use super::{ExitStatus, is_verbose, note, nothing, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
     self, ExternalPrograms, Opening, Outcome, Plan, RunFolder, RunSpec, Source, Specification, Summary,
 };
@@ -50,6 +51,13 @@ pub(super) struct RunArgs {
     pub(super) format: Option<String>,
     #[command(flatten)]
     pub(super) table: TableArgs,
+}
+
+impl RunArgs {
+    /// Parses a command line that begins with `run`.
+    pub(super) fn parse(line: Vec<OsString>) -> Result<Self, clap::Error> {
+        Self::from_arg_matches(&Self::augment_args(clap::Command::new("run")).try_get_matches_from(line)?)
+    }
 }
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {

@@ -11,10 +11,13 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::finished::{put_table, report_notes, show_next_steps};
+use super::inputs::find_inputs;
+use super::output::{ExitStatus, count, nothing, say, write_result};
 use super::table_output::{TableArgs, formats as table_formats};
-use super::{ExitStatus, count, find_inputs, metric_options, nothing, say, write_result};
 use crate::evaluation::document::{check_document, score_document};
-use crate::evaluation::{Deviations, Failure, MotionSpec, RunFolder, RunObserver, Scoring};
+use crate::evaluation::{
+    Deviations, Failure, MotionSpec, RunFolder, RunObserver, Scoring, metric_options, split_metric_option,
+};
 use crate::files::read_regular;
 use crate::formats;
 use crate::formats::document::Document;
@@ -54,7 +57,10 @@ pub(super) struct ScoreArgs {
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     if args.wosac.wosac {
-        return wosac::score(args);
+        return match (args.wosac.partition.partition, &args.out) {
+            (Some(partition), Some(out)) => partition::score(args, partition, out),
+            _ => wosac::score(args),
+        };
     }
     args.wosac.check_absent()?;
     args.table.check(args.format.as_deref())?;
@@ -84,7 +90,7 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     let mut document = Document::from_json(&text).with_context(read)?;
     // Options of the command line take precedence over those of the document.
     for option in &args.metric_options {
-        let (name, value) = super::split_option(option)?;
+        let (name, value) = split_metric_option(option)?;
         document.options.push((name.to_owned(), value.to_owned()));
     }
     for (check, n, first) in check_document(&document).iter() {

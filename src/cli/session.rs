@@ -4,7 +4,7 @@ use std::io;
 
 use clap::Args;
 
-use super::ExitStatus;
+use super::output::ExitStatus;
 use crate::environment::serve;
 
 #[derive(Debug, Args)]

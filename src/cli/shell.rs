@@ -5,10 +5,10 @@ use std::io;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use clap::Args;
+use clap::{Args, Command};
 use clap_complete::Shell;
 
-use super::{ExitStatus, command_line, count, lock_folder, say, write_result};
+use super::output::{ExitStatus, count, lock_folder, say, write_result};
 
 /// Arguments of `completions`.
 #[derive(Debug, Args)]
@@ -25,17 +25,19 @@ pub(super) struct ManArgs {
     out: PathBuf,
 }
 
-pub(super) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitStatus> {
+/// Prints the completion script of the program with this definition of its arguments.
+pub(super) fn completions(args: &CompletionsArgs, mut program: Command) -> anyhow::Result<ExitStatus> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut command_line(), "reactsim", &mut script);
+    clap_complete::generate(args.shell, &mut program, "reactsim", &mut script);
     write_result(None, |out| out.write_all(&script))?;
     Ok(ExitStatus::Done)
 }
 
-pub(super) fn man(args: &ManArgs) -> anyhow::Result<ExitStatus> {
+/// Writes the manual pages of the program with this definition of its arguments.
+pub(super) fn man(args: &ManArgs, program: Command) -> anyhow::Result<ExitStatus> {
     let folder = &args.out;
     let _lock = lock_folder(folder)?;
-    clap_mangen::generate_to(command_line(), folder)
+    clap_mangen::generate_to(program, folder)
         .with_context(|| format!("could not write manual pages to {}", folder.display()))?;
     let is_page = |entry: &io::Result<DirEntry>| {
         entry.as_ref().is_ok_and(|entry| entry.path().extension().is_some_and(|extension| extension == "1"))

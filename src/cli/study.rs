@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::ExitStatus;
+use super::inputs::sources;
+use super::output::ExitStatus;
 use super::partition::{PartitionArg, Partitions};
-use super::scenario_args::sources;
 use super::subject::{self, ExecutionArgs};
 use super::table_output::ColumnArgs;
 use crate::evaluation::{

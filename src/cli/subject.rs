@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use anyhow::bail;
 use clap::Args;
 
-use super::log_sources;
+use super::inputs::simulated_logs;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{
     AvChoice, Driver, Execution, ExternalPrograms, Plan, PlannedSimulator, RunParts, RunSpec, Source,
@@ -49,7 +49,7 @@ impl ExecutionArgs {
 
 /// Returns the sources of the scenarios' logs.
 pub(super) fn log_sources(subject: &SubjectSpec) -> anyhow::Result<Vec<LogSource>> {
-    log_sources::simulated(&subject.input.scenarios, &subject.input.reading)
+    simulated_logs(&subject.input.scenarios, &subject.input.reading)
 }
 
 /// Creates the simulators: baselines with the requested weights and parameters, then external ones, each with this

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use console::Term;
 
 use super::also::{ExtraColumns, column};
-use super::write_result;
+use super::output::write_result;
 use crate::report::terminal::{self, TerminalStyle};
 use crate::report::{Column, Division, EXPORTERS, Run, TableStyle, exporter};
 

@@ -78,7 +78,7 @@ fn refuse(all: &clap::Command, argument: &clap::Arg, url: &str) -> clap::Error {
 
 #[cfg(test)]
 mod tests {
-    use crate::cli::command_line;
+    use crate::cli::command_line::command_line;
 
     fn refused(line: &str) -> Option<String> {
         let matches = command_line().try_get_matches_from(line.split(' ')).unwrap();

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
+use super::inputs::find_inputs;
+use super::output::{ExitStatus, say, stop_on_interrupt, write_result};
 use super::progress::Progress;
 use super::subject::ExecutionArgs;
-use super::{ExitStatus, find_inputs, gallery, reference, say, stop_on_interrupt, write_result};
+use super::{gallery, reference};
 use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
 use crate::evaluation::{Deviations, FinishedRun, NuplanSpec, Source, weights};

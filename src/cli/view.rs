@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
-use super::{ExitStatus, gallery, say, write_result};
+use super::gallery;
+use super::output::{ExitStatus, say, write_result};
 use crate::web::{Loopback, Stop};
 
 /// Arguments of `view`.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
 use super::session::RequestError;
-use crate::evaluation::{KnownDeviation, Row, judge_in_memory};
+use crate::evaluation::{DeviationLabels, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map};
 use crate::planning::metrics::SampleJudge;
@@ -310,7 +310,7 @@ impl Environment {
         tracks.iter_mut().for_each(|track| track.resize(FRAMES, None));
         let rollout = Rollout { tracks, outcomes: self.lockstep.outcomes(slot).clone() };
         let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.simulator);
-        Some(judge_in_memory(scenario, simulator, rollout, &KnownDeviation::default(), options, true))
+        Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, true))
     }
 
     /// Creates an episode at its start.

@@ -191,7 +191,7 @@ fn planners_are_studied_under_several_simulators() {
     assert!(refused(&["--av", "log"]).contains("name them with --planners"));
     assert!(refused(&["--planners", "pdm-closed", "--tracker", "perfect"]).contains("use tracker=lqr"));
     assert!(refused(&["--planners", "idm,idm"]).contains("`idm` is given twice"));
-    assert!(refused(&["--planners", "external:mine"]).contains("define it with --planner NAME=COMMAND"));
+    assert!(refused(&["--planners", "external:mine"]).contains("define it with `planner` NAME=COMMAND"));
     assert!(refused(&["--planners", "simulator:log-replay"]).contains("cannot drive the AV"));
 }
 

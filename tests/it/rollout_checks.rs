@@ -88,7 +88,7 @@ fn every_difference_is_named_and_can_be_allowed() {
     assert!(
         text.contains(&format!(
             "1 rollout, the first: {place}: the AV is 0.50 m from the prescribed trajectory at step 41 \
-             (--allow other-av)"
+             (`allow` other-av)"
         )),
         "{text}"
     );
@@ -110,7 +110,7 @@ fn every_difference_is_named_and_can_be_allowed() {
             record.tracks = vec![record.tracks[av].clone()];
         }
     });
-    assert!(text.contains("3 rollouts") && text.contains("(--allow missing-agents)"), "{text}");
+    assert!(text.contains("3 rollouts") && text.contains("(`allow` missing-agents)"), "{text}");
     assert_eq!(summary.provenance.allowed["missing-agents"], 3);
 
     let (text, _) = fixture.refusal(|records| {
@@ -118,11 +118,11 @@ fn every_difference_is_named_and_can_be_allowed() {
         records[1].tracks[slot].iter_mut().flatten().for_each(|state| state.x += 3.0);
     });
     let part = format!("{place}: agent `{other}` is 3.");
-    assert!(text.contains(&part) && text.contains("(--allow jumps)"), "{text}");
+    assert!(text.contains(&part) && text.contains("(`allow` jumps)"), "{text}");
 
     let (text, _) = fixture.refusal(|records| _ = records.pop());
     assert!(
-        text.contains("1 scenario, the first: scenario `") && text.contains("(--allow partial)"),
+        text.contains("1 scenario, the first: scenario `") && text.contains("(`allow` partial)"),
         "{text}"
     );
 }

@@ -409,7 +409,7 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
     }
     for (line, part) in [
         ("guards MINI --models stop+qqp", "no simulator `stop+qqp`"),
-        ("guards MINI --models stop --set idm.x=1", "name it in --models too"),
+        ("guards MINI --models stop --set idm.x=1", "name it in `models` too"),
         ("realism MINI --models stop --rollouts 0", "1..=10000"),
         ("realism MINI --models stop --metric-option a=b", "metric option `a`"),
         ("replan absent.parquet --models stop", "absent.parquet"),

@@ -10,9 +10,7 @@ use reactsim_planning::av::PlannerChoice;
 use reactsim_planning::tracking::Controller;
 use reactsim_rollout::{ParseReplanError, ParseScriptError, Replan, Script};
 
-/// The choices, for help and error texts.
-pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, \
-                              retime:<factor>, shift:<m>, file:<path> or planner:<id>";
+use crate::error::AV_CHOICES;
 
 /// Prefix of the planners.
 pub(super) const PLANNER: &str = "planner:";

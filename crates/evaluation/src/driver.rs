@@ -21,9 +21,10 @@ use along_route::{AlongRoute, Network, TEMPERATURE};
 pub(super) use given_plans::GivenPlans;
 use remote::RemotePlanner;
 
-use super::av::{AvChoice, AvDriver, PlannedAv};
-use super::provenance::{ExternalRecord, SimulatorRecord, WeightsRecord};
-use super::{Adjustments, EvaluationError, PlannedSimulator};
+use crate::av::{AvChoice, AvDriver, PlannedAv};
+use crate::error::EvaluationError;
+use crate::simulators::record::{ExternalRecord, SimulatorRecord, WeightsRecord};
+use crate::simulators::{Adjustments, PlannedSimulator};
 
 /// Creates a planner for one rollout.
 type NewPlanner = Arc<dyn Fn() -> Box<dyn Planner> + Send + Sync>;
@@ -93,7 +94,7 @@ impl Driver {
         else {
             return Err(EvaluationError::SeveralDrivers { id: id.to_owned() });
         };
-        let (record, backend) = (SimulatorRecord::of(&planned), planned.backend);
+        let (record, backend) = (planned.record(), planned.backend);
         let Controller::Fair(simulator) = planned.controller else {
             return Err(EvaluationError::OracleDriver { id: id.to_owned() });
         };

@@ -9,20 +9,22 @@ use reactsim_formats::FormatError;
 use reactsim_metrics::OptionError;
 use reactsim_models::diffusion_planner::PlannerPolicyError;
 
-use super::av::AV_CHOICES;
-use super::folder::{PROVENANCE, SUMMARY};
-use super::study::STUDY;
+use crate::layout::{PROVENANCE, STUDY, SUMMARY};
+
+/// The choices, for help and error texts.
+pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, \
+                              retime:<factor>, shift:<m>, file:<path> or planner:<id>";
 
 /// Returns what to do about a damaged file of a run folder or a study.
 fn mend(path: &Path) -> &'static str {
     match path.file_name().and_then(|name| name.to_str()) {
         Some(PROVENANCE | STUDY) => "; delete the folder, and run the command again",
-        Some(SUMMARY) => "; the same command with --resume writes it again",
+        Some(SUMMARY) => "; continuing the run writes it again",
         _ => "",
     }
 }
 
-/// The reason why a run cannot start or finish. A problem with one scenario is a [`super::Failure`] instead.
+/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`] instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
@@ -98,8 +100,8 @@ pub enum EvaluationError {
     /// The motion of an external simulator or of a file of deviations fails a check.
     #[error(
         "stopped: the motion of {subject} cannot be judged as it is. Scenario `{scenario}`: {findings}. \
-         Finished rows are kept: mend it and run again in a new folder, or continue with --allow {allow} \
-         (and --resume), which marks its rows in every table"
+         Finished rows are kept: mend it and run again in a new folder, or continue with `allow` {allow}, \
+         which marks its rows in every table"
     )]
     Motion {
         /// The simulator, or the file of deviations.
@@ -113,8 +115,8 @@ pub enum EvaluationError {
     },
     /// An external simulator failed too often in a row.
     #[error(
-        "stopped: `{simulator}` was given up: {reason}\nfinished rows are kept: mend it, and continue with \
-         --resume"
+        "stopped: `{simulator}` was given up: {reason}\nfinished rows are kept: mend it, and continue \
+         the run"
     )]
     GivenUp {
         /// Id of the simulator.
@@ -123,12 +125,12 @@ pub enum EvaluationError {
         reason: String,
     },
     /// A pose is chosen, but no trajectories are given.
-    #[error("--pose is the point of the AV whose poses a file of deviations has: give --deviations")]
+    #[error("`pose` is the point of the AV whose poses a file of deviations has: give `deviations`")]
     PoseUnused,
     /// The batches of external simulators have no common size.
     #[error(
         "external simulators with batches of {batches:?} episodes: their least common multiple exceeds \
-         {most}; give --external-batch"
+         {most}; give `external-batch`"
     )]
     UnevenBatches {
         /// Sizes of the batches.
@@ -161,7 +163,7 @@ pub enum EvaluationError {
         source: serde_json::Error,
     },
     /// A run folder is not finished.
-    #[error("{path} holds no finished run; finish it by running the same command with --resume")]
+    #[error("{path} holds no finished run")]
     Unfinished {
         /// The folder.
         path: PathBuf,
@@ -179,9 +181,7 @@ pub enum EvaluationError {
         path: PathBuf,
     },
     /// Members of a study are not finished.
-    #[error(
-        "the study in {path} is not finished ({members}); finish it by running the same command with --resume"
-    )]
+    #[error("the study in {path} is not finished ({members})")]
     UnfinishedStudy {
         /// The folder.
         path: PathBuf,
@@ -189,9 +189,7 @@ pub enum EvaluationError {
         members: String,
     },
     /// The run folder exists and is not empty.
-    #[error(
-        "{path} exists and is not empty; give --resume to continue the run in it, or choose another folder"
-    )]
+    #[error("{path} exists and is not empty: continue the run in it, or choose another folder")]
     Exists {
         /// The folder.
         path: PathBuf,
@@ -241,14 +239,14 @@ pub enum EvaluationError {
         path: PathBuf,
     },
     /// A run kept no rollouts.
-    #[error("{path} has no rollouts: run again with --keep-rollouts")]
+    #[error("{path} has no rollouts: run again with `keep-rollouts`")]
     NoRollouts {
         /// The folder.
         path: PathBuf,
     },
     /// One simulator of a run is needed.
     #[error(
-        "{path} has the simulators {}{}: choose one with --simulator",
+        "{path} has the simulators {}{}: choose one",
         .ids.join(", "),
         .asked.as_ref().map_or_else(String::new, |id| format!(", not `{id}`"))
     )]
@@ -262,8 +260,8 @@ pub enum EvaluationError {
     },
     /// A run with other current frames is compared with recordings.
     #[error(
-        "{path} was run with --current-frame or --window-step, and recordings are scored at the current frame \
-         that they state: run without these options"
+        "{path} was run with `current-frame` or `window-step`, and recordings are scored at the current frame \
+         that they state: run without these keys"
     )]
     OtherCurrentFrames {
         /// The folder.
@@ -311,17 +309,17 @@ pub enum EvaluationError {
     #[error("0 rollouts: at least 1 is needed")]
     ZeroRollouts,
     /// An AV policy was chosen in the realism protocol.
-    #[error("the simulator moves the AV in the realism protocol: leave --av out")]
+    #[error("the simulator moves the AV in the realism protocol: leave `av` out")]
     AvInRealism,
     /// Two files of deviations were given.
-    #[error("give either --deviations or --av file:<path>")]
+    #[error("give either `deviations` or `av` file:<path>")]
     DeviationsTwice,
     /// A file of deviations was given, and an AV policy that does not use it.
-    #[error("--deviations goes with --av deviated or deviated-or-log only")]
+    #[error("`deviations` goes with `av` deviated or deviated-or-log only")]
     DeviationsUnused,
     /// No AV policy was chosen, and the scenarios have no deviated AV.
     #[error(
-        "the scenarios have no deviated AV: give --deviations <file>, or choose a driver with --av: {AV_CHOICES}"
+        "the scenarios have no deviated AV: give `deviations`, or choose a driver with `av`: {AV_CHOICES}"
     )]
     NoDeviatedAv,
     /// A simulator is named twice.
@@ -332,7 +330,7 @@ pub enum EvaluationError {
     },
     /// The AV policy names a planner that is not given.
     #[error(
-        "the AV policy names the planner `{name}`, which is not given: define it with --planner NAME=COMMAND"
+        "the AV policy names the planner `{name}`, which is not given: define it with `planner` NAME=COMMAND"
     )]
     NoDriver {
         /// Its name in the AV policy.
@@ -361,7 +359,7 @@ pub enum EvaluationError {
     /// Weights or a parameter are for a simulator that does not run.
     #[error(
         "weights or parameters are given for the simulator `{id}`, which does not run: \
-         name it in --models too"
+         name it in `models` too"
     )]
     NotRun {
         /// The id.
@@ -408,7 +406,7 @@ pub enum EvaluationError {
         /// Id of the scenario.
         scenario: String,
         /// Underlying error.
-        source: Box<super::ForeignRollout>,
+        source: Box<ForeignRollout>,
     },
     /// A record of a scenario file is not the scenario that a run read there.
     #[error(
@@ -430,7 +428,7 @@ pub enum EvaluationError {
     #[error("{0}")]
     Format(#[from] FormatError),
     /// Rollouts that are not yet joined were changed after they were written.
-    #[error("{error}; delete the file, and repeat the command with --resume")]
+    #[error("{error}; delete the file, and continue the run")]
     DamagedPart {
         /// The damage.
         error: FormatError,
@@ -442,4 +440,32 @@ impl EvaluationError {
     pub(crate) fn spec(key: &'static str, text: &str, expected: &'static str) -> Self {
         Self::Spec { key, text: text.to_owned(), expected }
     }
+}
+
+/// The reason why a recorded rollout does not match a scenario.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ForeignRollout {
+    /// An agent is not in the scenario.
+    #[error("agent `{0}` is not in the scenario")]
+    Unknown(String),
+    /// An agent occurs twice.
+    #[error("agent `{0}` occurs twice")]
+    Twice(String),
+    /// A state is beyond the limits of scenarios.
+    #[error("agent `{agent}`: `{name}` at step {step} is {value}, expected {expected}")]
+    Beyond {
+        /// Id of the agent.
+        agent: String,
+        /// Name of the value.
+        name: &'static str,
+        /// Step, 1 to 80.
+        step: usize,
+        /// The value, in the frame of the scenario.
+        value: String,
+        /// The expected value.
+        expected: &'static str,
+    },
+    /// The AV is missing.
+    #[error("the AV `{0}` is missing")]
+    NoAv(String),
 }

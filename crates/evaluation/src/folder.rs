@@ -1,5 +1,11 @@
 //! The run folder: the files of a run, and how the run resumes after being killed.
 
+pub(crate) mod finished_run;
+pub(crate) mod long_tables;
+pub(crate) mod completion;
+pub(crate) mod rollouts;
+pub(crate) mod rows_table;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
@@ -11,50 +17,15 @@ use reactsim_metrics::{Event, METRICS, Score};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::EvaluationError;
-use super::provenance::Provenance;
-use super::reference::{self, REFERENCE_RECORD};
-use super::rollouts;
-use super::row::{EventHead, EventLine, Failure, RecordPosition, Row};
-use super::summary::Summary;
-use super::tally::Tally;
+use crate::error::EvaluationError;
+use crate::layout::{
+    EVENTS, FAILURES, PROVENANCE, REFERENCE_RECORD, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SUMMARY,
+};
+use crate::provenance::Provenance;
+use crate::row::{EventHead, EventLine, Failure, RecordPosition, Row};
+use crate::statistics::tally::Tally;
+use crate::summary::Summary;
 
-/// Name of the file with the provenance.
-pub const PROVENANCE: &str = "provenance.json";
-/// Name of the file with one row per scenario, simulator and rollout.
-pub const ROWS: &str = "rows.jsonl";
-/// Name of the file with the rows in a reference.
-pub const ROWS_TABLE: &str = "rows.parquet";
-/// Name of the file with the counted events.
-pub const EVENTS: &str = "events.jsonl";
-/// Name of the file with the failures.
-pub const FAILURES: &str = "failures.jsonl";
-/// Name of the file with the result.
-pub const SUMMARY: &str = "summary.json";
-/// Name of the file with the result as a table.
-pub const TABLE: &str = "summary.md";
-/// Name of the file with the rollouts.
-pub const ROLLOUTS: &str = "rollouts.parquet";
-/// Name of the table of values, in long form.
-pub const VALUES_TABLE: &str = "values.parquet";
-/// Name of the table of events.
-pub const EVENTS_TABLE: &str = "events.parquet";
-/// Name of the file with the scenarios that a partition of a run left out.
-pub(super) const LEFT_OUT: &str = "left_out.json";
-/// Names of the files of a run folder.
-pub const RUN_FILES: [&str; 11] = [
-    PROVENANCE,
-    ROWS,
-    ROWS_TABLE,
-    VALUES_TABLE,
-    EVENTS,
-    EVENTS_TABLE,
-    FAILURES,
-    SUMMARY,
-    TABLE,
-    ROLLOUTS,
-    LEFT_OUT,
-];
 /// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
 
@@ -412,7 +383,7 @@ fn for_rows(folder: &Path, each: impl FnMut(Row)) -> Result<(), EvaluationError>
     if !table.exists() {
         return Err(EvaluationError::AggregatesOnly { path: folder.to_owned() });
     }
-    reference::rows::read(&table)?.into_iter().for_each(each);
+    rows_table::read(&table)?.into_iter().for_each(each);
     Ok(())
 }
 

@@ -1,5 +1,7 @@
 //! Scoring of the rollouts of one scenario and one simulator, and their rows.
 
+pub(crate) mod av_scores;
+
 use std::collections::BTreeMap;
 
 use reactsim_metrics as metrics;
@@ -7,8 +9,8 @@ use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{Certificate, Scenario};
 
-use super::av_scores::{JudgedAv, judge_av};
-use super::row::{Row, Value};
+use crate::judge::av_scores::{JudgedAv, judge_av};
+use crate::row::{Row, Value};
 
 /// The scores of the rollouts of one scenario and one simulator.
 pub(super) struct PairScores {

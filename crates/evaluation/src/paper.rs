@@ -6,12 +6,17 @@ use rayon::prelude::*;
 use reactsim_files::work::Pool;
 use reactsim_metrics::{METRICS, Options, Unit};
 
-use super::statistics::Estimate;
-use super::summary::PAIRING_REFERENCE;
-use super::{
-    EvaluationError, FinishedRun, Pose, RecordPosition, RolloutCheck, ScenarioFiles, Tally, changed_options,
-    score_in_memory,
-};
+use crate::deviation::pose::Pose;
+use crate::error::EvaluationError;
+use crate::folder::finished_run::FinishedRun;
+use crate::motion::kind::RolloutCheck;
+use crate::provenance::conditions::changed_options;
+use crate::row::RecordPosition;
+use crate::scoring::in_memory::score_in_memory;
+use crate::source::scenario_files::ScenarioFiles;
+use crate::statistics::Estimate;
+use crate::statistics::tally::Tally;
+use crate::summary::PAIRING_REFERENCE;
 
 /// Name of the paper's numbers as a reference.
 pub const PAPER: &str = "reactsim-bench-paper";
@@ -129,7 +134,8 @@ impl PaperNumber {
     /// Returns the estimate of a simulator of a tally, with another metric if one is given.
     fn estimate(&self, tally: &Tally, simulator: usize, metric: &str, seed: u64) -> Estimate {
         let Some(m) = tally.metrics.iter().position(|id| *id == metric) else { return Estimate::default() };
-        let value = |cell: &super::Cell| if self.is_share { cell.any[m] } else { cell.values[m] };
+        let value =
+            |cell: &crate::statistics::tally::Cell| if self.is_share { cell.any[m] } else { cell.values[m] };
         let cells = tally.entries.values().filter_map(|entry| entry.cells[simulator].as_ref());
         let values: Vec<f64> = cells.filter_map(value).collect();
         Estimate::of(&values, seed, metric)
@@ -214,8 +220,8 @@ impl PaperComparison {
             tally.entries.keys().any(|place| !files.get(place.input).is_some_and(|f| scenarios.has(f)));
         let not_computed = match (options.is_empty(), run.keeps_rollouts(), is_absent) {
             (true, ..) | (_, true, false) => None,
-            (_, false, _) => Some("the run did not keep its rollouts: repeat it with --keep-rollouts"),
-            (.., true) => Some("the scenarios of the run are not there: give them with --scenarios"),
+            (_, false, _) => Some("the run did not keep its rollouts: repeat it with `keep-rollouts`"),
+            (.., true) => Some("the scenarios of the run are not there: give them"),
         };
         if not_computed.is_none() && !options.is_empty() {
             let all: Vec<Options> = options.iter().map(|(.., options)| *options).collect();

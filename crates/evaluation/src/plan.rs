@@ -15,23 +15,21 @@ use reactsim_planning::from_scene::{ego_shape, planning_map};
 use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
 use reactsim_scene::{DeviatedTrack, Frame, Scenario};
 
-use super::EvaluationError;
-use super::av::{AvChoice, AvDriver, PlannedAv};
-use super::benchmarks::BenchmarkRecord;
-use super::driver::{Driver, GivenPlans};
-use super::file_record::FileRecord;
-use super::folder::RunFolder;
-use super::known_deviation::KnownDeviation;
-use super::motion::{Finding, GivenScene};
-use super::pose::Pose;
-use super::provenance::{
-    Provenance, SettingsRecord, SimulatorRecord, named_options, program_commit, program_version,
-};
-use super::rollout_checks::RolloutCheck;
-use super::selection::Selection;
-use super::simulators::PlannedSimulator;
-use super::source::Source;
-use super::tally::Tally;
+use crate::av::{AvChoice, AvDriver, PlannedAv};
+use crate::deviation::labels::DeviationLabels;
+use crate::deviation::pose::Pose;
+use crate::driver::{Driver, GivenPlans};
+use crate::error::EvaluationError;
+use crate::folder::RunFolder;
+use crate::motion::kind::RolloutCheck;
+use crate::motion::{CheckedScene, Finding};
+use crate::provenance::{Provenance, SettingsRecord, named_options, program_commit, program_version};
+use crate::simulators::PlannedSimulator;
+use crate::source::Source;
+use crate::source::benchmarks::BenchmarkRecord;
+use crate::source::file_record::FileRecord;
+use crate::source::selection::Selection;
+use crate::statistics::tally::Tally;
 
 /// The settings that determine the numbers of a run, apart from scenarios and simulators.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,12 +133,12 @@ pub struct Plan {
 #[derive(Debug, thiserror::Error)]
 pub enum NoAv {
     /// The scenario carries no deviated trajectory.
-    #[error("no deviated AV; give --deviations with one for this scenario, or choose another --av")]
+    #[error("no deviated AV; give `deviations` with one for this scenario, or choose another `av`")]
     Missing,
     /// The trajectory was made for another scenario.
     #[error(
         "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} (in {file}); \
-         if it was made from these files, read them with the same options: --all-agents, --current-frame"
+         if it was made from these files, read them with the same keys: `all-agents`, `current-frame`"
     )]
     OtherScenario {
         /// Name of the file of deviations.
@@ -196,7 +194,7 @@ impl Plan {
                 selection: self.settings.selection.clone(),
             },
             metric_options: named_options(&self.settings.options),
-            simulators: self.simulators.iter().map(SimulatorRecord::of).collect(),
+            simulators: self.simulators.iter().map(PlannedSimulator::record).collect(),
             driver: self.driver().and_then(|driver| driver.record.clone()),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
             deviations: self.deviations.as_ref().map(|d| d.file.clone()),
@@ -275,7 +273,7 @@ impl Plan {
         // The track could be converted, so that this can be, too.
         deviations.pose.to_centre(&scenario.start.agents[0], given, entry0.iter_mut()).ok();
         let track: Vec<Frame> = deviated.track.into_iter().map(Some).collect();
-        GivenScene::of_av(scenario, entry0, &track).findings()
+        CheckedScene::of_av(scenario, entry0, &track).findings()
     }
 
     /// Returns the AV of a scenario, `None` if the simulator moves it, and the properties of its deviation from
@@ -283,7 +281,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`NoAv`] if the scenario has no AV, or an invalid trajectory.
-    pub fn av(&self, scenario: &Scenario) -> Result<(Option<Arc<dyn Av>>, KnownDeviation), NoAv> {
+    pub fn av(&self, scenario: &Scenario) -> Result<(Option<Arc<dyn Av>>, DeviationLabels), NoAv> {
         self.checked_av(scenario, &Arc::default())
     }
 
@@ -292,14 +290,14 @@ impl Plan {
         &self,
         scenario: &Scenario,
         given: &Arc<GivenPlans>,
-    ) -> Result<(Option<Arc<dyn Av>>, KnownDeviation), NoAv> {
+    ) -> Result<(Option<Arc<dyn Av>>, DeviationLabels), NoAv> {
         if self.settings.rollout.protocol == Protocol::Realism {
             if self.deviations.is_some() {
                 self.deviated(scenario)?;
             }
-            return Ok((None, KnownDeviation::default()));
+            return Ok((None, DeviationLabels::default()));
         }
-        let undeviated = |av: Arc<dyn Av>| (av, KnownDeviation::default());
+        let undeviated = |av: Arc<dyn Av>| (av, DeviationLabels::default());
         let (av, deviation) = match &self.settings.av {
             AvChoice::Deviated | AvChoice::File(_) => self.deviated_av(scenario)?,
             AvChoice::Log => undeviated(Arc::new(LogAv::new(scenario)?)),
@@ -325,9 +323,9 @@ impl Plan {
     }
 
     /// Returns the deviated AV of a scenario and the properties of its deviation.
-    fn deviated_av(&self, scenario: &Scenario) -> Result<(Arc<dyn Av>, KnownDeviation), NoAv> {
+    fn deviated_av(&self, scenario: &Scenario) -> Result<(Arc<dyn Av>, DeviationLabels), NoAv> {
         let deviated = self.deviated(scenario)?;
-        let known = KnownDeviation::of(&deviated);
+        let known = DeviationLabels::of(&deviated);
         let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
         let av = av.map_err(|source| match &self.deviations {
             Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },

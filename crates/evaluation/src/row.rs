@@ -6,7 +6,7 @@ use reactsim_metrics::{Event, REMOVED_METRICS, Score};
 use reactsim_scene::{Note, Scenario};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::known_deviation::KnownDeviation;
+use crate::deviation::labels::DeviationLabels;
 
 /// The position of a record: its input and its index there. Everything that a run writes is sorted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
@@ -102,7 +102,7 @@ impl Row {
     }
 
     /// Sets category and difficulty of the deviation.
-    pub(super) fn with_deviation(self, deviation: &KnownDeviation) -> Self {
+    pub(super) fn with_deviation(self, deviation: &DeviationLabels) -> Self {
         Self {
             category: deviation.category.map(|c| c.name().to_owned()),
             difficulty: deviation.difficulty().map(|d| d.name().to_owned()),

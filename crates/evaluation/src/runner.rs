@@ -1,6 +1,9 @@
 //! Execution of a plan on several threads. Results do not depend on the number of threads, the batch size or
 //! interruptions.
 
+pub(crate) mod merge;
+pub(crate) mod omissions;
+
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -12,22 +15,24 @@ use reactsim_metrics::Event;
 use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
 use reactsim_scene::{HISTORY, Scenario};
 
-use super::driver::{Driver, GivenPlans};
-use super::finish::finish;
-use super::folder::{LEFT_OUT, RunFolder, line};
-use super::judge::judge;
-use super::known_deviation::KnownDeviation;
-use super::left_out::LeftOut;
-use super::motion::{Finding, GivenScene};
-use super::plan::{NoAv, Plan};
-use super::provenance::Provenance;
-use super::rollout_checks::RolloutCheck;
-use super::row::{Failure, RecordPosition, Row};
-use super::simulators::PlannedSimulator;
-use super::source::{Source, Supply, UndecodedRecord};
-use super::summary::Summary;
-use super::tally::Tally;
-use super::{EvaluationError, rollouts};
+use crate::deviation::labels::DeviationLabels;
+use crate::driver::{Driver, GivenPlans};
+use crate::error::EvaluationError;
+use crate::folder::completion::complete;
+use crate::folder::rollouts;
+use crate::folder::{RunFolder, line};
+use crate::judge::judge;
+use crate::layout::LEFT_OUT;
+use crate::motion::kind::RolloutCheck;
+use crate::motion::{CheckedScene, Finding};
+use crate::plan::{NoAv, Plan};
+use crate::provenance::Provenance;
+use crate::row::{Failure, RecordPosition, Row};
+use crate::runner::omissions::Omissions;
+use crate::simulators::PlannedSimulator;
+use crate::source::{Source, Supply, UndecodedRecord};
+use crate::statistics::tally::Tally;
+use crate::summary::Summary;
 
 /// Execution settings of a run, which do not affect its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +102,7 @@ pub fn run(
         before: tally.clone(),
         tally: Mutex::new(tally),
         failures: Mutex::default(),
-        left_out: Mutex::default(),
+        omissions: Mutex::default(),
         broken: Mutex::default(),
     };
     thread::scope(|scope| {
@@ -126,16 +131,16 @@ pub fn run(
     }
     failures.sort();
     let mut summary = Pool::new(execution.jobs).install(|| Summary::new(&tally, &failures, &provenance));
-    let mut left_out = runner.left_out.into_inner();
-    left_out.deviations = plan.selected_deviations();
+    let mut omissions = runner.omissions.into_inner();
+    omissions.deviations = plan.selected_deviations();
     // Scenarios with rows of an earlier run were not read again.
-    left_out.read(plan, tally.entries.values().map(|e| &e.scenario));
-    left_out.describe(&mut summary.provenance);
+    omissions.read(plan, tally.entries.values().map(|e| &e.scenario));
+    omissions.describe(&mut summary.provenance);
     if let Some(folder) = folder {
         if plan.partition.is_some() {
-            folder.put(LEFT_OUT, &line(&left_out))?;
+            folder.put(LEFT_OUT, &line(&omissions))?;
         }
-        finish(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
+        complete(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
     }
     Ok(Outcome::Finished(Box::new(summary)))
 }
@@ -205,7 +210,7 @@ struct Runner<'a> {
     before: Tally,
     tally: Mutex<Tally>,
     failures: Mutex<Vec<Failure>>,
-    left_out: Mutex<LeftOut>,
+    omissions: Mutex<Omissions>,
     /// The first error that stops the run.
     broken: Mutex<Option<EvaluationError>>,
 }
@@ -226,7 +231,7 @@ struct PreparedScenario {
     digest: String,
     /// AV of all rollouts; `None` if the simulator moves it.
     av: Option<Arc<dyn Av>>,
-    deviation: KnownDeviation,
+    deviation: DeviationLabels,
     /// Checks that the given trajectory of the AV fails, all of them allowed.
     allowed: Vec<RolloutCheck>,
     /// Plans of the AV that have to be checked.
@@ -327,7 +332,7 @@ impl Runner<'_> {
         if !selection.has_id(&scenario.id) {
             return Ok(self.unselected());
         }
-        self.left_out().read(self.plan, [&scenario.id]);
+        self.omissions().read(self.plan, [&scenario.id]);
         let mut allowed = Vec::new();
         if self.plan.settings.rollout.protocol == Protocol::Reactive {
             let found = self.plan.check_deviation(&scenario);
@@ -353,7 +358,7 @@ impl Runner<'_> {
             }
             Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
-                self.left_out().passed_over += 1;
+                self.omissions().passed_over += 1;
                 Ok(None)
             }
             Err(error) => {
@@ -398,12 +403,12 @@ impl Runner<'_> {
 
     /// Counts a scenario that the selection leaves out.
     fn unselected(&self) -> Option<PreparedScenario> {
-        self.left_out().unselected += 1;
+        self.omissions().unselected += 1;
         None
     }
 
-    fn left_out(&self) -> MutexGuard<'_, LeftOut> {
-        self.left_out.lock()
+    fn omissions(&self) -> MutexGuard<'_, Omissions> {
+        self.omissions.lock()
     }
 
     fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {
@@ -486,14 +491,14 @@ impl Runner<'_> {
         for (index, rollout) in (0..).zip(rollouts) {
             let mut failed = ready.allowed.clone();
             if planned.external.is_some() {
-                let given = GivenScene::of_rollout(&ready.scenario, &rollout.tracks, without_av);
+                let given = CheckedScene::of_rollout(&ready.scenario, &rollout.tracks, without_av);
                 let by = GivenBy::Simulator(&planned.id);
                 failed.extend(self.allow(by, &ready.scenario.id, given.findings())?);
             }
             if let Some(driver) = self.plan.driver().filter(|driver| driver.is_foreign()) {
                 let plans = ready.given.take(index);
-                let mut found = GivenScene::of_plans(&ready.scenario, &plans).plan_findings();
-                let driven = GivenScene::of_av(&ready.scenario, None, &rollout.tracks[0][HISTORY..]);
+                let mut found = CheckedScene::of_plans(&ready.scenario, &plans).plan_findings();
+                let driven = CheckedScene::of_av(&ready.scenario, None, &rollout.tracks[0][HISTORY..]);
                 let of_plans: Vec<RolloutCheck> = found.iter().map(|finding| finding.check).collect();
                 found.extend(driven.findings().into_iter().filter(|f| !of_plans.contains(&f.check)));
                 let name = driver.driver().to_string();

@@ -1,5 +1,9 @@
 //! Scores of rollout files from any program.
 
+pub(crate) mod recorded_rollouts;
+pub(crate) mod in_memory;
+pub mod document;
+
 use std::path::PathBuf;
 
 use reactsim_formats as formats;
@@ -7,19 +11,27 @@ use reactsim_formats::Input;
 use reactsim_metrics::Options;
 use reactsim_scene::Scenario;
 
-use super::finish::finish;
-use super::provenance::named_options;
-use super::recorded::{Recorded, ScoredPair};
-use super::rollouts::write_part;
-use super::{
-    BenchmarkRecord, Deviations, EvaluationError, Failure, FileRecord, NoAv, Pose, Provenance,
-    RecordPosition, Registrar, RolloutCheck, RunFolder, RunObserver, SettingsRecord, SimulatorRecord,
-    Summary, Tally, program_commit, program_version,
-};
+use crate::deviation::pose::Pose;
+use crate::error::EvaluationError;
+use crate::folder::RunFolder;
+use crate::folder::completion::complete;
+use crate::folder::rollouts::write_part;
+use crate::motion::kind::RolloutCheck;
+use crate::plan::{Deviations, NoAv};
+use crate::provenance::named_options;
+use crate::provenance::{Provenance, SettingsRecord, program_commit, program_version};
+use crate::row::{Failure, RecordPosition};
+use crate::runner::RunObserver;
+use crate::scoring::recorded_rollouts::{RecordedRollouts, ScoredPair};
+use crate::simulators::record::SimulatorRecord;
+use crate::source::benchmarks::BenchmarkRecord;
+use crate::source::file_record::{FileRecord, Registrar};
+use crate::statistics::tally::Tally;
+use crate::summary::Summary;
 
 /// Rollout files to be scored against their scenarios, read and described before the first scenario.
 pub struct Scoring {
-    recorded: Recorded,
+    recorded: RecordedRollouts,
     scenarios: Vec<Input>,
     provenance: Provenance,
     /// Deviated AVs in place of those that the scenarios carry.
@@ -59,7 +71,7 @@ impl Scoring {
         for input in scenarios {
             files.push(registrar.record(input)?);
         }
-        let recorded = Recorded::new(records, options, pose);
+        let recorded = RecordedRollouts::new(records, options, pose);
         let benchmark = match &files[rollouts.len()..] {
             [scenarios] => BenchmarkRecord::of(scenarios),
             _ => None,
@@ -160,7 +172,7 @@ impl Scoring {
         }
         if let Some(file) = self.provenance.inputs.first() {
             let unmatched = self.recorded.left().map(|id| {
-                let error = format!("no scenario `{id}` in --scenarios for its rollouts");
+                let error = format!("no scenario `{id}` is given for its rollouts");
                 failure(RecordPosition { input: 0, record: 0 }, file, Some(id.to_owned()), error)
             });
             self.failures.extend(unmatched);
@@ -172,7 +184,7 @@ impl Scoring {
         let absent = self.recorded.findings().iter().filter(|(check, ..)| *check == RolloutCheck::Coverage);
         summary.provenance.allowed.extend(absent.map(|(check, n, _)| (check.allowance().to_owned(), n)));
         if let Some(folder) = folder {
-            finish(folder, &tally, &self.failures, &summary, true)?;
+            complete(folder, &tally, &self.failures, &summary, true)?;
         }
         Ok(summary)
     }

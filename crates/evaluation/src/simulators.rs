@@ -1,5 +1,10 @@
 //! The simulators of a run, with their parameters and weights.
 
+pub(crate) mod mix;
+pub(crate) mod access;
+pub(crate) mod id;
+pub(crate) mod record;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -13,10 +18,10 @@ use reactsim_qp as qp;
 use reactsim_qp::Smoothing;
 use reactsim_rollout::{Controller, Mix, MixMember};
 
-use super::EvaluationError;
-use super::mix::{MixId, joined};
-use super::provenance::{ExternalRecord, SimulatorRecord, WeightsRecord};
-use super::simulator_id::SimulatorId;
+use crate::error::EvaluationError;
+use crate::simulators::id::SimulatorId;
+use crate::simulators::mix::{MixId, joined};
+use crate::simulators::record::{ExternalRecord, SimulatorRecord, WeightsRecord};
 
 /// A simulator that is ready to run.
 pub struct PlannedSimulator {
@@ -124,6 +129,20 @@ const DEFAULT: &str = "default";
 const ALL: &str = "all";
 
 impl PlannedSimulator {
+    /// Creates the record of a self.
+    pub(crate) fn record(&self) -> SimulatorRecord {
+        SimulatorRecord {
+            id: self.id.clone(),
+            title: self.title.clone(),
+            oracle: self.controller.is_oracle(),
+            card: blake3::hash(self.card.as_bytes()).to_hex().to_string(),
+            parameters: self.parameters.clone(),
+            weights: self.weights.clone(),
+            members: self.members.clone(),
+            external: self.external.clone(),
+        }
+    }
+
     /// Creates simulators by their ids; if `ids` is empty, those that run by default. `default` stands for
     /// the same ones, `all` for all baselines that have their weights.
     ///
@@ -316,7 +335,7 @@ impl PlannedSimulator {
     /// Creates a mix of simulators, without the stage behind it.
     fn mix(id: &str, mix: &MixId, members: Vec<Self>) -> Result<Self, EvaluationError> {
         let refuse = |reason: String| EvaluationError::Mix { id: id.to_owned(), reason };
-        let records: Vec<SimulatorRecord> = members.iter().map(SimulatorRecord::of).collect();
+        let records: Vec<SimulatorRecord> = members.iter().map(PlannedSimulator::record).collect();
         let title = |id: &str| records.iter().find(|member| member.id == id).map_or("", |m| m.title.as_str());
         let title = mix.title(title);
         let card = members.iter().map(|member| member.card.as_str()).collect();

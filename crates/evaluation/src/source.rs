@@ -1,5 +1,11 @@
 //! Sources of scenarios, and their distribution to several threads.
 
+pub(crate) mod selection;
+pub(crate) mod file_record;
+pub(crate) mod shipped;
+pub(crate) mod benchmarks;
+pub(crate) mod scenario_files;
+
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,9 +18,9 @@ use reactsim_formats::{
 };
 use reactsim_scene::Scenario;
 
-use super::EvaluationError;
-use super::file_record::{FileRecord, Registrar};
-use super::row::RecordPosition;
+use crate::error::EvaluationError;
+use crate::row::RecordPosition;
+use crate::source::file_record::{FileRecord, Registrar};
 
 /// A file of scenarios, or scenarios that ship with the program.
 pub struct Source {

@@ -19,11 +19,11 @@ use reactsim_qp::Smoothing;
 use reactsim_rollout::{Protocol, Replan, Settings};
 use serde::{Deserialize, Serialize};
 
-use super::EvaluationError;
-use super::av::AvChoice;
-use super::pose::Pose;
-use super::rollout_checks::RolloutCheck;
-use super::simulators::{Adjustments, weights_file};
+use crate::av::AvChoice;
+use crate::deviation::pose::Pose;
+use crate::error::EvaluationError;
+use crate::motion::kind::RolloutCheck;
+use crate::simulators::{Adjustments, weights_file};
 
 pub use external::{ExternalPrograms, ExternalSpec};
 pub use file::{NamesScenarios, Specification};
@@ -173,15 +173,30 @@ impl SubjectSpec {
     /// # Errors
     /// [`EvaluationError`] for an unknown variant or value.
     pub fn options(&self) -> Result<Options, EvaluationError> {
-        let mut options = Options::default();
-        for text in &self.metric_option {
-            let (name, value) = text.split_once('=').ok_or_else(|| {
-                EvaluationError::spec("metric-option", text, "NAME=VALUE, such as fault_order=nuplan")
-            })?;
-            options.set(name, value)?;
-        }
-        Ok(options)
+        metric_options(&self.metric_option)
     }
+}
+
+/// Reads texts such as `fault_order=nuplan` as variants of the metrics.
+///
+/// # Errors
+/// [`EvaluationError`] for another text, an unknown variant or value.
+pub fn metric_options(texts: &[String]) -> Result<Options, EvaluationError> {
+    let mut options = Options::default();
+    for text in texts {
+        let (name, value) = split_metric_option(text)?;
+        options.set(name, value)?;
+    }
+    Ok(options)
+}
+
+/// Splits a variant of the metrics into name and value.
+///
+/// # Errors
+/// [`EvaluationError`] if there is no value.
+pub fn split_metric_option(text: &str) -> Result<(&str, &str), EvaluationError> {
+    let expected = "NAME=VALUE, such as fault_order=nuplan";
+    text.split_once('=').ok_or_else(|| EvaluationError::spec("metric-option", text, expected))
 }
 
 /// Reads texts such as `idm.vehicle.headway=1.5`: id, dotted path, value.

@@ -1,5 +1,9 @@
 //! Means over scenarios with bootstrap intervals.
 
+pub(crate) mod comparison;
+pub(crate) mod samples;
+pub(crate) mod tally;
+
 use rand_chacha::rand_core::Rng;
 use reactsim_rollout::{Purpose, Stream, stream};
 use serde::{Deserialize, Serialize};

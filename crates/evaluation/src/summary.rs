@@ -1,16 +1,18 @@
 //! The result of a run: `summary.json`.
 
+pub(crate) mod builder;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_scene::note_text;
 use serde::{Deserialize, Serialize};
 
-use super::access::{Access, Standing};
-use super::provenance::Provenance;
-use super::rollout_checks::RolloutCheck;
-use super::row::{Failure, by_metric};
-use super::statistics::Estimate;
-use super::tally::Tally;
+use crate::motion::kind::RolloutCheck;
+use crate::provenance::Provenance;
+use crate::row::{Failure, by_metric};
+use crate::simulators::access::{Access, TableMarks};
+use crate::statistics::Estimate;
+use crate::statistics::tally::Tally;
 
 /// Id of the simulator to which paired differences are computed.
 pub const PAIRING_REFERENCE: &str = "log-replay";
@@ -153,8 +155,8 @@ impl SimulatorSummary {
     }
 
     /// Returns what tables mark about the simulator.
-    pub fn standing(&self) -> Standing {
-        Standing { access: self.access(), is_allowed: self.allowed().next().is_some() }
+    pub fn standing(&self) -> TableMarks {
+        TableMarks { access: self.access(), is_allowed: self.allowed().next().is_some() }
     }
 
     /// Returns the checks that some of its rollouts fail and the user allowed, with their numbers of

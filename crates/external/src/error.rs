@@ -23,7 +23,7 @@ pub enum ExternalError {
     /// It does not support the settings of the run.
     #[error(
         "external program `{name}` plans every {supported} steps, this run every {asked}: \
-         give --replan {hint}steps"
+         give `replan` {hint}steps"
     )]
     Interval {
         /// Name of the simulator or planner.

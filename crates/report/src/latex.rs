@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Access, Estimate, Mark, Standing};
+use reactsim_evaluation::{Access, Estimate, Mark, TableMarks};
 
 use super::table::{self, Column, Line};
 use super::terminal::is_unsafe;
@@ -80,7 +80,7 @@ fn caption(lines: &[Line<'_>], bold: bool) -> String {
 }
 
 /// Returns the meaning of the marks of these simulators, as sentences.
-pub(super) fn meanings(of: impl Iterator<Item = Standing>) -> String {
+pub(super) fn meanings(of: impl Iterator<Item = TableMarks>) -> String {
     table::marked(of).map(|mark| format!(" {} {}.", sign(mark), escape(mark.meaning()))).collect()
 }
 
@@ -90,7 +90,7 @@ fn label_text(label: &str) -> String {
 }
 
 /// Returns the signs behind the name of a simulator.
-pub(super) fn mark(standing: Standing) -> String {
+pub(super) fn mark(standing: TableMarks) -> String {
     standing.marks().map(sign).collect()
 }
 

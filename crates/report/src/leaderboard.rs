@@ -11,7 +11,7 @@ use super::csv::quote;
 use super::markdown::{cell, escape, legend, method, write_aligned};
 use super::table::{Column, count};
 use reactsim_evaluation::reference::{Entry, Status};
-use reactsim_evaluation::{BenchmarkRecord, Estimate, Standing, Summary};
+use reactsim_evaluation::{BenchmarkRecord, Estimate, Summary, TableMarks};
 
 pub use page::write_page;
 
@@ -26,7 +26,7 @@ struct Line<'a> {
     entry: &'a Entry,
     id: &'a str,
     title: &'a str,
-    standing: Standing,
+    standing: TableMarks,
     metrics: &'a BTreeMap<String, Estimate>,
 }
 

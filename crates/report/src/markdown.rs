@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Estimate, Standing};
+use reactsim_evaluation::{Estimate, TableMarks};
 
 use super::table::{self, Column, Division, Line};
 use super::terminal::is_unsafe;
@@ -78,7 +78,7 @@ pub(super) fn write_table(
 }
 
 /// Writes the explanation of the marks of a table.
-pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Standing>) -> io::Result<()> {
+pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = TableMarks>) -> io::Result<()> {
     for text in marks(of) {
         writeln!(out, "{text}.")?;
     }
@@ -89,12 +89,12 @@ pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = Standing>
 }
 
 /// Returns the marks of these simulators with their explanations.
-pub(super) fn marks(of: impl IntoIterator<Item = Standing>) -> Vec<String> {
+pub(super) fn marks(of: impl IntoIterator<Item = TableMarks>) -> Vec<String> {
     table::marked(of).map(|mark| format!("{} {}", mark.sign(), mark.meaning())).collect()
 }
 
 /// Returns the name of a simulator with its marks.
-pub(super) fn method(title: &str, standing: Standing) -> String {
+pub(super) fn method(title: &str, standing: TableMarks) -> String {
     format!("{} {}", escape(title), standing.signs()).trim_end().to_owned()
 }
 

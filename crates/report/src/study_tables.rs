@@ -9,7 +9,7 @@ mod planners;
 use super::TableStyle;
 use super::table::{Column, MAIN_COLUMNS, best_number};
 use reactsim_evaluation::{
-    Difference, Estimate, Member, SimulatorSummary, Standing, StudyKind, StudyResults, Summary,
+    Difference, Estimate, Member, SimulatorSummary, StudyKind, StudyResults, Summary, TableMarks,
 };
 
 pub use json::write_json;
@@ -65,7 +65,7 @@ enum Head {
 /// The numbers of a simulator.
 struct StudyRow<'a> {
     title: &'a str,
-    standing: Standing,
+    standing: TableMarks,
     variant: Option<&'a str>,
     cells: Vec<StudyCell>,
 }

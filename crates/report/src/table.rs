@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use reactsim_evaluation::{
-    CategorySummary, Condition, Estimate, Mark, Provenance, SettingsRecord, SimulatorSummary, Standing,
-    Summary, changed_options,
+    CategorySummary, Condition, Estimate, Mark, Provenance, SettingsRecord, SimulatorSummary, Summary,
+    TableMarks, changed_options,
 };
 use reactsim_metrics as metrics;
 use reactsim_metrics::{METRICS, Scope, Unit};
@@ -136,7 +136,7 @@ pub(super) struct Line<'a> {
     /// Number of the group of runs with which its numbers can be compared.
     pub(super) group: usize,
     pub(super) title: &'a str,
-    pub(super) standing: Standing,
+    pub(super) standing: TableMarks,
     pub(super) scenarios: usize,
     pub(super) failed: usize,
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
@@ -166,8 +166,8 @@ pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
 }
 
 /// Returns the marks that these simulators have.
-pub(super) fn marked(of: impl IntoIterator<Item = Standing>) -> impl Iterator<Item = Mark> {
-    let found: Vec<Mark> = of.into_iter().flat_map(Standing::marks).collect();
+pub(super) fn marked(of: impl IntoIterator<Item = TableMarks>) -> impl Iterator<Item = Mark> {
+    let found: Vec<Mark> = of.into_iter().flat_map(TableMarks::marks).collect();
     Mark::ALL.into_iter().filter(move |mark| found.contains(mark))
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::cli::{ExitStatus, count, say};
+use crate::cli::output::{ExitStatus, count, say};
 use crate::curation::apply::{self, ApplyReport, RefusedPick};
 use crate::curation::decisions::Decisions;
 use crate::curation::{Application, InputFile, store};

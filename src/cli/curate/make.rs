@@ -9,9 +9,10 @@ use anyhow::Context;
 use clap::Args;
 
 use super::source::{OpenSource, SourceChoice, TEMPERATURE, planner_weights};
+use crate::cli::inputs::inputs_of;
+use crate::cli::output::{ExitStatus, count, nothing, say, say_part, stop_on_interrupt, write_result};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, inputs_of, nothing, say, say_part, stop_on_interrupt, write_result};
 use crate::curation::driver::{Curated, Curation, Input};
 use crate::curation::stats::Statistics;
 use crate::curation::store::Writer;

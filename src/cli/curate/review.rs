@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::{ExitStatus, say, write_result};
+use crate::cli::output::{ExitStatus, say, write_result};
 use crate::report::page::write_review;
 
 /// Arguments of `curate review`.

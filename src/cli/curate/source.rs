@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use anyhow::{Context, bail};
 
-use crate::cli::{count, say};
+use crate::cli::output::{count, say};
 use crate::curation::{
     CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, PlannerSource, SOURCES,
 };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use crate::cli::{ExitStatus, write_result};
+use crate::cli::output::{ExitStatus, write_result};
 use crate::curation::stats::Statistics;
 use crate::report::curation_tables;
 

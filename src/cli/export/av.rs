@@ -6,8 +6,8 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use crate::cli::scenario_args::select;
-use crate::cli::{ExitStatus, count, say};
+use crate::cli::inputs::select;
+use crate::cli::output::{ExitStatus, count, say};
 use crate::evaluation::Deviations;
 use crate::evaluation::ScenarioSpec;
 use crate::files;

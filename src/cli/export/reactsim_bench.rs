@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
+use crate::cli::output::{ExitStatus, count, say};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, say};
 use crate::evaluation::{ROLLOUTS, read_provenance, read_tally};
 use crate::files;
 use crate::formats::deviations;

@@ -4,8 +4,8 @@ use std::io::{self, Write};
 
 use clap::Args;
 
-use crate::cli::scenario_args::select;
-use crate::cli::{ExitStatus, say, write_result};
+use crate::cli::inputs::select;
+use crate::cli::output::{ExitStatus, say, write_result};
 use crate::evaluation::Deviations;
 use crate::evaluation::ScenarioSpec;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};

@@ -7,8 +7,9 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde::Deserialize;
 
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::{ExitStatus, count, note, say};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, note, say};
 use crate::evaluation::read_summary;
 use crate::evaluation::realism::{LogSource, RunPairs};
 use crate::formats::wosac::{SubmissionMetadata, SubmissionWriter};

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::files::GeneratedFiles;
-use super::make::Job;
-use crate::cli::say;
+use super::job::Job;
+use crate::cli::output::say;
 use crate::curation::benchmark::{
     ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe, TriedScenario,
 };

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::quoted;
+use crate::cli::output::quoted;
 use crate::evaluation::FileRecord;
 use crate::generation::{GenerationSettings, VERSION};
 

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use super::bench::{bench, provenance};
 use super::files::GeneratedFiles;
-use super::make::{GenerateArgs, Job, finish};
+use super::job::{GenerateArgs, Job, finish};
 use super::scenario_file::{ScenarioFile, read_scenarios};
 use super::tried::{Trial, TriedWriter, read_tried};
+use crate::cli::output::{ExitStatus, stop_on_interrupt};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, stop_on_interrupt};
 use crate::curation::CurationProvenance;
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::program_version;

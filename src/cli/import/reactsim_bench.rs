@@ -12,7 +12,7 @@ use parking_lot::Mutex;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::cli::{ExitStatus, count, note, nothing, quoted, say, write_file, write_result};
+use crate::cli::output::{ExitStatus, count, note, nothing, quoted, say, write_file, write_result};
 use crate::curation::taxonomy_of;
 use crate::evaluation::program_version;
 use crate::files;

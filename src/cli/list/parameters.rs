@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 
-use crate::cli::suggestion::did_you_mean;
+use crate::evaluation::suggestion::did_you_mean;
 use crate::models::{MODELS, Setup, find, qp};
 
 /// Id of the stage that can follow a simulator.

@@ -1,6 +1,6 @@
 //! `reactsim list scenarios`: the scenarios of files.
 
-use super::super::scenario_args::select;
+use super::super::inputs::select;
 use crate::evaluation::Deviations;
 use crate::evaluation::ScenarioSpec;
 use crate::scene::Scenario;

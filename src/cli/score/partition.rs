@@ -11,9 +11,10 @@ use super::ScoreArgs;
 use super::wosac::{
     check, describe_run, describe_submission, finish, is_run, observer, run_pairs, submitted_pairs,
 };
+use crate::cli::inputs::recorded_logs;
+use crate::cli::output::{ExitStatus, lock_folder, write_file};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, lock_folder, log_sources, write_file};
 use crate::evaluation::realism::{LogSource, RealismScores, score_all};
 use crate::evaluation::{ROLLOUTS, SUMMARY, program_commit, program_version};
 use crate::files::name_of;
@@ -59,14 +60,10 @@ impl RealismSubject {
 }
 
 /// Computes the scores of a partition.
-pub(super) fn score(
-    args: &ScoreArgs,
-    path: &Path,
-    partition: Partition,
-    out: &Path,
-) -> anyhow::Result<ExitStatus> {
+pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyhow::Result<ExitStatus> {
+    let path = check(args)?;
     let _lock = partition::folder(out)?;
-    let logs = log_sources::recorded(&args.scenarios)?;
+    let logs = recorded_logs(&args.scenarios)?;
     let subject = RealismSubject::of(args, path, &logs)?;
     let (configs, jobs, progress) = (&args.wosac.configs, args.wosac.jobs(), Progress::new());
     let mut observe = observer(&progress);

@@ -7,10 +7,11 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use super::{ScoreArgs, partition};
+use super::ScoreArgs;
+use crate::cli::inputs::recorded_logs;
+use crate::cli::output::{ExitStatus, count, lock_folder, note, nothing, say, write_file, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, lock_folder, log_sources, note, nothing, say, write_file, write_result};
 use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
     LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
@@ -80,9 +81,6 @@ fn config(id: &str) -> Result<Config, String> {
 
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     let path = check(args)?;
-    if let (Some(partition), Some(out)) = (args.wosac.partition.partition, &args.out) {
-        return partition::score(args, path, partition, out);
-    }
     let _lock = args.out.as_deref().map(lock_folder).transpose()?;
     let (progress, jobs) = (Progress::new(), args.wosac.jobs());
     let mut observe = observer(&progress);
@@ -145,7 +143,7 @@ pub(super) fn observer(progress: &Progress) -> impl FnMut(usize, Option<&Realism
 
 /// Opens the rollouts of a run folder with their logs.
 pub(super) fn run_pairs(args: &ScoreArgs, folder: &Path) -> anyhow::Result<RunPairs> {
-    let sources = log_sources::recorded(&args.scenarios)?;
+    let sources = recorded_logs(&args.scenarios)?;
     Ok(RunPairs::open(folder, args.wosac.simulator.as_deref(), sources)?)
 }
 
@@ -160,7 +158,7 @@ pub(super) fn describe_run(args: &ScoreArgs, scores: &mut RealismScores, pairs: 
 /// Opens a submission with its logs.
 pub(super) fn submitted_pairs(args: &ScoreArgs, path: &Path) -> anyhow::Result<SubmittedPairs> {
     let mut recordings = Vec::new();
-    for source in log_sources::recorded(&args.scenarios)? {
+    for source in recorded_logs(&args.scenarios)? {
         match source {
             LogSource::Recording(path) => recordings.push(path),
             LogSource::Scenarios(_) | LogSource::Shipped => bail!(

@@ -8,10 +8,10 @@ use super::realism::score_realism;
 use super::{PlannedStudy, SharedArgs};
 use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
+use crate::cli::output::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::cli::subject::log_sources;
-use crate::cli::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::evaluation::{
     self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyPlan,
     StudyResults, Summary,

@@ -7,9 +7,9 @@ use anyhow::Context;
 use clap::Args;
 
 use super::{PlannedStudy, SharedArgs};
+use crate::cli::output::{say, write_file};
 use crate::cli::progress::Progress;
 use crate::cli::subject::plan;
-use crate::cli::{say, write_file};
 use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPairs, score_all};
 use crate::evaluation::{RolloutSpec, Source, StudyPlan, read_summary};
 use crate::external::RunOutline;

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::cli::find_inputs;
+use crate::cli::inputs::find_inputs;
 use crate::evaluation::{
     self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunParts, RunSpec, Source,
 };

@@ -8,7 +8,8 @@ use anyhow::{Context, bail};
 use rayon::prelude::*;
 
 use super::exclusion::Exclusion;
-use crate::cli::{find_inputs, say};
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::say;
 use crate::evaluation::{FileRecord, Registrar};
 use crate::formats::native::{ByNumber, Writer};
 use crate::formats::{FormatError, Input};

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 
-use crate::cli::{count, find_inputs};
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::count;
 use crate::evaluation::{BenchmarkRecord, FileRecord, shipped_benchmark, shipped_ids};
 use crate::formats::Input;
 use crate::formats::native::ByNumber;

@@ -9,14 +9,15 @@ use serde::Serialize;
 
 use super::reader::Reader;
 use super::tensor_file::TensorFile;
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, nothing, say, stop_on_interrupt, write_result};
 use crate::models::learning::EndPoints;
 use crate::models::perception::Class;
 
 const AFTER: &str = "\
 Points are k-means centres of recorded positions in the frame of an agent; left mirrors right. \
-Standing agents are left out: they have a point of their own.
+TableMarks agents are left out: they have a point of their own.
 
 Examples:
   reactsim train intentions train.parquet --out intentions.safetensors

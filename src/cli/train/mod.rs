@@ -20,7 +20,7 @@ mod vocabulary_manifest;
 
 use clap::{Args, Subcommand};
 
-use super::ExitStatus;
+use super::output::ExitStatus;
 
 const AFTER: &str = "\
 `reactsim list tasks` names tasks, their recipes and the files that they can be given. A recipe is a \

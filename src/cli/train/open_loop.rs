@@ -8,8 +8,9 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::reader::Reader;
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, nothing, say, stop_on_interrupt, write_result};
 use crate::files::read_regular;
 use crate::models::nn::{Backend, check_backend, device_of};
 use crate::models::qp_regression::Policy;

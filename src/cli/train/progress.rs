@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{say, write_result};
+use crate::cli::output::{say, write_result};
 use crate::report::tensorboard::{self, EVENTS};
 use crate::report::training_curves;
 use crate::training::{LOG, Observer, Row, ValidationRow, read_log};

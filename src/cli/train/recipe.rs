@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use toml::Table;
 
-use crate::cli::suggestion::{did_you_mean, most_similar};
+use crate::evaluation::suggestion::{did_you_mean, most_similar};
 use crate::files::read_regular;
 use crate::models::learning::TrainingTask;
 use crate::models::{ModelError, Parameters};

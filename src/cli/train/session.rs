@@ -13,7 +13,7 @@ use super::closed_loop::ClosedLoop;
 use super::data::Data;
 use super::exclusion::Exclusion;
 use super::progress::{CURVES, Progress};
-use crate::cli::{ExitStatus, say};
+use crate::cli::output::{ExitStatus, say};
 use crate::evaluation::Time;
 use crate::evaluation::{program_commit, program_version};
 use crate::models::learning::{Trainable, Training};

@@ -9,10 +9,9 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::reader::Reader;
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::{ExitStatus, count, is_same, lock_folder, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
-use crate::cli::{
-    ExitStatus, count, find_inputs, is_same, lock_folder, say, stop_on_interrupt, write_result,
-};
 use crate::formats::native::Writer;
 use crate::scene::Scenario;
 use crate::training::{leading_bits, unit_interval};

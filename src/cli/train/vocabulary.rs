@@ -10,8 +10,9 @@ use clap::{Args, ValueEnum};
 use super::reader::Reader;
 use super::tensor_file::TensorFile;
 use super::vocabulary_manifest::{Entry, Manifest};
+use crate::cli::inputs::find_inputs;
+use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
-use crate::cli::{ExitStatus, count, find_inputs, nothing, say, stop_on_interrupt, write_result};
 use crate::models::ntp::tokens::{
     BuildVocabulary, KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
 };

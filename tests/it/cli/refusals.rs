@@ -16,10 +16,10 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     let unknown = error(&["run", "--models", "idmm"]);
     assert!(unknown.starts_with("error: there is no simulator `idmm`; there are: log-replay, "), "{unknown}");
     assert!(unknown.contains("\nhint: did you mean `idm`? `reactsim list models`"), "{unknown}");
-    insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios have no deviated AV: give --deviations <file>, or choose a driver with --av: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m>, file:<path> or planner:<id>");
+    insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios have no deviated AV: give `deviations`, or choose a driver with `av`: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m>, file:<path> or planner:<id>");
     insta::assert_snapshot!(error(&["run", "--metric-option", "fault_order=mine"]), @r"error: metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
-    insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave --av out");
-    insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: --deviations goes with --av deviated or deviated-or-log only");
+    insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave `av` out");
+    insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: `deviations` goes with `av` deviated or deviated-or-log only");
     insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");
     insta::assert_snapshot!(error(&["report", text(home.path())]), @r"
     error: HOME is not a run folder: it has no provenance.json
@@ -53,7 +53,7 @@ fn failed_scenarios_are_listed_and_the_rest_is_in_the_table() {
     let run = ["run", text(&input), "--models", "stop", "--av", "deviated"];
     let (table, warnings) = said(&[&run[..], &["--out", text(&out)]].concat(), 1);
     insta::assert_snapshot!(warnings, @r"
-    warning: failed: some.parquet: record 2: scenario `road-002`: no deviated AV; give --deviations with one for this scenario, or choose another --av
+    warning: failed: some.parquet: record 2: scenario `road-002`: no deviated AV; give `deviations` with one for this scenario, or choose another `av`
     warning: 1 failed; the others are in the table
     ");
     assert!(table.contains("3 scenarios, 1 failure"));

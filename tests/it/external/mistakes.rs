@@ -48,7 +48,7 @@ fn every_mistake_stops_the_run_with_its_name() {
         // A scene with few moving agents shows that they jump, and not why.
         let is_named = text.contains(part) && text.contains(check);
         let jumps =
-            text.contains("from where its velocity leads at step 1") && text.contains("--allow jumps");
+            text.contains("from where its velocity leads at step 1") && text.contains("`allow` jumps");
         let can_be_a_jump = ["lag", "stale", "order", "rear"].contains(&mistake);
         assert!(is_named || (can_be_a_jump && jumps), "{mistake}: {text}");
     }

@@ -112,7 +112,7 @@ fn mistakes_are_named() {
     for (drawing, check, part) in mistakes {
         for every in [1, 5] {
             let text = run(drawing, every, &[]).expect_err(part).to_string();
-            let is_named = text.contains(part) && text.contains(&format!("--allow {}", check.allowance()));
+            let is_named = text.contains(part) && text.contains(&format!("`allow` {}", check.allowance()));
             assert!(is_named, "{part} every {every}: {text}");
         }
     }

@@ -3,8 +3,8 @@
 use reactsim_geometry::{Vec2, direction, left, math};
 use reactsim_scene::{AgentKind, DT};
 
-use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenMotion, GivenScene, JUMP, Subject, median, share};
+use super::{CheckedMotion, CheckedScene, Finding, JUMP, Subject, median, share};
+use crate::motion::kind::RolloutCheck;
 
 /// Distance of the first given position from the expected one that is a jump of a single agent, metres:
 /// recorded logs have some of 1.2 to 1.5 m, where a tracker corrects itself.
@@ -49,8 +49,8 @@ const RATIOS: &[(f64, &str)] = &[
 
 /// Checks whether plans continue from where the AV is when they are made. Distances alone show nothing: a
 /// plan may begin on the centre line beside the AV, or ahead of an AV that lags behind its plans.
-pub(super) fn of_plans(scene: &GivenScene<'_>) -> Option<Finding> {
-    let plans: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
+pub(super) fn of_plans(scene: &CheckedScene<'_>) -> Option<Finding> {
+    let plans: Vec<&CheckedMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
     late(scene, &plans)
         .or_else(|| speed_ratio(scene, &plans))
         .or_else(|| rear_axle(scene))
@@ -58,8 +58,8 @@ pub(super) fn of_plans(scene: &GivenScene<'_>) -> Option<Finding> {
 }
 
 /// Checks whether the motion continues from the current frame.
-pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
-    let agents: Vec<&GivenMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
+pub(super) fn finding(scene: &CheckedScene<'_>) -> Option<Finding> {
+    let agents: Vec<&CheckedMotion<'_>> = scene.agents.iter().filter(|a| a.first().is_some()).collect();
     if let Some(finding) = late(scene, &agents).or_else(|| rear_axle(scene)) {
         return Some(finding);
     }
@@ -80,11 +80,11 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
     Some(Finding::new(RolloutCheck::Continuity, jump(&agents)?))
 }
 
-fn is_lone_jump(agent: &GivenMotion<'_>) -> bool {
+fn is_lone_jump(agent: &CheckedMotion<'_>) -> bool {
     agent.residual().is_some_and(|residual| residual.norm() > LONE_JUMP)
 }
 
-fn is_jump(agent: &GivenMotion<'_>) -> bool {
+fn is_jump(agent: &CheckedMotion<'_>) -> bool {
     // NaN is not within the tolerance either.
     agent
         .residual()
@@ -92,9 +92,10 @@ fn is_jump(agent: &GivenMotion<'_>) -> bool {
 }
 
 /// Poses of the rear axle, or of another point of the vehicles.
-fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
+fn rear_axle(scene: &CheckedScene<'_>) -> Option<Finding> {
     // A vehicle that stands at once, within 0.1 s, is behind where its velocity leads, too.
-    let stops = |a: &GivenMotion<'_>| a.speed() * DT >= AXLE_OFFSET && a.second().is_some() && !a.sets_off();
+    let stops =
+        |a: &CheckedMotion<'_>| a.speed() * DT >= AXLE_OFFSET && a.second().is_some() && !a.sets_off();
     let vehicles = scene.agents.iter().filter(|a| a.kind == AgentKind::Vehicle && a.length > 0.0);
     let vehicles = vehicles.filter(|a| a.entry0.is_some() || !stops(a));
     let offsets: Vec<(f64, f64, f64)> = vehicles
@@ -134,7 +135,7 @@ fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
     }
     let (what, mend) = match along < 0.0 {
         true if scene.subject == Subject::Plans => ("poses of the rear axle", "give box centres"),
-        true => ("poses of the rear axle", "give --pose rear-axle, or box centres"),
+        true => ("poses of the rear axle", "give `pose` rear-axle, or box centres"),
         false => ("poses of a point ahead of the centre", "give box centres"),
     };
     let noun = if scene.subject == Subject::Plans { "plans" } else { "vehicles" };
@@ -152,7 +153,7 @@ fn rear_axle(scene: &GivenScene<'_>) -> Option<Finding> {
 }
 
 /// An entry at the current frame that is not the current state.
-fn entry0(scene: &GivenScene<'_>) -> Option<String> {
+fn entry0(scene: &CheckedScene<'_>) -> Option<String> {
     let agent = scene.agents.iter().find(|a| {
         let distance = a.entry0.map(|entry| (entry.position() - a.now.position()).norm());
         distance.is_some_and(|d| d > ENTRY0_TOLERANCE)
@@ -166,7 +167,7 @@ fn entry0(scene: &GivenScene<'_>) -> Option<String> {
 }
 
 /// Another frame of coordinates.
-fn frame(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+fn frame(scene: &CheckedScene<'_>, agents: &[&CheckedMotion<'_>]) -> Option<Finding> {
     let given: Vec<Vec2> = agents.iter().filter_map(|a| a.first()).collect();
     let expected: Vec<Vec2> = agents.iter().map(|a| a.expected()).collect();
     let fits = |map: &dyn Fn(usize, Vec2) -> Vec2| {
@@ -239,11 +240,11 @@ fn frame(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding>
 }
 
 /// Agents in another order.
-fn order(agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+fn order(agents: &[&CheckedMotion<'_>]) -> Option<Finding> {
     if agents.len() < 3 {
         return None;
     }
-    let at_other = |(i, agent): &(usize, &&GivenMotion<'_>)| {
+    let at_other = |(i, agent): &(usize, &&CheckedMotion<'_>)| {
         let Some(first) = agent.first() else { return false };
         let other = agents.iter().enumerate().find(|(j, o)| j != i && (first - o.expected()).norm() <= FIT);
         is_jump(agent) && other.is_some()
@@ -266,7 +267,7 @@ fn order(agents: &[&GivenMotion<'_>]) -> Option<Finding> {
 }
 
 /// Motion that is one step behind.
-fn late(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+fn late(scene: &CheckedScene<'_>, agents: &[&CheckedMotion<'_>]) -> Option<Finding> {
     let moving = agents.iter().filter(|a| a.speed() >= MOVING).count();
     let same = agents.iter().filter(|a| a.speed() >= MOVING && a.begins_here() && a.sets_off()).count();
     if moving == 0 || moving < scene.least(2) || (same as f64) < MOST * moving as f64 {
@@ -283,8 +284,8 @@ fn late(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> 
 }
 
 /// Motion of an earlier frame.
-fn delay(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
-    let moving: Vec<&&GivenMotion<'_>> = agents.iter().filter(|a| a.speed() >= MOVING).collect();
+fn delay(scene: &CheckedScene<'_>, agents: &[&CheckedMotion<'_>]) -> Option<Finding> {
+    let moving: Vec<&&CheckedMotion<'_>> = agents.iter().filter(|a| a.speed() >= MOVING).collect();
     if scene.subject == Subject::OneAgent || moving.len() < 3 {
         return None;
     }
@@ -297,7 +298,7 @@ fn delay(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding>
         return None;
     }
     let error =
-        |a: &GivenMotion<'_>| Some((a.residual()? + a.velocity? * delay).norm() / (delay * a.speed()));
+        |a: &CheckedMotion<'_>| Some((a.residual()? + a.velocity? * delay).norm() / (delay * a.speed()));
     let errors: Vec<f64> = moving.iter().filter_map(|a| error(a)).collect();
     // An AV that lags behind its plans does not do so at the first.
     if scene.subject == Subject::Plans && agents.first().and_then(|a| error(a)).is_none_or(|e| e > 0.25) {
@@ -320,9 +321,9 @@ fn delay(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding>
 }
 
 /// Displacements in other units of length or time.
-fn speed_ratio(scene: &GivenScene<'_>, agents: &[&GivenMotion<'_>]) -> Option<Finding> {
+fn speed_ratio(scene: &CheckedScene<'_>, agents: &[&CheckedMotion<'_>]) -> Option<Finding> {
     let plans = scene.subject == Subject::Plans;
-    let ratio = |a: &GivenMotion<'_>| {
+    let ratio = |a: &CheckedMotion<'_>| {
         let v = a.velocity?;
         // A plan may begin elsewhere.
         let (by, least) = match plans {
@@ -368,7 +369,7 @@ fn named_ratio(ratio: f64) -> String {
     close.map_or_else(String::new, |(_, name)| format!(" ({name})"))
 }
 
-fn jump(agents: &[&GivenMotion<'_>]) -> Option<String> {
+fn jump(agents: &[&CheckedMotion<'_>]) -> Option<String> {
     let first = agents.iter().find(|a| is_lone_jump(a))?;
     let distance = first.residual()?.norm();
     let n = agents.iter().filter(|a| is_lone_jump(a)).count();

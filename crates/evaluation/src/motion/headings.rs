@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use reactsim_geometry::{heading_of, math, wrap};
 use reactsim_scene::AgentKind;
 
-use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenMotion, GivenScene, Subject, median, share};
+use super::{CheckedMotion, CheckedScene, Finding, Subject, median, share};
+use crate::motion::kind::RolloutCheck;
 
 /// Largest change of the heading of a vehicle or cyclist in 0.1 s, radians: 200°/s.
 const TURN: f64 = 0.35;
@@ -24,12 +24,12 @@ const ASKEW: f64 = 0.6;
 /// Speed from which the AV follows its plans, m/s: at rest it may be at an angle to them for good.
 const FOLLOWING: f64 = 1.0;
 
-fn has_heading(agent: &GivenMotion<'_>) -> bool {
+fn has_heading(agent: &CheckedMotion<'_>) -> bool {
     matches!(agent.kind, AgentKind::Vehicle | AgentKind::Cyclist)
 }
 
 /// Checks whether headings continue from the current frame.
-pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
+pub(super) fn finding(scene: &CheckedScene<'_>) -> Option<Finding> {
     let are_plans = scene.subject == Subject::Plans;
     let headings: Vec<(f64, f64)> = scene
         .agents
@@ -86,7 +86,7 @@ pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
 }
 
 /// Checks whether agents move along their headings after the first step.
-pub(super) fn against_motion(scene: &GivenScene<'_>) -> Option<Finding> {
+pub(super) fn against_motion(scene: &CheckedScene<'_>) -> Option<Finding> {
     let agents: Vec<f64> = scene.agents.iter().filter(|a| has_heading(a)).filter_map(angle).collect();
     let wrong: Vec<f64> = agents.iter().copied().filter(|a| a.abs() > ASKEW).collect();
     if wrong.len() < scene.least(3) || 2 * wrong.len() < agents.len() {
@@ -107,7 +107,7 @@ pub(super) fn against_motion(scene: &GivenScene<'_>) -> Option<Finding> {
 }
 
 /// Median angle between motion and heading where an agent moves, radians.
-fn angle(agent: &GivenMotion<'_>) -> Option<f64> {
+fn angle(agent: &CheckedMotion<'_>) -> Option<f64> {
     let angles = (WINDOW..agent.future.len()).filter_map(|k| {
         let (before, middle, after) =
             (agent.future[k - WINDOW]?, agent.future[k - WINDOW / 2]?, agent.future[k]?);

@@ -3,8 +3,8 @@
 use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentKind, DT};
 
-use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenMotion, GivenScene};
+use super::{CheckedMotion, CheckedScene, Finding};
+use crate::motion::kind::RolloutCheck;
 
 /// Speed from which an agent that stops within one step stops dead, m/s: 30 m/s² at least.
 const DEAD_STOP: f64 = 3.0;
@@ -25,7 +25,7 @@ fn top_speed(kind: AgentKind) -> f64 {
 /// Largest change of the displacement from one step to the next, metres: 500 m/s².
 const TELEPORT: f64 = 5.0;
 
-fn position(agent: &GivenMotion<'_>, k: usize) -> Option<Vec2> {
+fn position(agent: &CheckedMotion<'_>, k: usize) -> Option<Vec2> {
     match k {
         0 => Some(agent.now.position()),
         k => Some(agent.future.get(k - 1)?.as_ref()?.position()),
@@ -33,8 +33,8 @@ fn position(agent: &GivenMotion<'_>, k: usize) -> Option<Vec2> {
 }
 
 /// Checks for positions that no road user reaches in 0.1 s.
-pub(super) fn teleports(scene: &GivenScene<'_>) -> Option<Finding> {
-    let teleport = |agent: &GivenMotion<'_>| {
+pub(super) fn teleports(scene: &CheckedScene<'_>) -> Option<Finding> {
+    let teleport = |agent: &CheckedMotion<'_>| {
         (2..=agent.future.len()).find_map(|k| {
             let (a, b, c) = (position(agent, k - 2)?, position(agent, k - 1)?, position(agent, k)?);
             let by = (c - b).norm();
@@ -60,8 +60,8 @@ pub(super) fn teleports(scene: &GivenScene<'_>) -> Option<Finding> {
 }
 
 /// Checks for frames that occur again.
-pub(super) fn repeated(scene: &GivenScene<'_>) -> Option<Finding> {
-    let period = |agent: &GivenMotion<'_>| {
+pub(super) fn repeated(scene: &CheckedScene<'_>) -> Option<Finding> {
+    let period = |agent: &CheckedMotion<'_>| {
         (2..=LONGEST_PERIOD).find(|p| {
             let all = |k: usize| position(agent, k).zip(position(agent, k + p));
             let moved = position(agent, 1).zip(position(agent, *p)).map_or(0.0, |(a, b)| (b - a).norm());
@@ -86,7 +86,7 @@ pub(super) fn repeated(scene: &GivenScene<'_>) -> Option<Finding> {
 }
 
 /// Checks for moving agents that stop within one step and stay.
-pub(super) fn freeze(scene: &GivenScene<'_>) -> Option<Finding> {
+pub(super) fn freeze(scene: &CheckedScene<'_>) -> Option<Finding> {
     let mut moving = 0;
     let mut frozen = Vec::new();
     for agent in &scene.agents {

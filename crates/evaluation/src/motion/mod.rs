@@ -4,8 +4,10 @@
 //! Every check is a statistic over the agents of one rollout with a threshold that all recorded logs and all
 //! baselines keep with a margin (`docs/guides/external-simulators.md` lists them).
 
+pub(crate) mod rollout_checks;
 mod continuity;
 mod headings;
+pub(crate) mod kind;
 mod later;
 mod storage;
 #[cfg(test)]
@@ -15,7 +17,7 @@ mod velocities;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
 
-use super::rollout_checks::RolloutCheck;
+use crate::motion::kind::RolloutCheck;
 
 /// Largest distance of the first given position from the one that the current velocity leads to, metres:
 /// an acceleration of 200 m/s².
@@ -25,7 +27,7 @@ pub(super) const JUMP: f64 = 1.0;
 const SAME: f64 = 1e-3;
 
 /// An agent whose motion is given.
-pub(super) struct GivenMotion<'a> {
+pub(super) struct CheckedMotion<'a> {
     pub(super) id: &'a str,
     pub(super) kind: AgentKind,
     /// Length of its box, metres.
@@ -43,11 +45,11 @@ pub(super) struct GivenMotion<'a> {
 }
 
 /// The given motion of a scenario.
-pub(super) struct GivenScene<'a> {
-    pub(super) agents: Vec<GivenMotion<'a>>,
+pub(super) struct CheckedScene<'a> {
+    pub(super) agents: Vec<CheckedMotion<'a>>,
     /// Agents at their recorded positions, whose velocities are not the recorded ones. Recordings contain
     /// jumps and gaps: the motion of agents that move as recorded is not in doubt.
-    pub(super) replayed: Vec<GivenMotion<'a>>,
+    pub(super) replayed: Vec<CheckedMotion<'a>>,
     /// World coordinates of the origin of the states, metres.
     pub(super) origin: Vec2,
     /// The AV at the current frame.
@@ -81,7 +83,7 @@ impl Finding {
     }
 }
 
-impl GivenMotion<'_> {
+impl CheckedMotion<'_> {
     /// Position at step 1.
     fn first(&self) -> Option<Vec2> {
         Some(self.future.first()?.as_ref()?.position())
@@ -117,7 +119,7 @@ impl GivenMotion<'_> {
     }
 }
 
-impl<'a> GivenScene<'a> {
+impl<'a> CheckedScene<'a> {
     /// Returns the given motion of a rollout: history, then the given steps. The AV is left out if
     /// `without_av`: its motion is not that of the simulator.
     pub(super) fn of_rollout(scenario: &'a Scenario, tracks: &'a [Vec<Frame>], without_av: bool) -> Self {
@@ -131,7 +133,7 @@ impl<'a> GivenScene<'a> {
         for (slot, track) in tracks.iter().enumerate().skip(usize::from(without_av)) {
             let agent = &scenario.start.agents[slot];
             let (future, logged) = (&track[HISTORY..], &scenario.log_future.tracks[slot]);
-            let motion = GivenMotion {
+            let motion = CheckedMotion {
                 id: &agent.id,
                 kind: agent.kind,
                 length: agent.length,
@@ -154,7 +156,7 @@ impl<'a> GivenScene<'a> {
     /// Returns the given trajectory of an AV, with its state at the current frame if it has one.
     pub(super) fn of_av(scenario: &'a Scenario, entry0: Option<AgentState>, future: &'a [Frame]) -> Self {
         let (now, velocity) = (scenario.start.now(0), scenario.logged_velocity(0, CURRENT));
-        let av = GivenMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
+        let av = CheckedMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
         Self {
             replayed: Vec::new(),
             agents: vec![av],
@@ -177,10 +179,10 @@ impl<'a> GivenScene<'a> {
         now: AgentState,
         velocity: Option<Vec2>,
         future: &'a [Frame],
-    ) -> GivenMotion<'a> {
+    ) -> CheckedMotion<'a> {
         let Agent { id, kind, length, .. } = &scenario.start.agents[0];
         let history = &scenario.start.history[0];
-        GivenMotion { id, kind: *kind, length: *length, now, velocity, history, entry0: None, future }
+        CheckedMotion { id, kind: *kind, length: *length, now, velocity, history, entry0: None, future }
     }
 
     /// Smallest number of agents that are evidence.

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use reactsim_geometry::{Vec2, wrap};
 use reactsim_scene::{AgentState, Frame};
 
-use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenScene, median};
+use super::{CheckedScene, Finding, median};
+use crate::motion::kind::RolloutCheck;
 
 /// Largest spacing of stored coordinates, metres.
 const RESOLUTION: f64 = 0.01;
@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-6;
 const LEAST: usize = 8;
 
 /// Checks whether all coordinates in the world frame are 32-bit numbers with a spacing of more than 1 cm.
-pub(super) fn float32(scene: &GivenScene<'_>) -> Option<Finding> {
+pub(super) fn float32(scene: &CheckedScene<'_>) -> Option<Finding> {
     let given =
         |axis: fn(Vec2) -> f64| coarse(scene.agents.iter().map(|a| a.future), scene.origin, axis, LEAST);
     let recorded =
@@ -92,7 +92,7 @@ const QUANTITIES: [Quantity; 3] = [
 const FORMATS: [(u32, &str); 2] = [(8, " as in bfloat16"), (11, " as in float16")];
 
 /// Checks whether numbers are rounded to a grid, whatever its origin.
-pub(super) fn resolution(scene: &GivenScene<'_>) -> Option<Finding> {
+pub(super) fn resolution(scene: &CheckedScene<'_>) -> Option<Finding> {
     QUANTITIES.iter().find_map(|quantity| {
         let given: Vec<&[Frame]> = scene.agents.iter().map(|a| a.future).collect();
         let recorded: Vec<&[Frame]> = scene.agents.iter().map(|a| a.history).collect();

@@ -4,7 +4,7 @@ use std::ops::Range;
 use reactsim_geometry::{Vec2, direction};
 use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, FUTURE, Frame};
 
-use super::{GivenMotion, GivenScene, RolloutCheck, Subject};
+use super::{CheckedMotion, CheckedScene, RolloutCheck, Subject};
 
 /// Position and heading at the current frame, and speed, of the agents of the tests.
 const AGENTS: [(f64, f64, f64, f64, AgentKind); 8] = [
@@ -49,7 +49,7 @@ fn found_of(
         .map(|i| (0..=CURRENT).map(|f| Some(state(i, (f as f64 - CURRENT as f64) * DT))).collect())
         .collect();
     let names: Vec<String> = (0..AGENTS.len()).map(|i| format!("a{i}")).collect();
-    let agents = agents.map(|i| GivenMotion {
+    let agents = agents.map(|i| CheckedMotion {
         id: &names[i],
         kind: AGENTS[i].4,
         length: 4.0 + 0.2 * i as f64,
@@ -60,7 +60,7 @@ fn found_of(
         future: &future[i],
     });
     let av = AgentState { x: 0.0, y: 0.0, heading: 0.6, vx: 5.0, vy: 0.0 };
-    let scene = GivenScene { agents: agents.collect(), replayed: Vec::new(), origin, av, subject };
+    let scene = CheckedScene { agents: agents.collect(), replayed: Vec::new(), origin, av, subject };
     scene.findings().into_iter().map(|finding| (finding.check, finding.text)).collect()
 }
 

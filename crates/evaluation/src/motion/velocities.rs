@@ -2,11 +2,11 @@
 
 use reactsim_scene::{DT, VelocityContradiction};
 
-use super::super::rollout_checks::RolloutCheck;
-use super::{Finding, GivenScene};
+use super::{CheckedScene, Finding};
+use crate::motion::kind::RolloutCheck;
 
 /// Checks whether velocities are those of the positions: metrics take accelerations and directions from them.
-pub(super) fn finding(scene: &GivenScene<'_>) -> Option<Finding> {
+pub(super) fn finding(scene: &CheckedScene<'_>) -> Option<Finding> {
     let agents: Vec<_> = scene.agents.iter().chain(&scene.replayed).collect();
     let found = VelocityContradiction::find(agents.iter().map(|agent| agent.future), |_| DT)?;
     Some(Finding::new(

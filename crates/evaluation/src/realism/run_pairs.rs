@@ -16,8 +16,11 @@ use reactsim_scene::{
 
 use super::run_rollouts::run_rollouts;
 use super::scores::{RealismFailure, ScoredPair};
-use crate::folder::{ROLLOUTS, read_summary};
-use crate::{EvaluationError, FileRecord, Source};
+use crate::error::EvaluationError;
+use crate::folder::read_summary;
+use crate::layout::ROLLOUTS;
+use crate::source::Source;
+use crate::source::file_record::FileRecord;
 
 /// Files of logs.
 #[derive(Clone)]

@@ -14,7 +14,7 @@ pub enum RunRolloutsError {
     /// A simulated object was not simulated in the run.
     #[error(
         "scenario `{scenario}`: {count} objects that are valid at the current frame were not simulated, first \
-         {object}: run with --all-agents"
+         {object}: run with `all-agents`"
     )]
     NotSimulated {
         /// Id of the scenario.

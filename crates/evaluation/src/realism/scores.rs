@@ -5,7 +5,7 @@ use reactsim_files::work::Pool;
 use reactsim_metrics::wosac::{Config, MeanMetrics, Scorer, WosacMetrics};
 use reactsim_scene::wosac::{ScenarioRollouts, WosacLog};
 
-use crate::Estimate;
+use crate::statistics::Estimate;
 
 /// Pairs per thread that are in memory at a time.
 const PAIRS_PER_THREAD: usize = 2;

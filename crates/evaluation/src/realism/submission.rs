@@ -76,7 +76,7 @@ impl SubmittedPairs {
         let log = self.logs.get(&id).map_err(|error| refuse(error.to_string()))?;
         let Some(log) = log else {
             self.check.check_id(&submitted).map_err(|error| refuse(error.to_string()))?;
-            let text = format!("{place}: no scenario file has the scenario `{id}`: give it with --scenarios");
+            let text = format!("{place}: no scenario file has the scenario `{id}`: give it");
             return Err(refuse(text));
         };
         // All other rules are also those of the metrics.

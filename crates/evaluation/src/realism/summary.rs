@@ -6,8 +6,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::RealismScores;
+use crate::error::EvaluationError;
 use crate::folder::{read_json, write_json};
-use crate::{Estimate, EvaluationError};
+use crate::statistics::Estimate;
 
 /// Name of the file with the realism metrics of the simulators of a study.
 pub const REALISM_SUMMARY: &str = "wosac.json";

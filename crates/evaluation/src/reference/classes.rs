@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Estimate, SimulatorRecord, SimulatorSummary};
+use crate::simulators::record::SimulatorRecord;
+use crate::statistics::Estimate;
+use crate::summary::SimulatorSummary;
 
 /// Default bound, as a fraction of the half-width of a metric's interval.
 const BOUND_SHARE: f64 = 0.5;

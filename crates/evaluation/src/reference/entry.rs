@@ -4,9 +4,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{REFERENCE_RECORD, Reference, ReferenceError, check_values, rescore};
-use crate::leaves::differences;
-use crate::{BenchmarkRecord, Provenance, Source, Summary, read_provenance, read_rows, read_summary};
+use super::{Reference, ReferenceError, check_values, rescore};
+use crate::folder::{read_provenance, read_rows, read_summary};
+use crate::layout::REFERENCE_RECORD;
+use crate::provenance::Provenance;
+use crate::provenance::leaves::differences;
+use crate::source::Source;
+use crate::source::benchmarks::BenchmarkRecord;
+use crate::summary::Summary;
 
 /// A run in a leaderboard.
 #[derive(Clone, Debug)]

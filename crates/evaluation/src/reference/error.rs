@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use reactsim_formats::FormatError;
 
-use crate::EvaluationError;
+use crate::error::EvaluationError;
 
 /// The reason why a reference cannot be made, read or used. A run that disagrees with a reference is not an
 /// error but the result of a [`super::Verification`].

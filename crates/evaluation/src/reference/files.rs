@@ -7,8 +7,9 @@ use std::path::Path;
 
 use reactsim_references::SHIPPED;
 
-use super::{REFERENCE_RECORD, ReferenceError};
+use super::ReferenceError;
 use crate::folder::cannot_read;
+use crate::layout::REFERENCE_RECORD;
 
 /// The content of all files of a reference, by name.
 pub(super) struct Files {

@@ -8,12 +8,11 @@ use reactsim_files::{FolderLock, LOCK, create_folder, lock_folder};
 use reactsim_nn::cpu_class;
 
 use super::record::FORMAT;
-use super::{
-    MachineRecord, REFERENCE_RECORD, Reference, ReferenceError, ReferenceRecord, SimulatorClass,
-    check_values, rows,
-};
-use crate::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, cannot_read, cannot_write, replace};
-use crate::{read_provenance, read_rows, read_summary};
+use super::{MachineRecord, Reference, ReferenceError, ReferenceRecord, SimulatorClass, check_values};
+use crate::folder::rows_table;
+use crate::folder::{cannot_read, cannot_write, replace};
+use crate::folder::{read_provenance, read_rows, read_summary};
+use crate::layout::{PROVENANCE, REFERENCE_RECORD, ROWS_TABLE, SUMMARY};
 
 /// The parts of a reference that are not in its run.
 #[derive(Clone, Debug, Default)]
@@ -86,7 +85,7 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
     if provenance.benchmark.is_none() && rows.is_some() {
         return unfit(
             "the run is on no known benchmark, or on a part of one: \
-             give --aggregates-only for other sets of scenarios"
+             other sets of scenarios have references of aggregates only"
                 .to_owned(),
         );
     }
@@ -98,7 +97,7 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
         replace(&out.join(name), |file| file.write_all(&content))?;
     }
     if let Some(rows) = &rows {
-        rows::write(&out.join(ROWS_TABLE), rows)?;
+        rows_table::write(&out.join(ROWS_TABLE), rows)?;
     }
     let names = [PROVENANCE, SUMMARY].into_iter().chain(rows.is_some().then_some(ROWS_TABLE));
     let mut files = BTreeMap::new();

@@ -23,7 +23,6 @@ mod plan;
 mod reading;
 mod record;
 mod rescore;
-pub(crate) mod rows;
 mod study;
 mod verify;
 
@@ -38,6 +37,3 @@ pub use record::{MachineRecord, ReferenceRecord};
 pub use rescore::rescore;
 pub use study::{StudyReference, make_study};
 pub use verify::{Difference, LargestDifference, SimulatorCheck, Subject, Verification, verify};
-
-/// Name of the file that makes a folder a reference.
-pub const REFERENCE_RECORD: &str = "reference.toml";

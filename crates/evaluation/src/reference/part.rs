@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::{Reference, ReferenceError};
 use crate::folder::tally_of;
-use crate::{CategorySummary, Row, Summary};
+use crate::row::Row;
+use crate::summary::{CategorySummary, Summary};
 
 /// A part of the scenarios.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -7,12 +7,16 @@ use reactsim_metrics::Options;
 use reactsim_rollout::{Protocol, Replan, Settings};
 
 use super::{Reference, ReferenceError};
-use crate::leaves::differences;
+use crate::av::AvChoice;
+use crate::error::EvaluationError;
+use crate::plan::{Deviations, Plan, RunSettings};
+use crate::provenance::leaves::differences;
+use crate::provenance::{Provenance, program_version};
+use crate::simulators::{Adjustments, PlannedSimulator};
+use crate::source::Source;
+use crate::source::benchmarks::BenchmarkRecord;
+use crate::source::file_record::FileRecord;
 use crate::spec::with_driver;
-use crate::{
-    Adjustments, AvChoice, BenchmarkRecord, Deviations, EvaluationError, FileRecord, Plan, PlannedSimulator,
-    Provenance, RunSettings, Source, program_version,
-};
 
 /// The inputs for repeating the run of a reference.
 pub struct RerunInputs {
@@ -162,8 +166,8 @@ impl Reference {
 
 const USE_VERSION: &str = ": use the program of that version, or make the reference again";
 const REMAKE: &str = ": a reference is valid only for the program that made it; make it again";
-const GIVE_SCENARIOS: &str = ": give its scenarios with --scenarios PATH";
-const GIVE_DEVIATIONS: &str = ": give the file with --deviations FILE";
+const GIVE_SCENARIOS: &str = ": give its scenarios";
+const GIVE_DEVIATIONS: &str = ": give the file of deviations";
 
 /// Returns a provenance without the fields that may differ between a reference and a compared run: commit,
 /// machine, names of files. `of` is the provenance of the reference, whose files have been checked to be the

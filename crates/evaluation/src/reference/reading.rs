@@ -4,10 +4,14 @@ use std::path::Path;
 
 use super::files::Files;
 use super::record::FORMAT;
-use super::{REFERENCE_RECORD, ReferenceError, ReferenceRecord, SimulatorClass, rows};
-use crate::folder::{PROVENANCE, ROWS_TABLE, SUMMARY, tally_of};
-use crate::leaves::differences;
-use crate::{Provenance, Row, Summary};
+use super::{ReferenceError, ReferenceRecord, SimulatorClass};
+use crate::folder::rows_table;
+use crate::folder::tally_of;
+use crate::layout::{PROVENANCE, REFERENCE_RECORD, ROWS_TABLE, SUMMARY};
+use crate::provenance::Provenance;
+use crate::provenance::leaves::differences;
+use crate::row::Row;
+use crate::summary::Summary;
 
 /// A reference with consistent files.
 #[derive(Clone, Debug)]
@@ -55,7 +59,7 @@ impl Reference {
         let provenance: Provenance = serde_json::from_slice(json(PROVENANCE)).map_err(damaged(PROVENANCE))?;
         let summary: Summary = serde_json::from_slice(json(SUMMARY)).map_err(damaged(SUMMARY))?;
         let rows = match files.content.remove(ROWS_TABLE) {
-            Some(content) => Some(rows::read_bytes(&Path::new(&place).join(ROWS_TABLE), content)?),
+            Some(content) => Some(rows_table::read_bytes(&Path::new(&place).join(ROWS_TABLE), content)?),
             None => None,
         };
         let reference = Self { place, record, provenance, summary, rows };

@@ -7,7 +7,7 @@ use reactsim_nn::cpu_class;
 use serde::{Deserialize, Serialize};
 
 use super::SimulatorClass;
-use crate::BenchmarkRecord;
+use crate::source::benchmarks::BenchmarkRecord;
 
 /// Format id of `reference.toml`.
 pub(super) const FORMAT: &str = "reactsim-reference-v1";

@@ -7,10 +7,13 @@ use reactsim_formats::rollouts::ByName;
 use reactsim_metrics::Options;
 
 use super::ReferenceError;
-use crate::folder::ROLLOUTS;
-use crate::leaves::differences;
-use crate::recorded::{rollouts_of, score_rollouts};
-use crate::{AvChoice, RecordPosition, Row, Source, read_provenance, read_rows};
+use crate::av::AvChoice;
+use crate::folder::{read_provenance, read_rows};
+use crate::layout::ROLLOUTS;
+use crate::provenance::leaves::differences;
+use crate::row::{RecordPosition, Row};
+use crate::scoring::recorded_rollouts::{rollouts_of, score_rollouts};
+use crate::source::Source;
 
 /// Scores the kept rollouts of a finished run again, with the scenarios of `sources` in the order of its
 /// inputs, and compares the scores with its rows. Returns the number of rows, or `None` if the run kept no

@@ -6,7 +6,8 @@ use std::path::Path;
 use super::make::create_empty;
 use super::{MakeOptions, Reference, ReferenceError, make};
 use crate::folder::{cannot_read, replace};
-use crate::{Member, PLANNER_RANKS, PlannerRanks, STUDY, Study, read_study};
+use crate::layout::STUDY;
+use crate::study::{Member, PLANNER_RANKS, PlannerRanks, Study, read_study};
 
 /// The reference of a study, whose members are consistent with `study.json`.
 #[derive(Clone, Debug)]

@@ -8,7 +8,11 @@ use parking_lot::Mutex;
 use reactsim_nn::{Backend, cpu_class};
 
 use super::{Reference, ReferenceError, RerunInputs, SimulatorClass};
-use crate::{Execution, Failure, Outcome, Plan, Row, RunObserver, Source, Summary, run};
+use crate::plan::Plan;
+use crate::row::{Failure, Row};
+use crate::runner::{Execution, Outcome, RunObserver, run};
+use crate::source::Source;
+use crate::summary::Summary;
 
 /// The comparison of a run with a reference.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,7 @@ use reactsim_external::{
 use serde::{Deserialize, Serialize};
 
 use super::Time;
-use crate::EvaluationError;
+use crate::error::EvaluationError;
 
 /// Command for our own standard input and output.
 const STDIO: &str = "@stdio";

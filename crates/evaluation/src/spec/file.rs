@@ -7,6 +7,8 @@ use clap::error::ErrorKind;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 use serde::de::DeserializeOwned;
 
+use crate::suggestion::most_similar;
+
 /// Extension of files.
 const EXTENSION: &str = "toml";
 
@@ -72,9 +74,7 @@ fn read<T: Args + DeserializeOwned>(path: &Path) -> Result<T, String> {
     let name = |argument: &clap::Arg| argument.get_long().unwrap_or(argument.get_id().as_str()).to_owned();
     let names: Vec<String> = command.get_arguments().map(name).collect();
     if let Some(key) = table.keys().find(|key| !names.contains(key)) {
-        let distance = |name: &String| strsim::damerau_levenshtein(name, key);
-        let similar = names.iter().filter(|name| distance(name) <= 2).min_by_key(|name| distance(name));
-        let meant = similar.map_or_else(
+        let meant = most_similar(key, &names).map_or_else(
             || "keys are the long names of the options that determine the results".to_owned(),
             |name| format!("did you mean `{name}`?"),
         );

@@ -8,12 +8,13 @@ use reactsim_rollout::{Protocol, Settings};
 
 use super::{RunSpec, SubjectSpec};
 use crate::av::{AvChoice, AvDriver, PlannedAv};
-use crate::benchmarks::BenchmarkRecord;
+use crate::deviation::pose::Pose;
 use crate::driver::Driver;
+use crate::error::EvaluationError;
 use crate::plan::{Deviations, Plan, RunSettings};
-use crate::pose::Pose;
 use crate::simulators::PlannedSimulator;
-use crate::{EvaluationError, Source};
+use crate::source::Source;
+use crate::source::benchmarks::BenchmarkRecord;
 
 /// What is opened and started for a run.
 #[derive(Default)]

@@ -8,7 +8,9 @@ use reactsim_formats::{CurrentFrames, Input, Partition, PassedOver, nuplan_filte
 use reactsim_scene::Deviation;
 use serde::{Deserialize, Serialize};
 
-use crate::{EvaluationError, Selection, Source};
+use crate::error::EvaluationError;
+use crate::source::Source;
+use crate::source::selection::Selection;
 
 /// Scenarios, by default those of the shipped benchmark, and their deviated AVs.
 #[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]

@@ -9,9 +9,11 @@ use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Scenario};
 use serde::{Deserialize, Serialize};
 
 use super::read_study;
+use crate::error::EvaluationError;
+use crate::folder::finished_run::FinishedRun;
 use crate::folder::{read_json, write_json};
+use crate::source::Source;
 use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, below, interval};
-use crate::{EvaluationError, FinishedRun, Source};
 
 /// Name of the file with the displacements of a study of errors.
 pub const LOG_ERRORS: &str = "errors.json";

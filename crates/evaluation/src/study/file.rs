@@ -8,13 +8,9 @@ use serde::Deserialize;
 use serde::de::Error as _;
 
 use super::Study;
-use crate::EvaluationError;
-use crate::folder::{SUMMARY, cannot_read};
-
-/// Name of the file that lists the members of a study.
-pub const STUDY: &str = "study.json";
-/// Name of the file with the table of a study.
-pub const STUDY_TABLE: &str = "study.md";
+use crate::error::EvaluationError;
+use crate::folder::cannot_read;
+use crate::layout::{STUDY, SUMMARY};
 
 /// Kind of studies that only earlier versions have.
 const REMOVED_KIND: &str = "vocabulary";

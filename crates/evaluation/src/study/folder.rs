@@ -4,12 +4,15 @@ use std::path::{Path, PathBuf};
 
 use reactsim_files::FolderLock;
 
-use super::file::{STUDY, read};
+use super::file::read;
 use super::{Member, Study, StudyPlan};
-use crate::folder::{
-    FAILURES, PROVENANCE, ROLLOUTS, RunFolder, SUMMARY, TABLE, is_unbegun_with, lock, lock_unbegun, replace,
-};
-use crate::{EvaluationError, Provenance, Summary, Tally, read_summary, read_tally};
+use crate::error::EvaluationError;
+use crate::folder::{RunFolder, is_unbegun_with, lock, lock_unbegun, replace};
+use crate::folder::{read_summary, read_tally};
+use crate::layout::{FAILURES, PROVENANCE, ROLLOUTS, STUDY, SUMMARY, TABLE};
+use crate::provenance::Provenance;
+use crate::statistics::tally::Tally;
+use crate::summary::Summary;
 
 /// The folder of a study that is running.
 #[derive(Debug)]

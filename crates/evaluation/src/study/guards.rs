@@ -7,8 +7,9 @@ use reactsim_models as models;
 use reactsim_qp::Smoothing;
 
 use super::Member;
-use crate::simulator_id::SimulatorId;
-use crate::{Adjustments, EvaluationError, PlannedSimulator};
+use crate::error::EvaluationError;
+use crate::simulators::id::SimulatorId;
+use crate::simulators::{Adjustments, PlannedSimulator};
 
 /// Name of the unchanged variant.
 const AS_IS: &str = "as-is";

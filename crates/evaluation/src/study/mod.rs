@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 pub use errors::{ErrorGroup, LOG_ERRORS, LogErrors, SimulatorErrors};
-pub use file::{STUDY, STUDY_TABLE, is_study, read_study};
+pub use file::{is_study, read_study};
 pub use folder::StudyFolder;
 pub use plan::StudyPlan;
 pub use planners::{Agreement, OrderChange, PLANNER_RANKS, PlannerRanks, SimulatorRanks};

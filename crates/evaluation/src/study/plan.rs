@@ -7,8 +7,12 @@ use reactsim_rollout::{Protocol, Replan, Settings};
 
 use super::guards::{self, Variant};
 use super::{Member, Study, StudyKind};
+use crate::av::{AvChoice, PlannedAv};
+use crate::error::EvaluationError;
+use crate::plan::{Plan, RunSettings};
+use crate::simulators::{Adjustments, PlannedSimulator};
+use crate::source::Source;
 use crate::spec::{are_deviated, with_driver};
-use crate::{Adjustments, AvChoice, EvaluationError, Plan, PlannedAv, PlannedSimulator, RunSettings, Source};
 
 /// The plans of all members of a study. They share the scenarios, so there is one plan, in which
 /// [`Self::select`] sets the settings and simulators of a member.

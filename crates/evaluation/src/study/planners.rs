@@ -10,9 +10,11 @@ use reactsim_rollout::{Purpose, stream};
 use serde::{Deserialize, Serialize};
 
 use super::{Member, read_study};
+use crate::error::EvaluationError;
+use crate::folder::finished_run::FinishedRun;
 use crate::folder::{read_json, write_json};
+use crate::statistics::tally::{Entry, Tally};
 use crate::statistics::{MIN_FOR_INTERVAL, RESAMPLES, below, interval};
-use crate::{Entry, EvaluationError, FinishedRun, Tally};
 
 /// Name of the file with the ranks of the planners of a study.
 pub const PLANNER_RANKS: &str = "planners.json";

@@ -5,8 +5,12 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::{LogErrors, PlannerRanks, Study, StudyKind, read_study};
+use crate::error::EvaluationError;
+use crate::folder::{read_summary, read_tally};
 use crate::realism::RealismSummary;
-use crate::{Comparison, EvaluationError, Summary, Tally, read_summary, read_tally};
+use crate::statistics::comparison::Comparison;
+use crate::statistics::tally::Tally;
+use crate::summary::Summary;
 
 /// The numbers of a study.
 #[derive(Clone, Debug)]

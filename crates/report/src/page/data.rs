@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_evaluation::{Entry, Mark, Standing, Summary, program_commit, program_version};
+use reactsim_evaluation::{Entry, Mark, Summary, TableMarks, program_commit, program_version};
 use reactsim_metrics::{EVENT_UNITS, METRICS};
 use serde::Serialize;
 use serde_json::value::RawValue;
@@ -261,7 +261,7 @@ fn is_like_paper(summary: &Summary) -> bool {
 }
 
 /// Returns the explanation of the marks of a simulator.
-fn meaning(standing: Standing) -> String {
+fn meaning(standing: TableMarks) -> String {
     standing.marks().map(Mark::meaning).collect::<Vec<_>>().join("; ")
 }
 

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use reactsim_evaluation::{FinishedRun, RecordPosition, ScenarioFiles, Standing, StudyResults};
+use reactsim_evaluation::{FinishedRun, RecordPosition, ScenarioFiles, StudyResults, TableMarks};
 
 use super::PageError;
 use super::scene::{SubjectRollout, scene};
@@ -44,7 +44,7 @@ pub(super) struct Subject {
     pub(super) simulator: usize,
     pub(super) id: String,
     pub(super) title: String,
-    pub(super) standing: Standing,
+    pub(super) standing: TableMarks,
 }
 
 /// A scenario of one or several runs.
@@ -87,7 +87,7 @@ impl Gallery {
                 let (id, title) = (record.id.clone(), record.title.clone());
                 let summary = run.finished.summary().simulators.get(&record.id);
                 let is_allowed = summary.is_some_and(|s| s.standing().is_allowed);
-                let standing = Standing { access: record.access(), is_allowed };
+                let standing = TableMarks { access: record.access(), is_allowed };
                 subjects.push(Subject { run: number, simulator, id, title, standing });
             }
             for (place, entry) in &run.finished.tally().entries {

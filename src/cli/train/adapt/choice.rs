@@ -7,7 +7,7 @@ use anyhow::anyhow;
 
 use super::ROLLOUTS;
 use super::model::AdaptableModel;
-use crate::cli::say;
+use crate::cli::output::say;
 use crate::cli::train::closed_loop::ClosedLoop;
 use crate::evaluation::{Adjustments, PlannedSimulator, weights_file};
 

@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::bail;
 
+use crate::cli::output::{count, nothing, say};
 use crate::cli::progress::Progress;
 use crate::cli::train::data::recording_of;
 use crate::cli::train::deviated::{deviated, with_certificate, with_rollout};
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::reader::Reader;
-use crate::cli::{count, nothing, say};
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::Registrar;
 use crate::formats::Input;

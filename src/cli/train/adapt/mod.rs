@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use clap::{Args, FromArgMatches};
+use clap::Args;
 use serde_json::{Map, Value, json};
 
 use self::data::{Files, Logs};
@@ -23,7 +23,9 @@ use super::recipe::RecipeArgs;
 use super::session::{self, SessionArgs};
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
-use crate::cli::{Command, ExitStatus, command_line, inputs_of, lock_folder, run, say, stop_on_interrupt};
+use crate::cli::inputs::inputs_of;
+use crate::cli::output::{ExitStatus, lock_folder, say, stop_on_interrupt};
+use crate::cli::run::{RunArgs, finished_until};
 use crate::evaluation::ReadingSpec;
 use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
@@ -375,7 +377,7 @@ fn table(
             continue;
         }
         let folder = args.out.join(name);
-        let mut line: Vec<OsString> = vec!["reactsim".into(), "run".into(), scenarios.into()];
+        let mut line: Vec<OsString> = vec!["run".into(), scenarios.into()];
         line.extend(protocol.iter().map(OsString::from));
         line.extend(arguments.iter().map(OsString::from));
         line.extend(["--out".into(), folder.clone().into_os_string(), "--keep-rollouts".into()]);
@@ -387,11 +389,8 @@ fn table(
         if let Some(jobs) = args.jobs {
             line.extend(["--jobs".into(), jobs.to_string().into()]);
         }
-        let matches = command_line().try_get_matches_from(line)?;
-        let Some(Command::Run(run)) = crate::cli::Cli::from_arg_matches(&matches)?.command else {
-            bail!("`run` is missing");
-        };
-        let Some((folder, mut summary)) = run::finished_until(&run, stop)? else {
+        let run = RunArgs::parse(line)?;
+        let Some((folder, mut summary)) = finished_until(&run, stop)? else {
             return Ok(ExitStatus::Interrupted);
         };
         if let Some(folder) = folder {

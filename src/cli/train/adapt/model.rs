@@ -2,7 +2,7 @@
 
 use anyhow::anyhow;
 
-use crate::cli::suggestion::did_you_mean;
+use crate::evaluation::suggestion::did_you_mean;
 
 /// A model that can be adapted.
 pub(super) struct AdaptableModel {

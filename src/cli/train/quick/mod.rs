@@ -6,12 +6,13 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clap::{Args, FromArgMatches};
+use clap::Args;
 
 use super::recipe::RecipeArgs;
 use super::session::{self, SessionArgs};
 use super::task;
-use crate::cli::{Command, ExitStatus, command_line, lock_folder, note, run, say, stop_on_interrupt};
+use crate::cli::output::{ExitStatus, lock_folder, note, say, stop_on_interrupt};
+use crate::cli::run::{RunArgs, run_until};
 use crate::models::learning::learning_settings;
 use crate::training::WEIGHTS;
 
@@ -80,7 +81,7 @@ pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
 fn table(args: &QuickArgs, weights: &Path, stop: &AtomicBool) -> anyhow::Result<ExitStatus> {
     let (raw, projected) = (format!("{TASK}-raw@{VARIANT}"), format!("{TASK}@{VARIANT}"));
     let models = format!("log-replay,constant-velocity,stop,idm,{TASK}-raw,{TASK},{raw},{projected}");
-    let mut line: Vec<OsString> = ["reactsim", "run", "--models", &models].map(OsString::from).to_vec();
+    let mut line: Vec<OsString> = ["run", "--models", &models].map(OsString::from).to_vec();
     for id in [raw, projected] {
         line.push("--model-weights".into());
         let mut value = OsString::from(format!("{id}="));
@@ -96,12 +97,7 @@ fn table(args: &QuickArgs, weights: &Path, stop: &AtomicBool) -> anyhow::Result<
     if let Some(jobs) = args.jobs {
         line.extend(["--jobs".into(), jobs.to_string().into()]);
     }
-    let matches = command_line().try_get_matches_from(line)?;
-    let cli = crate::cli::Cli::from_arg_matches(&matches)?;
-    match cli.command {
-        Some(Command::Run(args)) => run::run_until(args, stop),
-        _ => Ok(ExitStatus::BadInput),
-    }
+    run_until(RunArgs::parse(line)?, stop)
 }
 
 fn show_next_steps(out: &Path, weights: &Path) {

@@ -6,9 +6,11 @@ use reactsim_metrics::Score;
 
 use super::{Difference, LargestDifference, SimulatorCheck, Subject, Verification, is_exact};
 use crate::folder::tally_of;
-use crate::leaves::{differences, leaves};
+use crate::provenance::leaves::{differences, leaves};
 use crate::reference::{Reference, SimulatorClass};
-use crate::{RecordPosition, Row, Summary, Tally};
+use crate::row::{RecordPosition, Row};
+use crate::statistics::tally::Tally;
+use crate::summary::Summary;
 
 /// The key of a row within a simulator's rows.
 type Key = (RecordPosition, Option<u32>);

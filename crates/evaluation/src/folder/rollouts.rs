@@ -1,0 +1,115 @@
+//! The rollouts of a run: stored in parts during the run, joined in canonical order at its end.
+
+use std::path::Path;
+
+use reactsim_formats::rollouts::{RolloutRecord, Writer, read};
+use reactsim_rollout::Rollout;
+use reactsim_scene::{AgentState, Frame, HISTORY, Scenario, limits};
+
+use crate::error::EvaluationError;
+use crate::error::ForeignRollout;
+use crate::folder::RunFolder;
+use crate::layout::ROLLOUTS;
+use crate::row::RecordPosition;
+use crate::statistics::tally::Tally;
+
+/// Writes all rollouts of one scenario and one simulator to a file.
+pub(crate) fn write_part(
+    path: &Path,
+    scenario: &Scenario,
+    simulator: &str,
+    rollouts: &[Rollout],
+) -> Result<(), EvaluationError> {
+    let mut writer = Writer::create(path)?;
+    for (index, rollout) in (0..).zip(rollouts) {
+        writer.write(&RolloutRecord {
+            scenario_id: scenario.id.clone(),
+            simulator: simulator.to_owned(),
+            rollout: index,
+            origin: Some(scenario.origin),
+            agent_ids: scenario.start.agents.iter().map(|a| a.id.clone()).collect(),
+            tracks: rollout.tracks.iter().map(|t| t[HISTORY..].to_vec()).collect(),
+        })?;
+    }
+    Ok(writer.finish()?)
+}
+
+/// Returns whether a file of rollouts is there. A truncated one is removed, so that it is made again.
+pub(crate) fn are_there(path: &Path) -> bool {
+    let is_whole = read(path).is_ok();
+    if !is_whole {
+        // Fails if there is none.
+        std::fs::remove_file(path).ok();
+    }
+    is_whole
+}
+
+/// Joins the parts of all scenarios of the tally. Without parts, the file of an earlier finished run is left
+/// as it is.
+pub(crate) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), EvaluationError> {
+    let target = folder.path().join(ROLLOUTS);
+    let pairs: Vec<(RecordPosition, usize)> = tally
+        .entries
+        .iter()
+        .flat_map(|(place, entry)| (0..entry.cells.len()).map(move |s| (*place, s)))
+        .filter(|(place, simulator)| tally.has(*place, *simulator))
+        .collect();
+    let mut parts = Vec::with_capacity(pairs.len());
+    for (place, simulator) in pairs {
+        parts.push(folder.part(place, simulator)?);
+    }
+    if target.exists() && parts.iter().all(|p| !p.exists()) {
+        return Ok(());
+    }
+    let mut writer = Writer::create(&target)?;
+    for part in parts {
+        let damaged = |error| EvaluationError::DamagedPart { error };
+        for record in read(&part).map_err(damaged)? {
+            writer.write(&record.map_err(damaged)?)?;
+        }
+    }
+    Ok(writer.finish()?)
+}
+
+/// Returns the tracks of a recorded rollout: per agent of the scenario its history, then the recorded steps.
+/// Agents that were not recorded are absent; recorded agents beyond the scenario's selected ones are left
+/// out.
+///
+/// # Errors
+/// [`ForeignRollout`] names an agent that is unknown or repeated, a state beyond the limits of scenarios, or
+/// a missing AV.
+pub fn recorded_tracks(
+    scenario: &Scenario,
+    record: &RolloutRecord,
+) -> Result<Vec<Vec<Frame>>, ForeignRollout> {
+    let agents = &scenario.start.agents;
+    let mut tracks: Vec<Option<Vec<Frame>>> = vec![None; agents.len()];
+    for (id, steps) in record.agent_ids.iter().zip(record.tracks_in(scenario.origin)) {
+        if let Some(error) = beyond_limits(scenario, id, &steps) {
+            return Err(error);
+        }
+        match agents.iter().position(|a| a.id == *id) {
+            Some(i) if tracks[i].is_some() => return Err(ForeignRollout::Twice(id.clone())),
+            Some(i) => tracks[i] = Some(scenario.start.history[i].iter().copied().chain(steps).collect()),
+            None if scenario.unselected.iter().any(|a| a.agent.id == *id) => {}
+            None => return Err(ForeignRollout::Unknown(id.clone())),
+        }
+    }
+    if tracks.first().is_none_or(Option::is_none) {
+        return Err(ForeignRollout::NoAv(agents[0].id.clone()));
+    }
+    let absent = |history: &Vec<Frame>, steps: usize| -> Vec<Frame> {
+        history.iter().copied().chain(std::iter::repeat_n(None::<AgentState>, steps)).collect()
+    };
+    let steps = reactsim_scene::FUTURE;
+    let filled = tracks.into_iter().zip(&scenario.start.history);
+    Ok(filled.map(|(track, history)| track.unwrap_or_else(|| absent(history, steps))).collect())
+}
+
+/// Returns the error for the first state beyond the limits of scenarios.
+fn beyond_limits(scenario: &Scenario, id: &str, steps: &[Frame]) -> Option<ForeignRollout> {
+    let (k, name, value, expected) = limits::first_beyond(steps, scenario.start.now(0).position())?;
+    // Large numbers with all their digits are no help.
+    let value = format!("{value:e}");
+    Some(ForeignRollout::Beyond { agent: id.to_owned(), name, step: k + 1, value, expected })
+}

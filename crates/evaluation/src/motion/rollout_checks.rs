@@ -1,0 +1,105 @@
+//! Checks of rollouts from other programs, whose numbers would otherwise look better than they are.
+
+use std::collections::BTreeMap;
+
+use reactsim_scene::{Frame, HISTORY, Scenario};
+
+use crate::motion::CheckedScene;
+use crate::motion::kind::RolloutCheck;
+
+/// Largest distance of a recorded AV from the prescribed trajectory, metres: more than rounding to `f32`.
+const AV_TOLERANCE: f64 = 0.05;
+
+/// Rollouts that fail checks: how many, and the first of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Findings(BTreeMap<RolloutCheck, (usize, String)>);
+
+impl Findings {
+    /// Adds a finding; the text of the first one is kept.
+    pub fn add(&mut self, check: RolloutCheck, text: impl FnOnce() -> String) {
+        self.0.entry(check).or_insert_with(|| (0, text())).0 += 1;
+    }
+
+    /// Returns check, number of rollouts (of scenarios for coverage) and first example.
+    pub fn iter(&self) -> impl Iterator<Item = (RolloutCheck, usize, &str)> {
+        self.0.iter().map(|(check, (count, text))| (*check, *count, text.as_str()))
+    }
+
+    /// Returns the findings that are not allowed, one per line with what allows them; `None` if there is
+    /// none.
+    pub(crate) fn refused(&self, allowed: &[RolloutCheck]) -> Option<String> {
+        let lines =
+            self.iter().filter(|(check, _, _)| !allowed.contains(check)).map(|(check, count, text)| {
+                let what = if check == RolloutCheck::Coverage { "scenario" } else { "rollout" };
+                let plural = if count == 1 { "" } else { "s" };
+                format!("\n  {count} {what}{plural}, the first: {text} (`allow` {})", check.allowance())
+            });
+        let lines: String = lines.collect();
+        (!lines.is_empty()).then_some(lines)
+    }
+}
+
+/// Checks the tracks of a rollout, history included. Returns the checks that fail.
+pub(crate) fn check(
+    scenario: &Scenario,
+    place: &str,
+    tracks: &[Vec<Frame>],
+    findings: &mut Findings,
+) -> Vec<RolloutCheck> {
+    let mut failed = Vec::new();
+    let mut add = |check, text: String| {
+        findings.add(check, || format!("{place}: {text}"));
+        failed.push(check);
+    };
+    if let Some(text) = other_av(scenario, tracks) {
+        add(RolloutCheck::Av, text);
+    }
+    for finding in CheckedScene::of_rollout(scenario, tracks, scenario.deviation.is_some()).findings() {
+        add(finding.check, finding.text);
+    }
+    if let Some(text) = missing(scenario, tracks) {
+        add(RolloutCheck::Presence, text);
+    }
+    failed
+}
+
+/// Returns how the AV differs from the deviated AV of the scenario, if it does.
+pub(crate) fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
+    let prescribed = &scenario.deviation.as_ref()?.track;
+    let recorded = &tracks.first()?[HISTORY..];
+    for (k, (wanted, found)) in prescribed.iter().zip(recorded).enumerate() {
+        let step = k + 1;
+        match found {
+            None => return Some(format!("the AV is absent at step {step}")),
+            Some(found) => {
+                let distance = (found.position() - wanted.position()).norm();
+                // NaN is not within the tolerance either.
+                let is_same = distance <= AV_TOLERANCE;
+                if !is_same {
+                    return Some(format!(
+                        "the AV is {distance:.2} m from the prescribed trajectory at step {step}"
+                    ));
+                }
+            }
+        }
+    }
+    None
+}
+
+fn missing(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
+    let mut agents = 0;
+    let mut first = None;
+    for (slot, track) in tracks.iter().enumerate() {
+        let logged = &scenario.log_future.tracks[slot];
+        let gone = track[HISTORY..].iter().zip(logged).position(|(own, log)| own.is_none() && log.is_some());
+        if let Some(k) = gone {
+            agents += 1;
+            let id = &scenario.start.agents[slot].id;
+            first.get_or_insert_with(|| {
+                format!("agent `{id}` is absent at step {}, but not in the log", k + 1)
+            });
+        }
+    }
+    let first = first?;
+    Some(if agents > 1 { format!("{first}; {agents} agents are") } else { first })
+}

@@ -1,0 +1,211 @@
+//! Comparison of two results on the same scenarios, scenario by scenario.
+
+use std::collections::BTreeMap;
+
+use rand_chacha::rand_core::Rng;
+use reactsim_metrics as metrics;
+use reactsim_rollout::{Purpose, stream};
+use serde::Serialize;
+
+use crate::error::EvaluationError;
+use crate::statistics::Estimate;
+use crate::statistics::tally::Tally;
+
+/// Number of random sign assignments in a permutation test.
+const PERMUTATIONS: u32 = 20_000;
+/// Number of nonzero differences up to which all sign assignments are enumerated.
+const MAX_ENUMERATED: usize = 14;
+/// Difference of two sums, relative to the sum of magnitudes, up to which they are equal.
+const RELATIVE_TOLERANCE: f64 = 1e-12;
+
+/// The difference of one metric between two simulators.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PairedDifference {
+    /// Mean of the first simulator over the scenarios in which both have a value.
+    pub first: f64,
+    /// Mean of the second simulator over the same scenarios.
+    pub second: f64,
+    /// Second minus first: mean over scenarios with its bootstrap interval.
+    pub difference: Estimate,
+    /// p-value: share of random sign assignments whose mean is at least as far from 0 (two-sided permutation
+    /// test over scenarios).
+    pub p: f64,
+    /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
+    pub better: Vec<(String, f64)>,
+    /// Ids of the scenarios in which the second simulator is worse, largest change first, with the change.
+    pub worse: Vec<(String, f64)>,
+}
+
+/// Two simulators of two runs, or of one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Id of the first simulator.
+    pub first: String,
+    /// Id of the second one.
+    pub second: String,
+    /// Number of scenarios for which both have a result.
+    pub scenarios: usize,
+    /// Number of scenarios for which only one of them has a result.
+    pub unpaired: usize,
+    /// Differences by metric; metrics without a scenario in which both have a value are left out.
+    pub metrics: BTreeMap<&'static str, PairedDifference>,
+}
+
+impl Comparison {
+    /// Compares a simulator of one run with one of another run, or of the same run. Scenarios are paired by
+    /// their ids. `seed` selects the random streams of resamplings and permutations.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] for a simulator that is not in its run, an id that names different scenarios in
+    /// the two runs, and runs without a scenario in common.
+    pub fn of(first: (&Tally, &str), second: (&Tally, &str), seed: u64) -> Result<Self, EvaluationError> {
+        let cells = |(tally, id): (&Tally, &str)| {
+            let unknown =
+                || EvaluationError::NotInRun { id: id.to_owned(), known: tally.simulators.join(", ") };
+            tally.simulators.iter().position(|s| s == id).ok_or_else(unknown)
+        };
+        let (i, j) = (cells(first)?, cells(second)?);
+        let (a, b) = (done(first.0, i), done(second.0, j));
+        let mut pairs: Vec<(&str, [&[Option<f64>]; 2])> = Vec::new();
+        for (id, (digest, values)) in &a {
+            let Some((other, others)) = b.get(id) else { continue };
+            if other != digest {
+                return Err(EvaluationError::OtherScenario { id: (*id).to_owned() });
+            }
+            pairs.push((id, [values, others]));
+        }
+        if pairs.is_empty() {
+            return Err(EvaluationError::NothingInCommon);
+        }
+        let metrics = first.0.metrics.iter().enumerate().filter_map(|(m, &metric)| {
+            let both: Vec<(&str, f64, f64)> =
+                pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[m]?))).collect();
+            Some((metric, PairedDifference::of(metric, &both, seed)?))
+        });
+        Ok(Self {
+            first: first.1.to_owned(),
+            second: second.1.to_owned(),
+            scenarios: pairs.len(),
+            unpaired: a.len() + b.len() - 2 * pairs.len(),
+            metrics: metrics.collect(),
+        })
+    }
+}
+
+/// Returns the scenarios for which a simulator has a result: digest and values by id.
+fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&str, &[Option<f64>])> {
+    let entries = tally.entries.values();
+    let with_result = entries.filter_map(|e| {
+        let values = e.cells[simulator].as_ref()?.values.as_slice();
+        Some((e.scenario.as_str(), (e.digest.as_str(), values)))
+    });
+    with_result.collect()
+}
+
+impl PairedDifference {
+    /// Computes the difference from the values of both by scenario; `None` without scenarios.
+    fn of(metric: &str, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
+        if values.is_empty() {
+            return None;
+        }
+        let n = values.len() as f64;
+        let differences: Vec<f64> = values.iter().map(|(_, a, b)| b - a).collect();
+        let less_is_better = metrics::metric(metric).is_none_or(|m| m.spec().lower_is_better);
+        let mut changed: Vec<(String, f64)> =
+            values.iter().filter(|(_, a, b)| a != b).map(|(id, a, b)| ((*id).to_owned(), b - a)).collect();
+        // Largest improvement first; equal changes stay in the order of the ids.
+        changed.sort_by(|a, b| if less_is_better { a.1.total_cmp(&b.1) } else { b.1.total_cmp(&a.1) });
+        let good = changed.partition_point(|c| (c.1 < 0.0) == less_is_better);
+        let mut worse = changed.split_off(good);
+        worse.reverse();
+        Some(Self {
+            first: values.iter().map(|v| v.1).sum::<f64>() / n,
+            second: values.iter().map(|v| v.2).sum::<f64>() / n,
+            difference: Estimate::of(&differences, seed, &format!("difference {metric}")),
+            p: permutation(&differences, seed, metric),
+            better: changed,
+            worse,
+        })
+    }
+
+    /// Returns the amount by which the second simulator is worse; negative if it is better.
+    pub fn worsening(&self, metric: &str) -> f64 {
+        let less_is_better = metrics::metric(metric).is_none_or(|m| m.spec().lower_is_better);
+        let difference = self.second - self.first;
+        if less_is_better { difference } else { -difference }
+    }
+}
+
+/// Returns the share of sign assignments to the differences whose sum is at least as far from 0 as the
+/// observed sum. Few differences: all assignments are enumerated; else random assignments and the observed
+/// one are counted.
+fn permutation(differences: &[f64], seed: u64, metric: &str) -> f64 {
+    let nonzero: Vec<f64> = differences.iter().copied().filter(|d| *d != 0.0).collect();
+    let observed = nonzero.iter().sum::<f64>().abs();
+    let least = observed - RELATIVE_TOLERANCE * nonzero.iter().map(|d| d.abs()).sum::<f64>();
+    let signed = |signs: &mut dyn FnMut(usize) -> bool| {
+        let sum: f64 = nonzero.iter().enumerate().map(|(i, d)| if signs(i) { *d } else { -d }).sum();
+        sum.abs() >= least
+    };
+    if nonzero.len() <= MAX_ENUMERATED {
+        let all = 1_u32 << nonzero.len();
+        let far = (0..all).filter(|bits| signed(&mut |i| bits >> i & 1 == 1)).count();
+        return far as f64 / f64::from(all);
+    }
+    let mut random = stream(seed, &format!("permutation {metric}"), 0, Purpose::Bootstrap);
+    let mut bits = 0_u64;
+    let mut draw = |i: usize| {
+        if i.is_multiple_of(64) {
+            bits = random.next_u64();
+        }
+        bits >> (i % 64) & 1 == 1
+    };
+    let far = (0..PERMUTATIONS).filter(|_| signed(&mut draw)).count();
+    (far + 1) as f64 / f64::from(PERMUTATIONS + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_difference_is_never_significant() {
+        assert_eq!(permutation(&[0.0; 30], 0, "ade"), 1.0);
+        assert_eq!(permutation(&[], 0, "ade"), 1.0);
+    }
+
+    #[test]
+    fn few_differences_are_judged_exactly() {
+        // Ten of one sign: two of 1024 assignments are as far from 0.
+        assert_eq!(permutation(&[1.0; 10], 0, "ade"), 2.0 / 1024.0);
+        // One against one of equal size: every assignment is at least as far.
+        assert_eq!(permutation(&[1.0, -1.0], 0, "ade"), 1.0);
+        assert_eq!(permutation(&[3.0, -1.0], 0, "ade"), 1.0);
+        assert_eq!(permutation(&[3.0, 1.0], 0, "ade"), 0.5);
+    }
+
+    #[test]
+    fn many_differences_agree_with_the_normal_distribution() {
+        // A mean of 2 standard errors: 4.6 % of a normal distribution are as far from 0.
+        let n = 400;
+        let differences: Vec<f64> = (0..n).map(|i| if i % 2 == 0 { 1.1 } else { -0.9 }).collect();
+        let p = permutation(&differences, 0, "ade");
+        assert!((p - 0.046).abs() < 0.01, "{p}");
+        assert_eq!(p, permutation(&differences, 0, "ade"));
+        let shifted: Vec<f64> = differences.iter().map(|d| d + 1.0).collect();
+        assert!(permutation(&shifted, 0, "ade") < 1e-4);
+    }
+
+    #[test]
+    fn the_metric_decides_which_changes_are_better() {
+        let values = [("a", 1.0, 0.0), ("b", 0.0, 2.0), ("c", 1.0, 1.0), ("d", 3.0, 0.5), ("e", 0.0, 1.0)];
+        let less = PairedDifference::of("aav-collision", &values, 0).unwrap();
+        assert_eq!(less.better, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
+        assert_eq!(less.worse, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
+        assert!((less.worsening("aav-collision") + 0.1).abs() < 1e-12);
+        let more = PairedDifference::of("progress", &values, 0).unwrap();
+        assert_eq!(more.better, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
+        assert_eq!(more.worse, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
+        assert_eq!((more.first, more.second), (1.0, 0.9));
+    }
+}

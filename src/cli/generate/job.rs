@@ -1,0 +1,107 @@
+//! What is generated, and how it ends.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+
+use super::files::GeneratedFiles;
+use super::manifest::Manifest;
+use crate::cli::output::{ExitStatus, count, say, say_part, write_result};
+use crate::cli::partition::PartitionArg;
+use crate::cli::progress::Progress;
+use crate::generation::{GenerationSettings, Preset};
+use crate::work::available_threads;
+
+const AFTER: &str = "\
+The preset train writes scenarios as they are generated. The preset sensed makes traffic with the \
+speeds of recordings, and adds the noise and the gaps of sensors. The preset bench curates \
+scenarios and keeps those with a deviated AV until the quotas of all categories and map types are \
+filled. It writes the candidates, as `curate` does, to a second file next to FILE.
+
+Examples:
+  reactsim generate --preset bench --count 150 --out bench.parquet
+  reactsim run bench.parquet
+  reactsim curate stats bench.deviations.parquet
+
+The manifest entry of the files is printed to stdout (TOML): command, settings and digests.";
+
+/// Arguments of `generate`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER)]
+pub(in crate::cli) struct GenerateArgs {
+    /// Purpose: a benchmark with deviated AVs, or logs to train on
+    #[arg(long, value_name = "PRESET", value_parser = presets())]
+    preset: String,
+    /// Scenarios to write
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) count: u32,
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0, value_name = "S")]
+    seed: u64,
+    /// File to write (Parquet)
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
+    /// Map types, separated by commas [default: all but those drawn only if requested, such as `overpass`];
+    /// `list maps` names them
+    #[arg(long, value_delimiter = ',', value_name = "IDS")]
+    maps: Vec<String>,
+    /// Traffic volume as a multiple of the usual one [default: drawn for each scenario]
+    #[arg(long, value_name = "D", allow_negative_numbers = true)]
+    density: Option<f64>,
+    /// Threads; they do not change the result [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    #[command(flatten)]
+    pub(super) partition: PartitionArg,
+}
+
+fn presets() -> PossibleValuesParser {
+    PossibleValuesParser::new(Preset::ALL.iter().map(|p| p.name()))
+}
+
+impl GenerateArgs {
+    pub(super) fn settings(&self) -> anyhow::Result<GenerationSettings> {
+        let preset = Preset::from_name(&self.preset).context("give a --preset")?;
+        Ok(GenerationSettings { preset, seed: self.seed, maps: self.maps.clone(), density: self.density })
+    }
+
+    /// Returns the number of threads.
+    pub(super) fn jobs(&self) -> usize {
+        self.jobs.map_or_else(available_threads, usize::from)
+    }
+}
+
+/// A generation in this process.
+#[derive(Clone, Copy)]
+pub(super) struct Job<'a> {
+    pub(super) settings: &'a GenerationSettings,
+    /// Number of scenarios to write.
+    pub(super) wanted: u32,
+    /// Number of threads.
+    pub(super) jobs: usize,
+    pub(super) out: &'a Path,
+    pub(super) progress: &'a Progress,
+    pub(super) stop: &'a AtomicBool,
+}
+
+/// Prints the manifest entry of what was generated.
+pub(super) fn finish(args: &GenerateArgs, generated: &GeneratedFiles) -> anyhow::Result<ExitStatus> {
+    let GeneratedFiles { files, written, failed, unfilled, interrupted } = generated;
+    if *written == 0 {
+        bail!("no scenario was generated, and no file was written");
+    }
+    if *interrupted {
+        say_part(files, &args.out, &count(*written, "scenario"));
+        return Ok(ExitStatus::Interrupted);
+    }
+    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    let entry = Manifest::new(&args.settings()?, args.count, &files)?.text()?;
+    write_result(None, |out| out.write_all(entry.as_bytes()))?;
+    if *failed > 0 {
+        say(format_args!("warning: {failed} failed; the others are in the file"));
+    }
+    Ok(if *failed > 0 || *unfilled { ExitStatus::SomeFailed } else { ExitStatus::Done })
+}
