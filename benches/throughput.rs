@@ -18,8 +18,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use reactsim::curation::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
-    self, AvChoice, Execution, FileRecord, Outcome, Plan, PlannedSimulator, RunFolder, RunSettings,
-    Selection, Source, Tally,
+    self, Execution, FileRecord, Outcome, PlannedSimulator, RunFolder, RunParts, RunSpec, Source, Tally,
 };
 use reactsim::formats::{self, Input, native::Writer};
 use reactsim::generation::{GenerationSettings, Generator, Preset};
@@ -324,23 +323,11 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     let input = formats::find_inputs(native)?.remove(0);
     let file = FileRecord::of(&input.path, input.format.id())?;
     let open = Box::new(move |first| input.open_from(first));
-    let plan = Plan {
-        sources: vec![Source { file, open, count: None }],
-        simulators: PlannedSimulator::by_ids(&["log-replay".to_owned(), "idm".to_owned()])?,
-        deviations: None,
-        drivers: Vec::new(),
-        settings: RunSettings {
-            rollout: Settings::default(),
-            av: AV.parse::<AvChoice>()?,
-            rollouts: 1,
-            options: Options::default(),
-            limit: None,
-            selection: Selection::default(),
-        },
-        keep_rollouts: false,
-        allowed: Vec::new(),
-        partition: None,
-    };
+    let sources = vec![Source { file, open, count: None }];
+    let simulators = PlannedSimulator::by_ids(&["log-replay".to_owned(), "idm".to_owned()])?;
+    let mut spec = RunSpec::default();
+    spec.subject.av = Some(AV.parse()?);
+    let plan = spec.plan(RunParts { sources, simulators, ..RunParts::default() })?;
     let tally = Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), 1);
     let folder = RunFolder::create(out, &plan.provenance())?;
     let execution = Execution { jobs, batch: 4 };

@@ -45,7 +45,7 @@ use crate::evaluation::{
     self, AvChoice, Driver, EvaluationError, Execution, Opening, Outcome, Plan, PlannedAv, PlannedSimulator,
     RolloutCheck, RunObserver, RunParts, RunSpec, Selection, Source, Summary,
 };
-use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline};
+use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator};
 use crate::formats::FormatError;
 use crate::metrics::Options;
 use crate::models::nn::Backend;
@@ -397,7 +397,7 @@ impl Benchmark {
         } else {
             Vec::new()
         };
-        let outline = RunOutline::of(&spec.settings());
+        let outline = RunSpec::outline([&spec]);
         for entry in entries {
             simulators.push(match entry {
                 Entry::Own(simulator) => *simulator,

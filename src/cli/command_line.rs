@@ -44,8 +44,8 @@ pub(super) enum Command {
     Compare(compare::CompareArgs),
     /// Run simulators on scenarios and print the table of their metrics
     Run(run::RunArgs),
-    /// Run studies: replan interval, reactive against realism protocol, ablations
-    Study(study::StudyArgs),
+    /// Run studies: any axes, replan interval, reactive against realism protocol, ablations
+    Study(Box<study::StudyArgs>),
     /// Score rollouts that any program produced
     Score(score::ScoreArgs),
     /// Answer requests of the Python package over standard input and output

@@ -67,7 +67,7 @@ pub(super) fn check_batches(
             let requests =
                 batch.iter().map(|scenario| Ok(Request { scenario, av: plan.av(scenario)?.0, rollout: 0 }));
             let requests = requests.collect::<anyhow::Result<Vec<_>>>()?;
-            let difference = simulator.compare_batches(&requests, &plan.settings.rollout);
+            let difference = simulator.compare_batches(&requests, &plan.spec.settings());
             compared += difference.scenarios;
             largest = largest.max(difference.largest);
         }

@@ -7,15 +7,17 @@ use clap::Args;
 
 use super::inputs::find_inputs;
 use crate::evaluation::{
-    EvaluationError, NuplanSpec, ScenarioFiles, Source, StudyResults, is_study, read_provenance,
+    EvaluationError, NuplanSpec, RunSpec, ScenarioFiles, Source, StudyResults, is_study, read_provenance,
 };
+use crate::files::name_of;
 use crate::formats::Input;
 use crate::report::page::{Gallery, Member};
 
 /// Scenarios of finished runs.
 #[derive(Debug, Args)]
 pub(super) struct RunScenarioArgs {
-    /// Scenarios of the runs, unless they ship with the program or are in the current folder; may be repeated
+    /// Scenarios of the runs, unless they ship with the program, are where the runs read them, or are in the
+    /// current folder; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
     #[command(flatten)]
@@ -45,26 +47,33 @@ pub(super) fn open(folders: &[PathBuf], scenarios: &RunScenarioArgs) -> anyhow::
 }
 
 /// Returns these scenarios of runs. The shipped benchmark is always available, and so are inputs of the runs that
-/// are in the current folder.
+/// are where the specifications of the runs name them, or in the current folder.
 pub(super) fn scenario_files(runs: &[&Path], given: &[Input]) -> anyhow::Result<ScenarioFiles> {
     let mut scenario_files = ScenarioFiles::default();
     scenario_files.add(Source::shipped(usize::MAX));
     for input in given {
         scenario_files.add_file(input)?;
     }
-    // Runs name their inputs without a folder; digests tell whether a file of this name is the same.
-    let mut inputs = BTreeSet::new();
     for run in runs {
-        let files = read_provenance(run)?.inputs.into_iter();
-        inputs.extend(files.filter(|file| !scenario_files.has(file)).map(|file| PathBuf::from(file.name)));
-    }
-    for path in inputs.into_iter().filter(|path| path.is_file()) {
-        for input in find_inputs(&[path]).unwrap_or_default() {
-            // A file of the same name may be anything; then the scenarios are missing, which the page says.
-            scenario_files.add_file(&input).ok();
+        let mut missing = read_provenance(run)?.inputs;
+        missing.retain(|file| !scenario_files.has(file));
+        let names: BTreeSet<String> = missing.into_iter().map(|file| file.name).collect();
+        let here = names.iter().map(PathBuf::from).filter(|path| path.is_file());
+        let mut inputs: Vec<Input> = here.flat_map(|path| find_inputs(&[path]).unwrap_or_default()).collect();
+        inputs.extend(if names.is_empty() { Vec::new() } else { specified(run) });
+        for input in inputs.iter().filter(|input| names.contains(name_of(&input.path).as_ref())) {
+            // A file of the same name may have other scenarios; then they are missing, which the page says.
+            scenario_files.add_file(input).ok();
         }
     }
     Ok(scenario_files)
+}
+
+/// Returns the scenario files that the specification of a run names, as far as it has one and they are there.
+fn specified(run: &Path) -> Vec<Input> {
+    let Ok(Some(spec)) = RunSpec::of_run(run) else { return Vec::new() };
+    let input = spec.subject.input;
+    input.reading.find_inputs(&input.scenarios).map(|(inputs, _)| inputs).unwrap_or_default()
 }
 
 /// Studies with their names.

@@ -30,8 +30,7 @@ Examples:
   reactsim report studies/replan studies/guards --format html --out studies.html
 
 The page is one self-contained HTML file. It shows the scenes of runs that kept their rollouts \
-(--keep-rollouts). Give the scenarios of the runs with --scenarios, except for the shipped \
-benchmark.";
+(--keep-rollouts). Scenarios that are no longer where the runs read them are named by --scenarios.";
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]

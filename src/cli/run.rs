@@ -15,19 +15,19 @@ use super::live_table::LiveTable;
 use super::output::{ExitStatus, is_verbose, note, nothing, say, stop_on_interrupt, write_result};
 use super::partition::{self, PartitionArg, Partitions};
 use super::progress::Progress;
-use super::subject::{self, ExecutionArgs};
+use super::subject::{ExecutionArgs, drivers};
 use super::table_output::{TableArgs, formats};
 use crate::evaluation::{
-    self, ExternalPrograms, Opening, Outcome, Plan, RunFolder, RunSpec, Source, Specification, Summary,
+    self, ExternalPrograms, Opening, Outcome, Plan, RunFolder, RunParts, RunSpec, Source, Specification,
+    Summary,
 };
-use crate::external::RunOutline;
 use crate::report::Run;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub(super) struct RunArgs {
     #[command(flatten)]
-    pub(super) spec: Specification<RunSpec>,
+    pub(super) spec: Specification,
     /// Run folder to write: provenance, rows, events, summary [default: only print the table]
     #[arg(long, value_name = "FOLDER")]
     pub(super) out: Option<PathBuf>,
@@ -62,7 +62,7 @@ impl RunArgs {
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     if args.print_spec {
-        let text = args.spec.0.to_toml();
+        let text = args.spec.value.to_toml();
         write_result(None, |out| out.write_all(text.as_bytes()))?;
         return Ok(ExitStatus::Done);
     }
@@ -99,7 +99,7 @@ pub(super) fn finished_until(
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<(Option<RunFolder>, Summary)>> {
     // Report every input error before the first scenario.
-    let spec = &args.spec.0;
+    let spec = &args.spec.value;
     if spec.subject.external.takes_stdout() && args.out.is_none() {
         bail!("@stdio: standard output belongs to the simulator or planner: give --out FOLDER");
     }
@@ -110,6 +110,9 @@ pub(super) fn finished_until(
     let opening = args.partition.partition.map_or(Opening::Whole, Opening::Partition);
     let (plan, programs) = plan(args, sources(&spec.subject.input, opening)?)?;
     let (folder, tally) = plan.open_folder(args.out.as_deref(), args.resume)?;
+    if let Some(folder) = &folder {
+        plan.spec.write(folder.path())?;
+    }
     keep_stderr(&programs, args.out.as_deref())?;
     let progress = Progress::with_table(LiveTable::of(&plan.simulators));
     let execution = args.work.execution();
@@ -152,14 +155,14 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         }
         return Err(nothing("no scenario could be run"));
     }
-    if !args.spec.0.subject.external.takes_stdout() {
+    if !args.spec.value.subject.external.takes_stdout() {
         let below = if is_verbose() { outcomes(summary) } else { String::new() };
         args.table.write(&[Run { name: "", summary }], args.format.as_deref(), None, &below)?;
     }
     report_problems(summary);
     match &args.out {
         Some(_) if args.partition.partition.is_some() => return Ok(ExitStatus::Done),
-        Some(path) => show_next_steps(path, args.spec.0.keep_rollouts == Some(true)),
+        Some(path) => show_next_steps(path, args.spec.value.keep_rollouts == Some(true)),
         None => note(format_args!(
             "\nnothing was kept; to look at scenes, add --out runs/first --keep-rollouts, then: \
              reactsim view runs/first"
@@ -175,9 +178,12 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
 
 /// Plans the run of these arguments on these scenarios.
 pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan, ExternalPrograms)> {
-    let spec = &args.spec.0;
-    let outline = RunOutline::of(&spec.settings());
-    let (simulators, programs) = subject::simulators(&spec.subject, &[], spec.rollout.smooth.0, &outline)?;
-    let plan = subject::plan(spec, sources, simulators, &programs, args.partition.partition)?;
+    let spec = &args.spec.value;
+    let mut simulators = spec.baselines()?;
+    let programs = spec.subject.external.start(&RunSpec::outline([spec]))?;
+    simulators.extend(programs.planned(spec)?);
+    let drivers = drivers(&programs, std::iter::once(spec.subject.av.as_ref()))?;
+    let partition = args.partition.partition;
+    let plan = spec.plan(RunParts { sources, simulators, drivers, partition })?;
     Ok((plan, programs))
 }

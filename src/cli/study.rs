@@ -1,30 +1,28 @@
 //! `reactsim study`: several runs on the same scenarios, side by side.
 
 mod carry_out;
-mod errors;
-mod guards;
-mod planners;
+mod named;
 mod realism;
-mod replan;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Subcommand};
+use anyhow::bail;
+use clap::Args;
 
 use super::inputs::sources;
 use super::output::ExitStatus;
 use super::partition::{PartitionArg, Partitions};
-use super::subject::{self, ExecutionArgs};
+use super::subject::{ExecutionArgs, drivers};
 use super::table_output::ColumnArgs;
 use crate::evaluation::{
-    ExternalPrograms, Opening, PlannedSimulator, RolloutSpec, RunSpec, Source, Specification, StudyPlan,
-    SubjectSpec,
+    Axis, ExternalPrograms, Opening, RunParts, RunSpec, Source, Specification, StudyKind, StudyPlan,
 };
-use crate::external::RunOutline;
-use crate::rollout::Replan;
 
 const AFTER: &str = "\
 Examples:
+  reactsim study --axis replan=1hz,2hz --axis models=idm,ntp-guarded --out studies/rates
+  reactsim study spec.toml --axis av=planner:idm,planner:pdm-closed --out studies/avs
+  reactsim study --models ntp-guarded --axis ntp-guarded.haste.weight=0,2,4 --out studies/haste
   reactsim study replan --out studies/replan
   reactsim study realism logs/ --deviations d.parquet --out studies/realism
   reactsim study guards --models ntp-reactive,idm --out studies/guards
@@ -40,44 +38,36 @@ const FORMATS: [&str; 3] = ["markdown", "latex", "json"];
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
-#[command(after_help = AFTER)]
+#[command(after_help = AFTER, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct StudyArgs {
     #[command(subcommand)]
-    command: StudyCommand,
+    named: Option<named::NamedStudy>,
+    #[command(flatten)]
+    of_axes: Option<AxesArgs>,
 }
 
-#[derive(Debug, Subcommand)]
-enum StudyCommand {
-    /// Replan interval: collisions with the AV and close calls by interval
-    Replan(replan::ReplanArgs),
-    /// Reactive against realism protocol: reaction, displacement, likelihood of the log
-    Realism(realism::RealismArgs),
-    /// Ablation of the parts of simulators: projection, keeping clear, QP stage, AV look-ahead
-    Guards(guards::GuardsArgs),
-    /// Planners of the AV: score and rank under several simulators
-    Planners(planners::PlannersArgs),
-    /// Displacements from the log: by class, situation, speed, distance and time
-    Errors(errors::ErrorsArgs),
+/// Arguments of studies of any keys.
+#[derive(Debug, Args)]
+struct AxesArgs {
+    /// Key of a specification, or parameter of a simulator, with several values, such as replan=1hz,2hz or
+    /// idm.vehicle.headway=1,1.5; members of the study are all combinations of the axes; may be repeated
+    #[arg(long, value_name = "KEY=VALUES", required = true)]
+    axis: Vec<Axis>,
+    #[command(flatten)]
+    shared: SharedArgs,
 }
-
-/// A study, and the external simulators and planners in it.
-type PlannedStudy = (StudyPlan, ExternalPrograms);
 
 /// Arguments common to all studies.
 #[derive(Debug, Args)]
 struct SharedArgs {
     #[command(flatten)]
-    subject: Specification<SubjectSpec>,
+    spec: Specification,
     /// Folder of the study to write: its table, and a run folder per member
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Continue the interrupted study in --out
     #[arg(long)]
     resume: bool,
-    /// Keep the rollouts in the run folders; `study realism` then also computes the realism metrics of the
-    /// Sim Agents challenge
-    #[arg(long)]
-    keep_rollouts: bool,
     #[command(flatten)]
     work: ExecutionArgs,
     #[command(flatten)]
@@ -89,72 +79,68 @@ struct SharedArgs {
     table: ColumnArgs,
 }
 
-/// Arguments of studies whose members all plan at the same interval.
-#[derive(Debug, Args)]
-struct RolloutArgs {
-    /// Replan rate or interval, such as 2hz or 5steps
-    #[arg(long, default_value = "2hz", value_name = "RATE")]
-    replan: Replan,
-    /// Rollouts per scenario and simulator
-    #[arg(long, default_value_t = 1, value_name = "R",
-          value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    rollouts: u32,
-}
-
-impl RolloutArgs {
-    fn rollout(&self) -> RolloutSpec {
-        RolloutSpec { replan: self.replan, rollouts: self.rollouts, ..RolloutSpec::default() }
-    }
-}
-
-impl SharedArgs {
-    /// Returns the specification of a member.
-    fn spec(&self, rollout: RolloutSpec) -> RunSpec {
-        let subject = self.subject.0.clone();
-        RunSpec { subject, rollout, keep_rollouts: Some(self.keep_rollouts) }
-    }
-
-    /// Creates the simulators, and starts the external programs.
-    fn simulators(&self, outline: &RunOutline) -> anyhow::Result<(Vec<PlannedSimulator>, ExternalPrograms)> {
-        subject::simulators(&self.subject.0, &[], None, outline)
-    }
+/// What a study varies.
+struct Design {
+    kind: StudyKind,
+    /// What all members have in common.
+    spec: RunSpec,
+    axes: Vec<Axis>,
+    /// Rollouts in the realism protocol, if different.
+    realism_rollouts: Option<u32>,
 }
 
 impl StudyArgs {
-    fn shared(&self) -> &SharedArgs {
-        match &self.command {
-            StudyCommand::Replan(args) => &args.shared,
-            StudyCommand::Realism(args) => &args.shared,
-            StudyCommand::Guards(args) => &args.shared,
-            StudyCommand::Planners(args) => &args.shared,
-            StudyCommand::Errors(args) => &args.shared,
+    /// Returns the arguments that all studies have.
+    fn shared(&self) -> anyhow::Result<&SharedArgs> {
+        match (&self.named, &self.of_axes) {
+            (Some(named), _) => Ok(named.shared()),
+            (None, Some(args)) => Ok(&args.shared),
+            (None, None) => bail!("no study is named: give --axis KEY=VALUES and --out FOLDER"),
         }
     }
 
-    /// Plans the study on these scenarios.
-    fn plan(&self, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
-        match &self.command {
-            StudyCommand::Replan(args) => replan::study(args, sources),
-            StudyCommand::Realism(args) => realism::study(args, sources),
-            StudyCommand::Guards(args) => guards::study(args, sources),
-            StudyCommand::Planners(args) => planners::study(args, sources),
-            StudyCommand::Errors(args) => errors::study(args, sources),
+    /// Plans the study on these scenarios, and starts the external programs.
+    fn plan(&self, sources: Vec<Source>) -> anyhow::Result<(StudyPlan, ExternalPrograms)> {
+        let shared = self.shared()?;
+        let design = match (&self.named, &self.of_axes) {
+            (Some(named), _) => named.design(&sources)?,
+            (None, args) => Design {
+                kind: StudyKind::Axes,
+                spec: shared.spec.value.clone(),
+                axes: args.iter().flat_map(|args| args.axis.clone()).collect(),
+                realism_rollouts: None,
+            },
+        };
+        let mut points = design.spec.product(&design.axes)?;
+        for (spec, _) in &mut points {
+            let is_realism = spec.rollout.protocol == crate::rollout::Protocol::Realism;
+            spec.rollout.rollouts =
+                design.realism_rollouts.filter(|_| is_realism).unwrap_or(spec.rollout.rollouts);
         }
+        let programs =
+            design.spec.subject.external.start(&RunSpec::outline(points.iter().map(|(s, _)| s)))?;
+        let avs = points.iter().map(|(spec, _)| spec.subject.av.as_ref());
+        let parts = RunParts {
+            sources,
+            drivers: drivers(&programs, avs)?,
+            partition: shared.partition.partition,
+            ..RunParts::default()
+        };
+        Ok((StudyPlan::new(design.kind, points, parts, &programs)?, programs))
     }
 }
 
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
-    let shared = args.shared();
+    let shared = args.shared()?;
     let opening = shared.partition.partition.map_or(Opening::Whole, Opening::Partition);
-    let (mut plan, outside) = args.plan(sources(&shared.subject.0.input, opening)?)?;
-    plan.set_partition(shared.partition.partition);
+    let study = args.plan(sources(&shared.spec.value.subject.input, opening)?)?;
     shared.table.check(&shared.format, &FORMATS)?;
-    carry_out::carry_out((plan, outside), shared)
+    carry_out::carry_out(study, shared)
 }
 
 /// Joins the partitions of a study and prints its table.
 pub(super) fn merge(args: &StudyArgs, partitions: &Partitions, out: &Path) -> anyhow::Result<ExitStatus> {
-    let shared = args.shared();
-    let (plan, _outside) = args.plan(sources(&shared.subject.0.input, Opening::Unread)?)?;
+    let shared = args.shared()?;
+    let (plan, _outside) = args.plan(sources(&shared.spec.value.subject.input, Opening::Unread)?)?;
     carry_out::merge(&plan, shared, partitions, out)
 }

@@ -1,4 +1,4 @@
-//! Simulators and plans of specifications, and the threads of a command.
+//! Logs and drivers of specifications, and the threads of a command.
 
 use std::num::NonZeroUsize;
 
@@ -7,13 +7,7 @@ use clap::Args;
 
 use super::inputs::simulated_logs;
 use crate::evaluation::realism::LogSource;
-use crate::evaluation::{
-    AvChoice, Driver, Execution, ExternalPrograms, Plan, PlannedSimulator, RunParts, RunSpec, Source,
-    SubjectSpec,
-};
-use crate::external::RunOutline;
-use crate::formats::Partition;
-use crate::models::qp::Smoothing;
+use crate::evaluation::{AvChoice, AvDriver, Driver, Execution, ExternalPrograms, SubjectSpec};
 use crate::work::available_threads;
 
 /// Number of threads, which does not change any result.
@@ -52,42 +46,20 @@ pub(super) fn log_sources(subject: &SubjectSpec) -> anyhow::Result<Vec<LogSource
     simulated_logs(&subject.input.scenarios, &subject.input.reading)
 }
 
-/// Creates the simulators: baselines with the requested weights and parameters, then external ones, each with this
-/// stage behind it. The second value has the external simulators and planners. `default` has the ids of the
-/// baselines if none are named.
-pub(super) fn simulators(
-    subject: &SubjectSpec,
-    default: &[String],
-    smoothing: Option<Smoothing>,
-    outline: &RunOutline,
-) -> anyhow::Result<(Vec<PlannedSimulator>, ExternalPrograms)> {
-    let external_only = !subject.external.external.is_empty() && subject.models.is_empty();
-    let adjustments = subject.adjustments(smoothing)?;
-    let ids = if subject.models.is_empty() { default } else { subject.models.as_slice() };
-    let mut simulators =
-        if external_only { Vec::new() } else { PlannedSimulator::adjusted(ids, &adjustments)? };
-    let programs = subject.external.start(outline)?;
-    for simulator in &programs.simulators {
-        simulators.push(PlannedSimulator::external(simulator.clone(), smoothing)?);
-    }
-    Ok((simulators, programs))
-}
-
-/// Plans these simulators on the scenarios. Every input error is reported here, before the first scenario.
-pub(super) fn plan(
-    spec: &RunSpec,
-    sources: Vec<Source>,
-    simulators: Vec<PlannedSimulator>,
+/// Returns the external planners as drivers. Each must be named by one of these AV policies.
+pub(super) fn drivers<'a>(
     programs: &ExternalPrograms,
-    partition: Option<Partition>,
-) -> anyhow::Result<Plan> {
+    avs: impl Iterator<Item = Option<&'a AvChoice>> + Clone,
+) -> anyhow::Result<Vec<Driver>> {
     let drivers: Vec<Driver> = programs.planners.iter().cloned().map(Driver::external).collect();
-    let named = match &spec.subject.av {
-        Some(AvChoice::Planned(planned)) => Some(&planned.driver),
-        _ => None,
+    let is_named = |driver: &AvDriver| {
+        let mut named = avs.clone().flatten();
+        named.any(|av| matches!(av, AvChoice::Planned(planned) if planned.driver == *driver))
     };
-    if let Some(unused) = drivers.iter().map(Driver::driver).find(|driver| named != Some(driver)) {
-        bail!("--planner: no AV is driven by `{unused}`: add --av planner:{unused}");
+    match drivers.iter().map(Driver::driver).find(|driver| !is_named(driver)) {
+        Some(unused) => {
+            bail!("--planner: no AV is driven by `{unused}`: add --av planner:{unused}")
+        }
+        None => Ok(drivers),
     }
-    Ok(spec.plan(RunParts { sources, simulators, drivers, partition })?)
 }

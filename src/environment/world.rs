@@ -107,10 +107,9 @@ impl World {
                 "no scenario is selected: give files, ids or a limit that select some",
             ));
         }
-        if plan.settings.av.is_judged() {
+        if let Some(av) = plan.policy().filter(|av| av.is_judged()) {
             return Err(RequestError::new(format_args!(
-                "the AV is driven by `{}`, expected a trajectory or a script, such as deviated or log",
-                plan.settings.av
+                "the AV is driven by `{av}`, expected a trajectory or a script, such as deviated or log"
             )));
         }
         if let Some(fault) = sizes.fault() {

@@ -108,7 +108,7 @@ fn help_fits_a_terminal() {
 
     Run:
       run          Run simulators on scenarios and print the table of their metrics
-      study        Run studies: replan interval, reactive against realism protocol, ablations
+      study        Run studies: any axes, replan interval, reactive against realism protocol, ablations
       score        Score rollouts that any program produced
       session      Answer requests of the Python package over standard input and output
 

@@ -14,7 +14,7 @@ use crate::small_scenarios::{self, certified, source, source_of};
 fn plan_of(sources: Vec<Source>, models: &[&str], rollouts: u32) -> Plan {
     let ids: Vec<String> = models.iter().map(|m| (*m).to_owned()).collect();
     let mut plan = small_scenarios::plan(sources, PlannedSimulator::by_ids(&ids).unwrap());
-    plan.settings.rollouts = rollouts;
+    plan.spec.rollout.rollouts = rollouts;
     plan
 }
 
@@ -24,7 +24,7 @@ fn plan(rollouts: u32) -> Plan {
 }
 
 fn tally(plan: &Plan) -> Tally {
-    Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), plan.settings.rollouts)
+    Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), plan.spec.rollout.rollouts)
 }
 
 fn run(plan: &Plan, folder: &Path, resume: bool, jobs: usize, batch: usize) -> Summary {

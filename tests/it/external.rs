@@ -83,9 +83,9 @@ pub(super) fn start(settings: ExternalSettings) -> Result<PlannedSimulator, Exte
 
 pub(super) fn plan_of(simulators: Vec<PlannedSimulator>, protocol: Protocol) -> Plan {
     let mut plan = small_scenarios::plan(vec![Source::shipped(12)], simulators);
-    plan.settings.rollout.protocol = protocol;
+    plan.spec.rollout.protocol = protocol;
     if protocol == Protocol::Realism {
-        plan.settings.av = AvChoice::Log;
+        plan.spec.subject.av = None;
     }
     plan
 }
@@ -278,6 +278,6 @@ fn batches_and_single_episodes_are_compared() {
         .iter()
         .map(|scenario| reactsim::rollout::Request { scenario, av: plan.av(scenario).unwrap().0, rollout: 0 })
         .collect();
-    let difference = simulator.compare_batches(&requests, &plan.settings.rollout);
+    let difference = simulator.compare_batches(&requests, &plan.spec.settings());
     assert_eq!((difference.scenarios, difference.largest), (scenarios.len(), 0.0));
 }

@@ -513,8 +513,11 @@ fn studies_have_their_tables_and_figures() {
     let (guards, of_guards) = study("guards", &["--models", "constant-velocity,idm"]);
     let (planners, of_planners) = study("planners", &["--models", "log-replay,idm", "--planners", "idm"]);
     let (errors, of_errors) = study("errors", &["--models", "constant-velocity,idm"]);
+    let axes = at("axes");
+    let arguments = ["study", MINI, "--models", "constant-velocity,idm", "--axis", "av=log,brake:4"];
+    let of_axes = result(&[&arguments[..], &["--out", text(&axes)]].concat());
     let path = at("page.html");
-    let folders = [&replan, &realism, &guards, &planners, &errors].map(|path| text(path));
+    let folders = [&replan, &realism, &guards, &planners, &errors, &axes].map(|path| text(path));
     said(&[&["report"], &folders[..], &["--format", "html", "--out", text(&path)]].concat(), 0);
     let mut page = Browser::new(&chromium);
     open(&mut page, &format!("file://{}", path.display()));
@@ -526,6 +529,7 @@ fn studies_have_their_tables_and_figures() {
         ("guards", &of_guards),
         ("planners", &of_planners),
         ("errors", &of_errors),
+        ("axes", &of_axes),
     ] {
         let cells = format!("[data-study=\"{kind}\"] td[data-mean]");
         let mut shown = numbers(&mut page, &cells, "e.dataset.mean");
@@ -647,6 +651,8 @@ fn what_can_not_be_shown_is_refused_or_said() {
     assert!(html(&[text(&at("none"))], 2).contains("is not a run folder"));
     assert!(html(&[text(&run), text(&run)], 2).contains("two runs are named"));
     assert!(html(&[text(&run), "--case", "nobody"], 2).contains("no run has a scenario `nobody`"));
+    assert_eq!(html(&[text(&run)], 0), "", "the specification names the scenarios");
+    fs::remove_file(run.join("spec.toml")).unwrap();
     assert!(html(&[text(&run)], 0).contains("give --scenarios"));
     assert_eq!(html(&[text(&run), "--scenarios", MINI], 0), "");
     let page = fs::read(at("page.html")).unwrap();
@@ -680,7 +686,7 @@ fn every_value_of_an_event_has_a_unit() {
 }
 
 #[test]
-fn inputs_in_the_current_folder_are_found() {
+fn inputs_are_found_where_the_run_read_them_and_in_the_current_folder() {
     let folder = tempfile::tempdir().unwrap();
     let other = tempfile::tempdir().unwrap();
     let scenarios = folder.path().join("mine.parquet");
@@ -693,6 +699,8 @@ fn inputs_in_the_current_folder_are_found() {
         assert!(output.status.success());
         stderr(&output)
     };
+    assert!(!messages(other.path()).contains("are missing"));
+    fs::remove_file(run.join("spec.toml")).unwrap();
     assert!(!messages(folder.path()).contains("are missing"));
     assert!(messages(other.path()).contains("the scenarios of mine.parquet are missing"));
     // A file of the same name with other content is not the input.

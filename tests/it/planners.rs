@@ -188,9 +188,9 @@ fn planners_are_studied_under_several_simulators() {
     assert!(latex.contains("Kendall's tau") && latex.contains("AV score"), "{latex}");
 
     let refused = |more: &[&str]| said(&[&study[..6], more, &["--out", "never"]].concat(), 2).1;
-    assert!(refused(&["--av", "log"]).contains("name them with --planners"));
+    assert!(refused(&["--av", "log"]).contains("`study planners` sets it: leave out --av"));
     assert!(refused(&["--planners", "pdm-closed", "--tracker", "perfect"]).contains("use tracker=lqr"));
-    assert!(refused(&["--planners", "idm,idm"]).contains("`idm` is given twice"));
+    assert!(refused(&["--planners", "idm,idm"]).contains("axis av=planner:idm: its value is there twice"));
     assert!(refused(&["--planners", "external:mine"]).contains("define it with `planner` NAME=COMMAND"));
     assert!(refused(&["--planners", "simulator:log-replay"]).contains("cannot drive the AV"));
 }

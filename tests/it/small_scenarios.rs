@@ -1,10 +1,8 @@
 //! Small synthetic scenarios, for tests that need many of them fast.
 
-use reactsim::evaluation::{AvChoice, FileRecord, Plan, PlannedSimulator, RunSettings, Selection, Source};
+use reactsim::evaluation::{AvChoice, FileRecord, Plan, PlannedSimulator, RunParts, RunSpec, Source};
 use reactsim::formats::{decoded, native::Writer};
 use reactsim::geometry::Vec2;
-use reactsim::metrics::Options;
-use reactsim::rollout::Settings;
 use reactsim::scene::{
     Agent, AgentKind, AgentState, Certificate, Deviation, DeviationParts, Effort, FRAMES, FUTURE, Frame,
     HISTORY, LaneParts, LoggedAgent, MapParts, Response, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
@@ -154,23 +152,9 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
 
 /// Returns the plan of a run with default settings.
 pub(crate) fn plan(sources: Vec<Source>, simulators: Vec<PlannedSimulator>) -> Plan {
-    Plan {
-        sources,
-        simulators,
-        deviations: None,
-        drivers: Vec::new(),
-        settings: RunSettings {
-            rollout: Settings::default(),
-            av: AvChoice::Deviated,
-            rollouts: 1,
-            options: Options::default(),
-            limit: None,
-            selection: Selection::default(),
-        },
-        keep_rollouts: false,
-        allowed: Vec::new(),
-        partition: None,
-    }
+    let mut spec = RunSpec::default();
+    spec.subject.av = Some(AvChoice::Deviated);
+    spec.plan(RunParts { sources, simulators, ..RunParts::default() }).unwrap()
 }
 
 /// Writes scenarios to a native file.

@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 use reactsim::evaluation::{
-    Adjustments, LogErrors, Member, PlannedSimulator, StudyKind, StudyPlan, is_study, read_study,
-    read_summary,
+    AvChoice, ExternalPrograms, LogErrors, Member, RunParts, RunSpec, StudyKind, StudyPlan, is_study,
+    read_study, read_summary,
 };
 use serde_json::Value;
 
 use crate::program::{MINI, program, said, signalled, stderr, text, words};
-use crate::small_scenarios::{deviating, deviations, plan, scenario, source, write};
+use crate::small_scenarios::{deviating, deviations, scenario, source, write};
 
 /// Returns the members of a study, in order.
 fn members(study: &Path) -> Vec<Member> {
@@ -246,19 +246,19 @@ fn errors_are_grouped_by_what_agents_do() {
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["errors"]["simulators"][1]["groups"][0]["agents"], group("all").agents);
     let refused = ["study", "errors", MINI, "--av", "log", "--out", "x"];
-    assert!(said(&refused, 2).1.contains("--av: the AV of this study follows the log"));
+    assert!(said(&refused, 2).1.contains("--av: `study errors` sets it: leave out --av"));
 }
 
 #[test]
 fn a_variant_holds_what_it_changes() {
-    let set = |id: &str, key: &str, value: &str| (id.to_owned(), key.to_owned(), value.to_owned());
-    let asked = Adjustments {
-        parameters: vec![set("ntp-reactive", "keep_clear", "false"), set("idm", "vehicle.headway", "2")],
-        ..Adjustments::default()
-    };
     let models = ["stop+qp", "idm", "ntp-reactive", "ntp-reactive-raw", "qp-regression"];
-    let simulators = PlannedSimulator::adjusted(&models.map(str::to_owned), &asked).unwrap();
-    let mut plan = StudyPlan::guards(plan(vec![source("a", vec![0])], simulators), &asked).unwrap();
+    let mut spec = RunSpec::default();
+    spec.subject.av = Some(AvChoice::Deviated);
+    spec.subject.models = models.map(str::to_owned).to_vec();
+    spec.subject.set = ["ntp-reactive.keep_clear=false", "idm.vehicle.headway=2"].map(str::to_owned).to_vec();
+    let parts = RunParts { sources: vec![source("a", vec![0])], ..RunParts::default() };
+    let programs = ExternalPrograms::default();
+    let mut plan = StudyPlan::new(StudyKind::Guards, vec![(spec, Vec::new())], parts, &programs).unwrap();
     let members = plan.study().members.clone();
     let found: Vec<String> = (0..members.len())
         .map(|i| {
@@ -295,6 +295,57 @@ fn a_variant_holds_what_it_changes() {
     ");
     // Members can be selected in any order.
     assert_eq!(plan.select(0).simulators.len(), models.len());
+}
+
+#[test]
+fn axes_are_runs_of_all_combinations() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("axes");
+    let spec = home.path().join("spec.toml");
+    let mini = fs::canonicalize(MINI).unwrap();
+    fs::write(&spec, format!("scenarios = [{mini:?}]\nmodels = [\"stop\", \"idm\"]\nlimit = 2\n")).unwrap();
+    let arguments = ["study", text(&spec), "--axis", "idm.vehicle.headway=1,2", "--axis", "av=log,brake:4"];
+    let (table, told) = said(&[&arguments[..], &["--out", text(&out)]].concat(), 0);
+    assert!(told.starts_with("1 of 4: idm.vehicle.headway 1, av log\n"), "{told}");
+    let study = read_study(&out).unwrap();
+    let names: Vec<&str> = study.members.iter().map(|m| m.folder.as_str()).collect();
+    let wanted = [
+        "idm-vehicle-headway-1_av-log",
+        "idm-vehicle-headway-1_av-brake-4",
+        "idm-vehicle-headway-2_av-log",
+        "idm-vehicle-headway-2_av-brake-4",
+    ];
+    assert_eq!((study.kind, &names[..]), (StudyKind::Axes, &wanted[..]));
+    let headway = ["--models", "stop,idm", "--limit", "2", "--set", "idm.vehicle.headway=2"];
+    is_what_run_makes(&out, wanted[3], &[&headway[..], &["--av", "brake:4"]].concat());
+    let rows = rows(&table);
+    assert_eq!(rows[0][..3], ["Method", "idm.vehicle.headway", "av"]);
+    assert_eq!(rows.len(), 1 + 2 * 4);
+    assert_eq!(rows[8][..3], ["IDM", "2", "brake:4"]);
+    assert_eq!(mean(&rows[8][3]), shown(&out.join(wanted[3]), "idm", "aav-collision"));
+    // A member is the run that its specification repeats, wherever it is called from.
+    let again = home.path().join("again");
+    let member = out.join(wanted[3]);
+    said(&["run", text(&member.join("spec.toml")), "--out", text(&again)], 0);
+    for name in ["provenance.json", "rows.jsonl", "summary.json"] {
+        assert!(fs::read(member.join(name)).unwrap() == fs::read(again.join(name)).unwrap(), "{name}");
+    }
+    assert_eq!(said(&["report", text(&out)], 0).0, table);
+    assert!(said(&["report", text(&out), "--format", "latex"], 0).0.contains("\\begin{tabular}{lllccccccc}"));
+    let (json, _) =
+        said(&[&arguments[..], &["--out", text(&out), "--resume", "--format", "json"]].concat(), 0);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["members"][3]["axes"][1]["value"], "brake:4");
+
+    let refused = |axes: &[&str], part: &str| {
+        let (_, told) = said(&[&["study", MINI, "--out", "never"], axes].concat(), 2);
+        assert!(told.contains(part), "{told}");
+    };
+    refused(&["--axis", "repln=1hz"], "`repln` is not a key; did you mean `replan`?");
+    refused(&["--axis", "replan=2hz,3hz"], "axis replan=3hz: `3hz` is not a replan interval");
+    refused(&["--axis", "seed=1,1"], "axis seed=1: its value is there twice");
+    refused(&["--axis", "limit=1"], "`limit` is not a key");
+    refused(&[], "--axis <KEY=VALUES>");
 }
 
 #[test]
@@ -402,7 +453,7 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
         ("5,81", "`81` is not a replan interval"),
         ("abc", "`abc` is not a replan interval"),
         ("", "`` is not a replan interval"),
-        ("5,2hz", "--intervals has 5 steps twice: give each interval once"),
+        ("5,2hz", "axis replan=5steps: its value is there twice"),
     ] {
         let told = refused(&["replan", MINI, "--models", "stop", "--intervals", intervals]);
         assert!(told.contains(part), "{told}");

@@ -41,6 +41,20 @@ pub enum EvaluationError {
         /// What is expected.
         expected: &'static str,
     },
+    /// The specification in a run folder cannot be read.
+    #[error("{reason}")]
+    DamagedSpec {
+        /// The file and what is wrong with it.
+        reason: String,
+    },
+    /// An axis of a study is unknown, or one of its values is invalid or repeated.
+    #[error("axis {axis}: {reason}")]
+    Axis {
+        /// The key, or the key and the value.
+        axis: String,
+        /// The reason.
+        reason: String,
+    },
     /// A key of a specification has no effect on the shipped scenarios.
     #[error("the shipped scenarios are read as they are: leave {key} out")]
     ShippedAsIs {

@@ -2,6 +2,8 @@
 
 /// Name of the file with the provenance.
 pub const PROVENANCE: &str = "provenance.json";
+/// Name of the file with the specification.
+pub const SPEC: &str = "spec.toml";
 /// Name of the file with one row per scenario, simulator and rollout.
 pub const ROWS: &str = "rows.jsonl";
 /// Name of the file with the rows in a reference.
@@ -23,8 +25,9 @@ pub const EVENTS_TABLE: &str = "events.parquet";
 /// Name of the file with the scenarios that a partition of a run left out.
 pub(crate) const LEFT_OUT: &str = "left_out.json";
 /// Names of the files of a run folder.
-pub const RUN_FILES: [&str; 11] = [
+pub const RUN_FILES: [&str; 12] = [
     PROVENANCE,
+    SPEC,
     ROWS,
     ROWS_TABLE,
     VALUES_TABLE,

@@ -55,12 +55,12 @@ pub use folder::rollouts::recorded_tracks;
 pub use folder::{RunFolder, read_provenance, read_rows, read_summary, read_tally};
 pub use judge::av_scores::ROUTE_ENDS;
 pub use layout::{
-    EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, STUDY, STUDY_TABLE,
+    EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SPEC, STUDY, STUDY_TABLE,
     SUMMARY, TABLE, VALUES_TABLE,
 };
 pub use motion::kind::RolloutCheck;
 pub use motion::rollout_checks::Findings;
-pub use plan::{Deviations, NoAv, Plan, RunSettings};
+pub use plan::{Deviations, NoAv, Plan};
 pub use provenance::conditions::{Condition, ConditionDifference, changed_options};
 pub use provenance::leaves::differences;
 pub use provenance::{Provenance, SettingsRecord, program_commit, program_version, set_program_commit};
@@ -80,15 +80,15 @@ pub use source::scenario_files::ScenarioFiles;
 pub use source::selection::Selection;
 pub use source::shipped::shipped_ids;
 pub use spec::{
-    ExternalPrograms, ExternalSpec, MotionSpec, NamesScenarios, NuplanSpec, Opening, ReadingSpec,
+    Axis, AxisValue, ExternalPrograms, ExternalSpec, MotionSpec, NuplanSpec, Opening, ReadingSpec,
     RolloutSpec, RunParts, RunSpec, ScenarioSpec, SelectionSpec, Specification, Stage, SubjectSpec, Time,
-    metric_options, split_metric_option, weights,
+    are_deviated, metric_options, split_metric_option, weights,
 };
 pub use statistics::Estimate;
 pub use statistics::comparison::{Comparison, PairedDifference};
 pub use statistics::tally::{Cell, Entry, Tally};
 pub use study::{
-    Agreement, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange, PLANNER_RANKS,
+    Agreement, AxisPoint, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange, PLANNER_RANKS,
     PlannerRanks, SimulatorErrors, SimulatorRanks, Study, StudyFolder, StudyKind, StudyPlan, StudyResults,
     is_study, read_study,
 };

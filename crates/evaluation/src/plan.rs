@@ -1,6 +1,7 @@
 //! The plan of a run, checked before the first scenario.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use reactsim_metrics::Options;
 use reactsim_nn::cpu_class;
 use reactsim_planning::av::{PlannerAv, PlannerAvError};
 use reactsim_planning::from_scene::{ego_shape, planning_map};
-use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv, Settings};
+use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv};
 use reactsim_scene::{DeviatedTrack, Frame, Scenario};
 
 use crate::av::{AvChoice, AvDriver, PlannedAv};
@@ -21,7 +22,6 @@ use crate::deviation::pose::Pose;
 use crate::driver::{Driver, GivenPlans};
 use crate::error::EvaluationError;
 use crate::folder::RunFolder;
-use crate::motion::kind::RolloutCheck;
 use crate::motion::{CheckedScene, Finding};
 use crate::provenance::{Provenance, SettingsRecord, named_options, program_commit, program_version};
 use crate::simulators::PlannedSimulator;
@@ -29,25 +29,8 @@ use crate::source::Source;
 use crate::source::benchmarks::BenchmarkRecord;
 use crate::source::file_record::FileRecord;
 use crate::source::selection::Selection;
+use crate::spec::RunSpec;
 use crate::statistics::tally::Tally;
-
-/// The settings that determine the numbers of a run, apart from scenarios and simulators.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunSettings {
-    /// Protocol, replan interval, lookahead, seed.
-    pub rollout: Settings,
-    /// AV policy in the reactive protocol.
-    pub av: AvChoice,
-    /// Number of rollouts per scenario and simulator, at least 1.
-    pub rollouts: u32,
-    /// Variants of the metrics.
-    pub options: Options,
-    /// Maximum number of scenarios per source. Only recorded here; the sources are already opened with this
-    /// limit.
-    pub limit: Option<usize>,
-    /// Scenarios of the sources that are used.
-    pub selection: Selection,
-}
 
 /// Deviated AVs by scenario id, with their file.
 pub struct Deviations {
@@ -119,12 +102,13 @@ pub struct Plan {
     pub deviations: Option<Deviations>,
     /// Drivers of the AV, of which the AV policy names one or none.
     pub drivers: Vec<Driver>,
-    /// Settings.
-    pub settings: RunSettings,
-    /// Whether the run folder keeps the rollouts.
-    pub keep_rollouts: bool,
-    /// Checks of given motion that need not be met: rows of rollouts that fail them are marked.
-    pub allowed: Vec<RolloutCheck>,
+    /// The specification. It names an AV policy, except in the realism protocol, in which the simulator moves
+    /// the AV.
+    pub spec: RunSpec,
+    /// Variants of the metrics that the specification names.
+    pub options: Options,
+    /// Scenarios that the specification selects.
+    pub selection: Selection,
     /// The partition that is run; `None` for the whole.
     pub partition: Option<Partition>,
 }
@@ -173,48 +157,49 @@ pub enum NoAv {
 impl Plan {
     /// Returns the provenance of the run.
     pub fn provenance(&self) -> Provenance {
-        let Settings { protocol, replan, av_lookahead, seed } = self.settings.rollout;
+        let (subject, rollout) = (&self.spec.subject, &self.spec.rollout);
+        let limit = subject.input.limit.map(NonZeroUsize::get);
         let of_driver = || self.driver().and_then(|driver| driver.backend);
         let backend = self.simulators.iter().find_map(|s| s.backend).or_else(of_driver);
         Provenance {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
             settings: SettingsRecord {
-                protocol: protocol.name().to_owned(),
-                av: match protocol {
-                    Protocol::Reactive => self.settings.av.to_string(),
-                    Protocol::Realism => "simulator".to_owned(),
-                },
-                replan_steps: replan.steps(),
-                av_lookahead,
-                seed,
-                rollouts: self.settings.rollouts,
-                limit: self.settings.limit,
+                protocol: rollout.protocol.name().to_owned(),
+                av: self.policy().map_or_else(|| "simulator".to_owned(), ToString::to_string),
+                replan_steps: rollout.replan.steps(),
+                av_lookahead: rollout.av_lookahead == 1,
+                seed: subject.seed,
+                rollouts: rollout.rollouts,
+                limit,
                 pose: self.deviations.as_ref().and_then(|d| SettingsRecord::pose(d.pose)),
-                selection: self.settings.selection.clone(),
+                selection: self.selection.clone(),
             },
-            metric_options: named_options(&self.settings.options),
+            metric_options: named_options(&self.options),
             simulators: self.simulators.iter().map(PlannedSimulator::record).collect(),
             driver: self.driver().and_then(|driver| driver.record.clone()),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
             deviations: self.deviations.as_ref().map(|d| d.file.clone()),
-            benchmark: match (self.sources.as_slice(), &self.deviations, self.settings.limit) {
-                ([source], None, None) if self.settings.selection.is_all() => {
-                    BenchmarkRecord::of(&source.file)
-                }
+            benchmark: match (self.sources.as_slice(), &self.deviations, limit) {
+                ([source], None, None) if self.selection.is_all() => BenchmarkRecord::of(&source.file),
                 _ => None,
             },
             backend: backend.map(|b| b.name().to_owned()),
             cpu: backend.map(|_| cpu_class().to_owned()),
-            keep_rollouts: Some(self.keep_rollouts),
+            keep_rollouts: Some(self.spec.keeps_rollouts()),
             partition: self.partition,
         }
     }
 
+    /// Returns the AV policy; `None` if the simulator moves the AV.
+    pub fn policy(&self) -> Option<&AvChoice> {
+        self.spec.subject.av.as_ref().filter(|_| self.spec.rollout.protocol == Protocol::Reactive)
+    }
+
     /// Returns the driver that the AV policy names, if it names one.
     pub(super) fn driver(&self) -> Option<&Driver> {
-        match &self.settings.av {
-            AvChoice::Planned(planned) => self.drivers.iter().find(|d| d.driver == planned.driver),
+        match self.policy() {
+            Some(AvChoice::Planned(planned)) => self.drivers.iter().find(|d| d.driver == planned.driver),
             _ => None,
         }
     }
@@ -222,7 +207,7 @@ impl Plan {
     /// Returns the number of deviations in the file whose scenarios are selected by id.
     pub(super) fn selected_deviations(&self) -> usize {
         let ids = self.deviations.iter().flat_map(|d| d.tracks.keys());
-        ids.filter(|id| self.settings.selection.has_id(id)).count()
+        ids.filter(|id| self.selection.has_id(id)).count()
     }
 
     /// Opens the folder of the run, if it has one, and returns it with the values of the run so far. `resume`
@@ -246,7 +231,7 @@ impl Plan {
 
     /// Returns an empty tally for the values of the run.
     pub fn tally(&self) -> Tally {
-        Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.settings.rollouts)
+        Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.spec.rollout.rollouts)
     }
 
     /// Returns whether a scenario that has no AV for this reason is skipped rather than failed: a file of
@@ -291,14 +276,14 @@ impl Plan {
         scenario: &Scenario,
         given: &Arc<GivenPlans>,
     ) -> Result<(Option<Arc<dyn Av>>, DeviationLabels), NoAv> {
-        if self.settings.rollout.protocol == Protocol::Realism {
+        let Some(av) = self.policy() else {
             if self.deviations.is_some() {
                 self.deviated(scenario)?;
             }
             return Ok((None, DeviationLabels::default()));
-        }
+        };
         let undeviated = |av: Arc<dyn Av>| (av, DeviationLabels::default());
-        let (av, deviation) = match &self.settings.av {
+        let (av, deviation) = match av {
             AvChoice::Deviated | AvChoice::File(_) => self.deviated_av(scenario)?,
             AvChoice::Log => undeviated(Arc::new(LogAv::new(scenario)?)),
             AvChoice::DeviatedOrLog => match self.deviated_av(scenario) {
@@ -316,7 +301,7 @@ impl Plan {
             }
             AvChoice::Planned(planned) => {
                 let driver = self.driver().ok_or_else(|| NoAv::NoDriver(planned.driver.to_string()))?;
-                undeviated(driver.av(scenario, planned, self.settings.rollout.seed, given)?)
+                undeviated(driver.av(scenario, planned, self.spec.subject.seed, given)?)
             }
         };
         Ok((Some(av), deviation))

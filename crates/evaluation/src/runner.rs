@@ -12,9 +12,10 @@ use std::thread;
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_metrics::Event;
-use reactsim_rollout::{Av, Protocol, Request, Rollout, roll_out};
+use reactsim_rollout::{Av, Request, Rollout, roll_out};
 use reactsim_scene::{HISTORY, Scenario};
 
+use crate::av::AvChoice;
 use crate::deviation::labels::DeviationLabels;
 use crate::driver::{Driver, GivenPlans};
 use crate::error::EvaluationError;
@@ -140,7 +141,7 @@ pub fn run(
         if plan.partition.is_some() {
             folder.put(LEFT_OUT, &line(&omissions))?;
         }
-        complete(folder, &tally, &failures, &summary, plan.keep_rollouts)?;
+        complete(folder, &tally, &failures, &summary, plan.spec.keeps_rollouts())?;
     }
     Ok(Outcome::Finished(Box::new(summary)))
 }
@@ -328,13 +329,13 @@ impl Runner<'_> {
             |id, error: String| Refused::Record(Box::new(failure(self.plan, item.place, None, id, error)));
         let decoded = item.content.and_then(|decode| decode());
         let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
-        let selection = &self.plan.settings.selection;
+        let selection = &self.plan.selection;
         if !selection.has_id(&scenario.id) {
             return Ok(self.unselected());
         }
         self.omissions().read(self.plan, [&scenario.id]);
         let mut allowed = Vec::new();
-        if self.plan.settings.rollout.protocol == Protocol::Reactive {
+        if self.plan.policy().is_some() {
             let found = self.plan.check_deviation(&scenario);
             allowed = self.allow(GivenBy::Deviations, &scenario.id, found).map_err(Refused::Run)?;
         }
@@ -342,8 +343,7 @@ impl Runner<'_> {
         match self.plan.checked_av(&scenario, &given) {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
-                let settings = &self.plan.settings;
-                let judges_av = settings.rollout.protocol == Protocol::Reactive && settings.av.is_judged();
+                let judges_av = self.plan.policy().is_some_and(AvChoice::is_judged);
                 let (place, digest) = (item.place, scenario.digest());
                 Ok(Some(PreparedScenario {
                     place,
@@ -383,10 +383,11 @@ impl Runner<'_> {
         scenario: &str,
         found: Vec<Finding>,
     ) -> Result<Vec<RolloutCheck>, EvaluationError> {
-        if found.iter().all(|finding| self.plan.allowed.contains(&finding.check)) {
+        if found.iter().all(|finding| self.plan.spec.subject.motion.allow.contains(&finding.check)) {
             return Ok(found.into_iter().map(|finding| finding.check).collect());
         }
-        let missing = found.iter().filter(|finding| !self.plan.allowed.contains(&finding.check));
+        let missing =
+            found.iter().filter(|finding| !self.plan.spec.subject.motion.allow.contains(&finding.check));
         let names: Vec<&str> = missing.clone().map(|finding| finding.check.allowance()).collect();
         let texts: Vec<&str> = missing.map(|finding| finding.text.as_str()).collect();
         let subject = match by {
@@ -415,7 +416,7 @@ impl Runner<'_> {
         let planned = &self.plan.simulators[simulator];
         let mut finished: Vec<Vec<Rollout>> = todo.iter().map(|_| Vec::new()).collect();
         let mut failed: Vec<Option<String>> = vec![None; todo.len()];
-        for rollout in 0..self.plan.settings.rollouts {
+        for rollout in 0..self.plan.spec.rollout.rollouts {
             let (mut requests, mut requested) = (Vec::new(), Vec::new());
             for (i, ready) in todo.iter().enumerate() {
                 if failed[i].is_some() {
@@ -424,7 +425,7 @@ impl Runner<'_> {
                 requests.push(Request { scenario: &ready.scenario, av: ready.av.clone(), rollout });
                 requested.push(i);
             }
-            let results = roll_out(requests, &planned.controller, &self.plan.settings.rollout);
+            let results = roll_out(requests, &planned.controller, &self.plan.spec.settings());
             for (i, result) in requested.into_iter().zip(results) {
                 match result {
                     Ok(done) => finished[i].push(done),
@@ -487,7 +488,7 @@ impl Runner<'_> {
         rollouts: &mut [Rollout],
     ) -> Result<(), EvaluationError> {
         let planned = &self.plan.simulators[simulator];
-        let without_av = self.plan.settings.rollout.protocol == Protocol::Reactive;
+        let without_av = self.plan.policy().is_some();
         for (index, rollout) in (0..).zip(rollouts) {
             let mut failed = ready.allowed.clone();
             if planned.external.is_some() {
@@ -520,7 +521,7 @@ impl Runner<'_> {
     ) -> Result<(), EvaluationError> {
         let (rows, events) = self.rows(ready, simulator, &rollouts);
         if let Some(folder) = self.folder {
-            if self.plan.keep_rollouts {
+            if self.plan.spec.keeps_rollouts() {
                 let part = folder.part(ready.place, simulator)?;
                 rollouts::write_part(&part, &ready.scenario, &self.names[simulator], &rollouts)?;
             }
@@ -540,8 +541,8 @@ impl Runner<'_> {
         let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
             .with_deviation(&ready.deviation);
         let certificate = ready.deviation.certificate.as_ref();
-        let settings = &self.plan.settings;
-        let scores = judge(&ready.scenario, certificate, rollouts, settings.options, ready.judges_av);
+        let options = self.plan.options;
+        let scores = judge(&ready.scenario, certificate, rollouts, options, ready.judges_av);
         scores.rows(template, rollouts)
     }
 

@@ -1,15 +1,17 @@
 //! Specifications of runs. The options of the command line, files, and programs give the same values: the keys of
 //! a file are the long names of the options.
 
+mod axes;
 mod external;
 mod file;
 mod plan;
+mod record;
 mod scenarios;
 mod stage;
 mod text;
 mod time;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 use reactsim_baseline::WeightsFile;
@@ -23,12 +25,13 @@ use crate::av::AvChoice;
 use crate::deviation::pose::Pose;
 use crate::error::EvaluationError;
 use crate::motion::kind::RolloutCheck;
-use crate::simulators::{Adjustments, weights_file};
+use crate::simulators::{Adjustments, PlannedSimulator, weights_file};
 
+pub use axes::{Axis, AxisValue};
 pub use external::{ExternalPrograms, ExternalSpec};
-pub use file::{NamesScenarios, Specification};
-pub use plan::RunParts;
-pub(crate) use plan::{are_deviated, with_driver};
+pub use file::Specification;
+pub use plan::{RunParts, are_deviated};
+pub(crate) use plan::{refuse_repeated, with_driver};
 pub use scenarios::{NuplanSpec, Opening, ReadingSpec, ScenarioSpec, SelectionSpec};
 pub use stage::Stage;
 pub use time::Time;
@@ -154,6 +157,31 @@ pub struct MotionSpec {
     pub pose: Option<Pose>,
 }
 
+impl RunSpec {
+    /// Creates the simulators that are baselines, with the stage behind each. There are none if only external
+    /// programs are named.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] as for [`PlannedSimulator::adjusted`].
+    pub fn baselines(&self) -> Result<Vec<PlannedSimulator>, EvaluationError> {
+        let SubjectSpec { models, external, .. } = &self.subject;
+        let adjustments = self.subject.adjustments(self.rollout.smooth.0)?;
+        match models.is_empty() && !external.external.is_empty() {
+            true => Ok(Vec::new()),
+            false => PlannedSimulator::adjusted(models, &adjustments),
+        }
+    }
+
+    /// Returns whether another specification names the same simulators.
+    pub(crate) fn has_simulators_of(&self, other: &Self) -> bool {
+        let named = |spec: &Self| {
+            let SubjectSpec { models, model_weights, set, backend, external, .. } = spec.subject.clone();
+            (models, model_weights, set, backend, external.external, spec.rollout.smooth)
+        };
+        named(self) == named(other)
+    }
+}
+
 impl SubjectSpec {
     /// Returns the weights and parameters, with this stage behind all simulators.
     ///
@@ -227,16 +255,4 @@ pub fn weights(texts: &[String]) -> Result<Vec<(String, WeightsFile)>, Evaluatio
         )),
     };
     texts.iter().map(read).collect()
-}
-
-impl NamesScenarios for SubjectSpec {
-    fn paths(&mut self) -> &mut Vec<PathBuf> {
-        &mut self.input.scenarios
-    }
-}
-
-impl NamesScenarios for RunSpec {
-    fn paths(&mut self) -> &mut Vec<PathBuf> {
-        self.subject.paths()
-    }
 }

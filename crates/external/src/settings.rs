@@ -2,8 +2,6 @@
 
 use std::time::Duration;
 
-use reactsim_rollout::Settings;
-
 use super::ExternalError;
 
 /// Largest number of episodes per batch.
@@ -116,11 +114,4 @@ pub struct RunOutline {
     pub intervals: Vec<usize>,
     /// Names of the evaluation protocols: `reactive`, `realism`.
     pub protocols: Vec<&'static str>,
-}
-
-impl RunOutline {
-    /// Returns the outline of a single run.
-    pub fn of(settings: &Settings) -> Self {
-        Self { intervals: vec![settings.replan.steps()], protocols: vec![settings.protocol.name()] }
-    }
 }

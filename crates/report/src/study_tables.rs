@@ -1,4 +1,5 @@
-//! Tables of studies: simulators by replan interval, by protocol, by variant, or by planner.
+//! Tables of studies: simulators by replan interval, by protocol, by variant, by planner, or by values of
+//! axes.
 
 mod errors;
 mod json;
@@ -34,8 +35,8 @@ const FIXED_AV_METRICS: &[&str] = &["aav-collision", "over-reaction"];
 /// A table of a study.
 struct StudyTable<'a> {
     title: Title,
-    /// Whether rows name the variant of their simulator.
-    with_variants: bool,
+    /// Heads of the texts after the simulator: of its variant, or of the values of axes.
+    settings: Vec<&'a str>,
     heads: Vec<Head>,
     rows: Vec<StudyRow<'a>>,
 }
@@ -66,7 +67,7 @@ enum Head {
 struct StudyRow<'a> {
     title: &'a str,
     standing: TableMarks,
-    variant: Option<&'a str>,
+    settings: Vec<&'a str>,
     cells: Vec<StudyCell>,
 }
 
@@ -110,6 +111,7 @@ fn tables<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTabl
         StudyKind::Realism | StudyKind::Errors => by_protocol(results, style),
         StudyKind::Guards => by_variant(results, style),
         StudyKind::Planners => by_planner(results, style),
+        StudyKind::Axes => by_value(results, style),
     };
     // Scores of planners are better for one planner than for another, not for one simulator.
     if style.bold && results.study.kind != StudyKind::Planners {
@@ -134,7 +136,7 @@ fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Colum
             of(REALISM_METRICS)
         }
         StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
-        StudyKind::Guards => MAIN_COLUMNS.to_vec(),
+        StudyKind::Guards | StudyKind::Axes => MAIN_COLUMNS.to_vec(),
         StudyKind::Planners if member.planner.is_none() => of(FIXED_AV_METRICS),
         StudyKind::Planners => of(PLANNER_METRICS),
         StudyKind::Errors => of(LOG_METRICS),
@@ -181,12 +183,12 @@ fn by_member<'a>(
     let row = |(id, title, simulator): (&str, &'a str, &SimulatorSummary)| StudyRow {
         title,
         standing: simulator.standing(),
-        variant: None,
+        settings: Vec::new(),
         cells: members.iter().map(|(_, summary)| StudyCell::of(summary, id, column)).collect(),
     };
     StudyTable {
         title,
-        with_variants: false,
+        settings: Vec::new(),
         heads: members.iter().map(|(member, _)| head(member)).collect(),
         rows: members.first().into_iter().flat_map(|(_, first)| first.order()).map(row).collect(),
     }
@@ -205,11 +207,11 @@ fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
         let cells = members(results).flat_map(|(member, summary)| {
             columns_of(member).into_iter().map(move |column| StudyCell::of(summary, id, column))
         });
-        StudyRow { title, standing: simulator.standing(), variant: None, cells: cells.collect() }
+        StudyRow { title, standing: simulator.standing(), settings: Vec::new(), cells: cells.collect() }
     };
     vec![StudyTable {
         title: Title::None,
-        with_variants: false,
+        settings: Vec::new(),
         heads: heads.collect(),
         rows: first.order().map(row).collect(),
     }]
@@ -226,7 +228,7 @@ fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
                 let row = |cells: Vec<StudyCell>| StudyRow {
                     title,
                     standing: simulator.standing(),
-                    variant: Some(member.label.as_str()),
+                    settings: vec![member.label.as_str()],
                     cells,
                 };
                 values.push(row(columns.iter().map(|column| StudyCell::of(summary, id, *column)).collect()));
@@ -242,13 +244,40 @@ fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
     }
     let table = |title, rows| {
         let heads = columns.iter().map(|column| Head::Metric { protocol: None, column: *column });
-        StudyTable { title, with_variants: true, heads: heads.collect(), rows }
+        StudyTable { title, settings: vec!["Variant"], heads: heads.collect(), rows }
     };
     let mut tables = vec![table(Title::None, values)];
     if !differences.is_empty() {
         tables.push(table(Title::Differences, differences));
     }
     tables
+}
+
+/// One table: the metrics of every simulator at the values of the axes. Simulators that differ are rows
+/// anyway.
+fn by_value<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
+    let Some((first, _)) = members(results).next() else { return Vec::new() };
+    let columns = columns(results.study.kind, first, style);
+    let shown = |member: &'a Member| member.axes.iter().filter(|at| at.key != "models");
+    let mut ids: Vec<&str> = Vec::new();
+    for (id, ..) in members(results).flat_map(|(_, summary)| summary.order()) {
+        if !ids.contains(&id) {
+            ids.push(id);
+        }
+    }
+    let row = |id: &str, (member, summary): (&'a Member, &'a Summary)| {
+        let (id, title, simulator) = summary.order().find(|(other, ..)| *other == id)?;
+        let cells = columns.iter().map(|column| StudyCell::of(summary, id, *column)).collect();
+        let settings = shown(member).map(|at| at.value.as_str()).collect();
+        Some(StudyRow { title, standing: simulator.standing(), settings, cells })
+    };
+    let heads = columns.iter().map(|column| Head::Metric { protocol: None, column: *column });
+    vec![StudyTable {
+        title: Title::None,
+        settings: shown(first).map(|at| at.key.as_str()).collect(),
+        heads: heads.collect(),
+        rows: ids.iter().flat_map(|id| members(results).filter_map(|at| row(id, at))).collect(),
+    }]
 }
 
 fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> Option<&'a Difference> {
@@ -266,7 +295,7 @@ fn mark_best(table: &mut StudyTable<'_>) {
             .iter()
             .map(|row| {
                 // Variants compete with those of their own simulator.
-                let rivals = table.rows.iter().filter(|r| !table.with_variants || r.title == row.title);
+                let rivals = table.rows.iter().filter(|r| table.settings.is_empty() || r.title == row.title);
                 let numbers: Vec<f64> = rivals.filter_map(ranked).map(|(mean, _)| mean).collect();
                 let column = &row.cells[c].column;
                 let own = ranked(row).map(|(mean, _)| column.number(mean));

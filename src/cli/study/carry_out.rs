@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use super::SharedArgs;
 use super::realism::score_realism;
-use super::{PlannedStudy, SharedArgs};
 use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::output::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
@@ -13,13 +13,13 @@ use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::cli::subject::log_sources;
 use crate::evaluation::{
-    self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyPlan,
-    StudyResults, Summary,
+    self, ExternalPrograms, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind,
+    StudyPlan, StudyResults, Summary,
 };
 use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
-    (mut plan, programs): PlannedStudy,
+    (mut plan, programs): (StudyPlan, ExternalPrograms),
     shared: &SharedArgs,
 ) -> anyhow::Result<ExitStatus> {
     let folder = match shared.resume {
@@ -41,6 +41,7 @@ pub(super) fn carry_out(
         say(format_args!("{which}"));
         let mut tally = plan.tally();
         let run = RunFolder::resume(&folder.member(member), &provenance, &mut tally)?;
+        plan.spec.write(run.path())?;
         let progress = Progress::new();
         let outcome = evaluation::run(plan, shared.work.execution(), Some(&run), tally, &progress, &stop);
         progress.end();
@@ -117,8 +118,8 @@ fn finish(
     failed: usize,
 ) -> anyhow::Result<ExitStatus> {
     let kind = plan.study().kind;
-    if kind == StudyKind::Realism && shared.keep_rollouts {
-        score_realism(folder.path(), &log_sources(&shared.subject.0)?)?;
+    if kind == StudyKind::Realism && shared.spec.value.keeps_rollouts() {
+        score_realism(folder.path(), &log_sources(&shared.spec.value.subject)?)?;
     }
     if kind == StudyKind::Planners {
         PlannerRanks::of_study(folder.path())?.write(folder.path())?;

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{reactsim, said, text};
+use crate::program::{program, reactsim, said, text};
+use crate::small_scenarios::{deviations, scenario, write};
 
 /// Writes a file and returns its path.
 fn file(home: &Path, content: &str) -> String {
@@ -48,7 +49,8 @@ fn a_printed_specification_repeats_the_run() {
     let [first, second] = ["first", "second"].map(|name| home.path().join(name));
     said(&[&options[..], &["--out", text(&first)]].concat(), 0);
     said(&["run", &spec, "--out", text(&second)], 0);
-    for name in ["provenance.json", "rows.jsonl", "summary.json"] {
+    assert_eq!(fs::read_to_string(first.join("spec.toml")).unwrap(), printed);
+    for name in ["provenance.json", "rows.jsonl", "summary.json", "spec.toml"] {
         assert_eq!(
             fs::read_to_string(first.join(name)).unwrap(),
             fs::read_to_string(second.join(name)).unwrap()
@@ -59,6 +61,36 @@ fn a_printed_specification_repeats_the_run() {
 }
 
 #[test]
+fn a_run_folder_repeats_its_run_wherever_it_is_called_from() {
+    let home = tempfile::tempdir().unwrap();
+    let home = home.path().canonicalize().unwrap();
+    fs::create_dir_all(home.join("data/logs")).unwrap();
+    write(&home.join("data/logs/mine.parquet"), (0..3).map(scenario));
+    fs::write(home.join("data/deviations.json"), deviations(&[0, 2]).to_string()).unwrap();
+    let call = |folder: &str, arguments: &[&str]| {
+        let output = program().args(arguments).current_dir(home.join(folder)).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let options = ["--models", "stop", "--av", "file:deviations.json", "--keep-rollouts"];
+    call("data", &[&["run", "logs", "--out", "../runs/first"], &options[..]].concat());
+    let text = fs::read_to_string(home.join("runs/first/spec.toml")).unwrap();
+    for line in ["scenarios = [\"../../data/logs\"]", "deviations = \"../../data/deviations.json\""] {
+        assert!(text.lines().any(|found| found == line), "{line}: {text}");
+    }
+    // All of it is moved.
+    fs::create_dir(home.join("moved")).unwrap();
+    ["data", "runs"]
+        .iter()
+        .for_each(|name| fs::rename(home.join(name), home.join("moved").join(name)).unwrap());
+    call(".", &["run", "moved/runs/first/spec.toml", "--out", "moved/runs/second"]);
+    call("moved/runs", &["run", "first/spec.toml", "--out", "third"]);
+    for name in ["provenance.json", "rows.jsonl", "summary.json", "spec.toml", "rollouts.parquet"] {
+        let of = |run: &str| fs::read(home.join("moved/runs").join(run).join(name)).unwrap();
+        assert!(of("first") == of("second") && of("first") == of("third"), "{name}");
+    }
+}
+
+#[test]
 fn options_take_precedence_over_a_file() {
     let home = tempfile::tempdir().unwrap();
     let spec = file(
@@ -66,7 +98,9 @@ fn options_take_precedence_over_a_file() {
         "models = [\"idm\"]\nscenarios = [\"a.parquet\"]\nkeep-rollouts = true\nseed = 3\n",
     );
     let (printed, _) = said(&["run", &spec, "--models", "stop", "--keep-rollouts=false", "--print-spec"], 0);
-    for line in ["models = [\"stop\"]", "scenarios = [\"a.parquet\"]", "keep-rollouts = false", "seed = 3"] {
+    // Paths in a file are those of its folder.
+    let scenarios = format!("scenarios = [{:?}]", home.path().join("a.parquet"));
+    for line in ["models = [\"stop\"]", &scenarios, "keep-rollouts = false", "seed = 3"] {
         assert!(printed.lines().any(|found| found == line), "{line}: {printed}");
     }
     let (printed, _) = said(&["run", &spec, "b.parquet", "--print-spec"], 0);

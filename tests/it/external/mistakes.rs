@@ -18,7 +18,7 @@ fn run_with(
     let settings = child.settings(&format!("{mistake} plan any"), LONG);
     let simulator = start(ExternalSettings { batch: Some(1), ..settings }).unwrap();
     let mut plan = plan_of(vec![simulator], Protocol::Reactive);
-    plan.allowed = allowed.to_vec();
+    plan.spec.subject.motion.allow = allowed.to_vec();
     let folder = folder.map(|name| RunFolder::create(&child.path(name), &plan.provenance()).unwrap());
     let (collector, stop) = (Collector::default(), AtomicBool::new(false));
     let execution = Execution { jobs: 1, batch: 1 };

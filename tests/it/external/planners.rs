@@ -33,7 +33,8 @@ fn plan_with(driver: Driver, controller: Controller, every: usize) -> Plan {
     let simulators = PlannedSimulator::by_ids(&["constant-velocity".to_owned()]).unwrap();
     let every = Replan::every(every).unwrap();
     let mut plan = plan_of(simulators, Protocol::Reactive);
-    plan.settings.av = AvChoice::Planned(PlannedAv { driver: driver.driver().clone(), controller, every });
+    plan.spec.subject.av =
+        Some(AvChoice::Planned(PlannedAv { driver: driver.driver().clone(), controller, every }));
     plan.drivers.push(driver);
     plan
 }

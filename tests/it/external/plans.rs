@@ -71,9 +71,10 @@ fn run(drawing: Draws, every: usize, allowed: &[RolloutCheck]) -> Result<usize, 
     let mut plan =
         plan_of(evaluation::PlannedSimulator::by_ids(&["stop".to_owned()]).unwrap(), Protocol::Reactive);
     let (every, controller) = (Replan::every(every).unwrap(), Controller::LqrBicycle);
-    plan.settings.av = AvChoice::Planned(PlannedAv { driver: driver.driver().clone(), controller, every });
+    plan.spec.subject.av =
+        Some(AvChoice::Planned(PlannedAv { driver: driver.driver().clone(), controller, every }));
     plan.drivers.push(driver);
-    plan.allowed = allowed.to_vec();
+    plan.spec.subject.motion.allow = allowed.to_vec();
     let (collector, stop) = (Collector::default(), AtomicBool::new(false));
     let outcome =
         evaluation::run(&plan, Execution { jobs: 1, batch: 3 }, None, plan.tally(), &collector, &stop)?;

@@ -1,15 +1,15 @@
 //! The plan that repeats the run of a reference.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
+use std::num::NonZeroUsize;
 
 use reactsim_baseline::{WeightsFile, weights};
-use reactsim_metrics::Options;
-use reactsim_rollout::{Protocol, Replan, Settings};
+use reactsim_rollout::{Protocol, Replan};
 
 use super::{Reference, ReferenceError};
-use crate::av::AvChoice;
 use crate::error::EvaluationError;
-use crate::plan::{Deviations, Plan, RunSettings};
+use crate::plan::{Deviations, Plan};
 use crate::provenance::leaves::differences;
 use crate::provenance::{Provenance, program_version};
 use crate::simulators::{Adjustments, PlannedSimulator};
@@ -17,6 +17,7 @@ use crate::source::Source;
 use crate::source::benchmarks::BenchmarkRecord;
 use crate::source::file_record::FileRecord;
 use crate::spec::with_driver;
+use crate::spec::{RolloutSpec, RunSpec, SubjectSpec};
 
 /// The inputs for repeating the run of a reference.
 pub struct RerunInputs {
@@ -54,15 +55,15 @@ impl Reference {
             smoothing: None,
             backend: stated.backend.as_deref().and_then(|name| name.parse().ok()).unwrap_or_default(),
         };
-        let settings = self.settings()?;
+        let spec = self.spec()?;
         let plan = Plan {
-            drivers: with_driver(&settings.av, Vec::new())?,
+            drivers: with_driver(spec.subject.av.as_ref(), Vec::new())?,
             sources: inputs.sources,
             simulators: PlannedSimulator::adjusted(&ids, &adjustments)?,
             deviations: inputs.deviations,
-            settings,
-            keep_rollouts: false,
-            allowed: Vec::new(),
+            options: spec.subject.options().map_err(|error| self.unfit(&error))?,
+            selection: self.provenance.settings.selection.clone(),
+            spec,
             partition: None,
         };
         let (stated, found) = (comparable(stated, stated), comparable(&plan.provenance(), stated));
@@ -89,33 +90,33 @@ impl Reference {
         Ok(given)
     }
 
-    /// Returns the settings in the provenance.
-    fn settings(&self) -> Result<RunSettings, ReferenceError> {
+    /// Returns what the settings in the provenance specify.
+    fn spec(&self) -> Result<RunSpec, ReferenceError> {
         let stated = &self.provenance.settings;
-        let unknown = |field: &str, value: &dyn std::fmt::Display| {
-            let reason =
-                format!("provenance.json: `settings.{field}` is {value}, which this program does not know");
-            ReferenceError::Unfit { place: self.place.clone(), reason }
+        let unknown = |field: &str, value: &dyn Display| {
+            self.unfit(&format!("`settings.{field}` is {value}, which this program does not know"))
         };
         let protocol =
             [Protocol::Reactive, Protocol::Realism].into_iter().find(|p| p.name() == stated.protocol);
         let protocol = protocol.ok_or_else(|| unknown("protocol", &stated.protocol))?;
         let av = match protocol {
-            Protocol::Realism => AvChoice::Log,
-            Protocol::Reactive => stated.av.parse().map_err(|_| unknown("av", &stated.av))?,
+            Protocol::Realism => None,
+            Protocol::Reactive => Some(stated.av.parse().map_err(|_| unknown("av", &stated.av))?),
         };
         let replan = Replan::every(stated.replan_steps);
         let replan = replan.ok_or_else(|| unknown("replan_steps", &stated.replan_steps))?;
-        let mut options = Options::default();
-        for (name, value) in &self.provenance.metric_options {
-            options.set(name, value).map_err(|error| ReferenceError::Unfit {
-                place: self.place.clone(),
-                reason: format!("provenance.json: {error}"),
-            })?;
-        }
-        let rollout = Settings { protocol, replan, av_lookahead: stated.av_lookahead, seed: stated.seed };
-        let (rollouts, limit, selection) = (stated.rollouts, stated.limit, stated.selection.clone());
-        Ok(RunSettings { rollout, av, rollouts, options, limit, selection })
+        let (av_lookahead, rollouts) = (u8::from(stated.av_lookahead), stated.rollouts);
+        let options = self.provenance.metric_options.iter();
+        let metric_option = options.map(|(name, value)| format!("{name}={value}")).collect();
+        let mut subject = SubjectSpec { av, seed: stated.seed, metric_option, ..SubjectSpec::default() };
+        subject.input.limit = stated.limit.and_then(NonZeroUsize::new);
+        let rollout = RolloutSpec { protocol, replan, av_lookahead, rollouts, ..RolloutSpec::default() };
+        Ok(RunSpec { subject, rollout, keep_rollouts: None })
+    }
+
+    /// Returns the error of a provenance that this program cannot repeat.
+    fn unfit(&self, reason: &dyn Display) -> ReferenceError {
+        ReferenceError::Unfit { place: self.place.clone(), reason: format!("provenance.json: {reason}") }
     }
 
     /// Checks that inputs and deviations are those of the reference. Names of files may differ.

@@ -16,6 +16,7 @@ use crate::provenance::Provenance;
 use crate::runner::omissions::Omissions;
 use crate::runner::refuse_repeated;
 use crate::source::file_record::FileRecord;
+use crate::spec::RunSpec;
 use crate::statistics::tally::Tally;
 use crate::summary::Summary;
 
@@ -39,6 +40,9 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
     let mut tally = Tally::new(simulators, provenance.settings.rollouts);
     tally.entries.extend(tallies.iter().flat_map(|of| of.entries.clone()));
     let run = RunFolder::create(out, &provenance)?;
+    if let Some(spec) = RunSpec::of_run(&partitions[0])? {
+        spec.write(out)?;
+    }
     let (mut failures, mut omissions) = (Vec::new(), Omissions::default());
     for folder in partitions {
         for_parsed_lines(&folder.join(FAILURES), |failure| failures.push(failure))?;

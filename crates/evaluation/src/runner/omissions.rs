@@ -27,7 +27,7 @@ pub(crate) struct Omissions {
 impl Omissions {
     /// Notes ids of scenarios that were read and are selected by id.
     pub(crate) fn read<'a>(&mut self, plan: &Plan, ids: impl IntoIterator<Item = &'a String>) {
-        let (selected, deviations) = (&plan.settings.selection.ids, plan.deviations.as_ref());
+        let (selected, deviations) = (&plan.selection.ids, plan.deviations.as_ref());
         for id in ids {
             if selected.contains(id) {
                 self.found.insert(id.clone());

@@ -6,8 +6,9 @@ use reactsim_external::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::Time;
+use super::{RunSpec, Time};
 use crate::error::EvaluationError;
+use crate::simulators::PlannedSimulator;
 
 /// Command for our own standard input and output.
 const STDIO: &str = "@stdio";
@@ -82,6 +83,18 @@ impl ExternalPrograms {
     pub fn processes(&self) -> impl Iterator<Item = &Processes> {
         let simulators = self.simulators.iter().map(ExternalSimulator::processes);
         simulators.chain(self.planners.iter().map(ExternalPlanner::processes))
+    }
+
+    /// Creates the simulators that a specification names, with its stage behind each.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if a baseline has the name of one.
+    pub fn planned(&self, spec: &RunSpec) -> Result<Vec<PlannedSimulator>, EvaluationError> {
+        let texts = &spec.subject.external.external;
+        let is_named =
+            |name: &str| texts.iter().filter_map(|t| t.split_once('=')).any(|(own, _)| own == name);
+        let named = self.simulators.iter().filter(|simulator| is_named(simulator.name()));
+        named.map(|simulator| PlannedSimulator::external(simulator.clone(), spec.rollout.smooth.0)).collect()
     }
 }
 

@@ -4,8 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
+use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
-use serde::de::DeserializeOwned;
+
+use super::RunSpec;
 
 use crate::suggestion::most_similar;
 
@@ -15,28 +17,27 @@ const EXTENSION: &str = "toml";
 /// A specification from the command line: that of the file which is named instead of scenarios, or the default one,
 /// changed by the options that are given.
 #[derive(Clone, Debug)]
-pub struct Specification<T>(pub T);
+pub struct Specification {
+    /// The specification.
+    pub value: RunSpec,
+    /// Ids of the options on the command line.
+    pub given: Vec<String>,
+}
 
-impl<T: Args + Default + DeserializeOwned + NamesScenarios> Args for Specification<T> {
+impl Args for Specification {
     fn augment_args(command: Command) -> Command {
         // Nothing is required, because the defaults are those of the type.
-        T::augment_args_for_update(command)
+        RunSpec::augment_args_for_update(command)
     }
 
     fn augment_args_for_update(command: Command) -> Command {
-        T::augment_args_for_update(command)
+        RunSpec::augment_args_for_update(command)
     }
 }
 
-/// A type that names scenarios.
-pub trait NamesScenarios {
-    /// Returns their paths.
-    fn paths(&mut self) -> &mut Vec<PathBuf>;
-}
-
-impl<T: Args + Default + DeserializeOwned + NamesScenarios> FromArgMatches for Specification<T> {
+impl FromArgMatches for Specification {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let mut specification = Self(T::default());
+        let mut specification = Self { value: RunSpec::default(), given: Vec::new() };
         specification.update_from_arg_matches(matches)?;
         Ok(specification)
     }
@@ -47,12 +48,14 @@ impl<T: Args + Default + DeserializeOwned + NamesScenarios> FromArgMatches for S
             named.into_iter().find(|path| path.extension().is_some_and(|found| found == EXTENSION)).cloned();
         if let Some(file) = &file {
             let invalid = |error: String| clap::Error::raw(ErrorKind::InvalidValue, error + "\n");
-            self.0 = read(file).map_err(invalid)?;
+            self.value = read(file).map_err(invalid)?;
         }
-        let from_file = std::mem::take(self.0.paths());
-        self.0.update_from_arg_matches(matches)?;
+        let from_file = std::mem::take(&mut self.value.subject.input.scenarios);
+        self.value.update_from_arg_matches(matches)?;
+        let is_given = |id: &&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+        self.given = matches.ids().map(clap::Id::as_str).filter(is_given).map(str::to_owned).collect();
         if file.is_some() {
-            let paths = self.0.paths();
+            let paths = &mut self.value.subject.input.scenarios;
             paths.retain(|path| Some(path) != file.as_ref());
             if paths.is_empty() {
                 *paths = from_file;
@@ -62,23 +65,34 @@ impl<T: Args + Default + DeserializeOwned + NamesScenarios> FromArgMatches for S
     }
 }
 
-/// Reads a specification.
+/// Reads a specification, whose paths are relative to the folder of the file.
 ///
 /// # Errors
 /// If the file cannot be read, is no TOML, has an unknown key, or a value that does not fit.
-fn read<T: Args + DeserializeOwned>(path: &Path) -> Result<T, String> {
+pub(super) fn read(path: &Path) -> Result<RunSpec, String> {
     let invalid = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let text = fs::read_to_string(path).map_err(|error| invalid(&error))?;
     let table: toml::Table = toml::from_str(&text).map_err(|error| invalid(&error))?;
-    let command = T::augment_args_for_update(Command::new("specification"));
-    let name = |argument: &clap::Arg| argument.get_long().unwrap_or(argument.get_id().as_str()).to_owned();
-    let names: Vec<String> = command.get_arguments().map(name).collect();
+    let names = names(&RunSpec::augment_args_for_update(Command::new("specification")));
     if let Some(key) = table.keys().find(|key| !names.contains(key)) {
-        let meant = most_similar(key, &names).map_or_else(
-            || "keys are the long names of the options that determine the results".to_owned(),
-            |name| format!("did you mean `{name}`?"),
-        );
-        return Err(invalid(&format!("`{key}` is not a key; {meant}")));
+        let keys = "keys are the long names of the options that determine the results";
+        return Err(invalid(&unknown_key(key, &names, keys)));
     }
-    table.try_into().map_err(|error| invalid(&error))
+    let mut specification: RunSpec = table.try_into().map_err(|error| invalid(&error))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    specification.change_paths(&|path| folder.join(path));
+    Ok(specification)
+}
+
+/// Returns the keys that the arguments of a command are.
+pub(super) fn names(command: &Command) -> Vec<String> {
+    let name = |argument: &clap::Arg| argument.get_long().unwrap_or(argument.get_id().as_str()).to_owned();
+    command.get_arguments().map(name).collect()
+}
+
+/// Returns the refusal of a key that is not among these: the one that was meant, or what keys are.
+pub(super) fn unknown_key(key: &str, names: &[String], keys: &str) -> String {
+    let meant =
+        most_similar(key, names).map_or_else(|| keys.to_owned(), |name| format!("did you mean `{name}`?"));
+    format!("`{key}` is not a key; {meant}")
 }

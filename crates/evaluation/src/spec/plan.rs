@@ -1,6 +1,5 @@
 //! Plans of specified runs.
 
-use std::num::NonZeroUsize;
 use std::path::Path;
 
 use reactsim_formats::Partition;
@@ -11,7 +10,7 @@ use crate::av::{AvChoice, AvDriver, PlannedAv};
 use crate::deviation::pose::Pose;
 use crate::driver::Driver;
 use crate::error::EvaluationError;
-use crate::plan::{Deviations, Plan, RunSettings};
+use crate::plan::{Deviations, Plan};
 use crate::simulators::PlannedSimulator;
 use crate::source::Source;
 use crate::source::benchmarks::BenchmarkRecord;
@@ -30,9 +29,9 @@ pub struct RunParts {
 }
 
 impl RunSpec {
-    /// Returns the text of a file, with all values that are set or have a default.
-    pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("a specification has texts, numbers and lists only")
+    /// Returns whether the run folder keeps the rollouts.
+    pub fn keeps_rollouts(&self) -> bool {
+        self.keep_rollouts == Some(true)
     }
 
     /// Returns protocol, replan interval, lookahead and seed.
@@ -46,6 +45,21 @@ impl RunSpec {
         }
     }
 
+    /// Returns the file of deviations, if there is one.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if there are no rollouts, or the AV and the deviations do not fit together or to
+    /// the protocol.
+    pub(crate) fn check(&self) -> Result<Option<&Path>, EvaluationError> {
+        if self.rollout.rollouts == 0 {
+            return Err(EvaluationError::ZeroRollouts);
+        }
+        if self.rollout.protocol == Protocol::Realism && self.subject.av.is_some() {
+            return Err(EvaluationError::AvInRealism);
+        }
+        deviations_file(&self.subject)
+    }
+
     /// Plans the run. Every error of its inputs is reported here, before the first scenario.
     ///
     /// # Errors
@@ -54,20 +68,10 @@ impl RunSpec {
     /// deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
         let RunParts { sources, simulators, drivers, partition } = parts;
-        for (i, simulator) in simulators.iter().enumerate() {
-            if simulators[..i].iter().any(|earlier| earlier.id == simulator.id) {
-                return Err(EvaluationError::RepeatedSimulator { id: simulator.id.clone() });
-            }
-        }
-        let (subject, rollout) = (&self.subject, self.settings());
-        if self.rollout.rollouts == 0 {
-            return Err(EvaluationError::ZeroRollouts);
-        }
-        let is_realism = rollout.protocol == Protocol::Realism;
-        if is_realism && subject.av.is_some() {
-            return Err(EvaluationError::AvInRealism);
-        }
-        let mut deviations = deviations_file(subject)?.map(Deviations::read).transpose()?;
+        refuse_repeated(&simulators)?;
+        let (subject, file) = (&self.subject, self.check()?);
+        let is_realism = self.rollout.protocol == Protocol::Realism;
+        let mut deviations = file.map(Deviations::read).transpose()?;
         let pose = subject.motion.pose.unwrap_or(Pose::Centre);
         match &mut deviations {
             Some(deviations) => deviations.pose = pose,
@@ -75,26 +79,29 @@ impl RunSpec {
             None => {}
         }
         let av = match subject.av.clone() {
-            Some(av) => av,
-            // Never asked: the simulator moves the AV.
-            None if is_realism => AvChoice::Log,
+            Some(av) => Some(av),
+            None if is_realism => None,
             None if deviations.is_none() && !sources.is_empty() && !are_deviated(&sources) => {
                 return Err(EvaluationError::NoDeviatedAv);
             }
-            None => AvChoice::Deviated,
+            None => Some(AvChoice::Deviated),
         };
-        let drivers = with_driver(&av, drivers)?;
-        let settings = RunSettings {
-            rollout,
-            av,
-            rollouts: self.rollout.rollouts,
-            options: subject.options()?,
-            limit: subject.input.limit.map(NonZeroUsize::get),
-            selection: subject.input.selection.selection(),
-        };
-        let (keep_rollouts, allowed) = (self.keep_rollouts == Some(true), subject.motion.allow.clone());
-        Ok(Plan { sources, simulators, deviations, drivers, settings, keep_rollouts, allowed, partition })
+        let drivers = with_driver(av.as_ref(), drivers)?;
+        let (options, selection) = (subject.options()?, subject.input.selection.selection());
+        let mut spec = self.clone();
+        spec.subject.av = av;
+        Ok(Plan { sources, simulators, deviations, drivers, spec, options, selection, partition })
     }
+}
+
+/// Refuses simulators with the same id.
+pub(crate) fn refuse_repeated(simulators: &[PlannedSimulator]) -> Result<(), EvaluationError> {
+    for (i, simulator) in simulators.iter().enumerate() {
+        if simulators[..i].iter().any(|earlier| earlier.id == simulator.id) {
+            return Err(EvaluationError::RepeatedSimulator { id: simulator.id.clone() });
+        }
+    }
+    Ok(())
 }
 
 /// Returns the file of deviations, which the AV policy may name too.
@@ -114,9 +121,14 @@ fn deviations_file(subject: &SubjectSpec) -> Result<Option<&Path>, EvaluationErr
 ///
 /// # Errors
 /// [`EvaluationError`] if the policy names a planner that is not given, or a simulator that cannot drive.
-pub(crate) fn with_driver(av: &AvChoice, mut drivers: Vec<Driver>) -> Result<Vec<Driver>, EvaluationError> {
-    drivers.extend(Driver::of(av)?);
-    let AvChoice::Planned(PlannedAv { driver, .. }) = av else { return Ok(drivers) };
+pub(crate) fn with_driver(
+    av: Option<&AvChoice>,
+    mut drivers: Vec<Driver>,
+) -> Result<Vec<Driver>, EvaluationError> {
+    let Some(av @ AvChoice::Planned(PlannedAv { driver, .. })) = av else { return Ok(drivers) };
+    if !drivers.iter().any(|given| given.driver == *driver) {
+        drivers.extend(Driver::of(av)?);
+    }
     let needs_driver = matches!(driver, AvDriver::External(_) | AvDriver::Own(_));
     if needs_driver && !drivers.iter().any(|given| given.driver == *driver) {
         return Err(EvaluationError::NoDriver { name: driver.to_string() });
@@ -126,7 +138,7 @@ pub(crate) fn with_driver(av: &AvChoice, mut drivers: Vec<Driver>) -> Result<Vec
 
 /// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the
 /// run reports later. Known benchmarks are not read for it.
-pub(crate) fn are_deviated(sources: &[Source]) -> bool {
+pub fn are_deviated(sources: &[Source]) -> bool {
     if sources.first().is_some_and(|source| BenchmarkRecord::of(&source.file).is_some()) {
         return true;
     }

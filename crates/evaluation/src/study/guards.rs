@@ -8,8 +8,9 @@ use reactsim_qp::Smoothing;
 
 use super::Member;
 use crate::error::EvaluationError;
+use crate::simulators::PlannedSimulator;
 use crate::simulators::id::SimulatorId;
-use crate::simulators::{Adjustments, PlannedSimulator};
+use crate::spec::{RunSpec, Stage};
 
 /// Name of the unchanged variant.
 const AS_IS: &str = "as-is";
@@ -37,15 +38,15 @@ pub(super) struct Variant {
     label: String,
     /// Id of each changed simulator, and the id of the unchanged one.
     originals: BTreeMap<String, String>,
-    /// The changed simulators.
-    pub(super) simulators: Vec<PlannedSimulator>,
+    /// The specification of the changed simulators.
+    pub(super) spec: RunSpec,
 }
 
 impl Variant {
-    /// Creates the unchanged variant. It does not contain the simulators, which exist already.
-    pub(super) fn as_is(simulators: &[PlannedSimulator]) -> Self {
+    /// Creates the unchanged variant.
+    pub(super) fn as_is(simulators: &[PlannedSimulator], spec: &RunSpec) -> Self {
         let originals = simulators.iter().map(|s| (s.id.clone(), s.id.clone())).collect();
-        Self { name: AS_IS.to_owned(), label: "as it is".to_owned(), originals, simulators: Vec::new() }
+        Self { name: AS_IS.to_owned(), label: "as it is".to_owned(), originals, spec: spec.clone() }
     }
 
     /// Returns the study member that runs these simulators.
@@ -77,7 +78,7 @@ struct ChangedSimulator<'a> {
 /// components that they do not have are added.
 pub(super) fn variants(
     simulators: &[PlannedSimulator],
-    adjustments: &Adjustments,
+    spec: &RunSpec,
 ) -> Result<Vec<Variant>, EvaluationError> {
     let mut variants = Vec::new();
     for Switch { key, name, title } in SWITCHES {
@@ -91,7 +92,7 @@ pub(super) fn variants(
             }
             let with = if on { "without" } else { "with" };
             let (name, label) = (format!("{with}-{name}"), format!("{with} {title}"));
-            variants.extend(variant(&name, &label, changed, adjustments)?);
+            variants.extend(variant(&name, &label, changed, spec)?);
         }
     }
     let with = Smoothing::Full;
@@ -106,7 +107,7 @@ pub(super) fn variants(
         &format!("with-{}", with.name()),
         &format!("with {}", title(with)),
         changed,
-        adjustments,
+        spec,
     )?);
     for stage in Smoothing::ALL {
         // Mixes have no variants.
@@ -118,7 +119,7 @@ pub(super) fn variants(
             _ => None,
         });
         let (name, label) = (format!("without-{}", stage.name()), format!("without {}", title(stage)));
-        variants.extend(variant(&name, &label, with_it.collect(), adjustments)?);
+        variants.extend(variant(&name, &label, with_it.collect(), spec)?);
     }
     Ok(variants)
 }
@@ -140,31 +141,36 @@ fn switch(simulator: &PlannedSimulator, key: &str) -> Result<Option<bool>, Evalu
     Ok(Some(simulator.parameters.get(key).map_or(on, |value| value == "true")))
 }
 
-/// Creates a variant with its simulators; `None` if it changes none.
+/// Creates a variant; `None` if it changes no simulator.
 fn variant(
     name: &str,
     label: &str,
     changed: Vec<ChangedSimulator<'_>>,
-    adjustments: &Adjustments,
+    spec: &RunSpec,
 ) -> Result<Option<Variant>, EvaluationError> {
     if changed.is_empty() {
         return Ok(None);
     }
-    let mut own = Adjustments { backend: adjustments.backend, ..Adjustments::default() };
+    let (mut weights, mut set) = (Vec::new(), Vec::new());
     for ChangedSimulator { from, id, parameter } in &changed {
         // Weights and parameters are those of the unchanged simulator, except for the component.
-        let weights_of = |id: &str| adjustments.weights.iter().find(|(to, _)| to == id);
+        let given = || spec.subject.model_weights.iter().filter_map(|text| text.split_once('='));
+        let weights_of = |id: &str| given().find(|(to, _)| *to == id);
         let variant = SimulatorId::parse(&from.id)?.variant;
         if let Some((_, file)) = weights_of(&from.id).or_else(|| weights_of(variant)) {
-            own.weights.push((id.clone(), file.clone()));
+            weights.push(format!("{id}={file}"));
         }
         let others =
             from.parameters.iter().filter(|(key, _)| parameter.is_none_or(|(changed, _)| *key != changed));
-        own.parameters.extend(others.map(|(key, value)| (id.clone(), key.clone(), value.clone())));
-        own.parameters.extend(parameter.map(|(key, on)| (id.clone(), key.to_owned(), on.to_string())));
+        set.extend(others.map(|(key, value)| format!("{id}.{key}={value}")));
+        set.extend(parameter.map(|(key, on)| format!("{id}.{key}={on}")));
     }
-    let ids: Vec<String> = changed.iter().map(|c| c.id.clone()).collect();
     let originals = changed.iter().map(|c| (c.id.clone(), c.from.id.clone())).collect();
-    let simulators = PlannedSimulator::adjusted(&ids, &own)?;
-    Ok(Some(Variant { name: name.to_owned(), label: label.to_owned(), originals, simulators }))
+    let mut spec = spec.clone();
+    (spec.subject.model_weights, spec.subject.set) = (weights, set);
+    spec.subject.models = changed.into_iter().map(|c| c.id).collect();
+    spec.subject.external.external.clear();
+    // The ids have the stage.
+    spec.rollout.smooth = Stage(None);
+    Ok(Some(Variant { name: name.to_owned(), label: label.to_owned(), originals, spec }))
 }

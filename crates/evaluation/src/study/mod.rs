@@ -1,4 +1,4 @@
-//! Studies: several runs on the same scenarios that differ in one studied setting.
+//! Studies: several runs on the same scenarios whose specifications differ in some keys, the axes.
 //!
 //! A study is a folder with `study.json`, which lists its members, `study.md` with its table, and one
 //! ordinary run folder per member; studies of planners also have `planners.json`, studies of errors
@@ -17,10 +17,12 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::spec::AxisValue;
+
 pub use errors::{ErrorGroup, LOG_ERRORS, LogErrors, SimulatorErrors};
 pub use file::{is_study, read_study};
 pub use folder::StudyFolder;
-pub use plan::StudyPlan;
+pub use plan::{AxisPoint, StudyPlan};
 pub use planners::{Agreement, OrderChange, PLANNER_RANKS, PlannerRanks, SimulatorRanks};
 pub use results::{Difference, StudyResults};
 
@@ -38,6 +40,8 @@ pub enum StudyKind {
     Planners,
     /// Displacements from the log, by what agents do in it.
     Errors,
+    /// Any keys of a specification.
+    Axes,
 }
 
 impl StudyKind {
@@ -49,6 +53,7 @@ impl StudyKind {
             Self::Guards => "guards",
             Self::Planners => "planners",
             Self::Errors => "errors",
+            Self::Axes => "axes",
         }
     }
 }
@@ -93,6 +98,9 @@ pub struct Member {
     /// differ if a stage was added or removed. In studies of kind `guards`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub originals: BTreeMap<String, String>,
+    /// Values of the run on the axes, which are the same in all members; in studies of kind `axes`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub axes: Vec<AxisValue>,
 }
 
 impl Study {
@@ -122,7 +130,8 @@ impl Study {
             return Some("it has no members".to_owned());
         }
         for (i, member) in self.members.iter().enumerate() {
-            let Member { folder, replan_steps, protocol, variant, av_lookahead, originals, .. } = member;
+            let Member { folder, replan_steps, protocol, variant, av_lookahead, originals, axes, .. } =
+                member;
             if !is_plain(folder) {
                 return Some(format!("`{folder}` is not a valid folder name"));
             }
@@ -137,6 +146,7 @@ impl Study {
                 StudyKind::Guards if variant.is_none() => Some("variant"),
                 StudyKind::Guards if av_lookahead.is_none() => Some("av_lookahead"),
                 StudyKind::Guards => originals.is_empty().then_some("originals"),
+                StudyKind::Axes => axes.is_empty().then_some("axes"),
             };
             if let Some(field) = missing {
                 return Some(format!("the member `{folder}` has no `{field}`"));

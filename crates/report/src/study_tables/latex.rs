@@ -45,22 +45,22 @@ pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn 
 }
 
 fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
-    let texts = if table.with_variants { "ll" } else { "l" };
+    let texts = "l".repeat(1 + table.settings.len());
     writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(table.heads.len()))?;
-    let first = if table.with_variants { "Method & Variant" } else { "Method" };
-    let heads: Vec<String> = table.heads.iter().map(head).collect();
-    writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
+    let settings = table.settings.iter().map(|head| escape(head));
+    let heads: Vec<String> = settings.chain(table.heads.iter().map(head)).collect();
+    writeln!(out, "    Method & {} \\\\\n    \\midrule", heads.join(" & "))?;
     for (i, row) in table.rows.iter().enumerate() {
         let before = i.checked_sub(1).map(|before| &table.rows[before]);
         // Simulators with several variants are separated, and so are oracles from the others.
-        if before.is_some_and(|before| match table.with_variants {
-            true => before.title != row.title,
-            false => before.standing.is_oracle() && !row.standing.is_oracle(),
+        if before.is_some_and(|before| match table.settings.is_empty() {
+            true => before.standing.is_oracle() && !row.standing.is_oracle(),
+            false => before.title != row.title,
         }) {
             writeln!(out, "    \\midrule")?;
         }
         let method = format!("{}{}", escape(row.title), mark(row.standing));
-        let texts = std::iter::once(method).chain(row.variant.map(escape));
+        let texts = std::iter::once(method).chain(row.settings.iter().map(|text| escape(text)));
         let cells: Vec<String> = texts.chain(row.cells.iter().map(cell)).collect();
         writeln!(out, "    {} \\\\", cells.join(" & "))?;
     }

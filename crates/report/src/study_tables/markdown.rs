@@ -104,14 +104,15 @@ fn write_legend(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
-    let variant = table.with_variants.then(|| "Variant".to_owned());
-    let head = std::iter::once("Method".to_owned()).chain(variant).chain(table.heads.iter().map(head));
+    let texts = std::iter::once(&"Method").chain(&table.settings).map(|text| (*text).to_owned());
+    let head = texts.chain(table.heads.iter().map(head));
     let mut rows: Vec<Vec<String>> = vec![head.collect()];
     for row in &table.rows {
-        let texts = std::iter::once(method(row.title, row.standing)).chain(row.variant.map(str::to_owned));
+        let texts = std::iter::once(method(row.title, row.standing))
+            .chain(row.settings.iter().map(|text| escape(text)));
         rows.push(texts.chain(row.cells.iter().map(text)).collect());
     }
-    write_aligned(out, &rows, 1 + usize::from(table.with_variants))
+    write_aligned(out, &rows, 1 + table.settings.len())
 }
 
 fn head(head: &Head) -> String {

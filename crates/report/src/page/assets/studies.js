@@ -1,4 +1,4 @@
-// Studies: replan interval, protocols, ablations, planners, errors.
+// Studies: replan interval, protocols, ablations, planners, errors, values of axes.
 
 import { data, metric, runs } from "./data.js";
 import { $, el } from "./dom.js";
@@ -10,6 +10,7 @@ const ABOUT = {
   guards: ["Ablation", "The same simulators with parts removed or added, and with the AV's next step visible or not."],
   planners: ["Planners", "Columns: planner of the AV. Rows: simulator of the other agents."],
   errors: ["Displacements from the log", "Means over agents, with 95 % intervals over scenarios. Ahead is the mean offset along the logged heading, aside the mean distance across it. An agent belongs to the first of these situations that applies: stands, sets off, turns, halts, follows, crosses, drives freely."],
+  axes: ["Values of settings", "Rows: simulator and its settings."],
 };
 
 /** Properties by which the study of errors groups agents. */
@@ -19,7 +20,7 @@ const PROPERTIES = {
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
-const TEXTS = ["Method", "Variant", "Agents"];
+const TEXTS = ["Method", "Variant", "Settings", "Agents"];
 const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n) => el("th", { scope: "col", class: TEXTS.includes(n) ? null : "number" }, n))));
 const method = (s) => el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null);
 
@@ -124,9 +125,18 @@ function errors({ members, errors: found }) {
   })];
 }
 
+/** One table: the metrics of every simulator at the values of the axes. */
+function axes({ members }) {
+  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
+  const ids = [...new Set(members.flatMap((member) => member.simulators.map((s) => s.id)))];
+  const rows = ids.flatMap((id) => members.map((member) => [member, find(member, id)])).filter(([, s]) => s);
+  return [wide(head("Method", "Settings", ...columns.map(arrow)),
+    el("tbody", {}, ...rows.map(([member, s]) => el("tr", {}, method(s), el("td", {}, member.label), ...columns.map((m) => cell(m, s.metrics[m.id]))))))];
+}
+
 /** Shows the tables of all studies. */
 export function studies() {
-  const draw = { replan, realism, guards, planners, errors };
+  const draw = { replan, realism, guards, planners, errors, axes };
   $("studies").hidden = $("nav-studies").hidden = !data.studies.length;
   $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
     const [title, about] = ABOUT[numbers.study];
