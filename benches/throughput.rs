@@ -18,11 +18,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 use reactsim::curation::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
-    self, Execution, FileRecord, Outcome, PlannedSimulator, RunFolder, RunParts, RunSpec, Source, Tally,
+    self, Execution, FileRecord, Outcome, PlannedSimulator, RunFolder, RunParts, RunSpec, Source,
 };
 use reactsim::formats::{self, Input, native::Writer};
 use reactsim::generation::{GenerationSettings, Generator, Preset};
-use reactsim::metrics::{self, Case, Options};
+use reactsim::metrics::{self, Case, Metrics, Options};
 use reactsim::models;
 use reactsim::rollout::{Controller, Request, Rollout, ScriptedAv, Settings, roll_out};
 use reactsim::scene::{FUTURE, MAX_AGENTS, Scenario};
@@ -328,7 +328,7 @@ fn whole_run(native: &Path, out: &Path, jobs: usize) -> Result<()> {
     let mut spec = RunSpec::default();
     spec.subject.av = Some(AV.parse()?);
     let plan = spec.plan(RunParts { sources, simulators, ..RunParts::default() })?;
-    let tally = Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), 1);
+    let tally = plan.tally();
     let folder = RunFolder::create(out, &plan.provenance())?;
     let execution = Execution { jobs, batch: 4 };
     match evaluation::run(&plan, execution, Some(&folder), tally, &(), &AtomicBool::new(false))? {

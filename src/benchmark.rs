@@ -47,7 +47,7 @@ use crate::evaluation::{
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator};
 use crate::formats::FormatError;
-use crate::metrics::Options;
+use crate::metrics::{Metric, MetricError, Metrics, Options};
 use crate::models::nn::Backend;
 use crate::planning::planner::Planner;
 use crate::planning::tracking::Controller as PlanTracking;
@@ -68,6 +68,7 @@ pub struct Benchmark {
     /// Planners of the calling program.
     drivers: Vec<Driver>,
     simulators: Vec<Entry>,
+    metrics: Vec<Box<dyn Metric>>,
     threads: Option<NonZeroUsize>,
     batch: NonZeroUsize,
     folder: Option<PathBuf>,
@@ -98,6 +99,9 @@ pub enum BenchmarkError {
     /// A simulator is unknown or repeated, or the run folder cannot be written.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
+    /// The id of a metric is taken or malformed, or tables cannot print its title or unit.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
     /// An external simulator does not start or does not support the run.
     #[error(transparent)]
     External(#[from] ExternalError),
@@ -151,6 +155,7 @@ impl Benchmark {
             spec,
             drivers: Vec::new(),
             simulators: Vec::new(),
+            metrics: Vec::new(),
             threads: None,
             batch: DEFAULT_BATCH,
             folder: None,
@@ -288,6 +293,13 @@ impl Benchmark {
         self
     }
 
+    /// Adds a metric of your own: rows, intervals, tables, comparisons and the page show it like those of the
+    /// benchmark, and the run folder has its title and unit for later reports.
+    pub fn metric(mut self, metric: Box<dyn Metric>) -> Self {
+        self.metrics.push(metric);
+        self
+    }
+
     /// Variants of the metrics [default: those of the benchmark].
     pub fn metric_options(mut self, options: Options) -> Self {
         let named = options.named().into_iter();
@@ -385,7 +397,8 @@ impl Benchmark {
 
     /// Builds the simulators, opens the scenarios and plans the run.
     fn plan(self) -> Result<Plan, BenchmarkError> {
-        let Self { scenarios, spec, drivers, simulators: entries, .. } = self;
+        let Self { scenarios, spec, drivers, simulators: entries, metrics, .. } = self;
+        let metrics = Metrics::with(metrics)?;
         if spec.subject.models.is_empty() && entries.is_empty() {
             return Err(BenchmarkError::NoSimulator);
         }
@@ -412,7 +425,7 @@ impl Benchmark {
                 vec![Source::of_scenarios(scenarios, spec.subject.input.most())]
             }
         };
-        Ok(spec.plan(RunParts { sources, simulators, drivers, partition: None })?)
+        Ok(spec.plan(RunParts { sources, simulators, drivers, metrics, partition: None })?)
     }
 }
 

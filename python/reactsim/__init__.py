@@ -45,6 +45,7 @@ from .command import command
 from .comparison import Comparison, Comparisons, MetricDifference, compare
 from .curation import Candidates, curate
 from .display import Gif, Markdown, Svg
+from .metric import Case, Metric
 from .plot import plot_rollout, plot_scene
 from .program import Output, ReactsimError, find_program
 from .results import Results, Rollout
@@ -63,6 +64,7 @@ __all__ = [
     "DT",
     "Adaptation",
     "Candidates",
+    "Case",
     "Comparison",
     "Comparisons",
     "Event",
@@ -75,6 +77,7 @@ __all__ = [
     "LineType",
     "Lines",
     "Markdown",
+    "Metric",
     "MetricDifference",
     "Neighbor",
     "Observation",

@@ -18,6 +18,7 @@ from .program import local_folder
 
 if TYPE_CHECKING:
     from .comparison import Comparisons
+    from .metric import Metric
     from .wosac import WosacScores
 
 __all__ = ["Results", "Rollout", "frame_of", "value_of"]
@@ -169,6 +170,49 @@ class Results:
         given = {"id": scenario, "rollout": self, "simulator": simulators or self.simulators}
         further = {"size": size, "every": every, "follow": follow}
         return Gif(picture("gif", source, **given, **further))
+
+    def add_metrics(
+        self,
+        metrics: Sequence[Metric],
+        scenarios: Sources = None,
+        *,
+        deviations: PathLike | None = None,
+        current_frame: int | None = None,
+        window_step: int | None = None,
+        all_agents: bool = False,
+    ) -> None:
+        """Computes metrics of your own for the kept rollouts and adds them to the run folder.
+
+        Rows, events, summary and tables then have them like those of the program. A metric with the
+        id of one that was added earlier replaces it. Needs pyarrow.
+
+        Args:
+            metrics: The metrics; see `Metric`.
+            scenarios: Files, folders or URLs of the scenarios of the run; the shipped benchmark by
+                default.
+            deviations: File of deviated AVs of the run.
+            current_frame: As in the run, as the two following.
+            window_step: Frames between scenarios of one recording of 20 s.
+            all_agents: All agents were simulated.
+
+        Raises:
+            ReactsimError: A metric fails or returns something else than a finite number or None;
+                the message names metric, scenario and simulator. The folder is left unchanged.
+
+        """
+        from .metric import add_metrics
+
+        add_metrics(
+            self,
+            metrics,
+            scenarios,
+            deviations=deviations,
+            current_frame=current_frame,
+            window_step=window_step,
+            all_agents=all_agents,
+        )
+        for name in ("summary", "provenance", "rows", "events"):
+            self.__dict__.pop(name, None)
 
     def compare(self, other: PathLike, **options: Any) -> Comparisons:
         """Compares the run with a second one; the arguments are those of `compare`."""

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, Any, Union, cast
 
 from .client import ProtocolError, Session
+from .metric import Metric, checked
 from .options import paths, reading, selection
 from .program import (
     CHECK,
@@ -50,6 +51,7 @@ def run(
     protocol: str = "reactive",
     replan: str = "2hz",
     baselines: Sequence[str] = (),
+    metrics: Sequence[Metric] = (),
     rollouts: int = 1,
     seed: int = 0,
     limit: int | None = None,
@@ -89,6 +91,8 @@ def run(
         replan: Replan rate or interval, such as "2hz" or "5steps".
         baselines: Ids of baselines to run next to the simulator, or alone, such as "idm"; "default"
             for those that run by default; "mix:idm=1+stop=1" for mixed traffic.
+        metrics: Metrics of your own, which are computed for every rollout after the run and added
+            to the results; see `Metric`. They need pyarrow.
         rollouts: Rollouts per scenario and simulator.
         seed: Seed of all random choices.
         limit: Only the first `limit` scenarios of every file.
@@ -100,7 +104,7 @@ def run(
             number, as the Sim Agents challenge requires.
         batch: Number of episodes per batch; the simulator's `batch` by default.
         out: Run folder to write; a temporary folder by default, which lives as long as the results.
-        resume: Continue the interrupted run in `out`.
+        resume: Continue the interrupted run in `out`, to which no metrics were added yet.
         options: Further options of `reactsim run`, such as "--av-lookahead=0".
         reveal_ids: Give the simulator the ids of scenarios and agents; tables mark it.
         jobs: Number of threads of the program.
@@ -108,7 +112,8 @@ def run(
 
     Raises:
         ReactsimError: The program could not be started or failed; the message has its last lines.
-            Failed scenarios only cause a warning; `Results.failures` lists them.
+            Failed scenarios only cause a warning; `Results.failures` lists them. Or a metric
+            failed: the run is then finished in `out`, and `Results.add_metrics` can follow.
 
     """
     if resume and out is None:
@@ -120,6 +125,8 @@ def run(
             " a program and give it in `options`: --planner=NAME=COMMAND, and"
             " av='planner:external:NAME'"
         )
+    if metrics:
+        metrics = checked(metrics)
     if planner is not None and av is not None:
         raise ValueError("`planner` drives the AV: leave `av` out")
     served = simulator if planner is None else planner
@@ -183,6 +190,15 @@ def run(
     if code == 1:
         warnings.warn(
             f"{len(results.failures)} scenarios failed, see `failures`{error}", stacklevel=2
+        )
+    if metrics:
+        results.add_metrics(
+            metrics,
+            scenarios,
+            deviations=deviations,
+            current_frame=current_frame,
+            window_step=window_step,
+            all_agents=all_agents,
         )
     return results
 

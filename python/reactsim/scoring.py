@@ -179,7 +179,7 @@ def read_scores(lines: Sequence[Mapping[str, Any]], events: Sequence[Any]) -> St
             _values(row),
             row.get("deviation", {}),
             row.get("outcomes", {}),
-            [_event(event) for event in found],
+            [read_event(event) for event in found],
         )
         for row, found in zip(rows, events)
     ]
@@ -232,7 +232,8 @@ def _values(row: Mapping[str, Any]) -> dict[str, float | None]:
     return {metric: value_of(value) for metric, value in row["metrics"].items()}
 
 
-def _event(line: Mapping[str, Any]) -> Event:
+def read_event(line: Mapping[str, Any]) -> Event:
+    """Returns an event from its fields, as in a line of `events.jsonl`."""
     return Event(**{name: line[name] for name in Event._fields})
 
 

@@ -12,6 +12,7 @@ import pytest
 import reactsim
 from reactsim.comparison import Comparisons
 from reactsim.curation import Candidates
+from reactsim.metric import add_document
 from reactsim.wosac import score_run
 from stop import Stop
 
@@ -92,6 +93,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
                 progress=False,
             ),
             lambda: score_run("a", "s", simulator="idm", partial=True, jobs=1),
+            lambda: add_document("a", {"metrics": [], "rollouts": []}),
         ],
         "curate": [
             lambda: reactsim.curate(

@@ -8,7 +8,7 @@ use clap::Args;
 use super::output::{ExitStatus, say, write_result};
 use crate::evaluation::suggestion::did_you_mean;
 use crate::evaluation::{Comparison, Condition, ConditionDifference, read_provenance, read_tally};
-use crate::metrics::{self, METRICS, Unit};
+use crate::metrics::{MetricSpec, Unit};
 use crate::report::comparison;
 
 const AFTER: &str = "\
@@ -63,9 +63,9 @@ struct Bound {
 }
 
 pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
-    let bounds = args.worse.iter().map(|text| bound(text)).collect::<Result<Vec<_>, _>>()?;
     let differences = differences(args)?;
     let (first, second) = (read_tally(&args.first)?, read_tally(&args.second)?);
+    let bounds = args.worse.iter().map(|text| bound(text, &first.metrics)).collect::<Result<Vec<_>, _>>()?;
     let pairs: Vec<(&str, &str)> = match args.models.as_slice() {
         [] => {
             let common = first.simulators.iter().filter(|id| second.simulators.contains(id));
@@ -96,7 +96,7 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
             let Some(paired) = comparison.metrics.get(bound.metric) else {
                 bail!("`{}` has no value for `{}` in any scenario", comparison.second, bound.metric);
             };
-            if paired.worsening(bound.metric) > bound.worsening {
+            if paired.worsening() > bound.worsening {
                 say(format_args!("`{}` got worse by more than {}", comparison.second, bound.text));
                 status = ExitStatus::SomeFailed;
             }
@@ -129,17 +129,16 @@ fn condition(name: &str) -> Result<Condition, String> {
     Condition::from_name(name).ok_or_else(|| format!("expected one of {}", known()))
 }
 
-fn bound(text: &str) -> anyhow::Result<Bound> {
+fn bound(text: &str, metrics: &[&'static MetricSpec]) -> anyhow::Result<Bound> {
     let Some((id, value)) = text.split_once('=') else {
         bail!("--worse `{text}`: write METRIC=BOUND, such as aav-collision=0.05");
     };
-    let Some(metric) = metrics::metric(id) else {
-        let meant = did_you_mean(id, METRICS.iter().map(|metric| metric.spec().id));
+    let Some(spec) = metrics.iter().find(|spec| spec.id == id) else {
+        let meant = did_you_mean(id, metrics.iter().map(|spec| spec.id));
         bail!("--worse `{text}`: there is no metric `{id}`; `reactsim list metrics` lists all{meant}");
     };
     let bound = value.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
     let Some(bound) = bound else { bail!("--worse `{text}`: `{value}` is not a number of at least 0") };
-    let spec = metric.spec();
     let worsening = if spec.unit == Unit::Rate { bound / 100.0 } else { bound };
     Ok(Bound { metric: spec.id, worsening, text: text.to_owned() })
 }

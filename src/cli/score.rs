@@ -16,7 +16,8 @@ use super::output::{ExitStatus, count, nothing, say, write_result};
 use super::table_output::{TableArgs, formats as table_formats};
 use crate::evaluation::document::{check_document, score_document};
 use crate::evaluation::{
-    Deviations, Failure, MotionSpec, RunFolder, RunObserver, Scoring, metric_options, split_metric_option,
+    AddedMetrics, Deviations, Failure, MotionSpec, RunFolder, RunObserver, Scoring, metric_options,
+    split_metric_option,
 };
 use crate::files::read_regular;
 use crate::formats;
@@ -27,12 +28,18 @@ use crate::report::Run;
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {
     /// A rollout document (JSON), or rollouts in Parquet, which need --scenarios; with --wosac a submission
-    /// to the Sim Agents challenge (.tar.gz, a folder or a .binproto) or a run folder with kept rollouts
+    /// to the Sim Agents challenge (.tar.gz, a folder or a .binproto) or a run folder with kept rollouts;
+    /// with --add-metrics a run folder
     #[arg(required = true, value_name = "ROLLOUTS")]
     rollouts: Vec<PathBuf>,
     /// Scenarios of the rollouts; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
+    /// Metrics of your own that any program computed for the rollouts of a run, as JSON: their values and
+    /// events are added to the run folder
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scenarios", "deviations", "allow", "pose",
+          "metric_options", "out", "wosac"])]
+    add_metrics: Option<PathBuf>,
     /// Deviated AVs with which the rollouts were made, if they are not those in the scenario files
     #[arg(long, value_name = "FILE")]
     deviations: Option<PathBuf>,
@@ -64,6 +71,9 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     }
     args.wosac.check_absent()?;
     args.table.check(args.format.as_deref())?;
+    if let Some(file) = &args.add_metrics {
+        return add_metrics(args, file);
+    }
     let is_parquet = |path: &PathBuf| {
         formats::is_parquet(path).with_context(|| format!("could not read {}", path.display()))
     };
@@ -73,6 +83,14 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
         (false, [document]) => score_json(args, document),
         (false, _) => bail!("give one rollout document, or any number of rollout files in Parquet"),
     }
+}
+
+fn add_metrics(args: &ScoreArgs, file: &Path) -> anyhow::Result<ExitStatus> {
+    let [folder] = args.rollouts.as_slice() else { bail!("give one run folder with --add-metrics") };
+    let (run, summary) = AddedMetrics::add(file, folder)?;
+    put_table(&run, &summary, args.table.style())?;
+    args.table.write(&[Run { name: "", summary: &summary }], args.format.as_deref(), None, "")?;
+    Ok(ExitStatus::Done)
 }
 
 fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use reactsim::evaluation::{
     self, EVENTS, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, ROWS, RunFolder, RunObserver,
-    SUMMARY, Source, Summary, Tally,
+    SUMMARY, Source, Summary,
 };
 
 use crate::small_scenarios::{self, certified, source, source_of};
@@ -23,12 +23,8 @@ fn plan(rollouts: u32) -> Plan {
     plan_of(sources, &["log-replay", "constant-velocity", "stop"], rollouts)
 }
 
-fn tally(plan: &Plan) -> Tally {
-    Tally::new(plan.simulators.iter().map(|s| s.id.to_owned()).collect(), plan.spec.rollout.rollouts)
-}
-
 fn run(plan: &Plan, folder: &Path, resume: bool, jobs: usize, batch: usize) -> Summary {
-    let mut tally = tally(plan);
+    let mut tally = plan.tally();
     let folder = if resume {
         RunFolder::resume(folder, &plan.provenance(), &mut tally).unwrap()
     } else {
@@ -115,7 +111,7 @@ fn an_interrupted_run_leaves_a_folder_that_goes_on() {
     let observer = Impatient(&stop, AtomicUsize::new(0));
     let folder = RunFolder::create(&cut, &plan.provenance()).unwrap();
     let execution = Execution { jobs: 1, batch: 2 };
-    let outcome = evaluation::run(&plan, execution, Some(&folder), tally(&plan), &observer, &stop).unwrap();
+    let outcome = evaluation::run(&plan, execution, Some(&folder), plan.tally(), &observer, &stop).unwrap();
     assert!(matches!(outcome, Outcome::Interrupted));
     assert_eq!(observer.1.load(Ordering::Relaxed), 1);
     assert!(!cut.join(SUMMARY).exists());
@@ -131,11 +127,11 @@ fn another_setting_is_refused_by_name() {
     run(&plan(1), &folder, false, 1, 1);
     let mut other = plan(1);
     other.settings.rollout.seed = 3;
-    let refused = RunFolder::resume(&folder, &other.provenance(), &mut tally(&other)).unwrap_err();
+    let refused = RunFolder::resume(&folder, &other.provenance(), &mut other.tally()).unwrap_err();
     assert!(matches!(&refused, EvaluationError::OtherSettings { setting, old, new, .. }
         if setting == "seed" && old == "0" && new == "3"));
     let more = plan_of(vec![source("a", vec![0])], &["stop"], 1);
-    assert!(RunFolder::resume(&folder, &more.provenance(), &mut tally(&more)).is_err());
+    assert!(RunFolder::resume(&folder, &more.provenance(), &mut more.tally()).is_err());
     assert!(matches!(RunFolder::create(&folder, &plan(1).provenance()), Err(EvaluationError::Exists { .. })));
 }
 
@@ -144,7 +140,7 @@ fn two_runs_do_not_write_to_one_folder() {
     let home = tempfile::tempdir().unwrap();
     let plan = plan(1);
     let _first = RunFolder::create(home.path(), &plan.provenance()).unwrap();
-    let second = RunFolder::resume(home.path(), &plan.provenance(), &mut tally(&plan));
+    let second = RunFolder::resume(home.path(), &plan.provenance(), &mut plan.tally());
     assert!(matches!(second, Err(EvaluationError::Busy { .. })));
 }
 

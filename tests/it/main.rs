@@ -36,6 +36,7 @@ mod model_weights;
 mod networks;
 mod ntp_reactive;
 mod official;
+mod own_metrics;
 mod page;
 mod planners;
 mod parameters;

@@ -65,8 +65,7 @@ pub(crate) fn edit_rows(run: &Path, edit: impl Fn(&mut Vec<Row>)) {
     edit(&mut rows);
     let lines = rows.iter().map(|row| serde_json::to_string(row).unwrap() + "\n");
     fs::write(run.join("rows.jsonl"), lines.collect::<String>()).unwrap();
-    let ids = provenance.simulators.iter().map(|s| s.id.clone()).collect();
-    let mut tally = Tally::new(ids, provenance.settings.rollouts);
+    let mut tally = Tally::of(&provenance);
     let mut pairs: BTreeMap<_, Vec<Row>> = BTreeMap::new();
     for row in rows {
         pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);
@@ -572,7 +571,7 @@ fn difficulties_are_parts_of_tables() {
     let table = fs::read_to_string(&page).unwrap();
     assert!(table.contains("difficulty hard, 9 scenarios, "), "{table}");
     let tally: Tally = read_tally(&reference).unwrap();
-    let ade = tally.metrics.iter().position(|m| *m == "ade").unwrap();
+    let ade = tally.metric("ade").unwrap();
     let values = tally.entries.values().take(9).map(|e| e.cells[2].as_ref().unwrap().values[ade].unwrap());
     let mean = values.sum::<f64>() / 9.0;
     assert!(

@@ -435,6 +435,14 @@ pub enum EvaluationError {
         /// Digest of the scenario that was expected.
         digest: String,
     },
+    /// Metrics cannot be added to a run.
+    #[error("{}: {reason}", path.display())]
+    AddedMetrics {
+        /// The file of the metrics.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
     /// A simulator cannot be created.
     #[error(transparent)]
     Model(#[from] ModelError),

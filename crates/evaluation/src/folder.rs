@@ -85,10 +85,14 @@ impl RunFolder {
     }
 
     fn begin(path: &Path, lock: FolderLock, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        let mut text = serde_json::to_string_pretty(provenance).expect("provenance is text and numbers");
-        text.push('\n');
-        replace(&path.join(PROVENANCE), |out| out.write_all(text.as_bytes()))?;
+        replace(&path.join(PROVENANCE), |out| out.write_all(provenance.to_json().as_bytes()))?;
         Self::open(path, lock)
+    }
+
+    /// Opens the folder of a finished run, to which metrics are added.
+    pub(super) fn of_finished(path: &Path) -> Result<Self, EvaluationError> {
+        read_summary(path)?;
+        Self::open(path, lock(path)?)
     }
 
     fn open(path: &Path, lock: FolderLock) -> Result<Self, EvaluationError> {
@@ -401,8 +405,7 @@ pub fn read_rows(folder: &Path) -> Result<Vec<Row>, EvaluationError> {
 /// Returns the tally of rows, and the first pair of scenario and simulator whose rows are incomplete or not
 /// of this run.
 pub(super) fn tally_of(run: &Provenance, rows: &[Row]) -> (Tally, Option<(String, String)>) {
-    let ids: Vec<String> = run.simulators.iter().map(|s| s.id.clone()).collect();
-    let mut tally = Tally::new(ids, run.settings.rollouts);
+    let mut tally = Tally::of(run);
     let mut pairs = Pairs::new();
     for row in rows {
         pairs.entry((row.place(), row.simulator.clone())).or_default().push(row.clone());

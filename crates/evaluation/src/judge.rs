@@ -4,8 +4,7 @@ pub(crate) mod av_scores;
 
 use std::collections::BTreeMap;
 
-use reactsim_metrics as metrics;
-use reactsim_metrics::{Case, DeviationStats, Event, Options, Scope, Score};
+use reactsim_metrics::{Case, DeviationStats, Event, MetricSpec, Metrics, Options, Scope, Score, metric};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{Certificate, Scenario};
 
@@ -18,6 +17,8 @@ pub(super) struct PairScores {
     pub(super) rollouts: Vec<RolloutResult>,
     /// Metrics over all rollouts.
     pub(super) over_all: BTreeMap<String, Option<Value>>,
+    /// The first value of a metric of the calling program that is not finite, in words.
+    pub(super) not_finite: Option<String>,
 }
 
 /// The scores of one rollout.
@@ -62,13 +63,13 @@ pub(super) fn judge(
     scenario: &Scenario,
     certificate: Option<&Certificate>,
     rollouts: &[Rollout],
-    options: Options,
+    (metrics, options): (&Metrics, Options),
     judges_av: bool,
 ) -> PairScores {
     let judged: Vec<_> =
         rollouts.iter().map(|rollout| judges_av.then(|| judge_av(scenario, rollout))).collect();
     let is_own = |scope| scope == Scope::Rollout || judges_av && scope == Scope::Av;
-    let mut last_case = None;
+    let (mut last_case, mut not_finite) = (None, None);
     let results = rollouts.iter().zip(&judged).map(|(rollout, judged)| {
         let (av_scores, said) = match judged {
             Some(Ok(JudgedAv { scores, outcomes })) => (Some(scores), outcomes.clone()),
@@ -77,10 +78,10 @@ pub(super) fn judge(
         };
         let case = Case::of_rollout(scenario, &rollout.tracks, options).with_certificate(certificate);
         let case = last_case.insert(case.with_av_scores(av_scores));
-        let scores = metrics::score_case(case);
-        let own = scores.values.iter().filter(|(spec, _)| is_own(spec.scope));
+        let scores = metrics.score_case(case);
+        let own = scores.values.into_iter().filter(|(spec, _)| is_own(spec.scope));
         RolloutResult {
-            metrics: own.map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite))).collect(),
+            metrics: own.map(|value| finite(value, &mut not_finite)).collect(),
             deviation: scores.deviation.map(|d| deviation(&d)).unwrap_or_default(),
             direction_tracking: scores.dir_tracking.name(),
             events: scores.events,
@@ -89,14 +90,23 @@ pub(super) fn judge(
     });
     let results = results.collect();
     let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
-    let all = last_case.map(|case| metrics::score_rollouts(case, &tracks).values).unwrap_or_default();
-    let over_all = all.into_iter().map(|(spec, score)| (spec.id.to_owned(), score.and_then(finite)));
-    PairScores { rollouts: results, over_all: over_all.collect() }
+    let all = last_case.map(|case| metrics.score_rollouts(case, &tracks).values).unwrap_or_default();
+    let over_all = all.into_iter().map(|value| finite(value, &mut not_finite)).collect();
+    PairScores { rollouts: results, over_all, not_finite }
 }
 
-/// Converts a score for files; `None` if it is not finite, which files cannot represent.
-fn finite(score: Score) -> Option<Value> {
-    score.value().is_none_or(f64::is_finite).then(|| Value::from(score))
+/// Converts a score for files, which cannot represent numbers that are not finite: `None` for metrics of the
+/// benchmark; `not_finite` gets the first such value of another metric.
+fn finite(
+    (spec, score): (&MetricSpec, Option<Score>),
+    not_finite: &mut Option<String>,
+) -> (String, Option<Value>) {
+    let number = score.and_then(Score::value);
+    if let Some(value) = number.filter(|value| !value.is_finite() && metric(spec.id).is_none()) {
+        not_finite.get_or_insert_with(|| format!("metric `{}` is {value}, expected a finite value", spec.id));
+    }
+    let score = score.filter(|_| number.is_none_or(f64::is_finite));
+    (spec.id.to_owned(), score.map(Value::from))
 }
 
 /// Returns the statistics that are defined, by name.

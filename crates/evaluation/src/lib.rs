@@ -28,6 +28,7 @@ mod deviation;
 mod judge;
 mod layout;
 mod motion;
+mod own_metrics;
 pub mod paper;
 mod plan;
 mod provenance;
@@ -55,11 +56,12 @@ pub use folder::rollouts::recorded_tracks;
 pub use folder::{RunFolder, read_provenance, read_rows, read_summary, read_tally};
 pub use judge::av_scores::ROUTE_ENDS;
 pub use layout::{
-    EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SPEC, STUDY, STUDY_TABLE,
-    SUMMARY, TABLE, VALUES_TABLE,
+    EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SPEC, STUDY,
+    STUDY_TABLE, SUMMARY, TABLE, VALUES_TABLE,
 };
 pub use motion::kind::RolloutCheck;
 pub use motion::rollout_checks::Findings;
+pub use own_metrics::{AddedMetrics, MetricRecord};
 pub use plan::{Deviations, NoAv, Plan};
 pub use provenance::conditions::{Condition, ConditionDifference, changed_options};
 pub use provenance::leaves::differences;

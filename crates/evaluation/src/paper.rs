@@ -133,7 +133,7 @@ impl PaperNumber {
 
     /// Returns the estimate of a simulator of a tally, with another metric if one is given.
     fn estimate(&self, tally: &Tally, simulator: usize, metric: &str, seed: u64) -> Estimate {
-        let Some(m) = tally.metrics.iter().position(|id| *id == metric) else { return Estimate::default() };
+        let Some(m) = tally.metric(metric) else { return Estimate::default() };
         let value =
             |cell: &crate::statistics::tally::Cell| if self.is_share { cell.any[m] } else { cell.values[m] };
         let cells = tally.entries.values().filter_map(|entry| entry.cells[simulator].as_ref());
@@ -265,7 +265,9 @@ fn rescored(
     progress: &dyn Fn(usize),
 ) -> Result<Vec<Tally>, EvaluationError> {
     let (tally, files) = (run.tally(), &run.summary().provenance.run.inputs);
-    let empty = Tally::new(vec![tally.simulators[simulator].clone()], tally.rollouts);
+    let simulators = vec![tally.simulators[simulator].clone()];
+    let (metrics, rollouts) = (tally.metrics.clone(), tally.rollouts);
+    let empty = Tally { metrics, simulators, rollouts, entries: BTreeMap::new() };
     let mut tallies = vec![empty; options.len()];
     let pool = Pool::new(jobs);
     for (done, (place, entry)) in tally.entries.iter().enumerate() {

@@ -9,7 +9,7 @@ use reactsim_formats::{
     Partition,
     deviations::{self, DeviationRecord},
 };
-use reactsim_metrics::Options;
+use reactsim_metrics::{Metrics, Options};
 use reactsim_nn::cpu_class;
 use reactsim_planning::av::{PlannerAv, PlannerAvError};
 use reactsim_planning::from_scene::{ego_shape, planning_map};
@@ -23,6 +23,7 @@ use crate::driver::{Driver, GivenPlans};
 use crate::error::EvaluationError;
 use crate::folder::RunFolder;
 use crate::motion::{CheckedScene, Finding};
+use crate::own_metrics::MetricRecord;
 use crate::provenance::{Provenance, SettingsRecord, named_options, program_commit, program_version};
 use crate::simulators::PlannedSimulator;
 use crate::source::Source;
@@ -105,6 +106,8 @@ pub struct Plan {
     /// The specification. It names an AV policy, except in the realism protocol, in which the simulator moves
     /// the AV.
     pub spec: RunSpec,
+    /// Metrics, with those of the calling program.
+    pub metrics: Metrics,
     /// Variants of the metrics that the specification names.
     pub options: Options,
     /// Scenarios that the specification selects.
@@ -176,6 +179,7 @@ impl Plan {
                 selection: self.selection.clone(),
             },
             metric_options: named_options(&self.options),
+            own_metrics: self.metrics.own_specs().into_iter().map(MetricRecord::of).collect(),
             simulators: self.simulators.iter().map(PlannedSimulator::record).collect(),
             driver: self.driver().and_then(|driver| driver.record.clone()),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
@@ -231,7 +235,7 @@ impl Plan {
 
     /// Returns an empty tally for the values of the run.
     pub fn tally(&self) -> Tally {
-        Tally::new(self.simulators.iter().map(|s| s.id.clone()).collect(), self.spec.rollout.rollouts)
+        Tally::of(&self.provenance())
     }
 
     /// Returns whether a scenario that has no AV for this reason is skipped rather than failed: a file of

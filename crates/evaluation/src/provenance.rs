@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::av::PLANNER;
 use crate::deviation::pose::Pose;
+use crate::own_metrics::{MetricRecord, checked};
 use crate::provenance::leaves::differences;
 use crate::simulators::record::SimulatorRecord;
 use crate::source::benchmarks::BenchmarkRecord;
@@ -37,6 +38,9 @@ pub struct Provenance {
     /// metrics now have.
     #[serde(deserialize_with = "present_options")]
     pub metric_options: BTreeMap<String, String>,
+    /// Metrics that the benchmark does not have, of the program that made the run or added later.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "checked")]
+    pub own_metrics: Vec<MetricRecord>,
     /// Simulators in the order of the tables.
     pub simulators: Vec<SimulatorRecord>,
     /// The driver of the AV, if it is a simulator, a network or an external program.
@@ -143,6 +147,13 @@ pub fn program_commit() -> &'static str {
 }
 
 impl Provenance {
+    /// Returns the text of `provenance.json`.
+    pub(super) fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("provenance is text and numbers");
+        text.push('\n');
+        text
+    }
+
     /// Returns the first setting in which two runs differ, with its value in each.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
         let (name, mine, theirs) = differences(self, other).into_iter().next()?;

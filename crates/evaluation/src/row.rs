@@ -212,6 +212,25 @@ impl<'a> EventLine<'a> {
             values: event.values.iter().copied().filter(|(_, v)| v.is_finite()).collect(),
         }
     }
+
+    /// Creates the line of an event that was read.
+    pub(super) fn of_record(row: &'a Row, event: &'a EventRecord) -> Self {
+        Self {
+            input: row.input,
+            record: row.record,
+            scenario: &row.scenario,
+            simulator: &row.simulator,
+            rollout: event.rollout,
+            metric: &event.metric,
+            step: event.step,
+            last_step: event.last_step,
+            agent: &event.agent,
+            partner: event.partner.as_deref(),
+            reason: event.reason.as_deref(),
+            counted: event.counted,
+            values: event.values.iter().map(|(name, value)| (name.as_str(), *value)).collect(),
+        }
+    }
 }
 
 /// A line of `events.jsonl` as read, without the names of scenario and simulator.

@@ -11,7 +11,6 @@ use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_files::work::{MAX_THREADS, Pool};
-use reactsim_metrics::Event;
 use reactsim_rollout::{Av, Request, Rollout, roll_out};
 use reactsim_scene::{HISTORY, Scenario};
 
@@ -22,7 +21,7 @@ use crate::error::EvaluationError;
 use crate::folder::completion::complete;
 use crate::folder::rollouts;
 use crate::folder::{RunFolder, line};
-use crate::judge::judge;
+use crate::judge::{PairScores, judge};
 use crate::layout::LEFT_OUT;
 use crate::motion::kind::RolloutCheck;
 use crate::motion::{CheckedScene, Finding};
@@ -519,7 +518,15 @@ impl Runner<'_> {
         simulator: usize,
         rollouts: Vec<Rollout>,
     ) -> Result<(), EvaluationError> {
-        let (rows, events) = self.rows(ready, simulator, &rollouts);
+        let scores = self.scores(ready, &rollouts);
+        if let Some(error) = scores.not_finite {
+            let (id, error) = (&ready.scenario.id, format!("scenario `{}`: {error}", ready.scenario.id));
+            let (simulator, error) = (Some(self.names[simulator].as_str()), self.named(ready.place, &error));
+            return self.fail(failure(self.plan, ready.place, simulator, Some(id.clone()), error));
+        }
+        let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
+            .with_deviation(&ready.deviation);
+        let (rows, events) = scores.rows(template, &rollouts);
         if let Some(folder) = self.folder {
             if self.plan.spec.keeps_rollouts() {
                 let part = folder.part(ready.place, simulator)?;
@@ -532,18 +539,10 @@ impl Runner<'_> {
         Ok(())
     }
 
-    fn rows(
-        &self,
-        ready: &PreparedScenario,
-        simulator: usize,
-        rollouts: &[Rollout],
-    ) -> (Vec<Row>, Vec<Vec<Event>>) {
-        let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
-            .with_deviation(&ready.deviation);
+    fn scores(&self, ready: &PreparedScenario, rollouts: &[Rollout]) -> PairScores {
         let certificate = ready.deviation.certificate.as_ref();
-        let options = self.plan.options;
-        let scores = judge(&ready.scenario, certificate, rollouts, options, ready.judges_av);
-        scores.rows(template, rollouts)
+        let how = (&self.plan.metrics, self.plan.options);
+        judge(&ready.scenario, certificate, rollouts, how, ready.judges_av)
     }
 
     /// Prefixes a text with file and record, like errors of files.

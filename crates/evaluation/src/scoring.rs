@@ -84,6 +84,7 @@ impl Scoring {
                 ..SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX))
             },
             metric_options: named_options(&options),
+            own_metrics: Vec::new(),
             driver: None,
             simulators: recorded.simulators().iter().map(|name| SimulatorRecord::named(name, name)).collect(),
             // The rollout files first, then the scenario files.
@@ -125,8 +126,7 @@ impl Scoring {
         folder: Option<&RunFolder>,
         observer: &dyn RunObserver,
     ) -> Result<Summary, EvaluationError> {
-        let settings = &self.provenance.settings;
-        let mut tally = Tally::new(self.recorded.simulators().to_vec(), settings.rollouts);
+        let mut tally = Tally::of(&self.provenance);
         let first_scenarios = self.provenance.inputs.len() - self.scenarios.len();
         for (input, scenarios) in (first_scenarios..).zip(&self.scenarios) {
             let file = &self.provenance.inputs[input];

@@ -1,6 +1,6 @@
 //! The list of metrics, and all scores of one rollout.
 
-use reactsim_scene::{Frame, HISTORY};
+use reactsim_scene::Frame;
 
 use super::ade::{self, Displacement};
 use super::agent_agent::{self, Overlaps};
@@ -17,7 +17,7 @@ use super::progress;
 use super::red_light;
 use super::ttc::{self, Approach};
 use super::undisturbed;
-use super::{Case, DirTracking, Event, Metric, MetricSpec, Scope, Score};
+use super::{Case, DirTracking, Event, Metric, MetricSpec, Metrics, Score};
 
 /// Every metric: the paper's seven in its column order, the additional ones, and the metrics of the AV.
 pub const METRICS: &[&dyn Metric] = &[
@@ -62,7 +62,8 @@ pub fn metric(id: &str) -> Option<&'static dyn Metric> {
 /// The scores of every metric for one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores {
-    /// Score of each metric, in the order of [`METRICS`]; `None` if nothing could be evaluated.
+    /// Score of each metric, in the order of [`METRICS`], then those of the calling program; `None` if nothing
+    /// could be evaluated.
     pub values: Vec<(&'static MetricSpec, Option<Score>)>,
     /// All counted events, and contacts that do not count.
     pub events: Vec<Event>,
@@ -88,25 +89,16 @@ impl Scores {
     }
 }
 
-/// Computes every metric for one case.
+/// Computes every metric of the benchmark for one case.
 pub fn score_case(case: &Case<'_>) -> Scores {
-    let mut events = Vec::new();
-    let values = METRICS.iter().map(|m| (m.spec(), m.score(case, &mut events))).collect();
-    Scores {
-        values,
-        events,
-        deviation: deviation::deviation(case),
-        displacement: ade::displacement(case).cloned(),
-        likelihood: likelihood::likelihood(case),
-        dir_tracking: case.options.dir_tracking,
-    }
+    Metrics::default().score_case(case)
 }
 
 /// The metrics over all rollouts of one scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RolloutScores {
-    /// Score of each metric with [`Scope::Scenario`], in the order of [`METRICS`]; `None` if nothing could be
-    /// evaluated.
+    /// Score of each metric with [`Scope::Scenario`](super::Scope), in the order of [`METRICS`], then those of
+    /// the calling program; `None` if nothing could be evaluated.
     pub values: Vec<(&'static MetricSpec, Option<Score>)>,
     /// Displacement over all rollouts; `None` if no agent has a logged step.
     pub displacement: Option<Displacement>,
@@ -114,19 +106,9 @@ pub struct RolloutScores {
     pub likelihood: Option<KinematicLikelihood>,
 }
 
-/// Computes the metrics over several rollouts of a scenario: minADE and the kinematic likelihood.
-///
-/// `case`: the case of one of the rollouts; presence is decided at the current frame, which all share.
-/// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
+/// Computes the metrics of the benchmark over several rollouts of a scenario, as [`Metrics::score_rollouts`].
 pub fn score_rollouts<'a>(case: Case<'a>, rollouts: &[&'a [Vec<Frame>]]) -> RolloutScores {
-    let future = |track: &'a Vec<Frame>| &track[HISTORY.min(track.len())..];
-    let case = case.with_rollouts(rollouts.iter().map(|r| r.iter().map(future).collect()).collect());
-    let metrics = METRICS.iter().filter(|m| m.spec().scope == Scope::Scenario);
-    RolloutScores {
-        values: metrics.map(|m| (m.spec(), m.score(&case, &mut Vec::new()))).collect(),
-        displacement: ade::displacement(&case).cloned(),
-        likelihood: likelihood::likelihood(&case),
-    }
+    Metrics::default().score_rollouts(case, rollouts)
 }
 
 /// The metric results of one object, for reports that list agents.

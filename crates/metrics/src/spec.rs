@@ -2,13 +2,14 @@
 
 use super::{Case, Event, Score};
 
-/// A metric of one scenario.
-pub trait Metric: Sync {
+/// A metric of one scenario: of the benchmark ([`METRICS`](super::METRICS)) or your own
+/// ([`Metrics`](super::Metrics)).
+pub trait Metric: Send + Sync {
     /// Returns id, title, unit and source.
     fn spec(&self) -> &'static MetricSpec;
 
     /// Computes the score of one case and appends the counted events; `None` if nothing could be evaluated
-    /// (unknown is not zero).
+    /// (unknown is not zero). A value of your own metric that is not finite fails the scenario.
     fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score>;
 
     /// Returns whether every score other than 0 has at least one event that counts.
@@ -45,6 +46,20 @@ pub enum Scope {
     Av,
 }
 
+impl Scope {
+    /// All scopes.
+    pub const ALL: [Self; 3] = [Self::Rollout, Self::Scenario, Self::Av];
+
+    /// Returns the name used in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rollout => "rollout",
+            Self::Scenario => "scenario",
+            Self::Av => "av",
+        }
+    }
+}
+
 /// The unit of a metric, which decides how its values are averaged and printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
@@ -58,6 +73,8 @@ pub enum Unit {
     MetresPerSecondSquared,
     /// A number without unit.
     Plain,
+    /// Another unit, such as `s`, which tables print.
+    Other(&'static str),
 }
 
 impl Unit {
@@ -69,6 +86,13 @@ impl Unit {
             Self::Metres => "m",
             Self::MetresPerSecondSquared => "m/s²",
             Self::Plain => "",
+            Self::Other(name) => name,
         }
+    }
+
+    /// Returns the unit with this name.
+    pub fn from_name(name: &'static str) -> Self {
+        let known = [Self::Count, Self::Rate, Self::Metres, Self::MetresPerSecondSquared, Self::Plain];
+        known.into_iter().find(|unit| unit.name() == name).unwrap_or(Self::Other(name))
     }
 }

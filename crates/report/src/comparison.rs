@@ -60,9 +60,11 @@ const MIN_PRINTED_P: f64 = 0.0001;
 /// Column heads.
 const HEAD: [&str; 7] = ["Metric", "First", "Second", "Difference", "p", "Better in", "Worse in"];
 
-/// Returns the metrics of a comparison in the order of the tables.
+/// Returns the metrics of a comparison in the order of the tables, then those that only the runs have.
 fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &PairedDifference)> {
-    COLUMNS.iter().filter_map(|c| Some((*c, comparison.metrics.get(c.metric)?)))
+    let paired = comparison.metrics.values();
+    let own = paired.map(|p| Column::of_spec(p.metric)).filter(|c| Column::of(c.metric).is_none());
+    COLUMNS.iter().copied().chain(own).filter_map(|c| Some((c, comparison.metrics.get(c.metric)?)))
 }
 
 fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {

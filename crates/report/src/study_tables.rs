@@ -129,7 +129,7 @@ fn text_tables(results: &StudyResults) -> Vec<planners::TextTable> {
 
 /// Returns the columns of a member of a study.
 fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Column> {
-    let of = |ids: &[&'static str]| ids.iter().map(|metric| Column { metric }).collect();
+    let of = |ids: &[&'static str]| ids.iter().map(|metric| Column::benchmark(metric)).collect();
     let usual = match kind {
         _ if !style.columns.is_empty() => style.columns.to_vec(),
         StudyKind::Replan | StudyKind::Realism if member.protocol.as_deref() == Some("realism") => {

@@ -7,7 +7,7 @@ use reactsim_evaluation::{
     TableMarks, changed_options,
 };
 use reactsim_metrics as metrics;
-use reactsim_metrics::{METRICS, Scope, Unit};
+use reactsim_metrics::{METRICS, MetricSpec, Scope, Unit};
 use reactsim_scene::Difficulty;
 
 /// A column of the tables.
@@ -15,24 +15,26 @@ use reactsim_scene::Difficulty;
 pub struct Column {
     /// Id of the metric.
     pub metric: &'static str,
+    /// Description of a metric that the benchmark does not have.
+    own: Option<&'static MetricSpec>,
 }
 
 /// All columns: those of the paper (ReactSim-Bench, table 1) in its order, then additional ones.
 pub const COLUMNS: &[Column] = &[
-    Column { metric: "aav-collision" },
-    Column { metric: "aav-ttc" },
-    Column { metric: "aa-collision" },
-    Column { metric: "offroad" },
-    Column { metric: "direction" },
-    Column { metric: "acceleration" },
-    Column { metric: "curvature" },
-    Column { metric: "curvature-velocity" },
-    Column { metric: "ade" },
-    Column { metric: "min-ade" },
-    Column { metric: "progress" },
-    Column { metric: "over-reaction" },
-    Column { metric: "undisturbed-loss" },
-    Column { metric: "kinematic-likelihood" },
+    Column::benchmark("aav-collision"),
+    Column::benchmark("aav-ttc"),
+    Column::benchmark("aa-collision"),
+    Column::benchmark("offroad"),
+    Column::benchmark("direction"),
+    Column::benchmark("acceleration"),
+    Column::benchmark("curvature"),
+    Column::benchmark("curvature-velocity"),
+    Column::benchmark("ade"),
+    Column::benchmark("min-ade"),
+    Column::benchmark("progress"),
+    Column::benchmark("over-reaction"),
+    Column::benchmark("undisturbed-loss"),
+    Column::benchmark("kinematic-likelihood"),
 ];
 
 /// The columns of the paper's main table.
@@ -49,15 +51,36 @@ const CONDITIONS: &[(&str, SettingsTest)] = &[
 ];
 
 impl Column {
-    /// Returns the column of the metric with this id.
+    /// Returns the column of a metric of the benchmark.
+    pub(super) const fn benchmark(metric: &'static str) -> Self {
+        Self { metric, own: None }
+    }
+
+    /// Returns the column of the metric of the benchmark with this id.
     pub fn of(metric: &str) -> Option<Self> {
-        metrics::metric(metric).map(|m| Self { metric: m.spec().id })
+        metrics::metric(metric).map(|m| Self::benchmark(m.spec().id))
+    }
+
+    /// Returns the column of a metric that the benchmark may not have.
+    pub(super) fn of_spec(spec: &'static MetricSpec) -> Self {
+        Self { metric: spec.id, own: Some(spec) }
+    }
+
+    /// Returns the columns of the metrics of runs that the benchmark does not have, each id once.
+    fn own<'a>(summaries: impl IntoIterator<Item = &'a Summary>) -> Vec<Self> {
+        let records = summaries.into_iter().flat_map(|summary| &summary.provenance.run.own_metrics);
+        let columns: Vec<Self> = records.map(|record| Self::of_spec(record.spec())).collect();
+        Self::with(Vec::new(), &columns)
+    }
+
+    fn spec(&self) -> Option<&'static MetricSpec> {
+        self.own.or_else(|| metrics::metric(self.metric).map(|m| m.spec()))
     }
 
     /// Appends the columns of `also` that are not yet among these.
     pub(super) fn with(mut columns: Vec<Self>, also: &[Self]) -> Vec<Self> {
         for column in also {
-            if !columns.contains(column) {
+            if !columns.iter().any(|known| known.metric == column.metric) {
                 columns.push(*column);
             }
         }
@@ -66,22 +89,20 @@ impl Column {
 
     /// Returns the title of the column.
     pub(super) fn title(&self) -> &'static str {
-        metrics::metric(self.metric).map_or(self.metric, |m| m.spec().title)
+        self.spec().map_or(self.metric, |spec| spec.title)
     }
 
     /// Returns the unit of the metric, and whether lower is better.
     pub(super) fn kind(&self) -> (Unit, bool) {
-        let spec = metrics::metric(self.metric).map(|m| m.spec());
-        spec.map_or((Unit::Plain, true), |s| (s.unit, s.lower_is_better))
+        self.spec().map_or((Unit::Plain, true), |s| (s.unit, s.lower_is_better))
     }
 
     /// Returns the unit to print in the head of the column.
     pub(super) fn unit(&self) -> Option<&'static str> {
         match self.kind().0 {
             Unit::Rate => Some("%"),
-            Unit::Metres => Some("m"),
-            Unit::MetresPerSecondSquared => Some("m/s²"),
             Unit::Count | Unit::Plain => None,
+            unit => Some(unit.name()),
         }
     }
 
@@ -96,8 +117,12 @@ impl Column {
         match self.kind().0 {
             Unit::Rate => format!("{:.2}", 100.0 * value),
             Unit::Metres | Unit::MetresPerSecondSquared => format!("{value:.2}"),
-            Unit::Count | Unit::Plain => format!("{value:.3}"),
+            Unit::Count | Unit::Plain | Unit::Other(_) => format!("{value:.3}"),
         }
+    }
+
+    fn is_of_av(&self) -> bool {
+        self.spec().is_some_and(|spec| spec.scope == Scope::Av)
     }
 
     /// Returns the columns of the metrics of the AV for which at least one simulator has a number.
@@ -106,15 +131,16 @@ impl Column {
             let simulators = runs.iter().flat_map(|run| run.summary.simulators.values());
             simulators.flat_map(|s| s.metrics.get(column.metric)).any(|e| e.mean.is_some())
         };
-        let of_av = METRICS.iter().map(|metric| metric.spec()).filter(|spec| spec.scope == Scope::Av);
-        of_av.map(|spec| Self { metric: spec.id }).filter(has).collect()
+        let of_benchmark = METRICS.iter().map(|metric| Self::benchmark(metric.spec().id));
+        let all = of_benchmark.chain(Self::own(runs.iter().map(|run| run.summary)));
+        all.filter(|column| column.is_of_av() && has(column)).collect()
     }
 
     /// Returns the columns for which at least one simulator has a number, and those of `also`.
     pub(super) fn used(summaries: &[&Summary], also: &[Self]) -> Vec<Self> {
         let any =
             |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
-        let has = |c: &&Self| {
+        let has = |c: &Self| {
             let applies = CONDITIONS.iter().filter(|(id, _)| *id == c.metric).all(|(_, holds)| any(*holds));
             if !applies {
                 return false;
@@ -122,7 +148,8 @@ impl Column {
             let simulators = summaries.iter().flat_map(|s| s.simulators.values());
             simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())
         };
-        Self::with(COLUMNS.iter().filter(has).copied().collect(), also)
+        let own = Self::own(summaries.iter().copied()).into_iter().filter(|column| !column.is_of_av());
+        Self::with(COLUMNS.iter().copied().chain(own).filter(has).collect(), also)
     }
 }
 

@@ -18,7 +18,7 @@ pub(crate) fn complete(
     keep_rollouts: bool,
 ) -> Result<(), EvaluationError> {
     folder.finish(tally, failures)?;
-    long_tables::write(folder.path())?;
+    long_tables::write(folder.path(), &tally.metrics)?;
     if keep_rollouts {
         rollouts::join_parts(folder, tally)?;
     }

@@ -13,7 +13,7 @@ use arrow_schema::ArrowError;
 use parquet::arrow::ArrowWriter;
 use reactsim_files::NewFile;
 use reactsim_formats::table::properties;
-use reactsim_metrics::{METRICS, Score};
+use reactsim_metrics::{MetricSpec, Score};
 use serde::Deserialize;
 
 use crate::error::EvaluationError;
@@ -25,8 +25,9 @@ use crate::row::{EventRecord, Row};
 const BATCH: usize = 65_536;
 
 /// Writes both tables of a folder with finished rows and events.
-pub(crate) fn write(folder: &Path) -> Result<(), EvaluationError> {
-    let mut values = Table::new(&folder.join(VALUES_TABLE), Values::default());
+pub(crate) fn write(folder: &Path, metrics: &[&'static MetricSpec]) -> Result<(), EvaluationError> {
+    let values = Values { metrics: metrics.to_vec(), ..Values::default() };
+    let mut values = Table::new(&folder.join(VALUES_TABLE), values);
     for_parsed_lines(&folder.join(ROWS), |row: Row| values.add(&row))?;
     values.finish()?;
     let mut events = Table::new(&folder.join(EVENTS_TABLE), Events::default());
@@ -109,6 +110,7 @@ type Names = StringDictionaryBuilder<Int32Type>;
 /// Columns of the table of values: a row per rollout and metric.
 #[derive(Default)]
 struct Values {
+    metrics: Vec<&'static MetricSpec>,
     scenario_id: Names,
     simulator: Names,
     rollout: UInt32Builder,
@@ -123,8 +125,7 @@ impl Columns for Values {
     type Record = Row;
 
     fn add(&mut self, row: &Row) -> usize {
-        for metric in METRICS {
-            let spec = metric.spec();
+        for spec in &self.metrics {
             let Some(value) = row.metrics.get(spec.id) else { continue };
             self.scenario_id.append_value(&row.scenario);
             self.simulator.append_value(&row.simulator);

@@ -81,6 +81,13 @@ pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, 
             "the run was made on another class of processor: make the reference on that machine".to_owned(),
         );
     }
+    if let Some(own) = provenance.own_metrics.first() {
+        return unfit(format!(
+            "the run has the metric `{}`, which `verify` cannot compute: \
+             run again without metrics that the benchmark does not have",
+            own.id
+        ));
+    }
     let rows = if options.aggregates_only { None } else { Some(read_rows(run)?) };
     if provenance.benchmark.is_none() && rows.is_some() {
         return unfit(

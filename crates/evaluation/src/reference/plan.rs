@@ -5,6 +5,7 @@ use std::fmt::Display;
 use std::num::NonZeroUsize;
 
 use reactsim_baseline::{WeightsFile, weights};
+use reactsim_metrics::Metrics;
 use reactsim_rollout::{Protocol, Replan};
 
 use super::{Reference, ReferenceError};
@@ -61,6 +62,7 @@ impl Reference {
             sources: inputs.sources,
             simulators: PlannedSimulator::adjusted(&ids, &adjustments)?,
             deviations: inputs.deviations,
+            metrics: Metrics::default(),
             options: spec.subject.options().map_err(|error| self.unfit(&error))?,
             selection: self.provenance.settings.selection.clone(),
             spec,

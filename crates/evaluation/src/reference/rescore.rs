@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use reactsim_formats::rollouts::ByName;
-use reactsim_metrics::Options;
+use reactsim_metrics::{Options, metric};
 
 use super::ReferenceError;
 use crate::av::AvChoice;
@@ -38,7 +38,9 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     let rollouts = ByName::open(&path)?;
     let mut pairs: BTreeMap<RecordPosition, BTreeMap<String, Vec<Row>>> = BTreeMap::new();
     let rows = read_rows(folder)?;
-    let metrics = Row::metrics_of(&rows);
+    // Rows of an earlier program lack metrics that were added since; those of a user cannot be computed.
+    let mut metrics = Row::metrics_of(&rows);
+    metrics.retain(|id| metric(id).is_some());
     for row in rows {
         pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
     }

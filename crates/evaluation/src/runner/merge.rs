@@ -36,8 +36,7 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
         }
         tallies.push(tally);
     }
-    let simulators = provenance.simulators.iter().map(|s| s.id.clone()).collect();
-    let mut tally = Tally::new(simulators, provenance.settings.rollouts);
+    let mut tally = Tally::of(&provenance);
     tally.entries.extend(tallies.iter().flat_map(|of| of.entries.clone()));
     let run = RunFolder::create(out, &provenance)?;
     if let Some(spec) = RunSpec::of_run(&partitions[0])? {

@@ -1,7 +1,7 @@
 //! Scores of rollouts in memory, as [`Scoring`](crate::scoring::Scoring) computes them for files.
 
 use reactsim_formats::rollouts::RolloutRecord;
-use reactsim_metrics::{Event, Options};
+use reactsim_metrics::{Event, Metrics, Options};
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
@@ -55,5 +55,6 @@ pub fn judge_in_memory(
     let place = RecordPosition { input: 0, record: 0 };
     let template = Row::about(place, scenario, String::new(), simulator).with_deviation(deviation);
     let (rollouts, certificate) = ([rollout], deviation.certificate.as_ref());
-    judge(scenario, certificate, &rollouts, options, judges_av).rows(template, &rollouts)
+    let how = (&Metrics::default(), options);
+    judge(scenario, certificate, &rollouts, how, judges_av).rows(template, &rollouts)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use reactsim_formats::rollouts::RolloutRecord;
-use reactsim_metrics::{Event, Options};
+use reactsim_metrics::{Event, Metrics, Options};
 use reactsim_rollout::Rollout;
 use reactsim_scene::{HISTORY, Scenario};
 
@@ -164,5 +164,6 @@ pub(crate) fn score_rollouts(
     let deviation = scenario.deviation.as_ref().filter(|_| rollouts.iter().all(is_deviated));
     let deviation = deviation.map(DeviationLabels::of).unwrap_or_default();
     let template = Row::about(place, scenario, digest, simulator).with_deviation(&deviation);
-    judge(scenario, deviation.certificate.as_ref(), rollouts, options, judges_av).rows(template, rollouts)
+    let how = (&Metrics::default(), options);
+    judge(scenario, deviation.certificate.as_ref(), rollouts, how, judges_av).rows(template, rollouts)
 }

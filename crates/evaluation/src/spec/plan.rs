@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use reactsim_formats::Partition;
+use reactsim_metrics::Metrics;
 use reactsim_rollout::{Protocol, Settings};
 
 use super::{RunSpec, SubjectSpec};
@@ -24,6 +25,8 @@ pub struct RunParts {
     pub simulators: Vec<PlannedSimulator>,
     /// Planners that the AV policy may name, without simulators.
     pub drivers: Vec<Driver>,
+    /// Metrics, with those of the calling program.
+    pub metrics: Metrics,
     /// The partition to run, for which the sources were opened; `None` for the whole.
     pub partition: Option<Partition>,
 }
@@ -67,7 +70,7 @@ impl RunSpec {
     /// not fit together or to the protocol, the AV policy names a planner that is not given, the file of
     /// deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
-        let RunParts { sources, simulators, drivers, partition } = parts;
+        let RunParts { sources, simulators, drivers, metrics, partition } = parts;
         refuse_repeated(&simulators)?;
         let (subject, file) = (&self.subject, self.check()?);
         let is_realism = self.rollout.protocol == Protocol::Realism;
@@ -90,7 +93,7 @@ impl RunSpec {
         let (options, selection) = (subject.options()?, subject.input.selection.selection());
         let mut spec = self.clone();
         spec.subject.av = av;
-        Ok(Plan { sources, simulators, deviations, drivers, spec, options, selection, partition })
+        Ok(Plan { sources, simulators, deviations, drivers, spec, metrics, options, selection, partition })
     }
 }
 

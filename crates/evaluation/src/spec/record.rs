@@ -10,7 +10,8 @@ use super::file::read;
 use super::{NuplanSpec, RunSpec, SubjectSpec};
 use crate::av::AvChoice;
 use crate::error::EvaluationError;
-use crate::folder::{SPEC, replace};
+use crate::folder::replace;
+use crate::layout::SPEC;
 
 impl RunSpec {
     /// Returns the text of a file, with all values that are set or have a default.

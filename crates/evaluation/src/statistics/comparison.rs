@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use rand_chacha::rand_core::Rng;
-use reactsim_metrics as metrics;
+use reactsim_metrics::MetricSpec;
 use reactsim_rollout::{Purpose, stream};
 use serde::Serialize;
 
@@ -21,6 +21,9 @@ const RELATIVE_TOLERANCE: f64 = 1e-12;
 /// The difference of one metric between two simulators.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PairedDifference {
+    /// The metric.
+    #[serde(skip)]
+    pub metric: &'static MetricSpec,
     /// Mean of the first simulator over the scenarios in which both have a value.
     pub first: f64,
     /// Mean of the second simulator over the same scenarios.
@@ -47,7 +50,8 @@ pub struct Comparison {
     pub scenarios: usize,
     /// Number of scenarios for which only one of them has a result.
     pub unpaired: usize,
-    /// Differences by metric; metrics without a scenario in which both have a value are left out.
+    /// Differences by metric; metrics without a scenario in which both have a value are left out, and metrics
+    /// that the runs define differently.
     pub metrics: BTreeMap<&'static str, PairedDifference>,
 }
 
@@ -78,9 +82,10 @@ impl Comparison {
             return Err(EvaluationError::NothingInCommon);
         }
         let metrics = first.0.metrics.iter().enumerate().filter_map(|(m, &metric)| {
+            let n = second.0.metrics.iter().position(|other| *other == metric)?;
             let both: Vec<(&str, f64, f64)> =
-                pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[m]?))).collect();
-            Some((metric, PairedDifference::of(metric, &both, seed)?))
+                pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[n]?))).collect();
+            Some((metric.id, PairedDifference::of(metric, &both, seed)?))
         });
         Ok(Self {
             first: first.1.to_owned(),
@@ -104,13 +109,13 @@ fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&str, &[Option<f64>]
 
 impl PairedDifference {
     /// Computes the difference from the values of both by scenario; `None` without scenarios.
-    fn of(metric: &str, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
+    fn of(metric: &'static MetricSpec, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
         if values.is_empty() {
             return None;
         }
         let n = values.len() as f64;
         let differences: Vec<f64> = values.iter().map(|(_, a, b)| b - a).collect();
-        let less_is_better = metrics::metric(metric).is_none_or(|m| m.spec().lower_is_better);
+        let less_is_better = metric.lower_is_better;
         let mut changed: Vec<(String, f64)> =
             values.iter().filter(|(_, a, b)| a != b).map(|(id, a, b)| ((*id).to_owned(), b - a)).collect();
         // Largest improvement first; equal changes stay in the order of the ids.
@@ -119,20 +124,20 @@ impl PairedDifference {
         let mut worse = changed.split_off(good);
         worse.reverse();
         Some(Self {
+            metric,
             first: values.iter().map(|v| v.1).sum::<f64>() / n,
             second: values.iter().map(|v| v.2).sum::<f64>() / n,
-            difference: Estimate::of(&differences, seed, &format!("difference {metric}")),
-            p: permutation(&differences, seed, metric),
+            difference: Estimate::of(&differences, seed, &format!("difference {}", metric.id)),
+            p: permutation(&differences, seed, metric.id),
             better: changed,
             worse,
         })
     }
 
     /// Returns the amount by which the second simulator is worse; negative if it is better.
-    pub fn worsening(&self, metric: &str) -> f64 {
-        let less_is_better = metrics::metric(metric).is_none_or(|m| m.spec().lower_is_better);
+    pub fn worsening(&self) -> f64 {
         let difference = self.second - self.first;
-        if less_is_better { difference } else { -difference }
+        if self.metric.lower_is_better { difference } else { -difference }
     }
 }
 
@@ -166,6 +171,8 @@ fn permutation(differences: &[f64], seed: u64, metric: &str) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_metrics::metric;
+
     use super::*;
 
     #[test]
@@ -198,12 +205,13 @@ mod tests {
 
     #[test]
     fn the_metric_decides_which_changes_are_better() {
+        let spec = |id| metric(id).unwrap().spec();
         let values = [("a", 1.0, 0.0), ("b", 0.0, 2.0), ("c", 1.0, 1.0), ("d", 3.0, 0.5), ("e", 0.0, 1.0)];
-        let less = PairedDifference::of("aav-collision", &values, 0).unwrap();
+        let less = PairedDifference::of(spec("aav-collision"), &values, 0).unwrap();
         assert_eq!(less.better, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
         assert_eq!(less.worse, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
-        assert!((less.worsening("aav-collision") + 0.1).abs() < 1e-12);
-        let more = PairedDifference::of("progress", &values, 0).unwrap();
+        assert!((less.worsening() + 0.1).abs() < 1e-12);
+        let more = PairedDifference::of(spec("progress"), &values, 0).unwrap();
         assert_eq!(more.better, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
         assert_eq!(more.worse, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
         assert_eq!((more.first, more.second), (1.0, 0.9));

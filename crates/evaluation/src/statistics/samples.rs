@@ -148,13 +148,21 @@ impl NamedSamples {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_metrics::METRICS;
+
     use super::*;
     use crate::row::{RecordPosition, Row, Value};
     use crate::statistics::tally::Tally;
 
+    fn tally() -> Tally {
+        let simulators = ["log-replay", "idm"].map(str::to_owned).to_vec();
+        let metrics = METRICS.iter().map(|metric| metric.spec()).collect();
+        Tally { metrics, simulators, rollouts: 1, entries: BTreeMap::new() }
+    }
+
     /// Returns the entry of a scenario with two simulators, of which the second has no value in every tenth.
     fn entry(i: usize) -> Entry {
-        let mut tally = Tally::new(vec!["log-replay".to_owned(), "idm".to_owned()], 1);
+        let mut tally = tally();
         for (s, simulator) in tally.simulators.clone().into_iter().enumerate() {
             let value = (s == 0 || !i.is_multiple_of(10))
                 .then(|| Value::Value(((i * 7919) % 1000) as f64 + s as f64));
@@ -179,7 +187,7 @@ mod tests {
 
     #[test]
     fn estimates_are_those_of_the_parts() {
-        let metrics = Tally::new(Vec::new(), 1).metrics;
+        let metrics = tally().metrics.iter().map(|metric| metric.id).collect();
         let mut samples = Samples::new(0, metrics, 2, Some(0));
         let mut named = NamedSamples::new(0);
         for entry in (0..2000).map(entry) {

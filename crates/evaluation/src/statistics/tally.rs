@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_metrics::{METRICS, Score};
+use reactsim_metrics::{METRICS, MetricSpec, Score};
 
+use crate::own_metrics::MetricRecord;
+use crate::provenance::Provenance;
 use crate::row::{RecordPosition, Row, RowNote};
 use crate::statistics::mean;
 
@@ -46,8 +48,8 @@ pub struct Entry {
 /// All values of a run, in canonical order.
 #[derive(Clone, Debug)]
 pub struct Tally {
-    /// Ids of the metrics.
-    pub metrics: Vec<&'static str>,
+    /// The metrics.
+    pub metrics: Vec<&'static MetricSpec>,
     /// Ids of the simulators, in the order of the tables.
     pub simulators: Vec<String>,
     /// Number of rollouts per scenario and simulator.
@@ -57,10 +59,20 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Creates an empty tally for these simulators.
-    pub fn new(simulators: Vec<String>, rollouts: u32) -> Self {
-        let metrics = METRICS.iter().map(|m| m.spec().id).collect();
-        Self { metrics, simulators, rollouts, entries: BTreeMap::new() }
+    /// Creates an empty tally for the values of a run.
+    pub fn of(run: &Provenance) -> Self {
+        let own = run.own_metrics.iter().map(MetricRecord::spec);
+        Self {
+            metrics: METRICS.iter().map(|metric| metric.spec()).chain(own).collect(),
+            simulators: run.simulators.iter().map(|s| s.id.clone()).collect(),
+            rollouts: run.settings.rollouts,
+            entries: BTreeMap::new(),
+        }
+    }
+
+    /// Returns the index of the metric with this id.
+    pub fn metric(&self, id: &str) -> Option<usize> {
+        self.metrics.iter().position(|spec| spec.id == id)
     }
 
     /// Returns whether `rows` are all rows of one scenario and one simulator: one per rollout, and one over
@@ -92,7 +104,7 @@ impl Tally {
         for metric in &self.metrics {
             let scores: Vec<Score> = rows
                 .iter()
-                .filter_map(|r| r.metrics.get(*metric).copied().flatten())
+                .filter_map(|r| r.metrics.get(metric.id).copied().flatten())
                 .map(Score::from)
                 .collect();
             cell.values.push(mean(scores.iter().filter_map(|s| s.value())));

@@ -294,7 +294,7 @@ impl<'a> Common<'a> {
 
 /// Returns the values of a metric by scenario, averaged over rollouts.
 fn values<'a>(tally: &'a Tally, simulator: usize, metric: &str) -> BTreeMap<&'a str, f64> {
-    let Some(at) = tally.metrics.iter().position(|m| *m == metric) else { return BTreeMap::new() };
+    let Some(at) = tally.metric(metric) else { return BTreeMap::new() };
     let value =
         |entry: &'a Entry| Some((entry.scenario.as_str(), entry.cells.get(simulator)?.as_ref()?.values[at]?));
     tally.entries.values().filter_map(value).collect()

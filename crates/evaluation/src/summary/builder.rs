@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_metrics::{Scope, metric};
+use reactsim_metrics::Scope;
 
 use crate::provenance::Provenance;
 use crate::row::Failure;
@@ -16,6 +16,8 @@ use crate::summary::{
 /// A summary that is being computed. Scenarios are added in canonical order.
 pub(crate) struct SummaryBuilder<'a> {
     provenance: &'a Provenance,
+    /// Metrics that are computed only if the AV is judged.
+    of_av: Vec<&'static str>,
     simulators: Vec<SimulatorTotals>,
     pressure: [Option<usize>; 3],
     samples: Samples,
@@ -38,16 +40,22 @@ struct SimulatorTotals {
 }
 
 impl<'a> SummaryBuilder<'a> {
-    /// Begins a summary of these simulators and metrics, by id.
-    pub(crate) fn new(simulators: &[String], metrics: &[&'static str], provenance: &'a Provenance) -> Self {
+    /// Begins a summary of the simulators and metrics of a tally.
+    pub(crate) fn new(tally: &Tally, provenance: &'a Provenance) -> Self {
+        let simulators = &tally.simulators;
         let seed = provenance.settings.seed;
         let reference = simulators.iter().position(|s| s == PAIRING_REFERENCE);
-        let metric = |id: &str| metrics.iter().position(|m| *m == id);
         Self {
             provenance,
+            of_av: tally.metrics.iter().filter(|m| m.scope == Scope::Av).map(|m| m.id).collect(),
             simulators: vec![SimulatorTotals::default(); simulators.len()],
-            pressure: ["aav-collision", "aav-overlap", "aav-ttc"].map(metric),
-            samples: Samples::new(seed, metrics.to_vec(), simulators.len(), reference),
+            pressure: ["aav-collision", "aav-overlap", "aav-ttc"].map(|id| tally.metric(id)),
+            samples: Samples::new(
+                seed,
+                tally.metrics.iter().map(|m| m.id).collect(),
+                simulators.len(),
+                reference,
+            ),
             deviation: NamedSamples::new(seed),
             scenarios: 0,
             digest: blake3::Hasher::new(),
@@ -103,8 +111,7 @@ impl<'a> SummaryBuilder<'a> {
         let has_reference = self.provenance.simulators.iter().any(|s| s.id == PAIRING_REFERENCE);
         let estimates = self.samples.finish();
         let judges_av = self.provenance.settings.judges_av();
-        let is_kept =
-            |id: &str| judges_av || metric(id).is_none_or(|metric| metric.spec().scope != Scope::Av);
+        let is_kept = |id: &str| judges_av || !self.of_av.contains(&id);
         let estimates_of = |simulator: usize, part: &Part| {
             let mut all = estimates.of(simulator, part);
             all.retain(|id, _| is_kept(id));
@@ -172,7 +179,7 @@ impl<'a> SummaryBuilder<'a> {
 impl Summary {
     /// Summarizes a run. `failures` are in canonical order.
     pub fn new(tally: &Tally, failures: &[Failure], provenance: &Provenance) -> Self {
-        let mut builder = SummaryBuilder::new(&tally.simulators, &tally.metrics, provenance);
+        let mut builder = SummaryBuilder::new(tally, provenance);
         tally.entries.values().for_each(|entry| builder.add(entry));
         builder.finish(failures)
     }

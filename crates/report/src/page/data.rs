@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_evaluation::{Entry, Mark, Summary, TableMarks, program_commit, program_version};
-use reactsim_metrics::{EVENT_UNITS, METRICS};
+use reactsim_metrics::{EVENT_UNITS, METRICS, MetricSpec, metric};
 use serde::Serialize;
 use serde_json::value::RawValue;
 
@@ -60,6 +60,9 @@ struct MetricData {
     unit: &'static str,
     lower_is_better: bool,
     source: &'static str,
+    /// Whether the benchmark does not have the metric.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    own: bool,
 }
 
 #[derive(Serialize)]
@@ -138,15 +141,16 @@ impl Gallery {
             live,
             lead: self.lead()?.filter(|lead| scenes.contains(&lead.scenario)),
             lacks: self.missing_for_scenes(),
-            metrics: METRICS
-                .iter()
-                .map(|m| m.spec())
+            metrics: self
+                .metrics()
+                .into_iter()
                 .map(|spec| MetricData {
                     id: spec.id,
                     title: spec.title,
                     unit: spec.unit.name(),
                     lower_is_better: spec.lower_is_better,
                     source: spec.source,
+                    own: metric(spec.id).is_none(),
                 })
                 .collect(),
             columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
@@ -195,6 +199,17 @@ impl Gallery {
         numbers.collect()
     }
 
+    /// Returns the metrics of the benchmark, then others of any run, each id once.
+    fn metrics(&self) -> Vec<&'static MetricSpec> {
+        let mut all: Vec<&'static MetricSpec> = METRICS.iter().map(|metric| metric.spec()).collect();
+        for spec in self.runs.iter().flat_map(|run| &run.finished.tally().metrics) {
+            if !all.iter().any(|known| known.id == spec.id) {
+                all.push(spec);
+            }
+        }
+        all
+    }
+
     fn scenario_data(&self, scenes: &BTreeSet<usize>) -> ScenarioData<'_> {
         let entry = |run: usize, place| self.runs[run].finished.tally().entries.get(&place);
         let deviation = (0..self.runs.len()).map(|run| {
@@ -208,8 +223,12 @@ impl Gallery {
             }
             columns
         });
+        let specs = self.metrics();
         let values = self.subjects.iter().map(|subject| {
-            let metrics = METRICS.iter().enumerate().map(|(m, _)| {
+            let metrics = specs.iter().map(|spec| {
+                let Some(m) = self.runs[subject.run].finished.tally().metric(spec.id) else {
+                    return Vec::new();
+                };
                 let column: Vec<Option<f64>> = self
                     .scenarios
                     .iter()
@@ -224,8 +243,8 @@ impl Gallery {
         });
         let events = self.subjects.iter().map(|subject| {
             let finished = &self.runs[subject.run].finished;
-            let metrics = METRICS.iter().map(|metric| {
-                let count = |place| finished.counted(place, subject.simulator, metric.spec().id);
+            let metrics = specs.iter().map(|spec| {
+                let count = |place| finished.counted(place, subject.simulator, spec.id);
                 let column: Vec<u32> =
                     self.scenarios.iter().map(|s| s.places[subject.run].map_or(0, count)).collect();
                 if column.iter().all(|n| *n == 0) { Vec::new() } else { column }

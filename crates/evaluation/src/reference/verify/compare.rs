@@ -193,7 +193,7 @@ fn beyond_bounds(
 fn pairs(first: &Tally, second: &Tally, simulator: &str, metric: &str) -> Vec<(f64, f64)> {
     let at = |tally: &Tally| {
         let simulator = tally.simulators.iter().position(|s| s == simulator)?;
-        Some((simulator, tally.metrics.iter().position(|m| *m == metric)?))
+        Some((simulator, tally.metric(metric)?))
     };
     let Some(((s, m), _)) = at(first).zip(at(second)) else { return Vec::new() };
     let value =

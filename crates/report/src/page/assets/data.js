@@ -23,6 +23,9 @@ export const subjects = data.subjects.map((s, i) => ({
 /** Metric with this id. */
 export const metric = (id) => metrics[place.get(id)];
 
+/** Ids of the metrics that the benchmark does not have. */
+export const ownMetrics = metrics.filter((m) => m.own).map((m) => m.id);
+
 /** Value of a metric for a subject in a scenario; null if there is none. */
 export const value = (subject, id, scenario) => scenarios.values[subject][place.get(id)][scenario] ?? null;
 

@@ -14,7 +14,7 @@ export const half = (metric, { low, high }) => (low === null ? "" : ` ±${number
 export const interval = (metric, { low, high }) => (low === null ? "too few scenarios for an interval" : `95 % interval ${number(metric, low)} to ${number(metric, high)}`);
 
 /** Title of a metric with its unit. */
-export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : ["m", "m/s²"].includes(metric.unit) ? ` (${metric.unit})` : ""}`;
+export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : ["", "count"].includes(metric.unit) ? "" : ` (${metric.unit})`}`;
 
 /** Seconds after the current frame. */
 export const seconds = (frame) => `${((frame - 10) / 10).toFixed(1)} s`;

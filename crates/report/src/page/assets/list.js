@@ -1,7 +1,7 @@
 // The list of scenarios. Only visible rows are elements, so that thousands of rows cost no more than a
 // dozen.
 
-import { categories, counted, difficulties, metric, scenarios, subjects, value } from "./data.js";
+import { categories, counted, difficulties, metric, ownMetrics, scenarios, subjects, value } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 import { drawable } from "./scenes.js";
@@ -9,7 +9,7 @@ import { drawable } from "./scenes.js";
 /** Height of a row, pixels. */
 const ROW = 26;
 /** Metrics that are meaningful for a single scenario. */
-const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "red-light", "log-clinging"];
+const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "red-light", "log-clinging", ...ownMetrics];
 /** Maximum number of subjects with a column. */
 const MOST = 12;
 
@@ -68,7 +68,7 @@ function row(at) {
   const m = metric(state.metric);
   const cells = columns.map((s) => {
     const v = value(s.index, state.metric, i);
-    const isBad = m.lower_is_better && v > 0 && !["m", "m/s²"].includes(m.unit);
+    const isBad = m.lower_is_better && v > 0 && !m.own && !["m", "m/s²"].includes(m.unit);
     return el("span", { role: "gridcell", class: `number${isBad ? " bad" : ""}` }, v === null ? "–" : number(m, v));
   });
   return el("div", { role: "row", id: `row-${i}`, class: `row${at === cursor ? " cursor" : ""}${i === open ? " open" : ""}`, "aria-rowindex": at + 2, "aria-selected": String(i === open), style: `top:${at * ROW}px`, "data-scenario": i, onclick: () => go(at) },

@@ -1,10 +1,10 @@
 // Information next to the views: timeline, current values, events, and the agent under the pointer.
 
 import { sharp } from "./curves.js";
-import { data, metric, value } from "./data.js";
+import { data, metric, ownMetrics, value } from "./data.js";
 import { FRAMES, NOW } from "./decode.js";
 import { el } from "./dom.js";
-import { number, seconds } from "./format.js";
+import { number, seconds, titled } from "./format.js";
 import { NO_RISK, RISKY, approach } from "./geometry.js";
 import { LOOKS } from "./painter.js";
 import { colour } from "./palette.js";
@@ -12,7 +12,7 @@ import { colour } from "./palette.js";
 const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against", "red-light": "red" };
 
 /** The style of an event; undefined if it has no mark. */
-export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : EVENTS[e.metric]);
+export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : metric(e.metric)?.own ? "own" : EVENTS[e.metric]);
 
 /** The timeline: a row for every simulator with its events. */
 export function timeline(canvas, parts, t) {
@@ -55,14 +55,14 @@ export function timeline(canvas, parts, t) {
 
 /** Table of current values and values of the whole rollout, for these simulators (null for none). */
 export function facts(table, simulators, index) {
-  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", "ade"].filter((id) => metric(id));
+  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", "ade", ...ownMetrics].filter((id) => metric(id));
   const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...simulators.flatMap((subject, i) => (subject === null ? [] : [
     el("td", { class: "number", "data-pane": i, "data-now": id }),
     el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(subject, id, index)) : ""),
   ])));
   table.replaceChildren(
     el("thead", {}, el("tr", {}, el("th", { scope: "col" }, "Measure"), ...simulators.flatMap((subject, i) => (subject === null ? [] : [el("th", { scope: "col", class: "number" }, `${i ? "right" : "left"} now`), el("th", { scope: "col", class: "number" }, "all")])))),
-    el("tbody", {}, ...shown.map((id) => row(id, `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
+    el("tbody", {}, ...shown.map((id) => row(id, metric(id).own ? titled(metric(id)) : `${metric(id).title}${metric(id).unit === "rate" ? " (all: %)" : ""}`)), row("gap", "Nearest agent")));
 }
 
 /** Fills in the values at this frame. */
@@ -105,7 +105,7 @@ export function events(list, scene, parts, several, pick) {
   };
   list.replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
     const kind = eventKind(e);
-    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${LOOKS[kind].name}: ${words(e)}`));
+    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${kind === "own" ? metric(e.metric).title : LOOKS[kind].name}: ${words(e)}`));
   }) : [el("li", { class: "dim" }, "No events.")]));
 }
 

@@ -1,6 +1,6 @@
 // The main table, the tables of categories and difficulties, and events per scenario.
 
-import { categories, counted, data, difficulties, metric, metrics, runs, scenarios, subjects } from "./data.js";
+import { categories, counted, data, difficulties, metric, metrics, ownMetrics, runs, scenarios, subjects } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, half, interval, number, titled } from "./format.js";
 
@@ -8,7 +8,7 @@ const several = runs.length > 1;
 /** Explanations of the marks behind names of simulators. */
 const marks = [...new Set(subjects.filter((s) => s.mark).map((s) => ` ${s.mark} ${s.meaning}.`))].join("");
 /** Metrics in the table of events, in the order of the columns. */
-const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light"];
+const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", ...ownMetrics.filter((id) => scenarios.events.some((of) => of[metrics.findIndex((m) => m.id === id)].length))];
 
 /** Parts of the scenarios with a table: the estimates of a subject, and whether a scenario of a run belongs to it. */
 const PARTS = [

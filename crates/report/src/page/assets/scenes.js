@@ -1,6 +1,6 @@
 // Scenes: loading and decoding.
 
-import { data, scenarios } from "./data.js";
+import { data, ownMetrics, scenarios } from "./data.js";
 import { FRAMES, NOW, agent, map, realised, unpack } from "./decode.js";
 import { analyse } from "./geometry.js";
 
@@ -35,7 +35,7 @@ async function raw(index) {
 }
 
 /** Kinds of states, the most severe first. */
-export const STATES = ["fault", "contact", "risky", "offroad", "against", "red"];
+export const STATES = ["fault", "contact", "risky", "offroad", "against", "red", "own"];
 
 /** States of the agents: `states[agent][frame]` is one of STATES or undefined. */
 function states(agents, events, analysis) {
@@ -59,6 +59,7 @@ function states(agents, events, analysis) {
     else if (e.metric === "offroad") put(e.agent, e.from, e.to, "offroad");
     else if (e.metric === "direction") put(e.agent, e.from, e.to, "against");
     else if (e.metric === "red-light") put(e.agent, e.from, Math.max(e.to, e.from + 9), "red");
+    else if (ownMetrics.includes(e.metric)) put(e.agent, e.from, e.to, "own");
   }
   return out;
 }

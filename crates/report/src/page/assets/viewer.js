@@ -2,7 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { Chart, seekable } from "./curves.js";
-import { counted, runs, scenarios, subjects } from "./data.js";
+import { counted, ownMetrics, runs, scenarios, subjects } from "./data.js";
 import { FRAMES, NOW } from "./decode.js";
 import { $, el, save, saveBlob, toast } from "./dom.js";
 import { seconds } from "./format.js";
@@ -379,7 +379,7 @@ export function viewer(changed) {
   } }), label)));
   $("legend").replaceChildren(
     el("li", {}, el("i", { class: "dot av" }), "AV"), el("li", {}, el("i", { class: "dot vehicle" }), "vehicle"), el("li", {}, el("i", { class: "dot pedestrian" }), "pedestrian"), el("li", {}, el("i", { class: "dot cyclist" }), "cyclist"), el("li", {}, el("i", { class: "dot ghost" }), "log"),
-    ...Object.entries(LOOKS).map(([kind, look]) => el("li", {}, el("i", { class: `dot ${kind}` }), look.name)));
+    ...Object.entries(LOOKS).filter(([kind]) => kind !== "own" || ownMetrics.length).map(([kind, look]) => el("li", {}, el("i", { class: `dot ${kind}` }), look.name)));
   $("speed").replaceChildren(...SPEEDS.map((s) => el("option", { value: s }, `${s}×`)));
   $("speed").value = speed;
   $("speed").onchange = () => (speed = Number($("speed").value));

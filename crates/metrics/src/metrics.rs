@@ -1,0 +1,190 @@
+//! The metrics of a run: those of the benchmark and those of the calling program.
+
+use reactsim_scene::{Frame, HISTORY};
+
+use super::scores::{METRICS, REMOVED_METRICS, RolloutScores, Scores, metric};
+use super::{Case, Event, Metric, MetricSpec, Scope, ade, deviation, likelihood};
+
+/// Names of columns that tables of rows have next to the metrics.
+const RESERVED: [&str; 8] =
+    ["input", "record", "scenario", "digest", "simulator", "rollout", "category", "difficulty"];
+/// Largest number of characters of an id or a title.
+const LONGEST: usize = 60;
+/// Largest number of characters of a unit.
+const LONGEST_UNIT: usize = 12;
+
+/// The metrics of a run: those of the benchmark ([`METRICS`]), then metrics of the calling program.
+#[derive(Default)]
+pub struct Metrics {
+    own: Vec<Box<dyn Metric>>,
+}
+
+impl Metrics {
+    /// Adds metrics of the calling program to those of the benchmark.
+    ///
+    /// # Errors
+    /// [`MetricError`] if an id is taken or malformed, or if tables cannot print a title or a unit.
+    pub fn with(own: Vec<Box<dyn Metric>>) -> Result<Self, MetricError> {
+        let metrics = Self { own };
+        check_own(&metrics.own_specs())?;
+        Ok(metrics)
+    }
+
+    /// Returns the descriptions of the metrics of the calling program.
+    pub fn own_specs(&self) -> Vec<&'static MetricSpec> {
+        self.own.iter().map(|metric| metric.spec()).collect()
+    }
+
+    /// Returns all metrics, those of the benchmark first.
+    fn all(&self) -> impl Iterator<Item = &dyn Metric> {
+        METRICS.iter().copied().chain(self.own.iter().map(Box::as_ref))
+    }
+
+    /// Computes every metric for one case. Events of a metric have its id.
+    pub fn score_case(&self, case: &Case<'_>) -> Scores {
+        let mut events: Vec<Event> = Vec::new();
+        let score = |metric: &dyn Metric| {
+            let first = events.len();
+            let score = metric.score(case, &mut events);
+            events[first..].iter_mut().for_each(|event| event.metric = metric.spec().id);
+            (metric.spec(), score)
+        };
+        Scores {
+            values: self.all().map(score).collect(),
+            events,
+            deviation: deviation::deviation(case),
+            displacement: ade::displacement(case).cloned(),
+            likelihood: likelihood::likelihood(case),
+            dir_tracking: case.options.dir_tracking,
+        }
+    }
+
+    /// Computes the metrics over several rollouts of a scenario: minADE, the kinematic likelihood, and metrics
+    /// of the calling program with [`Scope::Scenario`].
+    ///
+    /// `case`: the case of one of the rollouts; presence is decided at the current frame, which all share.
+    /// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
+    pub fn score_rollouts<'a>(&self, case: Case<'a>, rollouts: &[&'a [Vec<Frame>]]) -> RolloutScores {
+        let future = |track: &'a Vec<Frame>| &track[HISTORY.min(track.len())..];
+        let case = case.with_rollouts(rollouts.iter().map(|r| r.iter().map(future).collect()).collect());
+        let score = |metric: &dyn Metric| (metric.spec(), metric.score(&case, &mut Vec::new()));
+        RolloutScores {
+            values: self.all().filter(|m| m.spec().scope == Scope::Scenario).map(score).collect(),
+            displacement: ade::displacement(&case).cloned(),
+            likelihood: likelihood::likelihood(&case),
+        }
+    }
+}
+
+/// The reason why a metric of the calling program is refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MetricError {
+    /// The id is not of the form of ids.
+    #[error(
+        "metric `{id}`: an id has lower-case letters, digits and hyphens, begins with a letter and has at \
+         most {LONGEST} characters, such as `mean-headway`"
+    )]
+    Id {
+        /// The id.
+        id: String,
+    },
+    /// Another metric, or a column of the rows, has the id.
+    #[error(
+        "metric `{id}`: the id is taken; choose another one (`reactsim list metrics` lists those of the \
+         benchmark)"
+    )]
+    Taken {
+        /// The id.
+        id: String,
+    },
+    /// A title or a unit cannot be printed in all tables.
+    #[error(
+        "metric `{id}`: {part} is `{text}`, expected letters, digits, spaces and `-.,:()/+` in one line of at \
+         most {most} characters"
+    )]
+    Text {
+        /// Id of the metric.
+        id: String,
+        /// Title or unit.
+        part: &'static str,
+        /// The text.
+        text: String,
+        /// Largest number of characters.
+        most: usize,
+    },
+}
+
+/// Checks the descriptions of metrics that the benchmark does not have.
+///
+/// # Errors
+/// [`MetricError`] if an id is taken or malformed, or if tables cannot print a title or a unit.
+pub fn check_own(specs: &[&'static MetricSpec]) -> Result<(), MetricError> {
+    for (i, spec) in specs.iter().enumerate() {
+        let id = || spec.id.to_owned();
+        let is_lower = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        let is_formed =
+            spec.id.starts_with(|c: char| c.is_ascii_lowercase()) && spec.id.chars().all(is_lower);
+        if !is_formed || spec.id.len() > LONGEST {
+            return Err(MetricError::Id { id: id() });
+        }
+        let is_taken = metric(spec.id).is_some() || specs[..i].iter().any(|earlier| earlier.id == spec.id);
+        if is_taken || RESERVED.contains(&spec.id) || REMOVED_METRICS.contains(&spec.id) {
+            return Err(MetricError::Taken { id: id() });
+        }
+        let is_plain = |c: char| c.is_alphanumeric() || " -.,:()/+²³°·".contains(c);
+        for (part, text, most) in [("title", spec.title, LONGEST), ("unit", spec.unit.name(), LONGEST_UNIT)] {
+            let is_empty = part == "title" && text.trim().is_empty();
+            if is_empty || !text.chars().all(is_plain) || text.chars().count() > most {
+                return Err(MetricError::Text { id: id(), part, text: text.to_owned(), most });
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Unit;
+
+    fn check(id: &'static str, title: &'static str, unit: &'static str) -> Result<(), MetricError> {
+        let (unit, scope) = (Unit::from_name(unit), Scope::Rollout);
+        let spec = MetricSpec { id, title, unit, scope, lower_is_better: false, source: "" };
+        check_own(&[Box::leak(Box::new(spec))])
+    }
+
+    #[test]
+    fn ids_titles_and_units_are_checked() {
+        check("mean-headway", "Headway (mean)", "s").unwrap();
+        for id in ["", "Headway", "2-s", "a b", "a_b", "a=b", "é"] {
+            assert_eq!(check(id, "a", ""), Err(MetricError::Id { id: id.to_owned() }));
+        }
+        for id in ["ade", "av-score", "av-pdms", "rollout"] {
+            assert_eq!(check(id, "a", ""), Err(MetricError::Taken { id: id.to_owned() }));
+        }
+        let part = |result: Result<(), MetricError>| match result {
+            Err(MetricError::Text { part, .. }) => part,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!([part(check("a", " ", "s")), part(check("a", "<b>", "s"))], ["title", "title"]);
+        assert_eq!([part(check("a", "a|b", "s")), part(check("a", "a", "s\n"))], ["title", "unit"]);
+        let same = MetricSpec {
+            id: "a",
+            title: "a",
+            unit: Unit::Plain,
+            scope: Scope::Rollout,
+            lower_is_better: true,
+            source: "",
+        };
+        let same: &'static MetricSpec = Box::leak(Box::new(same));
+        assert_eq!(check_own(&[same, same]), Err(MetricError::Taken { id: "a".to_owned() }));
+    }
+
+    #[test]
+    fn units_are_found_by_name() {
+        for unit in [Unit::Count, Unit::Rate, Unit::Metres, Unit::Plain, Unit::Other("s")] {
+            assert_eq!(Unit::from_name(unit.name()), unit);
+        }
+    }
+}
