@@ -22,7 +22,7 @@ use reactsim::evaluation::{
 };
 use reactsim::formats::{self, Input, native::Writer};
 use reactsim::generation::{GenerationSettings, Generator, Preset};
-use reactsim::metrics::{self, Case, Metrics, Options};
+use reactsim::metrics::{self, Case, Options};
 use reactsim::models;
 use reactsim::rollout::{Controller, Request, Rollout, ScriptedAv, Settings, roll_out};
 use reactsim::scene::{FUTURE, MAX_AGENTS, Scenario};

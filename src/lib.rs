@@ -57,8 +57,8 @@ pub use reactsim_scene::dynamics;
 pub mod benchmark;
 #[cfg(feature = "cli")]
 pub mod cli;
-#[cfg(feature = "environment")]
-pub mod environment;
+#[cfg(feature = "session")]
+pub mod session;
 
 /// Commit from which the program is built, with `+` if files were changed since; `unknown` outside a checkout.
 #[cfg(feature = "report")]

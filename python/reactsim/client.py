@@ -18,6 +18,7 @@ and O of obstacles.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import enum
 import json
@@ -274,7 +275,10 @@ def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array])
     return [len(text).to_bytes(8, "little") + text, *parts]
 
 
-def read_frame(stream: IO[bytes]) -> Optional[Tuple[Dict[str, str], Dict[str, Array]]]:
+_Frame = Tuple[Dict[str, str], Dict[str, Array]]
+
+
+def read_frame(stream: IO[bytes]) -> Optional[_Frame]:
     """Reads a frame; returns None at the end of the stream."""
     prefix = np.empty(8, np.uint8)
     n = _fill(stream, prefix)
@@ -1080,6 +1084,7 @@ class Session:
     ) -> None:
         self.simulator = simulator() if isinstance(simulator, type) else simulator
         self.title = type(self.simulator).__name__
+        self.name = getattr(self.simulator, "name", "") or self.title
         self.size = batch
         self.on_end = on_end
         self.batch: Optional[_Batch] = None
@@ -1091,28 +1096,38 @@ class Session:
         if not callable(getattr(self.simulator, "plan", None)):
             raise TypeError("%s is no simulator or planner: it has no method `plan`" % self.title)
 
-    def run(self, reader: IO[bytes], writer: IO[bytes]) -> None:
-        """Answers requests until `bye` or the end of the stream."""
-        while True:
-            frame = read_frame(reader)
-            if frame is None or frame[0]["type"] == "bye":
-                return
-            metadata, tensors = frame
-            del frame
+    def copy(self) -> Session:
+        """Returns a session of a shallow copy of the simulator, for another open batch."""
+        return Session(copy.copy(self.simulator), batch=self.size, on_end=self.on_end)
+
+    def run(self, reader: IO[bytes], writer: IO[bytes], frame: Optional[_Frame] = None) -> None:
+        """Answers requests until `bye` or the end of the stream; `frame` is already read."""
+        frame = frame or read_frame(reader)
+        while frame is not None and frame[0]["type"] != "bye":
             try:
-                kind, answer, arrays = self._answer(metadata, tensors)
-            except (_UserError, ProtocolError) as error:
-                kind, answer, arrays = "failed", {"error": str(error)}, {}
-            except (Exception, SystemExit) as error:
-                kind, answer, arrays = "failed", {"error": self._trace(error)}, {}
-            if kind == "failed":
-                answer["error"] = _clean(answer["error"])
-                self.first_error = self.first_error or answer["error"]
-            del tensors
-            try:
-                write_frame(writer, kind, metadata["seq"], answer, arrays)
+                self.respond(frame, writer)
             except BrokenPipeError:
                 return
+            frame = read_frame(reader)
+
+    def respond(self, frame: _Frame, writer: IO[bytes]) -> Optional[BaseException]:
+        """Answers a request; returns the exception of the simulator, if it raised one."""
+        metadata, tensors = frame
+        raised: Optional[BaseException] = None
+        try:
+            kind, answer, arrays = self._answer(metadata, tensors)
+        except (_UserError, ProtocolError) as error:
+            kind, answer, arrays = "failed", {"error": str(error)}, {}
+        except (Exception, SystemExit) as error:
+            kind, answer, arrays = "failed", {"error": self._trace(error)}, {}
+            raised = error
+        if kind == "failed":
+            answer["error"] = _clean(answer["error"])
+            self.first_error = self.first_error or answer["error"]
+        # A request can be larger than its answer.
+        tensors.clear()
+        write_frame(writer, kind, metadata["seq"], answer, arrays)
+        return raised
 
     def _answer(
         self, metadata: Mapping[str, str], tensors: Dict[str, Array]
@@ -1284,13 +1299,34 @@ def claim_streams() -> Tuple[IO[bytes], IO[bytes]]:
     return streams
 
 
-def serve(simulator: Any) -> None:
+def _chosen(programs: Sequence[Any], hello: Mapping[str, str]) -> Any:
+    """Returns the program that is asked: the one of its role, or of several the one of its name."""
+    if len(programs) == 1:
+        return programs[0]
+    role, name = hello.get("role", "simulator"), hello.get("name", "")
+
+    def name_of(program: Any) -> str:
+        own = program if isinstance(program, type) else type(program)
+        return getattr(program, "name", "") or own.__name__
+
+    fit = [program for program in programs if getattr(program, "role", "simulator") == role]
+    if len(fit) != 1:
+        fit = [program for program in fit if name_of(program) == name]
+    if len(fit) != 1:
+        text = "this script has %s, and none or several of them are a %s with the name %s"
+        names = ", ".join(name_of(program) for program in programs) or "nothing"
+        raise ProtocolError(text % (names, role, name))
+    return fit[0]
+
+
+def serve(*programs: Any) -> None:
     """Answers `reactsim` over standard input and output until the program closes the connection.
 
-    `simulator` is a `Simulator` or `Planner`, a class without arguments to make one, or any object
-    with the same methods (and, for planners, the attribute `role`). Prints of the simulator go to
-    standard error. An exception in the simulator fails the batch with the traceback, and the
-    process goes on.
+    Each of `programs` is a `Simulator` or `Planner`, a class without arguments to make one, or any
+    object with the same methods (and, for planners, the attribute `role`). Of several the one
+    answers that has the role that is asked for, and of several with this role the one with the name
+    NAME of `--external NAME=COMMAND`. Prints go to standard error. An exception in the simulator
+    fails the batch with the traceback, and the process goes on.
     """
     if not hasattr(sys, _CLAIMED) and sys.stdin is not None and sys.stdin.isatty():
         text = "this program is a simulator or planner for reactsim; start it with: "
@@ -1298,7 +1334,9 @@ def serve(simulator: Any) -> None:
         raise SystemExit(text % (os.path.basename(sys.executable), " ".join(sys.argv)))
     reader, writer = claim_streams()
     try:
-        Session(simulator).run(reader, writer)
+        hello = read_frame(reader)
+        if hello is not None:
+            Session(_chosen(programs, hello[0])).run(reader, writer, hello)
     except KeyboardInterrupt:
         raise SystemExit(130) from None
     except ProtocolError as error:

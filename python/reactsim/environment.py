@@ -1,4 +1,4 @@
-"""Environments for reinforcement learning, in which the benchmark's simulators move the traffic.
+"""Environments for reinforcement learning, in which a simulator moves the traffic.
 
 `Env` has the interface of gymnasium, and `VectorEnv` the interface of its vectorised environments.
 Both need gymnasium: `pip install 'reactsim[env]'`. Their traffic is the same as in `reactsim.run`,
@@ -38,9 +38,9 @@ from typing import Any, Callable, Union
 
 import numpy as np
 
-from .client import Array, as_array
+from .client import Array, Session, as_array
 from .options import Sources, whole
-from .process import ProgramProcess
+from .process import ProgramProcess, own_session
 from .program import ReactsimError, text_of
 from .scenarios import Scenario, reading_of
 from .scoring import RolloutScores, read_scores
@@ -81,8 +81,9 @@ class _Core:
     def __init__(
         self,
         scenarios: Sources | Scenario = None,
-        simulator: str = "idm",
+        simulator: Any = "idm",
         *,
+        batches: int = 1,
         ids: Sequence[str] = (),
         limit: int | None = None,
         action: str = "bicycle",
@@ -97,15 +98,11 @@ class _Core:
         reward: Reward | None = None,
         end_at: str | Sequence[str] = (),
         scores: bool = True,
-        replan: str = "2hz",
-        av_lookahead: bool = True,
-        seed: int = 0,
-        weights: Mapping[str, Any] | None = None,
-        parameters: Mapping[str, Any] | None = None,
         metric_options: Mapping[str, Any] | None = None,
         current_frame: int | None = None,
         window_step: int | None = None,
         all_agents: bool = False,
+        **rolled_out: Any,
     ) -> None:
         kinds = ("bicycle", "plan", "state")
         if action not in kinds:
@@ -114,19 +111,13 @@ class _Core:
         reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
         self.reward: Reward = REWARD if reward is None else reward
         self.action_space = action_space(action, poses)
-        self.process = ProgramProcess()
-        arguments = {
+        traffic, sessions = traffic_of(simulator, batches, **rolled_out)
+        common = {
             "reading": reading,
             "ids": list(ids),
             "limit": None if limit is None else whole("limit", limit),
-            "simulator": simulator,
-            "weights": {key: text_of(value) for key, value in (weights or {}).items()},
-            "parameters": {key: text_of(value) for key, value in (parameters or {}).items()},
-            "replan": replan,
-            "av_lookahead": av_lookahead,
-            "seed": whole("seed", seed),
+            "traffic": traffic,
             "action": {"plan": {"poses": poses}} if action == "plan" else action,
-            "every": every,
             "sizes": {
                 "agents": agents,
                 "history": history,
@@ -135,10 +126,12 @@ class _Core:
                 "lights": lights,
                 "route": route,
             },
-            "end_at": [end_at] if isinstance(end_at, str) else list(end_at),
             "scores": scores,
             "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
         }
+        conditions = [end_at] if isinstance(end_at, str) else list(end_at)
+        arguments = {"common": common, "every": every, "end_at": conditions}
+        self.process = ProgramProcess(sessions)
         try:
             description, _ = self.process.request("environment", arguments)
         except BaseException:
@@ -179,6 +172,40 @@ class _Core:
         """Returns the realised states of a slot so far."""
         _, arrays = self.process.request("tracks", {"slot": slot})
         return arrays["states"]
+
+
+def traffic_of(
+    simulator: Any,
+    batches: int,
+    *,
+    replan: str = "2hz",
+    av_lookahead: bool = True,
+    seed: int = 0,
+    weights: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    external_limit: str | None = None,
+) -> tuple[dict[str, Any], dict[str, Session]]:
+    """Returns the arguments of the traffic, and the simulator of this process, if it is one."""
+    sessions = {}
+    if not isinstance(simulator, str):
+        session = own_session(simulator, "simulator")
+        sessions[session.name] = session
+        simulator = f"{session.name}=@stdio"
+        if external_limit is not None:
+            raise ValueError(
+                "`external_limit` is for commands: a simulator of this process has none"
+            )
+    arguments = {
+        "simulator": simulator,
+        "batches": batches,
+        "external_limit": external_limit,
+        "weights": {key: text_of(value) for key, value in (weights or {}).items()},
+        "parameters": {key: text_of(value) for key, value in (parameters or {}).items()},
+        "replan": replan,
+        "av_lookahead": av_lookahead,
+        "seed": whole("seed", seed),
+    }
+    return arguments, sessions
 
 
 def index_of(scenario: Any, ids: Sequence[str]) -> int:
@@ -263,10 +290,10 @@ def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
 class Env(gymnasium.Env[dict[str, Array], Array]):
     """An environment in which actions drive the AV and a simulator moves all other agents.
 
-    An episode has 80 steps of 0.1 s. It is truncated after the last step, or if the simulator
-    fails; it terminates at a condition of `end_at`. Without a condition it continues after
-    contacts, as in the benchmark. Observations and measures are described in
-    `reactsim.environment`.
+    An episode has 80 steps of 0.1 s. It is truncated after the last step, or if the simulator finds
+    no plan (`info["failure"]`); it terminates at a condition of `end_at`. Without a condition it
+    continues after contacts, as in the benchmark. A `Simulator` that raises is an error.
+    Observations and measures are described in `reactsim.environment`.
 
     `reset` chooses a scenario at random; `options={"scenario": id or index, "rollout": 0}` names
     it, and the random streams of its simulator. `info["scores"]` has the scores of an episode after
@@ -277,7 +304,8 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
             default. All selected scenarios are kept in memory.
-        simulator: Id of the simulator, such as "idm" or "mix:idm=1+ntp-guarded=1".
+        simulator: Id of the simulator, such as "idm" or "mix:idm=1+ntp-guarded=1"; or a `Simulator`
+            of this process, or its class; or NAME=COMMAND, an external one: "mine=python mine.py".
         ids: Only scenarios with one of these ids; all by default.
         limit: Only the first `limit` scenarios of every file.
         action: Kind of the actions. "bicycle": acceleration (m/s², up to 6) and curvature (1/m,
@@ -304,19 +332,21 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         weights: Files of weights by id of the simulator.
         parameters: Parameters of the simulator, such as `{"idm.vehicle.headway": 2.5}`.
         metric_options: Variants of the metrics, such as `{"fault_order": "nuplan"}`.
+        external_limit: Time for every answer of a command, such as "5s"; by default that of `run`.
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
         all_agents: Simulate all agents that are present at the current frame.
 
     Raises:
-        ReactsimError: The program refuses a setting, an action or a scenario, or has ended.
+        ReactsimError: The program refuses a setting, an action or a scenario, or has ended, or the
+            simulator has failed.
 
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 # as gymnasium declares it
 
     def __init__(
-        self, scenarios: Sources | Scenario = None, simulator: str = "idm", **settings: Any
+        self, scenarios: Sources | Scenario = None, simulator: Any = "idm", **settings: Any
     ) -> None:
         self._core = _Core(scenarios, simulator, **settings)
         self.observation_space = self._core.observation_space
@@ -381,11 +411,13 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
     The interface follows gymnasium's vectorised environments with the mode NEXT_STEP: the first
     step after the end of an episode ignores its action and begins the next episode of its slot. A
     simulator plans once for all episodes whose plans end at the same time. `infos` has an array per
-    measure, and `scores` and `failure` as object arrays where an episode ended.
+    measure, and `scores` and `failure` as object arrays where an episode ended. Episodes that begin
+    at different times are different batches of a simulator that is not of the program: a
+    `Simulator` of this process is then copied (`copy.copy`), and a command is started again.
 
     Args:
         scenarios: As for `Env`.
-        simulator: Id of the simulator.
+        simulator: As for `Env`.
         num_envs: Number of episodes.
         settings: The other arguments of `Env`.
 
@@ -399,14 +431,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
     def __init__(
         self,
         scenarios: Sources | Scenario = None,
-        simulator: str = "idm",
+        simulator: Any = "idm",
         *,
         num_envs: int = 16,
         **settings: Any,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"`num_envs` is {num_envs}, expected at least 1")
-        self._core = _Core(scenarios, simulator, **settings)
+        self._core = _Core(scenarios, simulator, batches=num_envs, **settings)
         self.num_envs = num_envs
         self.single_observation_space = self._core.observation_space
         self.single_action_space = self._core.action_space

@@ -1,4 +1,4 @@
-"""An environment of many agents among which the AV follows a trajectory.
+"""An environment whose actions move agents, among which the AV follows a trajectory.
 
 `ParallelEnv` has the interface of parallel environments of pettingzoo: `pip install
 'reactsim[env]'`. Actions move every agent but the AV, and the AV follows its deviated trajectory,
@@ -21,6 +21,7 @@ import numpy as np
 
 from .client import Array
 from .environment import (
+    MAX_ROLLOUT,
     ROLLOUTS,
     Reward,
     action_space,
@@ -29,6 +30,7 @@ from .environment import (
     index_of,
     observation_space,
     selected,
+    traffic_of,
     weighted,
 )
 from .options import PathLike, Sources, whole
@@ -52,11 +54,13 @@ AGENT_REWARD: Mapping[str, float] = {"contact_av": -10.0, "contact_agents": -10.
 
 
 class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
-    """An environment in which actions move all agents, and the AV follows a trajectory.
+    """An environment in which actions move agents, and the AV follows a trajectory.
 
     Agents are `agent_1`, `agent_2`, ...: those that are present at the current frame, by their
-    distance to the AV. `infos` has the id of each agent in its recording. An episode is truncated
-    after 80 steps of 0.1 s; `scores` of every `info` then has the metrics of the benchmark.
+    distance to the AV. Actions move all of them, or the nearest ones (`controlled`) among others
+    that `simulator` moves. `infos` has the id of each agent in its recording. An episode is
+    truncated after 80 steps of 0.1 s; `scores` of every `info` then has the metrics of the
+    benchmark.
 
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
@@ -64,6 +68,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
             "retime:0.8" or "shift:2".
         deviations: File of deviated AVs; for a `Scenario` the one with which it was read.
+        simulator: Simulator of the agents that actions do not move, as for `Env`.
+        controlled: Number of the nearest agents that actions move; all without a simulator.
         ids: Only scenarios with one of these ids; all by default.
         limit: Only the first `limit` scenarios of every file.
         action: "bicycle" or "state", as for `Env`.
@@ -78,9 +84,12 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
         all_agents: Simulate all agents that are present at the current frame.
+        rolled_out: `replan`, `av_lookahead`, `seed`, `weights`, `parameters` and `external_limit`
+            of the simulator, as for `Env`.
 
     Raises:
-        ReactsimError: The program refuses a setting, an action or a scenario, or has ended.
+        ReactsimError: The program refuses a setting, an action or a scenario, or has ended, or the
+            simulator has failed.
 
     """
 
@@ -92,6 +101,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         *,
         av: str = "deviated",
         deviations: PathLike | None = None,
+        simulator: Any = None,
+        controlled: int | None = None,
         ids: Sequence[str] = (),
         limit: int | None = None,
         action: str = "bicycle",
@@ -106,26 +117,39 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         current_frame: int | None = None,
         window_step: int | None = None,
         all_agents: bool = False,
+        **rolled_out: Any,
     ) -> None:
         if action not in ("bicycle", "state"):
             raise ValueError(f"`action` is {action!r}, expected bicycle or state")
         if isinstance(scenarios, Scenario) and deviations is None:
             deviations = scenarios.deviations
+        if simulator is None and rolled_out:
+            raise ValueError(f"`{next(iter(rolled_out))}` is given without a simulator")
+        if (simulator is None) != (controlled is None):
+            raise ValueError("`simulator` and `controlled` are needed together")
+        traffic, sessions = None, None
+        if simulator is not None:
+            traffic, sessions = traffic_of(simulator, 1, **rolled_out)
         as_read = {"current_frame": current_frame, "window_step": window_step}
         reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
         sizes = {"agents": agents, "history": history, "lanes": lanes, "points": points}
-        arguments = {
+        common = {
             "reading": reading,
             "ids": list(ids),
             "limit": None if limit is None else whole("limit", limit),
-            "av": av,
-            "deviations": None if deviations is None else text_of(deviations),
+            "traffic": traffic,
             "action": action,
             "sizes": {**sizes, "lights": lights, "route": 0},
             "scores": scores,
             "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
         }
-        self._process = ProgramProcess()
+        arguments = {
+            "common": common,
+            "av": av,
+            "deviations": None if deviations is None else text_of(deviations),
+            "controlled": None if controlled is None else whole("controlled", controlled, least=1),
+        }
+        self._process = ProgramProcess(sessions)
         try:
             description, _ = self._process.request("world", arguments)
         except BaseException:
@@ -184,14 +208,16 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     def reset(
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, Any]]]:
-        """Begins an episode; `options={"scenario": id or index}` names the scenario."""
+        """Begins an episode; `options={"scenario": id or index, "rollout": 0}` names it."""
         if seed is not None:
             self._generator = np.random.default_rng(seed)
         # Other options are ignored: the tests of pettingzoo give some.
         chosen = dict(options or {})
         drawn = int(self._generator.integers(len(self._scenarios)))
         scenario = index_of(chosen.get("scenario", drawn), self._scenarios)
-        given = {"scenario": scenario, "rollout": int(self._generator.integers(ROLLOUTS))}
+        rollout = chosen.get("rollout", int(self._generator.integers(ROLLOUTS)))
+        rollout = whole("rollout", rollout, most=MAX_ROLLOUT)
+        given = {"scenario": scenario, "rollout": rollout}
         self.agents = []
         self._ids, arrays = self._process.request("world-reset", given)
         self.agents = self.possible_agents[: len(self._ids)]

@@ -1,4 +1,4 @@
-"""A process of the program that answers requests until it is closed."""
+"""Processes of the program that exchange frames with this one."""
 
 from __future__ import annotations
 
@@ -9,26 +9,151 @@ import signal
 import subprocess
 import threading
 import weakref
-from collections.abc import Mapping
-from typing import IO, Any, cast
+from collections.abc import Iterable, Mapping, Sequence
+from typing import IO, Any, Callable, cast
 
 import numpy as np
 
-from .client import Array, ProtocolError, read_frame, write_frame
-from .program import CHECK, LAST_LINES, ReactsimError, find_program, pass_on, start
+from .client import Array, ProtocolError, Session, read_frame, write_frame
+from .program import (
+    CHECK,
+    LAST_LINES,
+    Output,
+    ReactsimError,
+    find_program,
+    finished,
+    interrupt,
+    invoke,
+    pass_on,
+    start,
+)
 
-__all__ = ["ProgramProcess", "shared_request"]
+__all__ = ["ProgramProcess", "attend", "first_errors", "own_session", "shared_request"]
 
 END_LIMIT = 2.0  # seconds that the process has to end after its input is closed
+
+
+def own_session(
+    program: Any,
+    role: str,
+    *,
+    batch: int | None = None,
+    on_end: Callable[[int], None] | None = None,
+) -> Session:
+    """Returns what answers for a simulator or planner of this process.
+
+    Raises ValueError if it has another role.
+    """
+    session = Session(program, batch=batch, on_end=on_end)
+    if session.role != role:
+        raise ValueError(f"{session.title} is a {session.role}, expected a {role}")
+    return session
+
+
+def first_errors(sessions: Iterable[Session]) -> str:
+    """Returns the first error of each session, as lines to append to a message."""
+    failed = [session for session in sessions if session.first_error]
+    return "".join(f"\nfirst error of the {of.role}:\n{of.first_error}" for of in failed)
+
+
+class _Programs:
+    """Simulators and planners of this process, which the program asks by their names."""
+
+    def __init__(self, sessions: Mapping[str, Session]) -> None:
+        self._sessions = {(name, "0"): session for name, session in sessions.items()}
+        self._open: set[tuple[str, str]] = set()
+        self.raised: BaseException | None = None
+        """The last exception of a simulator or planner."""
+
+    def respond(self, frame: tuple[dict[str, str], dict[str, Array]], writer: IO[bytes]) -> bool:
+        """Answers a request. Returns whether more can follow."""
+        metadata, _ = frame
+        if "to" not in metadata or (metadata["to"], "0") not in self._sessions:
+            raise ProtocolError(f"`{metadata['type']}` is for no simulator or planner here")
+        key = metadata["to"], metadata.get("worker", "0")
+        if metadata["type"] == "bye":
+            self._open.discard(key)
+            return bool(self._open)
+        if key not in self._sessions:
+            self._sessions[key] = self._sessions[key[0], "0"].copy()
+        self._open.add(key)
+        self.raised = self._sessions[key].respond(frame, writer) or self.raised
+        return True
+
+
+def attend(
+    command: Sequence[str],
+    sessions: Mapping[str, Session],
+    *,
+    codes: Sequence[int] = (0,),
+    show: bool = False,
+) -> Output:
+    """Like `invoke`, for a command that asks simulators and planners of this process.
+
+    `sessions` has them by their names, for which the command has `NAME=@stdio`.
+    """
+    if not sessions:
+        return invoke(command, codes=codes, show=show)
+    program = start(
+        [find_program(), *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        # An interrupt reaches this process alone, which passes it on.
+        start_new_session=True,
+    )
+    requests, answers, errors = (
+        cast("IO[bytes]", stream) for stream in (program.stdout, program.stdin, program.stderr)
+    )
+    last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
+    messages = threading.Thread(target=pass_on, args=(errors, last, show), daemon=True)
+    messages.start()
+    try:
+        try:
+            programs, frame = _Programs(sessions), read_frame(requests)
+            while frame is not None and programs.respond(frame, answers):
+                frame = read_frame(requests)
+        except BrokenPipeError:
+            pass
+        except ProtocolError as error:
+            program.kill()
+            last.append(f"error: {error}")
+        _close(answers)
+        # After the last `bye` the program writes its tables and ends.
+        data = requests.read()
+        code = program.wait()
+        messages.join(5.0)
+    except BaseException:
+        interrupt(program)
+        raise
+    finally:
+        _close(answers)
+        if program.poll() is None:
+            program.kill()
+            program.wait()
+        messages.join(5.0)
+        if not messages.is_alive():
+            _close(errors)
+        _close(requests)
+    return finished(command, code, data, list(last), codes)
+
+
+def _close(stream: IO[bytes]) -> None:
+    try:
+        stream.close()
+    except OSError:
+        pass
 
 
 class ProgramProcess:
     """`reactsim session`: one process, which one thread uses at a time.
 
-    It ends when it is closed, when the object is collected, and with this process.
+    It ends when it is closed, when the object is collected, and with this process. While it works
+    on a request it may ask simulators of this process, which `sessions` has by their names.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, sessions: Mapping[str, Session] | None = None) -> None:
+        self._programs = _Programs(sessions or {})
         self.path = find_program()
         self._program = start(
             [self.path, "session", "--parent", str(os.getpid())],
@@ -95,10 +220,13 @@ class ProgramProcess:
         # Headers of frames are bounded: texts of any length are arrays, in both directions.
         text = np.frombuffer(json.dumps(arguments, default=_plain).encode(), np.uint8)
         self._seq += 1
-        seq = str(self._seq)
+        seq, self._programs.raised = str(self._seq), None
         try:
             write_frame(self._requests, kind, seq, None, {**tensors, "arguments": text})
             answer = read_frame(self._answers)
+            while answer is not None and "to" in answer[0]:
+                self._programs.respond(answer, self._requests)
+                answer = read_frame(self._answers)
         except (BrokenPipeError, ConnectionResetError):
             answer = None
         except ProtocolError as error:
@@ -114,7 +242,8 @@ class ProgramProcess:
             raise self._broken(f"it answered request {metadata['seq']}, expected {seq}")
         document = json.loads(arrays.pop("document").tobytes()) if "document" in arrays else None
         if metadata["type"] == "error":
-            raise ReactsimError(document or "the program gives no reason")
+            cause = self._programs.raised
+            raise ReactsimError(document or "the program gives no reason") from cause
         return document, arrays
 
     def _broken(self, problem: str) -> ReactsimError:
@@ -168,10 +297,7 @@ def _end(program: subprocess.Popen[bytes], owner: int) -> None:
     """Ends the process, unless this is a copy of its owner that a fork made."""
     if os.getpid() != owner:
         return
-    try:
-        cast("IO[bytes]", program.stdin).close()
-    except OSError:
-        pass
+    _close(cast("IO[bytes]", program.stdin))
     try:
         program.wait(END_LIMIT)
     except subprocess.TimeoutExpired:

@@ -29,6 +29,7 @@ __all__ = [
     "arguments",
     "call",
     "find_program",
+    "finished",
     "interrupt",
     "invoke",
     "local_folder",
@@ -206,10 +207,17 @@ def invoke(
                 program.kill()
                 program.wait()
             messages.join()
+    return finished(command, code, data, list(last), codes)
+
+
+def finished(
+    command: Sequence[str], code: int, data: bytes, messages: list[str], codes: Sequence[int]
+) -> Output:
+    """Returns what a command wrote. Raises ReactsimError for a code that is not in `codes`."""
     if code not in codes:
-        text = "\n".join(last).strip() or CHECK
+        text = "\n".join(messages).strip() or CHECK
         raise ReactsimError(f"`reactsim {shlex.join(command)}` ended with code {code}:\n{text}")
-    return Output(code, data.decode("utf-8"), list(last), _path_of(command))
+    return Output(code, data.decode("utf-8", "replace"), messages, _path_of(command))
 
 
 def _path_of(command: Sequence[str]) -> Path | None:

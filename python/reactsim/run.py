@@ -1,36 +1,23 @@
-"""Runs a simulator of this process on the benchmark."""
+"""Runs simulators and a planner of this process on the benchmark."""
 
 from __future__ import annotations
 
-import collections
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 import warnings
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any, Union, cast
+from typing import Any, Union, cast
 
-from .client import ProtocolError, Session
+from .client import Session
 from .metric import Metric, checked
 from .options import paths, reading, selection
-from .program import (
-    CHECK,
-    LAST_LINES,
-    ReactsimError,
-    arguments,
-    find_program,
-    interrupt,
-    invoke,
-    local_folder,
-    pass_on,
-    start,
-)
+from .process import attend, first_errors, own_session
+from .program import CHECK, ReactsimError, arguments, find_program, local_folder
 from .results import Results
 
 __all__ = ["run"]
@@ -39,7 +26,7 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 
 def run(
-    simulator: Any = None,
+    simulators: Any = None,
     scenarios: PathLike | Sequence[PathLike] | None = None,
     *,
     planner: Any = None,
@@ -68,29 +55,28 @@ def run(
     jobs: int | None = None,
     progress: bool = True,
 ) -> Results:
-    """Runs a simulator or a planner, and baselines next to it, and returns the results.
+    """Runs simulators, a planner, and baselines next to them, and returns the results.
 
-    The program `reactsim` is started as a child process; it asks the simulator or planner, which
-    stays in this process, so breakpoints, prints and notebooks work. Without a simulator and a
-    planner only the baselines run.
+    The program `reactsim` is started as a child process; it asks the simulators and the planner,
+    which stay in this process, so breakpoints, prints and notebooks work.
 
     Args:
-        simulator: A `Simulator`, a class without arguments to make one, or any object with the same
-            methods.
-        planner: A `Planner` that drives the AV, instead of a simulator: the agents are moved by
-            `baselines`. A class without arguments to make one will do.
+        simulators: A `Simulator`, a class without arguments to make one, any object with the same
+            methods, or a list of these. Without simulators and `baselines`, those that run by
+            default move the agents around the planner.
+        planner: A `Planner` that drives the AV, or a class without arguments to make one.
         tracker: Controller that follows the plans of the planner: "lqr" or "perfect".
         plan_every: Number of steps between two plans of the planner.
         scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default.
-        name: Name in tables; the simulator's name by default.
+        name: Name in tables of the only simulator or planner; its own name by default.
         av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
             "retime:0.8", "shift:2", "file:PATH", or a planner that ships, such as
             "planner:pdm-closed".
         deviations: File of deviated AVs.
         protocol: "reactive", or "realism", in which the simulator also moves the AV.
         replan: Replan rate or interval, such as "2hz" or "5steps".
-        baselines: Ids of baselines to run next to the simulator, or alone, such as "idm"; "default"
-            for those that run by default; "mix:idm=1+stop=1" for mixed traffic.
+        baselines: Ids of baselines to run next to the simulators, or alone, such as "idm";
+            "default" for those that run by default; "mix:idm=1+stop=1" for mixed traffic.
         metrics: Metrics of your own, which are computed for every rollout after the run and added
             to the results; see `Metric`. They need pyarrow.
         rollouts: Rollouts per scenario and simulator.
@@ -118,34 +104,38 @@ def run(
     """
     if resume and out is None:
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
-    is_alone = simulator is None and planner is None
-    if (simulator is None) == (planner is None) and not (is_alone and baselines):
-        raise ValueError(
-            "give a simulator or a planner, or only `baselines`; to use both, serve the planner as"
-            " a program and give it in `options`: --planner=NAME=COMMAND, and"
-            " av='planner:external:NAME'"
-        )
+    several = simulators if isinstance(simulators, (list, tuple)) else [simulators]
+    given = [("simulator", own) for own in several if own is not None]
+    given += [("planner", planner)] if planner is not None else []
+    if not given and not baselines:
+        raise ValueError("give simulators, a planner, or only `baselines`")
     if metrics:
         metrics = checked(metrics)
     if planner is not None and av is not None:
         raise ValueError("`planner` drives the AV: leave `av` out")
-    served = simulator if planner is None else planner
-    session = None
-    title = ""
-    if served is not None:
-        session = Session(served, batch=batch, on_end=_Counter() if progress else None)
-        if session.role != ("simulator" if planner is None else "planner"):
-            raise ValueError(f"{session.title} is a {session.role}; pass it as `{session.role}`")
-        title = name or getattr(session.simulator, "name", "") or session.title
+    if name is not None and len(given) != 1:
+        raise ValueError("`name` is for one simulator or planner: set the attribute `name` of each")
+    counter = _Counter() if progress else None
+    sessions: dict[str, Session] = {}
+    programs: list[tuple[str, Any]] = []
+    for role, own in given:
+        # An episode of both is counted once.
+        counts = counter if role == given[0][0] else None
+        session = own_session(own, role, batch=batch, on_end=counts)
+        title = name or session.name
+        if title in sessions:
+            raise ValueError(f"`{title}` is the name of two simulators or planners; change one")
+        sessions[title] = session
+        programs.append(("--external" if role == "simulator" else "--planner", f"{title}=@stdio"))
+        if role == "planner":
+            av = f"planner:external:{title},tracker={tracker},every={plan_every}"
     program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
     models = baselines if isinstance(baselines, str) else ",".join(baselines)
-    if planner is not None:
-        av = f"planner:external:{title},tracker={tracker},every={plan_every}"
-    given = [
+    options_given = [
         ("--models", models or None),
-        ("--external" if planner is None else "--planner", f"{title}=@stdio" if title else None),
+        *programs,
         ("--out", folder),
         ("--keep-rollouts", True),
         ("--protocol", protocol),
@@ -161,13 +151,10 @@ def run(
         ("--resume", resume),
         ("--reveal-ids", reveal_ids),
     ]
-    command = ["run", *arguments(given, paths(scenarios), options)]
+    command = ["run", *arguments(options_given, paths(scenarios), options)]
     try:
-        if session is None:
-            output = invoke(command, codes=range(256), show=progress)
-            code, last = output.code, output.messages
-        else:
-            code, last = _carry_out([program, *command], session, progress)
+        output = attend(command, sessions, codes=range(-256, 256), show=progress)
+        code, last = output.code, output.messages
         if code in (0, 1) and not (folder / "provenance.json").is_file():
             raise ReactsimError(f"`{program}` ended without any result; {CHECK}")
         results = Results(folder) if code in (0, 1) else None
@@ -175,13 +162,10 @@ def run(
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         raise
-    error = ""
-    if session is not None and session.first_error:
-        error = f"\nfirst error of the {session.role}:\n{session.first_error}"
-    owner = results or session
-    if temporary is not None and owner is not None:
+    error = first_errors(sessions.values())
+    if temporary is not None and results is not None:
         # The folder lives as long as the results.
-        weakref.finalize(owner, shutil.rmtree, temporary, ignore_errors=True)
+        weakref.finalize(results, shutil.rmtree, temporary, ignore_errors=True)
     elif temporary is not None:
         shutil.rmtree(temporary, ignore_errors=True)
     if results is None:
@@ -201,55 +185,6 @@ def run(
             all_agents=all_agents,
         )
     return results
-
-
-def _carry_out(command: list[str], session: Session, progress: bool) -> tuple[int, list[str]]:
-    """Starts the program and answers its requests; returns its exit code and its last lines."""
-    program = start(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        # An interrupt reaches this process alone, which passes it on.
-        start_new_session=True,
-    )
-    requests, answers, errors = (
-        cast("IO[bytes]", stream) for stream in (program.stdout, program.stdin, program.stderr)
-    )
-    last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
-    messages = threading.Thread(target=pass_on, args=(errors, last, progress), daemon=True)
-    messages.start()
-    try:
-        try:
-            session.run(requests, answers)
-        except ProtocolError as error:
-            program.kill()
-            last.append(f"error: {error}")
-        _close(answers)
-        # After `bye` the program writes its tables and ends.
-        requests.read()
-        code = program.wait()
-        messages.join(5.0)
-        return code, list(last)
-    except BaseException:
-        interrupt(program)
-        raise
-    finally:
-        _close(answers)
-        if program.poll() is None:
-            program.kill()
-            program.wait()
-        messages.join(5.0)
-        if not messages.is_alive():
-            _close(errors)
-        _close(requests)
-
-
-def _close(stream: IO[bytes]) -> None:
-    try:
-        stream.close()
-    except OSError:
-        pass
 
 
 class _Counter:

@@ -55,8 +55,8 @@ def main() -> None:
 class _CallableModule(types.ModuleType):
     """Keeps `reactsim.serve(...)` a call after this module was imported."""
 
-    def __call__(self, simulator: Any) -> None:
-        serve(simulator)
+    def __call__(self, *programs: Any) -> None:
+        serve(*programs)
 
 
 if __name__ == "__main__":

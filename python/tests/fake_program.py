@@ -87,6 +87,7 @@ def run(arguments: list[str]) -> int:
             Path(os.environ["FAKE_NOTES"], "interrupted").touch()
             return 130
     parent = Parent(sys.stdin.buffer, sys.stdout.buffer)
+    parent.to["to"] = value(arguments, "--external")[: -len("=@stdio")]
     Path(os.environ["FAKE_NOTES"], "welcome.json").write_text(json.dumps(parent.hello()))
     if "broken" in arguments:
         sys.stderr.write("error: the scenarios cannot be read\n")

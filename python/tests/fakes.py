@@ -79,6 +79,7 @@ class Parent:
     def __init__(self, reader: Any, writer: Any) -> None:
         self.reader, self.writer = reader, writer
         self.seq = 0
+        self.to = {"to": "mine", "worker": "0"}
         self.moves_av = False
 
     def ask(
@@ -88,7 +89,7 @@ class Parent:
         tensors: Optional[Dict[str, Array]] = None,
     ) -> Message:
         """Sends a request and returns the answer."""
-        write_frame(self.writer, kind, str(self.seq), metadata, tensors)
+        write_frame(self.writer, kind, str(self.seq), {**self.to, **(metadata or {})}, tensors)
         return self.answer()
 
     def answer(self) -> Message:
@@ -152,7 +153,7 @@ class Parent:
 
     def bye(self) -> None:
         """Sends `bye`."""
-        write_frame(self.writer, "bye", str(self.seq))
+        write_frame(self.writer, "bye", str(self.seq), self.to)
 
 
 class Loopback(Parent):

@@ -16,8 +16,9 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT
+from fakes import PACKAGE, ROOT
 from reactsim.process import ProgramProcess
+from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
@@ -37,6 +38,48 @@ def results(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
         os.environ.pop("REACTSIM_BINARY")
         if previous is not None:
             os.environ["REACTSIM_BINARY"] = previous
+
+
+SCRIPT = """
+import numpy as np
+import reactsim
+
+class Careful(reactsim.Simulator):
+    '''Slows down at random; remembers its random numbers.'''
+
+    name = "careful"
+
+    def begin(self, scenes):
+        self.draws = [scenes.rng(i) for i in range(len(scenes))]
+
+    def plan(self, seen):
+        now = seen.states[:, :, -1]
+        draws = [draw.random(128)[: now.shape[1]] for draw in self.draws]
+        factors = 0.9 + 0.1 * np.array(draws)[:, :, None, None]
+        time = reactsim.DT * np.arange(1, seen.steps + 1)[:, None]
+        plan = np.repeat(now[:, :, None, :3], seen.steps, axis=2)
+        plan[..., :2] += factors * np.nan_to_num(now[:, :, None, 3:]) * time
+        return plan
+
+if __name__ == "__main__":
+    reactsim.serve(Careful)
+"""
+SPACE: Dict[str, Any] = {"__name__": "careful"}
+exec(SCRIPT, SPACE)
+Careful = SPACE["Careful"]
+
+
+class Named(Stop):  # type: ignore[misc]
+    name = "idm"
+
+
+@pytest.fixture(scope="module")
+def own(program: str) -> Dict[str, Any]:
+    """States of the second rollout of each small scenario with `Careful`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REACTSIM_BINARY", program)
+        run = reactsim.run(Careful(), MINI, rollouts=2, seed=3, progress=False)
+        return {r.scenario: r.states for r in run.rollouts() if r.rollout == 1}
 
 
 def states_of(results: Any, scenario: str) -> Any:
@@ -280,6 +323,134 @@ class TestEnv:
             expected = states_of(results, scenario.id)[0]
             assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
 
+    def test_an_own_simulator_is_traffic_as_in_run(
+        self,
+        own: Dict[str, Any],
+        closing: Any,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+        script = tmp_path / "mine.py"
+        script.write_text(SCRIPT)
+        sources = [Careful(), Careful, f"command={sys.executable} {script}"]
+        for simulator in sources:
+            env = closing(reactsim.Env(MINI, simulator, action="state", seed=3, **SMALL))
+            for scenario in reactsim.scenarios(MINI):
+                env.reset(options={"scenario": scenario.id, "rollout": 1})
+                assert scenario.av is not None
+                for state in scenario.av:
+                    *_, truncated, info = env.step(state)
+                assert truncated and info["scores"].metrics["aav-collision"] is not None
+                assert np.array_equal(env.states[:, 11:], own[scenario.id], equal_nan=True)
+            # An episode may begin before the last one is over.
+            env.reset()
+            env.step(np.array([0.0, 0, 0, 0, 0]) + env.states[0, -1])
+            env.reset()
+
+    def test_nothing_of_the_future_reaches_an_own_simulator(self, closing: Any) -> None:
+        seen: List[Any] = []
+
+        class Curious(Stop):  # type: ignore[misc]
+            def plan(self, now: reactsim.Observation) -> Any:
+                seen.append((now.states.copy(), now.av_next.copy()))
+                return super().plan(now)
+
+        scenario = next(reactsim.scenarios(MINI))
+        for lookahead in (True, False):
+            seen.clear()
+            env = closing(
+                reactsim.Env(MINI, Curious(), action="state", av_lookahead=lookahead, **SMALL)
+            )
+            env.reset(options={"scenario": scenario.id})
+            assert seen == []
+            assert scenario.av is not None
+            for state in scenario.av[:6]:
+                env.step(state)
+            assert [states.shape[2] for states, _ in seen] == [11, 16]
+            for step, (_, av_next) in zip((0, 5), seen):
+                expected = scenario.av[step, :3] if lookahead else np.full(3, np.nan)
+                assert np.array_equal(av_next[0, :3], expected, equal_nan=True)
+
+    def test_own_simulators_that_fail_are_errors(
+        self, closing: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+
+        class Raising(Stop):  # type: ignore[misc]
+            name = "raising"
+
+            def plan(self, now: reactsim.Observation) -> Any:
+                raise ZeroDivisionError("nothing to divide")
+
+        class Wrong(Stop):  # type: ignore[misc]
+            name = "wrong"
+
+            def plan(self, now: reactsim.Observation) -> Any:
+                return super().plan(now)[:, :, :2]
+
+        class Unable(Stop):  # type: ignore[misc]
+            name = "unable"
+
+            def plan(self, now: reactsim.Observation) -> Any:
+                return reactsim.Plan(super().plan(now), errors={0: "too many agents"})
+
+        class Unready(Stop):  # type: ignore[misc]
+            name = "unready"
+
+            def begin(self, scenes: reactsim.Scenes) -> None:
+                raise ValueError("no map")
+
+        action = np.zeros(2)
+        for simulator, text in [
+            (Raising(), r"simulator `raising`: (.|\n)*ZeroDivisionError: nothing to divide"),
+            (Wrong(), r"simulator `wrong`: (.|\n)*Wrong.plan returned an array of shape"),
+        ]:
+            for settings in ({}, {"num_envs": 2}):
+                kind: Any = reactsim.VectorEnv if settings else reactsim.Env
+                env = closing(kind(MINI, simulator, **settings, **SMALL))
+                env.reset(seed=1)
+                actions = np.zeros((2, 2)) if settings else action
+                with pytest.raises(reactsim.ReactsimError, match=text) as caught:
+                    env.step(actions)
+                is_raised = isinstance(simulator, Raising)
+                assert isinstance(caught.value.__cause__, ZeroDivisionError) == is_raised
+                with pytest.raises(reactsim.ReactsimError, match="is over: reset it"):
+                    env.step(actions)
+                env.reset()
+        env = closing(reactsim.Env(MINI, Unable(), **SMALL))
+        env.reset(seed=1)
+        *_, truncated, info = env.step(action)
+        assert truncated
+        assert "simulator `unable`: " in info["failure"] and "too many agents" in info["failure"]
+        env = closing(reactsim.Env(MINI, Unready(), **SMALL))
+        with pytest.raises(reactsim.ReactsimError, match=r"`unready`: (.|\n)*ValueError: no map"):
+            env.reset()
+        script = tmp_path / "slow.py"
+        script.write_text(SCRIPT.replace("now = ", "__import__('time').sleep(60)\n        now = "))
+        slow = f"slow={sys.executable} {script}"
+        env = closing(reactsim.Env(MINI, slow, external_limit="5s", **SMALL))
+        env.reset(seed=1)
+        began = time.monotonic()
+        with pytest.raises(reactsim.ReactsimError, match=r"`slow`: .* no `planned` within 5 s"):
+            env.step(action)
+        assert time.monotonic() - began < 30.0
+        wrong: List[Any] = [
+            ({"simulator": reactsim.Planner()}, ValueError, "Planner is a planner, expected a sim"),
+            ({"simulator": object()}, TypeError, "it has no method `plan`"),
+            ({"simulator": Stop(), "external_limit": "2s"}, ValueError, "is for commands"),
+            ({"simulator": "mine=exit 3"}, reactsim.ReactsimError, "`mine` did not start"),
+            ({"simulator": Named()}, reactsim.ReactsimError, "idm"),
+            (
+                {"simulator": Stop(), "parameters": {"a.b": 1}},
+                reactsim.ReactsimError,
+                "no baseline",
+            ),
+        ]
+        for given, error, text in wrong:
+            with pytest.raises(error, match=text):
+                reactsim.Env(MINI, **given, **SMALL)
+
     def test_observations_are_in_the_frame_of_the_av(self, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))
         scenario = next(reactsim.scenarios(MINI))
@@ -414,6 +585,33 @@ class TestEnv:
         assert not truncated.any() and not rewards.any() and not infos["_speed"].any()
         assert several.states(0).shape[1] == 11
 
+    def test_episodes_of_own_simulators_begin_at_different_times(
+        self, own: Dict[str, Any], closing: Any
+    ) -> None:
+        env = closing(
+            reactsim.VectorEnv(MINI, Careful(), num_envs=3, action="state", seed=3, **SMALL)
+        )
+        by_id = {scenario.id: scenario for scenario in reactsim.scenarios(MINI)}
+        env.reset(seed=1, options={"rollouts": [1, 1, 1]})
+        core, compared, steps = env._core, 0, [0, 0, 0]
+        episode = core.episode
+        core.episode = lambda slot, generator: episode(slot, generator, rollout=1)
+        for count in range(1, 201):
+            ids = [core.scenarios[episode["scenario"]] for episode in env._episodes]
+            states = np.stack([by_id[i].av[min(n, 79)] for i, n in zip(ids, steps)])  # type: ignore[index]
+            is_over = env._is_over.copy()
+            _, _, _, truncated, infos = env.step(states)
+            assert "failure" not in infos
+            for index in range(3):
+                steps[index] = 0 if is_over[index] else steps[index] + 1
+                if truncated[index]:
+                    found = env.states(index)[:, 11:]
+                    assert np.array_equal(found, own[ids[index]], equal_nan=True)
+                    compared += 1
+            # One episode begins anew before the others are over, and then plans when they do.
+            env._is_over[1] |= count == 34
+        assert compared == 6
+
     @pytest.mark.parametrize("every", [1, 5])
     def test_a_refused_step_moves_nobody(self, every: int, closing: Any) -> None:
         kind = {"action": "state"} if every == 1 else {"action": "plan", "poses": 10}
@@ -462,6 +660,41 @@ class TestParallelEnv:
             for metric in ("aav-collision", "aav-ttc", "aa-collision", "offroad", "over-reaction"):
                 value = scores.metrics[metric]
                 assert value == row[metric] or (value is None and not row[metric] == row[metric])
+
+    @pytest.mark.parametrize("controlled", [1, 3])
+    def test_an_own_simulator_moves_the_other_agents(
+        self, own: Dict[str, Any], controlled: int, closing: Any
+    ) -> None:
+        settings: Dict[str, Any] = {"controlled": controlled, "seed": 3, **self.SIZES}
+        env = closing(reactsim.ParallelEnv(MINI, simulator=Careful(), action="state", **settings))
+        for scenario in env.scenarios:
+            seen, _ = env.reset(options={"scenario": scenario, "rollout": 1})
+            expected = own[scenario]
+            assert len(seen) == min(controlled, len(expected) - 1)
+            for step in range(80):
+                states = expected[1 : 1 + len(env.agents), step]
+                *_, infos = env.step(dict(zip(env.agents, states)))
+            assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
+            assert infos["agent_1"]["scores"].metrics["aav-collision"] is not None
+
+        class Raising(Stop):  # type: ignore[misc]
+            name = "raising"
+
+            def plan(self, now: reactsim.Observation) -> Any:
+                raise ZeroDivisionError("nothing to divide")
+
+        env = closing(reactsim.ParallelEnv(MINI, simulator=Raising, **settings))
+        env.reset(seed=1)
+        with pytest.raises(reactsim.ReactsimError, match=r"`raising`: (.|\n)*nothing to divide"):
+            env.step({agent: np.zeros(2) for agent in env.agents})
+        for wrong, error in [
+            ({"simulator": "idm"}, ValueError),
+            ({"controlled": 2}, ValueError),
+            ({"seed": 2}, ValueError),
+            ({"simulator": "log-replay", "controlled": 2}, reactsim.ReactsimError),
+        ]:
+            with pytest.raises(error):
+                reactsim.ParallelEnv(MINI, **wrong)  # type: ignore[arg-type]
 
     def test_wrong_use_is_refused(self, closing: Any) -> None:
         env = closing(reactsim.ParallelEnv(MINI, **self.SIZES))

@@ -7,8 +7,9 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import Loopback, Message, make_scenes
+from fakes import Child, Loopback, Message, make_scenes
 from reactsim.client import Array, Planner, PlannerObservation, Scene
+from stop import Stop
 
 
 class Straight(Planner):
@@ -101,16 +102,18 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
     assert program.drive(1, 3, 15, 5, 5)[0]["type"] == "failed"
 
 
-def test_run_takes_a_simulator_or_a_planner() -> None:
-    with pytest.raises(ValueError, match="give a simulator or a planner"):
+def test_wrong_programs_are_refused() -> None:
+    with pytest.raises(ValueError, match="give simulators, a planner, or only `baselines`"):
         reactsim.run()
-    with pytest.raises(ValueError, match="give a simulator or a planner"):
-        reactsim.run(reactsim.Simulator(), planner=Straight())
+    with pytest.raises(ValueError, match="`stop-py` is the name of two"):
+        reactsim.run([Stop(), Stop()])
+    with pytest.raises(ValueError, match="`name` is for one simulator or planner"):
+        reactsim.run(Stop(), planner=Straight(), name="mine")
     with pytest.raises(ValueError, match="`planner` drives the AV"):
         reactsim.run(planner=Straight(), av="log")
-    with pytest.raises(ValueError, match="Straight is a planner; pass it as `planner`"):
+    with pytest.raises(ValueError, match="Straight is a planner, expected a simulator"):
         reactsim.run(Straight())
-    with pytest.raises(ValueError, match="Simulator is a simulator; pass it as `simulator`"):
+    with pytest.raises(ValueError, match="Simulator is a simulator, expected a planner"):
         reactsim.run(planner=reactsim.Simulator())
 
 
@@ -124,3 +127,91 @@ def test_a_planner_drives_in_the_program() -> None:
     assert results.provenance["settings"]["av"] == "planner:external:Straight"
     assert "| AV score" in results.table(), results.table()
     assert results.provenance["driver"]["external"]["version"] == "3"
+
+
+class Failing(Stop):  # type: ignore[misc]
+    """Fails at its second plan."""
+
+    name = "failing"
+
+    def plan(self, seen: reactsim.Observation) -> Any:
+        if seen.frame > 10:
+            raise ZeroDivisionError("nothing to divide")
+        return super().plan(seen)
+
+
+class Unnamed(Stop):  # type: ignore[misc]
+    name = ""
+
+
+@pytest.mark.usefixtures("with_program")
+def test_simulators_and_a_planner_live_in_one_process() -> None:
+    settings: Dict[str, Any] = {"planner": Straight(), "limit": 3, "jobs": 2, "progress": False}
+    both = reactsim.run([Stop(), Unnamed], **settings)
+    assert both.simulators == ["stop-py", "Unnamed"]
+    alone = reactsim.run(baselines=["stop"], **settings)
+    expected = {rollout.scenario: rollout.states for rollout in alone.rollouts()}
+    assert len(expected) == 3
+    for name in both.simulators:
+        found = {r.scenario: r.states for r in both.rollouts(simulator=name)}
+        assert set(found) == set(expected)
+        for scenario, states in found.items():
+            assert np.array_equal(states, expected[scenario], equal_nan=True), (name, scenario)
+    with pytest.warns(UserWarning, match=r"first error of the simulator:(.|\n)*nothing to divide"):
+        results = reactsim.run(Failing(), baselines=["stop"], **settings)
+    assert len(results.failures) == 3
+
+
+@pytest.mark.usefixtures("with_program")
+def test_studies_take_simulators_and_planners_of_this_process(tmp_path: Any) -> None:
+    study = reactsim.command(
+        "study",
+        "planners",
+        limit=2,
+        planners="idm",
+        external={"mine": Stop()},
+        planner={"straight": Straight},
+        out=tmp_path / "study",
+        progress=False,
+    )
+    assert "mine" in study.text and "straight" in study.text, study.text
+    assert study.text == (tmp_path / "study" / "study.md").read_text()
+    with pytest.raises(ValueError, match="Straight is a planner, expected a simulator"):
+        reactsim.command("run", external={"mine": Straight()})
+
+
+BOTH = """
+import reactsim
+
+class Mine(reactsim.Simulator):
+    def plan(self, seen):
+        return seen.states[:, :, -1:, :3].repeat(seen.steps, axis=2)
+
+class Other(Mine):
+    name = "other"
+
+class Driver(reactsim.Planner):
+    def plan(self, seen):
+        return seen.av[None, :3].repeat(seen.steps, axis=0)
+
+reactsim.serve(Mine, Other, Driver)
+"""
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "answer"),
+    [("simulator", "Mine", "Mine"), ("simulator", "other", "other"), ("planner", "any", "Driver")],
+)
+def test_a_script_serves_simulators_and_planners(role: str, name: str, answer: str) -> None:
+    with Child("-c", BOTH) as child:
+        welcome, _ = child.ask("hello", {"role": role, "name": name})
+        assert (welcome["name"], welcome["role"]) == (answer, role)
+        assert child.wait() == (0, "")
+
+
+def test_a_script_without_the_program_that_is_asked_says_so() -> None:
+    with Child("-c", BOTH) as child:
+        with pytest.raises(AssertionError, match="the simulator ended"):
+            child.ask("hello", {"role": "simulator", "name": "third"})
+        code, errors = child.wait()
+        assert code == 1 and "none or several of them are a simulator with the name third" in errors

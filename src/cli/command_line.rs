@@ -43,7 +43,7 @@ pub(super) enum Command {
     /// Compare two runs on the same scenarios, scenario by scenario
     Compare(compare::CompareArgs),
     /// Run simulators on scenarios and print the table of their metrics
-    Run(run::RunArgs),
+    Run(Box<run::RunArgs>),
     /// Run studies: any axes, replan interval, reactive against realism protocol, ablations
     Study(Box<study::StudyArgs>),
     /// Score rollouts that any program produced

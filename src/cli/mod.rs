@@ -83,7 +83,7 @@ pub fn main() -> ExitCode {
         Command::View(args) => view::view(&args),
         Command::Report(args) => report::report(&args),
         Command::Compare(args) => compare::compare(&args),
-        Command::Run(args) => run::run(args),
+        Command::Run(args) => run::run(*args),
         Command::Study(args) => study::study(&args),
         Command::Score(args) => score::score(&args),
         Command::Session(args) => session::session(&args),

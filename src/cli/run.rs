@@ -93,16 +93,14 @@ pub(super) fn merge(mut args: RunArgs, partitions: &Partitions, out: PathBuf) ->
     finish(&args, Some(&folder), &summary)
 }
 
-/// Executes a run until `stop` is set. `None` if it was interrupted.
+/// Executes a run until `stop` is set. `None` if it was interrupted. External programs have ended then, so
+/// that standard output is free for tables even if it belonged to one.
 pub(super) fn finished_until(
     args: &RunArgs,
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<(Option<RunFolder>, Summary)>> {
     // Report every input error before the first scenario.
     let spec = &args.spec.value;
-    if spec.subject.external.takes_stdout() && args.out.is_none() {
-        bail!("@stdio: standard output belongs to the simulator or planner: give --out FOLDER");
-    }
     args.table.check(args.format.as_deref())?;
     if spec.keep_rollouts == Some(true) && args.out.is_none() {
         bail!("--keep-rollouts: rollouts are kept in a run folder: give --out FOLDER");
@@ -155,10 +153,8 @@ fn finish(args: &RunArgs, folder: Option<&RunFolder>, summary: &Summary) -> anyh
         }
         return Err(nothing("no scenario could be run"));
     }
-    if !args.spec.value.subject.external.takes_stdout() {
-        let below = if is_verbose() { outcomes(summary) } else { String::new() };
-        args.table.write(&[Run { name: "", summary }], args.format.as_deref(), None, &below)?;
-    }
+    let below = if is_verbose() { outcomes(summary) } else { String::new() };
+    args.table.write(&[Run { name: "", summary }], args.format.as_deref(), None, &below)?;
     report_problems(summary);
     match &args.out {
         Some(_) if args.partition.partition.is_some() => return Ok(ExitStatus::Done),
@@ -184,6 +180,6 @@ pub(super) fn plan(args: &RunArgs, sources: Vec<Source>) -> anyhow::Result<(Plan
     simulators.extend(programs.planned(spec)?);
     let drivers = drivers(&programs, std::iter::once(spec.subject.av.as_ref()))?;
     let partition = args.partition.partition;
-    let plan = spec.plan(RunParts { sources, simulators, drivers, partition })?;
+    let plan = spec.plan(RunParts { sources, simulators, drivers, partition, ..RunParts::default() })?;
     Ok((plan, programs))
 }

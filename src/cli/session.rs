@@ -5,7 +5,8 @@ use std::io;
 use clap::Args;
 
 use super::output::ExitStatus;
-use crate::environment::serve;
+use crate::external::Parent;
+use crate::session::serve;
 
 #[derive(Debug, Args)]
 pub(super) struct SessionArgs {
@@ -20,7 +21,7 @@ pub(super) struct SessionArgs {
 pub(super) fn session(args: &SessionArgs) -> anyhow::Result<ExitStatus> {
     #[cfg(unix)]
     end_with(args.parent)?;
-    serve(&mut io::stdin().lock(), &mut io::stdout().lock())?;
+    serve(&Parent::stdio()?)?;
     Ok(ExitStatus::Done)
 }
 

@@ -79,6 +79,9 @@ struct SharedArgs {
     table: ColumnArgs,
 }
 
+/// A study with its external programs.
+type PlannedStudy = (StudyPlan, ExternalPrograms);
+
 /// What a study varies.
 struct Design {
     kind: StudyKind,
@@ -100,7 +103,7 @@ impl StudyArgs {
     }
 
     /// Plans the study on these scenarios, and starts the external programs.
-    fn plan(&self, sources: Vec<Source>) -> anyhow::Result<(StudyPlan, ExternalPrograms)> {
+    fn plan(&self, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
         let shared = self.shared()?;
         let design = match (&self.named, &self.of_axes) {
             (Some(named), _) => named.design(&sources)?,
@@ -133,14 +136,14 @@ impl StudyArgs {
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
     let shared = args.shared()?;
     let opening = shared.partition.partition.map_or(Opening::Whole, Opening::Partition);
-    let study = args.plan(sources(&shared.spec.value.subject.input, opening)?)?;
+    let planned = args.plan(sources(&shared.spec.value.subject.input, opening)?)?;
     shared.table.check(&shared.format, &FORMATS)?;
-    carry_out::carry_out(study, shared)
+    carry_out::carry_out(planned, shared)
 }
 
 /// Joins the partitions of a study and prints its table.
 pub(super) fn merge(args: &StudyArgs, partitions: &Partitions, out: &Path) -> anyhow::Result<ExitStatus> {
     let shared = args.shared()?;
-    let (plan, _outside) = args.plan(sources(&shared.spec.value.subject.input, Opening::Unread)?)?;
-    carry_out::merge(&plan, shared, partitions, out)
+    let planned = args.plan(sources(&shared.spec.value.subject.input, Opening::Unread)?)?;
+    carry_out::merge(planned, shared, partitions, out)
 }

@@ -126,7 +126,7 @@ fn another_setting_is_refused_by_name() {
     let folder = home.path().join("run");
     run(&plan(1), &folder, false, 1, 1);
     let mut other = plan(1);
-    other.settings.rollout.seed = 3;
+    other.spec.subject.seed = 3;
     let refused = RunFolder::resume(&folder, &other.provenance(), &mut other.tally()).unwrap_err();
     assert!(matches!(&refused, EvaluationError::OtherSettings { setting, old, new, .. }
         if setting == "seed" && old == "0" && new == "3"));

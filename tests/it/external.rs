@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use reactsim::evaluation::{
-    self, AvChoice, Execution, Failure, Outcome, Plan, PlannedSimulator, Row, RunFolder, RunObserver, Source,
+    self, Execution, Failure, Outcome, Plan, PlannedSimulator, Row, RunFolder, RunObserver, Source,
 };
 use reactsim::external::{
     Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline, TimeLimits,

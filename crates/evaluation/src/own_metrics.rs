@@ -154,7 +154,7 @@ impl AddedMetrics {
             rows.iter().try_for_each(|row| out.write_all(line(row).as_bytes()))
         })?;
         run.put(PROVENANCE, &provenance.to_json())?;
-        finish(&run, &tally, failures, &summary, false)?;
+        complete(&run, &tally, failures, &summary, false)?;
         Ok((run, summary))
     }
 

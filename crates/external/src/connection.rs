@@ -1,15 +1,15 @@
 //! A connection to a simulator: one request, one answer, within a time.
 
-use std::io::{self, Read, Write};
+use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
-use std::thread;
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use reactsim_scene::brief;
 
-use super::document::{Frame, FrameWriter, read_frame};
+use super::document::{DocumentError, Frame, FrameWriter};
+use super::pipe::{Parent, Pipe, spawn};
 use super::process::{Process, describe, is_interrupted, time_left};
 use super::settings::Command;
 use super::stderr::{LastLines, Stderr};
@@ -41,45 +41,34 @@ impl RequestError {
     }
 }
 
-/// A connection to a simulator. Frames are read and written by threads of their own, so that no request can
-/// wait longer than its limit.
+/// A connection to a simulator or planner.
 pub(super) struct Connection {
     process: Option<Process>,
     last_lines: LastLines,
-    outgoing: Sender<Vec<u8>>,
-    incoming: Receiver<io::Result<Vec<u8>>>,
-    /// Largest answer that is possible now, bytes.
-    most: Arc<AtomicU64>,
-    sequence: u64,
+    pipe: Arc<Mutex<Pipe>>,
+    /// Texts of all requests: which program of the parent process they are for.
+    address: Vec<(&'static str, String)>,
 }
 
 impl Connection {
-    /// Starts a process, or takes our own standard input and output.
-    pub(super) fn open(command: &Command, stderr: &Stderr) -> io::Result<Self> {
-        let (outgoing, to_write) = mpsc::channel::<Vec<u8>>();
-        // More than one frame in the queue is an answer that nobody asked for; the reader then waits.
-        let (send, incoming) = mpsc::sync_channel(2);
-        let most = Arc::new(AtomicU64::new(MOST_TEXT));
+    /// Starts a process, or takes the streams of the parent process, where the connection has a name and a
+    /// number.
+    pub(super) fn open(command: &Command, stderr: &Stderr, name: &str, number: usize) -> io::Result<Self> {
         let last_lines = LastLines::default();
-        let (reading, writing): (Box<dyn Read + Send>, Box<dyn Write + Send>);
-        let process = match command {
+        match command {
             Command::Shell(line) => {
                 let (process, pipes) = Process::start(line)?;
-                (reading, writing) = (Box::new(pipes.stdout), Box::new(pipes.stdin));
                 last_lines.open();
-                let (stderr, last_lines) = (stderr.clone(), last_lines.clone());
-                spawn("stderr", move || stderr.drain(pipes.stderr, &last_lines))?;
-                Some(process)
+                let (stderr, to) = (stderr.clone(), last_lines.clone());
+                spawn("stderr", move || stderr.drain(pipes.stderr, &to))?;
+                let pipe = Arc::new(Mutex::new(Pipe::new(pipes.stdout, pipes.stdin, MOST_TEXT)?));
+                Ok(Self { process: Some(process), last_lines, pipe, address: Vec::new() })
             }
-            Command::Stdio => {
-                (reading, writing) = (Box::new(io::stdin()), Box::new(io::stdout()));
-                None
+            Command::Parent(Parent(pipe)) => {
+                let address = vec![("to", name.to_owned()), ("worker", number.to_string())];
+                Ok(Self { process: None, last_lines, pipe: Arc::clone(pipe), address })
             }
-        };
-        let (limit, failed) = (Arc::clone(&most), send.clone());
-        spawn("reader", move || read_frames(reading, &limit, &send))?;
-        spawn("writer", move || write_frames(writing, &to_write, &failed))?;
-        Ok(Self { process, last_lines, outgoing, incoming, most, sequence: 0 })
+        }
     }
 
     /// Sends a request and waits for its answer of type `wanted`, whose numbers have at most `numbers` bytes.
@@ -90,16 +79,20 @@ impl Connection {
         numbers: usize,
         limit: Duration,
     ) -> Result<Frame, RequestError> {
+        // Other programs of the parent process wait until this one has answered.
+        let pipe = Arc::clone(&self.pipe);
+        let mut pipe = pipe.lock();
         let deadline = Instant::now() + limit;
-        let sequence = self.sequence.to_string();
-        self.sequence += 1;
-        request.text("seq", sequence.clone());
-        self.most.store(MOST_TEXT + numbers as u64, Ordering::Relaxed);
-        let frame = request.to_frame().map_err(|error| RequestError::Refused(error.to_string()))?;
-        if self.outgoing.send(frame).is_err() {
+        let sequence = pipe.number();
+        pipe.expect(MOST_TEXT + numbers as u64);
+        let frame = self.addressed(&mut request, &sequence);
+        let frame = frame.map_err(|error| RequestError::Refused(error.to_string()))?;
+        if !pipe.send(frame) {
             return Err(self.closed());
         }
-        let bytes = match self.receive(deadline) {
+        let received = self.receive(&pipe, deadline);
+        drop(pipe);
+        let bytes = match received {
             Ok(Ok(bytes)) => bytes,
             Ok(Err(error)) => {
                 let is_closed =
@@ -138,18 +131,27 @@ impl Connection {
         Ok(frame)
     }
 
+    /// Returns the frame of a request with this number.
+    fn addressed(&self, request: &mut FrameWriter, sequence: &str) -> Result<Vec<u8>, DocumentError> {
+        for (key, text) in &self.address {
+            request.text(key, text.clone());
+        }
+        request.text("seq", sequence);
+        request.to_frame()
+    }
+
     /// Waits for a frame. A process that has ended sends nothing more, although its children may keep its
     /// output open.
-    fn receive(&mut self, deadline: Instant) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
+    fn receive(&mut self, pipe: &Pipe, deadline: Instant) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
         loop {
             let left = time_left(deadline.saturating_duration_since(Instant::now()));
-            match self.incoming.recv_timeout(left.min(LOOK_AGAIN)) {
+            match pipe.receive(left.min(LOOK_AGAIN)) {
                 Err(RecvTimeoutError::Timeout) if left > LOOK_AGAIN => {}
                 received => return received,
             }
             if self.process.as_mut().is_some_and(Process::has_ended) {
                 // Its last answer may still be in the pipe.
-                let last = self.incoming.recv_timeout(LOOK_AGAIN);
+                let last = pipe.receive(LOOK_AGAIN);
                 return last.map_err(|_| RecvTimeoutError::Disconnected);
             }
         }
@@ -162,15 +164,14 @@ impl Connection {
 
     /// Says `bye` and gives the process the time to end; then it is ended.
     pub(super) fn close(mut self, limit: Duration) {
-        let mut bye = FrameWriter::new("bye");
-        bye.text("seq", self.sequence.to_string());
-        if let Ok(frame) = bye.to_frame() {
-            self.outgoing.send(frame).ok();
+        let pipe = Arc::clone(&self.pipe);
+        let mut pipe = pipe.lock();
+        let sequence = pipe.number();
+        if let Ok(frame) = self.addressed(&mut FrameWriter::new("bye"), &sequence) {
+            pipe.send(frame);
         }
-        // Without a sender, the writer closes the input of the child.
-        let (closed, _) = mpsc::channel();
-        drop(std::mem::replace(&mut self.outgoing, closed));
         if let Some(process) = &mut self.process {
+            pipe.close();
             process.wait(time_left(limit));
         }
     }
@@ -199,37 +200,5 @@ impl Connection {
             None => "",
         };
         RequestError::Broken(format!("{reason}{ending}{}", self.last_lines.text()))
-    }
-}
-
-fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
-    // The threads end with their pipes; a grandchild that keeps a pipe open holds up nothing else.
-    thread::Builder::new().name(format!("external {name}")).spawn(work).map(|_| ())
-}
-
-fn read_frames(mut from: Box<dyn Read + Send>, most: &AtomicU64, to: &SyncSender<io::Result<Vec<u8>>>) {
-    loop {
-        let read = match read_frame(&mut from, || most.load(Ordering::Relaxed)) {
-            Ok(Some(bytes)) => Ok(bytes),
-            Ok(None) => Err(io::ErrorKind::UnexpectedEof.into()),
-            Err(error) => Err(error),
-        };
-        let is_end = read.is_err();
-        if to.send(read).is_err() || is_end {
-            return;
-        }
-    }
-}
-
-fn write_frames(
-    mut to: Box<dyn Write + Send>,
-    frames: &Receiver<Vec<u8>>,
-    failed: &SyncSender<io::Result<Vec<u8>>>,
-) {
-    for frame in frames {
-        if let Err(error) = to.write_all(&frame).and_then(|()| to.flush()) {
-            failed.send(Err(io::Error::new(io::ErrorKind::BrokenPipe, error))).ok();
-            return;
-        }
     }
 }

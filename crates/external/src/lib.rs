@@ -3,8 +3,8 @@
 //! The protocol is described in `docs/external-protocol.md`. Start with [`ExternalSimulator`]: a
 //! [`Simulator`](reactsim_rollout::Simulator) whose plans come from child processes; an [`ExternalPlanner`]
 //! plans trajectories of the AV. A `document` is the content of a frame; `scenes` and `realised` write what a
-//! child receives, `replies` checks what it answers. A `connection` carries frames and limits their time, a
-//! `process` is a child with its standard error, and `workers` hands out connections to threads.
+//! child receives, `replies` checks what it answers. A `pipe` carries frames, a `connection` limits their
+//! time, a `process` is a child with its standard error, and `workers` hands out connections to threads.
 //!
 //! This module starts processes and reads clocks; models may do neither.
 
@@ -12,6 +12,7 @@ mod batch;
 mod connection;
 mod document;
 mod error;
+mod pipe;
 mod planner;
 mod process;
 mod processes;
@@ -26,13 +27,14 @@ mod workers;
 
 pub use document::{DocumentError, Frame, FrameWriter, Values, read_frame};
 pub use error::ExternalError;
+pub use pipe::Parent;
 pub use planner::{ExternalPlanner, PlannerEpisode};
 pub use process::{end_all, interrupt};
 pub use processes::Processes;
 pub use replies::{Description, Role};
 pub use scene_frame::{SceneExtras, scene_frame};
 pub use scenes::{LINE_TYPES, LINK_RELATIONS, add_scenes};
-pub use settings::{Command, ExternalSettings, RunOutline, TimeLimits};
+pub use settings::{Command, ExternalSettings, RunOutline, STDIO, TimeLimits};
 pub use simulator::{BatchDifference, ExternalSimulator};
 pub use stderr::StderrTarget;
 

@@ -64,8 +64,7 @@ impl ExternalPlanner {
     /// [`ExternalError`] for wrong settings, or if the process does not start or greet, or is no planner.
     pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
         let (processes, description) = Processes::start(&settings, outline, Role::Planner)?;
-        let count = if settings.command == Command::Stdio { 1 } else { settings.workers };
-        let slots = (0..count).map(|_| Mutex::default()).collect();
+        let slots = (0..settings.workers).map(|_| Mutex::default()).collect();
         Ok(Self { settings, description, processes, slots, episodes: Arc::default() })
     }
 

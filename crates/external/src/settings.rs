@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::ExternalError;
+use super::pipe::Parent;
 
 /// Largest number of episodes per batch.
 pub(super) const MOST_PER_BATCH: usize = 1024;
@@ -10,13 +11,16 @@ pub(super) const MOST_PER_BATCH: usize = 1024;
 /// Number of episodes per batch if neither the settings nor the simulator choose one.
 pub(super) const DEFAULT_BATCH: usize = 16;
 
+/// Text that stands for the parent process, which is connected by our own standard input and output.
+pub const STDIO: &str = "@stdio";
+
 /// Connection to an external simulator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
     /// A command line for `sh`, started once per worker.
     Shell(String),
-    /// Our own standard input and output, with the simulator in the parent process.
-    Stdio,
+    /// The parent process, which has the simulator.
+    Parent(Parent),
 }
 
 impl Command {
@@ -24,8 +28,13 @@ impl Command {
     pub fn text(&self) -> &str {
         match self {
             Self::Shell(line) => line,
-            Self::Stdio => "@stdio",
+            Self::Parent(_) => STDIO,
         }
+    }
+
+    /// Returns whether the parent process has the simulator, so that it cannot be started again.
+    pub const fn is_parent(&self) -> bool {
+        matches!(self, Self::Parent(_))
     }
 }
 
@@ -62,7 +71,8 @@ pub struct ExternalSettings {
     pub name: String,
     /// Connection to the simulator.
     pub command: Command,
-    /// Number of processes. Results do not depend on it.
+    /// Number of processes, or of batches that the parent process has open at the same time. Results do not
+    /// depend on it.
     pub workers: usize,
     /// Number of episodes per batch; `None` for the number that the simulator asks for.
     pub batch: Option<usize>,
@@ -95,7 +105,7 @@ impl ExternalSettings {
         if matches!(&self.command, Command::Shell(line) if line.trim().is_empty()) {
             return refuse("the command is empty: write NAME='COMMAND'".to_owned());
         }
-        if !(1..=256).contains(&self.workers) {
+        if !self.command.is_parent() && !(1..=256).contains(&self.workers) {
             return refuse(format!("{} workers: 1 to 256 are possible", self.workers));
         }
         match self.batch {

@@ -25,9 +25,15 @@ pub struct ExternalSimulator {
 
 /// Memory of an episode: the batch that it is part of, and its index there.
 struct EpisodeMemory {
-    /// Shared by the episodes of the batch; `None` after its end.
-    batch: Arc<Mutex<Option<OpenBatch>>>,
+    /// Shared by the episodes of the batch; it ends with the last one.
+    batch: Arc<Mutex<OpenBatch>>,
     index: usize,
+}
+
+/// Episodes that began together, with their indices in the batch.
+struct Together<'a, 'b> {
+    batch: Arc<Mutex<OpenBatch>>,
+    episodes: Vec<(usize, &'a mut Episode<'b>)>,
 }
 
 impl ExternalSimulator {
@@ -114,9 +120,12 @@ pub struct BatchDifference {
 
 impl Simulator for ExternalSimulator {
     fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        if batch.is_empty() {
+            return Ok(());
+        }
         let seeds: Vec<u64> = batch.iter_mut().map(|episode| episode.stream.next_u64()).collect();
         let open = OpenBatch::begin(&self.processes.workers, self.settings.limits, batch, &seeds)?;
-        let open = Arc::new(Mutex::new(Some(open)));
+        let open = Arc::new(Mutex::new(open));
         for (index, episode) in batch.iter_mut().enumerate() {
             episode.memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });
         }
@@ -128,35 +137,27 @@ impl Simulator for ExternalSimulator {
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
-        let mut open: Option<Arc<Mutex<Option<OpenBatch>>>> = None;
-        let mut active = Vec::with_capacity(batch.len());
+        // Episodes that began together are planned together.
+        let mut all: Vec<Together<'_, '_>> = Vec::new();
         for episode in batch {
             let Some(EpisodeMemory { batch: own, index }) = episode.memory.get() else {
                 episode.error = Some(PlanError::ForeignMemory("external"));
                 continue;
             };
-            let index = *index;
-            let shared = open.get_or_insert_with(|| Arc::clone(own));
-            if !Arc::ptr_eq(shared, own) {
-                episode.error = Some(PlanError::Failed("it was begun with another batch".to_owned()));
-                continue;
+            let (own, index) = (Arc::clone(own), *index);
+            match all.iter_mut().find(|together| Arc::ptr_eq(&together.batch, &own)) {
+                Some(together) => together.episodes.push((index, episode)),
+                None => all.push(Together { batch: own, episodes: vec![(index, episode)] }),
             }
-            active.push((index, episode));
         }
-        let Some(open) = open else { return Ok(()) };
-        let mut open = open.lock();
-        let Some(open) = open.as_mut() else {
-            return Err(PlanError::Failed("the batch has ended".to_owned()));
-        };
-        open.plan(&mut active)
+        all.iter_mut().try_for_each(|together| together.batch.lock().plan(&mut together.episodes))
     }
 
     fn end_batch(&self, memories: Vec<Memory>) {
         for mut memory in memories {
-            let Some(EpisodeMemory { batch, .. }) = memory.take() else { continue };
-            let open = batch.lock().take();
-            if let Some(open) = open {
-                open.end();
+            let of_episode = memory.take().map(|EpisodeMemory { batch, .. }| batch);
+            if let Some(open) = of_episode.and_then(Arc::into_inner) {
+                open.into_inner().end();
             }
         }
     }

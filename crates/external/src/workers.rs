@@ -8,7 +8,7 @@ use super::connection::{Connection, RequestError};
 use super::document::FrameWriter;
 use super::process::is_interrupted;
 use super::replies::{Description, Role};
-use super::settings::{Command, ExternalSettings, RunOutline};
+use super::settings::{ExternalSettings, RunOutline};
 use super::stderr::{LAST_WORDS_HEAD, Stderr};
 
 /// Number of failed starts in a row after which no further process is started.
@@ -55,6 +55,8 @@ struct State {
     free: Vec<Option<Worker>>,
     /// Statement of the first process, with which all others must agree.
     description: Option<Description>,
+    /// Number of workers that were started.
+    started: usize,
     failed_starts: u32,
     /// Reason why no further process is started.
     given_up: Option<String>,
@@ -66,11 +68,11 @@ struct State {
 
 impl Workers {
     pub(super) fn new(settings: ExternalSettings, outline: RunOutline, role: Role) -> Self {
-        let count = if settings.command == Command::Stdio { 1 } else { settings.workers };
-        let free = (0..count).map(|_| None).collect();
+        let free = (0..settings.workers).map(|_| None).collect();
         let state = State {
             free,
             description: None,
+            started: 0,
             failed_starts: 0,
             given_up: None,
             failing: Vec::new(),
@@ -107,7 +109,7 @@ impl Workers {
     /// Takes a worker back; `None` if it broke.
     pub(super) fn put_back(&self, worker: Option<Worker>) {
         let mut state = self.state.lock();
-        if worker.is_none() && self.settings.command == Command::Stdio {
+        if worker.is_none() && self.settings.command.is_parent() {
             state.given_up.get_or_insert_with(|| "the connection to the parent process broke".to_owned());
         }
         state.free.push(worker);
@@ -179,7 +181,7 @@ impl Workers {
             }
             Err(reason) => {
                 state.failed_starts += 1;
-                if state.failed_starts >= MOST_FAILED_STARTS || self.settings.command == Command::Stdio {
+                if state.failed_starts >= MOST_FAILED_STARTS || self.settings.command.is_parent() {
                     state.given_up = Some(reason.clone());
                 }
                 state.free.push(None);
@@ -193,7 +195,12 @@ impl Workers {
     /// Opens a connection and exchanges greetings.
     fn greet(&self) -> Result<(Connection, Description), String> {
         let Self { settings, outline, role, stderr, .. } = self;
-        let opened = Connection::open(&settings.command, stderr);
+        let number = {
+            let mut state = self.state.lock();
+            state.started += 1;
+            state.started - 1
+        };
+        let opened = Connection::open(&settings.command, stderr, &settings.name, number);
         let mut connection = opened.map_err(|e| format!("`{}`: {e}", settings.command.text()))?;
         let mut hello = FrameWriter::new("hello");
         hello

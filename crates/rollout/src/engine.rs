@@ -185,22 +185,27 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
     ) -> Self {
         let new = |beginning| ScenarioRollout::new(beginning, controller, settings);
         let mut running: Vec<_> = batch.into_iter().map(new).collect();
-        begin_episodes(&mut running, controller, settings);
+        begin_episodes(running.iter_mut().collect(), controller, settings);
         Self { running }
     }
 
-    /// Begins another rollout in place of the one at `index`, which may have ended or not.
+    /// Begins other rollouts in place of those at these indices, which may have ended or not.
     pub fn restart(
         &mut self,
-        index: usize,
-        beginning: RolloutBeginning<'a, S>,
+        batch: impl IntoIterator<Item = (usize, RolloutBeginning<'a, S>)>,
         controller: &Controller,
         settings: &Settings,
     ) {
-        let new = ScenarioRollout::new(beginning, controller, settings);
-        let mut ended = std::mem::replace(&mut self.running[index], new);
-        end_episodes(std::slice::from_mut(&mut ended), controller);
-        begin_episodes(std::slice::from_mut(&mut self.running[index]), controller, settings);
+        let (mut begun, mut ended) = (Vec::new(), Vec::new());
+        for (index, beginning) in batch {
+            let new = ScenarioRollout::new(beginning, controller, settings);
+            ended.push(std::mem::replace(&mut self.running[index], new));
+            begun.push(index);
+        }
+        end_episodes(&mut ended, controller);
+        let running = self.running.iter_mut().enumerate();
+        let begun = running.filter(|(index, _)| begun.contains(index)).map(|(_, rollout)| rollout);
+        begin_episodes(begun.collect(), controller, settings);
     }
 
     /// Ends a rollout early: it takes no further steps.
@@ -263,7 +268,7 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
 
 /// Begins the episodes of a batch.
 fn begin_episodes<S: Deref<Target = Scenario>>(
-    running: &mut [ScenarioRollout<'_, S>],
+    mut running: Vec<&mut ScenarioRollout<'_, S>>,
     controller: &Controller,
     settings: &Settings,
 ) {

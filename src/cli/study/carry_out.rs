@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::SharedArgs;
+use super::{PlannedStudy, SharedArgs};
 use super::realism::score_realism;
 use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
@@ -13,13 +13,13 @@ use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::cli::subject::log_sources;
 use crate::evaluation::{
-    self, ExternalPrograms, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind,
-    StudyPlan, StudyResults, Summary,
+    self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults,
+    Summary,
 };
 use crate::report::{TableStyle, study_tables};
 
 pub(super) fn carry_out(
-    (mut plan, programs): (StudyPlan, ExternalPrograms),
+    (mut plan, programs): PlannedStudy,
     shared: &SharedArgs,
 ) -> anyhow::Result<ExitStatus> {
     let folder = match shared.resume {
@@ -63,12 +63,12 @@ pub(super) fn carry_out(
     if let Some(partition) = shared.partition.partition {
         return partition::finish(folder.path(), partition, failed, &());
     }
-    finish(&folder, shared, &plan, failed)
+    finish(&folder, shared, (plan, programs), failed)
 }
 
 /// Joins the partitions of all members and writes the table.
 pub(super) fn merge(
-    plan: &StudyPlan,
+    (plan, programs): PlannedStudy,
     shared: &SharedArgs,
     partitions: &Partitions,
     out: &Path,
@@ -82,7 +82,7 @@ pub(super) fn merge(
         refuse_empty(&summary)?;
         failed += summary.provenance.failures.len();
     }
-    finish(&folder, shared, plan, failed)
+    finish(&folder, shared, (plan, programs), failed)
 }
 
 fn refuse_empty(summary: &Summary) -> anyhow::Result<()> {
@@ -114,7 +114,7 @@ fn finish_member(
 fn finish(
     folder: &StudyFolder,
     shared: &SharedArgs,
-    plan: &StudyPlan,
+    (plan, programs): PlannedStudy,
     failed: usize,
 ) -> anyhow::Result<ExitStatus> {
     let kind = plan.study().kind;
@@ -127,6 +127,8 @@ fn finish(
     if kind == StudyKind::Errors {
         LogErrors::of_study(folder.path(), plan.sources())?.write(folder.path())?;
     }
+    // Standard output may belong to one of the programs until it has ended.
+    drop((plan, programs));
     let results = StudyResults::read(folder.path())?;
     let (mut text, style) = (Vec::new(), shared.table.style());
     study_tables::write_markdown(&results, style, &mut text).context("could not make the table")?;

@@ -108,7 +108,7 @@ fn truncated_rollouts_are_made_again() {
     run(folder.path(), RESUME, 0);
     assert!(fs::read(&file).unwrap() == rollouts);
     for (name, mend) in
-        [("summary.json", "--resume writes it again"), ("provenance.json", "delete the folder")]
+        [("summary.json", "continuing the run writes it again"), ("provenance.json", "delete the folder")]
     {
         let path = out.join(name);
         fs::write(&path, &fs::read(&path).unwrap()[..100]).unwrap();

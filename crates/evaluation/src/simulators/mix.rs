@@ -57,7 +57,7 @@ impl MixId {
             let part = name.trim_end_matches(SEPARATOR);
             return Err(refuse(format!("`{part}` has no share: write NAME=SHARE, such as idm=0.5")));
         }
-        let total: f64 = mix.shares.iter().map(|(_, share)| share).sum();
+        let total = mix.shares.iter().fold(0.0, |sum, (_, share)| sum + share);
         if !(total.is_finite() && total > 0.0) {
             return Err(refuse(format!(
                 "the sum of the shares is {total}, expected a finite number above 0"

@@ -2,16 +2,14 @@
 
 use clap::Args;
 use reactsim_external::{
-    Command, ExternalPlanner, ExternalSettings, ExternalSimulator, Processes, RunOutline, TimeLimits,
+    Command, ExternalError, ExternalPlanner, ExternalSettings, ExternalSimulator, Parent, Processes,
+    RunOutline, STDIO, TimeLimits,
 };
 use serde::{Deserialize, Serialize};
 
 use super::{RunSpec, Time};
 use crate::error::EvaluationError;
 use crate::simulators::PlannedSimulator;
-
-/// Command for our own standard input and output.
-const STDIO: &str = "@stdio";
 
 const HEADING: &str = "External simulators and planners";
 
@@ -99,11 +97,6 @@ impl ExternalPrograms {
 }
 
 impl ExternalSpec {
-    /// Returns whether the standard output of this process belongs to a simulator or planner.
-    pub fn takes_stdout(&self) -> bool {
-        self.external.iter().chain(&self.planner).any(|text| text.ends_with(&format!("={STDIO}")))
-    }
-
     /// Starts the simulators and planners.
     ///
     /// # Errors
@@ -111,25 +104,31 @@ impl ExternalSpec {
     /// be started.
     pub fn start(&self, outline: &RunOutline) -> Result<ExternalPrograms, EvaluationError> {
         let mut programs = ExternalPrograms::default();
-        let mut has_parent = false;
+        let mut parent: Option<Parent> = None;
         let simulators = self.external.iter().map(|text| ("external", text));
         for (key, text) in simulators.chain(self.planner.iter().map(|text| ("planner", text))) {
             let refuse = |expected| EvaluationError::spec(key, text, expected);
             let (name, command) =
                 text.split_once('=').ok_or_else(|| refuse("NAME=COMMAND, such as mine='python mine.py'"))?;
             let command = match command.trim() {
-                STDIO if has_parent => {
-                    return Err(refuse("one simulator or planner that is the parent process"));
-                }
-                STDIO => Command::Stdio,
+                STDIO => Command::Parent(match &parent {
+                    Some(parent) => parent.clone(),
+                    None => {
+                        let new = Parent::stdio().map_err(|error| {
+                            let (name, reason) = (name.to_owned(), error.to_string());
+                            ExternalError::Start { name, reason }
+                        })?;
+                        parent.insert(new).clone()
+                    }
+                }),
                 line => Command::Shell(line.to_owned()),
             };
-            has_parent |= command == Command::Stdio;
             if programs.processes().any(|processes| processes.name() == name) {
                 return Err(refuse("every name once"));
             }
             let settings = ExternalSettings {
-                workers: self.external_workers,
+                // The parent process is one thread.
+                workers: if command.is_parent() { 1 } else { self.external_workers },
                 batch: self.external_batch,
                 limits: self.limits(&command),
                 reveal_ids: self.reveal_ids == Some(true),
@@ -145,7 +144,7 @@ impl ExternalSpec {
 
     fn limits(&self, command: &Command) -> TimeLimits {
         // A parent process may be stopped in a debugger.
-        let default = if *command == Command::Stdio { TimeLimits::none() } else { TimeLimits::default() };
+        let default = if command.is_parent() { TimeLimits::none() } else { TimeLimits::default() };
         let or = |time: Option<Time>, default| time.map_or(default, |Time(time)| time);
         TimeLimits {
             start: or(self.external_start_limit, default.start),

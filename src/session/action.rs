@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::session::RequestError;
+use super::wire::{RequestError, refused};
 use crate::geometry::{Vec2, direction, left};
 use crate::planning::av::{at_start, state_of_box};
 use crate::planning::from_scene::ego_states_until_now;
@@ -38,6 +38,29 @@ impl ActionKind {
             Self::Bicycle => 2,
             Self::Plan { poses } => 3 * poses,
         }
+    }
+
+    /// Checks `actions`, one row per name; rows without a name are ignored.
+    ///
+    /// # Errors
+    /// If the count of the numbers is another one, or one is not finite.
+    pub(super) fn check(self, actions: &[f64], rows: &[Option<String>]) -> Result<(), RequestError> {
+        let (values, found) = (self.values(), actions.len());
+        if found != values * rows.len() {
+            let rows = rows.len();
+            return refused(format_args!("the actions have {found} numbers, expected {rows} × {values}"));
+        }
+        for (i, number) in actions.iter().enumerate() {
+            // Velocities of states may be unknown.
+            let is_fit = number.is_finite() || number.is_nan() && self == Self::State && i % values >= 3;
+            if let (false, Some(row)) = (is_fit, &rows[i / values]) {
+                let i = i % values;
+                return refused(format_args!(
+                    "value {i} of the action of {row} is {number}, expected a finite number"
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -116,11 +139,11 @@ fn next_state(now: &AgentState, action: &[f64]) -> Result<AgentState, RequestErr
     let displacement = next.position() - now.position();
     let metres = displacement.norm();
     if !(metres <= MAX_STEP_DISPLACEMENT) || !heading.is_finite() {
-        return Err(RequestError::new(format_args!(
+        return refused(format_args!(
             "the action moves the agent {metres:.1} m in 0.1 s to ({x}, {y}) with the heading {heading}, \
              expected at most {MAX_STEP_DISPLACEMENT:.1} m from ({:.2}, {:.2})",
             now.x, now.y
-        )));
+        ));
     }
     if next.velocity().is_none() {
         (next.vx, next.vy) = (displacement.x / DT, displacement.y / DT);
@@ -140,15 +163,15 @@ impl Tracked {
             let trajectory = Trajectory::through_centers(&poses, &self.ego, &self.shape);
             self.trajectory = Some(trajectory.map_err(RequestError::new)?);
         }
-        let Some(trajectory) = &self.trajectory else { return Err(RequestError::new("there is no plan")) };
+        let Some(trajectory) = &self.trajectory else { return refused("there is no plan") };
         let next = Controller::LqrBicycle.advance(&self.ego, &self.shape, trajectory);
         self.ego = next.map_err(RequestError::new)?;
         let state = state_of_box(&self.ego, &self.shape);
         let metres = (state.position() - now.position()).norm();
         if metres > MAX_STEP_DISPLACEMENT {
-            return Err(RequestError::new(format_args!(
+            return refused(format_args!(
                 "the plan moves the AV {metres:.1} m in 0.1 s, expected at most {MAX_STEP_DISPLACEMENT:.1} m"
-            )));
+            ));
         }
         Ok(state)
     }

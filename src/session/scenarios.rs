@@ -1,14 +1,14 @@
 //! The scenarios that requests name.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::session::RequestError;
-use crate::evaluation::{Deviations, Source};
+use super::wire::{RequestError, refused};
+use crate::evaluation::{Deviations, Selection, Source};
 use crate::formats::{self as formats, CurrentFrames, PendingScenarios};
 use crate::scene::Scenario;
 
@@ -47,14 +47,14 @@ impl Reading {
             ];
             return match given.into_iter().find(|(is_given, ..)| *is_given) {
                 Some((_, name, reason)) => {
-                    Err(RequestError::new(format_args!("the shipped scenarios {reason}: leave {name} out")))
+                    refused(format_args!("the shipped scenarios {reason}: leave {name} out"))
                 }
                 None => Ok(vec![Source::shipped(usize::MAX)]),
             };
         }
         let frames = match (self.current_frame, self.window_step) {
             (Some(_), Some(_)) => {
-                return Err(RequestError::new("`current_frame` and `window_step` exclude each other"));
+                return refused("`current_frame` and `window_step` exclude each other");
             }
             (Some(frame), None) => CurrentFrames::At(frame),
             (None, Some(step)) => CurrentFrames::Every(step),
@@ -68,6 +68,33 @@ impl Reading {
             (input.frames, input.all_agents) = (frames, self.all_agents);
         }
         Ok(Source::of_inputs(inputs, usize::MAX)?)
+    }
+
+    /// Reads the scenarios with these ids, or all without ids, at most `limit` of every file.
+    ///
+    /// # Errors
+    /// If a scenario cannot be read, or an id is missing.
+    pub(super) fn select(
+        &self,
+        ids: &BTreeSet<String>,
+        limit: Option<usize>,
+    ) -> Result<Vec<Arc<Scenario>>, RequestError> {
+        let selection = Selection { ids: ids.clone(), ..Selection::default() };
+        let mut scenarios = Vec::new();
+        for source in self.sources()? {
+            for scenario in source.scenarios()?.take(limit.unwrap_or(usize::MAX)) {
+                let scenario = scenario?;
+                if selection.has_id(&scenario.id) {
+                    scenarios.push(Arc::new(scenario));
+                }
+            }
+        }
+        let found = |id: &&String| scenarios.iter().any(|scenario: &Arc<Scenario>| scenario.id == **id);
+        match (ids.iter().find(|id| !found(id)), scenarios.is_empty()) {
+            (Some(id), _) => refused(format_args!("there is no scenario `{id}`")),
+            (None, true) => refused("no scenario is selected: give files, ids or a limit that select some"),
+            (None, false) => Ok(scenarios),
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::scenarios::{Reading, ScenarioCache};
-use super::session::{Answer, RequestError, answer, arguments};
+use super::wire::{Answer, RequestError, answer, arguments, refused};
 use crate::evaluation::{EventLine, Pose, RolloutCheck, Row, score_in_memory};
 use crate::external::Frame;
 use crate::formats::rollouts::RolloutRecord;
@@ -100,10 +100,10 @@ fn read_states(request: &Frame, agents: usize) -> Result<(usize, Vec<Vec<StateFr
     let (rollouts, values) = match shape {
         &[rollouts, n, FUTURE, values] if n == agents && VALUES.contains(&values) => (rollouts, values),
         found => {
-            return Err(RequestError::new(format_args!(
+            return refused(format_args!(
                 "`states` has the shape {found:?}, expected [rollouts, {agents}, {FUTURE}, 3 or 5] for the \
                  {agents} agents"
-            )));
+            ));
         }
     };
     let shape = shape.to_vec();

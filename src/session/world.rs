@@ -1,20 +1,22 @@
 //! Rollouts whose agents a program moves, while the AV follows a trajectory.
 
+use std::fmt::Display;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
 
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
-use super::session::RequestError;
+use super::traffic::{Traffic, reason};
+use super::wire::{RequestError, refused};
 use crate::evaluation::{Plan, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::EgoShape;
 use crate::rollout::{
-    Av, AvError, AvPolicy, Controller, Episode, Lockstep, Memory, Observation, PlanError, Protocol, Replan,
-    Rollout, RolloutBeginning, Settings, Simulator, Stream,
+    Av, AvError, AvPolicy, Beginning, Controller, Episode, JointPlan, Lockstep, Memory, Observation,
+    PlanError, Protocol, Replan, Rollout, RolloutBeginning, Settings, Simulator,
 };
-use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario, Start};
+use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario};
 
 /// Slot of the AV among the agents.
 const AV: usize = 0;
@@ -22,17 +24,35 @@ const AV: usize = 0;
 /// Names of the measures of a step of an agent.
 pub const AGENT_MEASURES: [&str; 4] = ["contact_av", "contact_agents", "off_road", "speed"];
 
-/// An environment in which actions move every agent but the AV.
+/// Settings of a [`World`].
+pub struct WorldSettings {
+    /// The policy of the AV, which may not be a planner.
+    pub plan: Plan,
+    /// The simulator of the agents that actions do not move, if there are such agents; no oracle.
+    pub traffic: Option<Traffic>,
+    /// Number of agents after the AV that actions move, at most; `usize::MAX` without `traffic`.
+    pub controlled: usize,
+    /// Kind of the actions.
+    pub action: ActionKind,
+    /// Sizes of the observations.
+    pub sizes: Sizes,
+    /// Variants of the metrics with which finished episodes are scored; `None` if they are not.
+    pub scores: Option<Options>,
+}
+
+/// An environment in which actions move agents, and not the AV.
 pub struct World {
-    /// The policy of the AV.
     plan: Plan,
     scenarios: Vec<Arc<Scenario>>,
+    controlled: usize,
     action: ActionKind,
     sizes: Sizes,
     options: Option<Options>,
+    /// Name of the traffic in rows and messages.
+    id: String,
     settings: Settings,
     controller: Controller,
-    /// The next states, which the simulator returns.
+    /// The next states of the agents that actions move.
     next: Arc<Mutex<Vec<Frame>>>,
     episode: Option<WorldEpisode>,
 }
@@ -41,35 +61,91 @@ struct WorldEpisode {
     scenario: Arc<Scenario>,
     arrays: SceneArrays,
     lockstep: Lockstep<'static, Arc<Scenario>>,
-    /// Motion of each agent after the AV.
+    /// Motion of each agent that actions move.
     movers: Vec<Mover>,
 }
 
 /// The result of a step.
 #[derive(Clone, Debug)]
 pub struct WorldStepped {
-    /// Values of [`AGENT_MEASURES`] per agent after the AV, NaN where unknown.
+    /// Values of [`AGENT_MEASURES`] per agent that actions move, NaN where unknown.
     pub measures: Vec<[f64; AGENT_MEASURES.len()]>,
     /// Whether all 80 steps are over.
     pub is_over: bool,
 }
 
-/// Simulator that returns states that others have set, one step at a time.
-struct Puppets(Arc<Mutex<Vec<Frame>>>);
+/// Simulator that is asked at every step: the first agents take states that others have set, and the rest the
+/// plans of another simulator, which plans at its own interval.
+struct Puppets {
+    next: Arc<Mutex<Vec<Frame>>>,
+    others: Option<(Box<dyn Simulator>, Replan)>,
+}
+
+/// Memory and latest plan of the other simulator.
+struct OthersMemory {
+    memory: Memory,
+    plan: JointPlan,
+}
 
 impl Simulator for Puppets {
-    fn begin(&self, _: &Start, _: &mut Stream) -> Memory {
-        Memory::NONE
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        let Some((simulator, replan)) = &self.others else { return Ok(()) };
+        let mut begun = Vec::with_capacity(batch.len());
+        for episode in batch.iter() {
+            begun.push(Beginning {
+                start: episode.start,
+                stream: episode.stream.clone(),
+                moves_av: false,
+                steps: replan.steps(),
+                identity: None,
+                memory: Memory::NONE,
+            });
+        }
+        let result = simulator.begin_batch(&mut begun);
+        for (episode, Beginning { memory, .. }) in batch.iter_mut().zip(begun) {
+            episode.memory = Memory::new(OthersMemory { memory, plan: JointPlan::new(0, 0) });
+        }
+        result
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
-        let next = self.0.lock();
-        for episode in batch {
+        let next = self.next.lock();
+        for Episode { seen, memory, stream, plan, outcomes, error, .. } in batch {
             for (agent, state) in next.iter().enumerate() {
-                episode.plan.set(agent + 1, 0, *state);
+                plan.set(agent + 1, 0, *state);
+            }
+            let Some((simulator, replan)) = &self.others else { continue };
+            let Some(OthersMemory { memory, plan: latest }) = memory.get() else {
+                *error = Some(PlanError::ForeignMemory("puppets"));
+                continue;
+            };
+            let (agents, step) = (plan.agents(), seen.step());
+            if step % replan.steps() == 0 {
+                let mut own = [Episode {
+                    seen: *seen,
+                    memory,
+                    stream,
+                    moves_av: false,
+                    shares_traffic: !next.is_empty(),
+                    plan: JointPlan::new(agents, replan.steps().min(FUTURE - step)),
+                    outcomes: std::mem::take(outcomes),
+                    error: None,
+                }];
+                simulator.plan(&mut own)?;
+                let [own] = own;
+                (*latest, *outcomes, *error) = (own.plan, own.outcomes, own.error);
+            }
+            for agent in next.len() + 1..agents {
+                plan.set(agent, 0, latest.get(agent, step % replan.steps()));
             }
         }
         Ok(())
+    }
+
+    fn end_batch(&self, memories: Vec<Memory>) {
+        let Some((simulator, _)) = &self.others else { return };
+        let own = memories.into_iter().filter_map(|mut memory| memory.take::<OthersMemory>());
+        simulator.end_batch(own.map(|own| own.memory).collect());
     }
 }
 
@@ -90,49 +166,52 @@ impl AvPolicy for StatelessPolicy {
 }
 
 impl World {
-    /// Creates an environment without an episode. `plan` has the policy of the AV, which may not be a
-    /// planner.
+    /// Creates an environment without an episode.
     ///
     /// # Errors
-    /// If the AV is driven by a planner, a setting is out of range, or there are no scenarios.
-    pub fn new(
-        scenarios: Vec<Arc<Scenario>>,
-        plan: Plan,
-        action: ActionKind,
-        sizes: Sizes,
-        options: Option<Options>,
-    ) -> Result<Self, RequestError> {
-        if scenarios.is_empty() {
-            return Err(RequestError::new(
-                "no scenario is selected: give files, ids or a limit that select some",
+    /// If the AV is driven by a planner, or a setting is out of range.
+    pub fn new(scenarios: Vec<Arc<Scenario>>, settings: WorldSettings) -> Result<Self, RequestError> {
+        let WorldSettings { plan, traffic, controlled, action, sizes, scores: options } = settings;
+        if let Some(av) = plan.policy().filter(|av| av.is_judged()) {
+            return refused(format_args!(
+                "the AV is driven by `{av}`, expected a trajectory or a script, such as deviated or log"
             ));
         }
-        if let Some(av) = plan.policy().filter(|av| av.is_judged()) {
-            return Err(RequestError::new(format_args!(
-                "the AV is driven by `{av}`, expected a trajectory or a script, such as deviated or log"
-            )));
-        }
         if let Some(fault) = sizes.fault() {
-            return Err(RequestError::new(fault));
+            return refused(fault);
         }
         if matches!(action, ActionKind::Plan { .. }) {
-            return Err(RequestError::new("agents have no tracker: expected bicycle or state"));
+            return refused("agents have no tracker: expected bicycle or state");
         }
+        let (id, controller, settings) = match traffic {
+            Some(Traffic { id, controller, settings }) => (id, Some(controller), settings),
+            None => ("agents".to_owned(), None, Settings::default()),
+        };
+        let others = match controller {
+            Some(Controller::Fair(simulator)) => Some((simulator, settings.replan)),
+            Some(Controller::Oracle(_)) => {
+                return refused(format_args!(
+                    "`{id}` observes the logged future and moves all agents or none"
+                ));
+            }
+            None => None,
+        };
         let next = Arc::<Mutex<Vec<Frame>>>::default();
+        let controller = Controller::Fair(Box::new(Puppets { next: Arc::clone(&next), others }));
+        let settings = Settings { protocol: Protocol::Reactive, replan: Replan::EVERY_STEP, ..settings };
+        let episode = None;
         Ok(Self {
             plan,
             scenarios,
+            controlled,
             action,
             sizes,
             options,
-            settings: Settings {
-                protocol: Protocol::Reactive,
-                replan: Replan::EVERY_STEP,
-                ..Settings::default()
-            },
-            controller: Controller::Fair(Box::new(Puppets(Arc::clone(&next)))),
+            id,
+            settings,
+            controller,
             next,
-            episode: None,
+            episode,
         })
     }
 
@@ -146,7 +225,7 @@ impl World {
         &self.sizes
     }
 
-    /// Returns the number of agents after the AV, and the number of values of an action.
+    /// Returns the number of agents that actions move, and the number of values of an action.
     pub fn actions(&self) -> [usize; 2] {
         [self.episode.as_ref().map_or(0, |episode| episode.movers.len()), self.action.values()]
     }
@@ -154,30 +233,33 @@ impl World {
     /// Begins an episode. Returns the scenario.
     ///
     /// # Errors
-    /// If there is no such scenario, or it has no AV of the chosen kind.
-    pub fn reset(&mut self, scenario: usize, rollout: u32) -> Result<&Scenario, RequestError> {
+    /// If there is no such scenario, it has no AV of the chosen kind, or the simulator fails.
+    pub fn reset(&mut self, scenario: usize, rollout: u32) -> Result<Arc<Scenario>, RequestError> {
         let count = self.scenarios.len();
         let missing = || {
             RequestError::new(format_args!("there is no scenario {scenario}, expected 0 to {}", count - 1))
         };
         let scenario = Arc::clone(self.scenarios.get(scenario).ok_or_else(missing)?);
-        let (av, _) = self
-            .plan
-            .av(&scenario)
-            .map_err(|error| RequestError::new(format_args!("scenario `{}`: {error}", scenario.id)))?;
+        let named =
+            |error: &dyn Display| RequestError::new(format_args!("scenario `{}`: {error}", scenario.id));
+        let (av, _) = self.plan.av(&scenario).map_err(|error| named(&error))?;
         let av: Option<Box<dyn AvPolicy>> =
             av.map(|av| -> Box<dyn AvPolicy> { Box::new(StatelessPolicy { av, rollout }) });
         let mover = |track: &Vec<Frame>| Mover::new(self.action, track, &EgoShape::PACIFICA);
-        let movers: Option<Vec<Mover>> = scenario.start.history[AV + 1..].iter().map(mover).collect();
-        let absent = || RequestError::new(format_args!("scenario `{}`: an agent is absent now", scenario.id));
-        let movers = movers.ok_or_else(absent)?;
+        let tracks = scenario.start.history[AV + 1..].iter().take(self.controlled);
+        let movers: Option<Vec<Mover>> = tracks.map(mover).collect();
+        let movers = movers.ok_or_else(|| named(&"an agent is absent now"))?;
+        // A simulator ends its episode before it begins another one.
+        if let Some(ended) = self.episode.take() {
+            ended.lockstep.finish(&self.controller);
+        }
         let beginning = RolloutBeginning { scenario: Arc::clone(&scenario), av, rollout };
         let lockstep = Lockstep::begin([beginning], &self.controller, &self.settings);
         let arrays = SceneArrays::new(&scenario, self.sizes.points);
-        let episode = self.episode.insert(WorldEpisode { scenario, arrays, lockstep, movers });
-        match episode.lockstep.failure(0) {
-            Some(error) => Err(RequestError::new(error)),
-            None => Ok(&episode.scenario),
+        let new = WorldEpisode { scenario: Arc::clone(&scenario), arrays, lockstep, movers };
+        match self.episode.insert(new).lockstep.failure(0) {
+            Some(error) => refused(reason(&self.id, error)),
+            None => Ok(scenario),
         }
     }
 
@@ -185,12 +267,14 @@ impl World {
     ///
     /// # Errors
     /// If an action cannot be executed, no episode has begun, or it is over; nothing has changed then. Or if
-    /// the AV cannot be moved.
+    /// the AV cannot be moved, or the simulator fails.
     pub fn step(&mut self, actions: &[f64]) -> Result<WorldStepped, RequestError> {
+        let rows: Vec<_> = (1..=self.actions()[0]).map(|agent| Some(format!("agent {agent}"))).collect();
+        self.action.check(actions, &rows)?;
         let none = || RequestError::new("no episode has begun: reset first");
         let episode = self.episode.as_mut().ok_or_else(none)?;
         if episode.lockstep.is_over() {
-            return Err(RequestError::new("the episode is over: reset it"));
+            return refused("the episode is over: reset it");
         }
         let mut movers = episode.movers.clone();
         let mut next = Vec::with_capacity(movers.len());
@@ -205,18 +289,19 @@ impl World {
         *self.next.lock() = next;
         episode.lockstep.step(&self.controller, &self.settings);
         if let Some(error) = episode.lockstep.failure(0) {
-            return Err(RequestError::new(error));
+            return refused(reason(&self.id, error));
         }
         let seen = episode.lockstep.seen(0);
-        Ok(WorldStepped { measures: measures(&seen), is_over: seen.frame() - CURRENT == FUTURE })
+        let is_over = seen.frame() - CURRENT == FUTURE;
+        Ok(WorldStepped { measures: measures(&seen, episode.movers.len()), is_over })
     }
 
-    /// Returns the observation of each agent after the AV.
+    /// Returns the observation of each agent that actions move.
     pub fn observe(&self) -> Arrays {
         let mut arrays = Arrays::default();
         if let Some(episode) = &self.episode {
             let seen = episode.lockstep.seen(0);
-            for agent in AV + 1..seen.tracks().len() {
+            for agent in AV + 1..=episode.movers.len() {
                 episode.arrays.write(&seen, agent, &self.sizes, &mut arrays);
             }
         }
@@ -239,12 +324,12 @@ impl World {
         let (_, deviation) = self.plan.av(&episode.scenario).ok()?;
         let tracks = episode.lockstep.tracks(0).to_vec();
         let rollout = Rollout { tracks, outcomes: episode.lockstep.outcomes(0).clone() };
-        Some(judge_in_memory(&episode.scenario, "agents", rollout, &deviation, options, false))
+        Some(judge_in_memory(&episode.scenario, &self.id, rollout, &deviation, options, false))
     }
 }
 
-/// Returns the measures of each agent after the AV.
-fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
+/// Returns the measures of the first agents after the AV.
+fn measures(seen: &Observation<'_>, count: usize) -> Vec<[f64; AGENT_MEASURES.len()]> {
     let agents = &seen.start().agents;
     let boxes: Vec<_> = agents
         .iter()
@@ -276,7 +361,7 @@ fn measures(seen: &Observation<'_>) -> Vec<[f64; AGENT_MEASURES.len()]> {
         let off_road = drivable.map_or(f64::NAN, |is_drivable| flag(!is_drivable));
         [flag(touches(i, AV)), flag(hits_agent), off_road, state.speed()]
     };
-    (AV + 1..agents.len()).map(of).collect()
+    (AV + 1..=count).map(of).collect()
 }
 
 #[cfg(test)]
@@ -285,7 +370,7 @@ mod tests {
 
     use super::*;
 
-    fn world(av: AvChoice) -> Result<World, RequestError> {
+    fn world(av: AvChoice, traffic: Option<Traffic>, controlled: usize) -> Result<World, RequestError> {
         let scenarios: Vec<_> =
             Source::shipped(1).scenarios().unwrap().map(|scenario| Arc::new(scenario.unwrap())).collect();
         let plan = {
@@ -294,12 +379,13 @@ mod tests {
             spec.plan(RunParts::default()).unwrap()
         };
         let sizes = Sizes { agents: 2, history: 1, lanes: 2, points: 2, lights: 1, route: 0 };
-        World::new(scenarios, plan, ActionKind::State, sizes, Some(Options::default()))
+        let (action, scores) = (ActionKind::State, Some(Options::default()));
+        World::new(scenarios, WorldSettings { plan, traffic, controlled, action, sizes, scores })
     }
 
     #[test]
     fn logged_agents_have_the_metrics_of_the_log() {
-        let mut world = world(AvChoice::Log).unwrap();
+        let mut world = world(AvChoice::Log, None, usize::MAX).unwrap();
         let logged = Arc::clone(&world.scenarios()[0]);
         world.reset(0, 0).unwrap();
         let [agents, values] = world.actions();
@@ -325,7 +411,7 @@ mod tests {
 
     #[test]
     fn planners_are_refused() {
-        let error = world("planner:idm".parse().unwrap()).err().unwrap();
+        let error = world("planner:idm".parse().unwrap(), None, 1).err().unwrap();
         assert_eq!(
             error.to_string(),
             "the AV is driven by `planner:idm`, expected a trajectory or a script, such as deviated or log"

@@ -7,7 +7,7 @@ use reactsim_formats as formats;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::session::{Answer, RequestError, answer, arguments};
+use super::wire::{Answer, RequestError, answer, arguments, refused};
 use crate::evaluation::realism::{LogFiles, LogSource, RealismFailure, RealismScores, ScoredPair, score_all};
 use crate::external::Frame;
 use crate::metrics::wosac::Config;
@@ -63,10 +63,10 @@ impl LogCache {
             }
             for input in formats::survey(path)?.inputs {
                 let LogSource::Recording(path) = LogSource::of(input) else {
-                    return Err(RequestError::new(format_args!(
+                    return refused(format_args!(
                         "{} has no recordings: expected files of the Waymo Open Motion Dataset",
                         path.display()
-                    )));
+                    ));
                 };
                 recordings.push(path);
             }
@@ -103,7 +103,7 @@ pub(super) fn score(request: &Frame, logs: &mut LogCache) -> Answer {
     let given: ScoreArguments = arguments(request)?;
     let configs = configs(&given.configs)?;
     if !(1..=MOST_JOBS).contains(&given.jobs) {
-        return Err(RequestError::new(format_args!("{} threads, expected 1 to {MOST_JOBS}", given.jobs)));
+        return refused(format_args!("{} threads, expected 1 to {MOST_JOBS}", given.jobs));
     }
     logs.open(given.logs)?;
     let mut pairs = Vec::new();
@@ -131,10 +131,10 @@ fn read_rollouts(
     let rollouts = match request.shape(&name)? {
         &[rollouts, n, FUTURE, VALUES] if n == objects => rollouts,
         found => {
-            return Err(RequestError::new(format_args!(
+            return refused(format_args!(
                 "`{name}` has the shape {found:?}, expected [rollouts, {objects}, {FUTURE}, {VALUES}] for the \
                  {objects} objects"
-            )));
+            ));
         }
     };
     let numbers = request.floats(&name, &[rollouts, objects, FUTURE, VALUES])?;
@@ -172,7 +172,7 @@ pub(super) fn summarise(request: &Frame) -> Answer {
     if scores.rows.is_empty() {
         let mut text = "no scenario could be scored".to_owned();
         scores.failures.iter().for_each(|failure| text += &format!("\n{}", failure.error));
-        return Err(RequestError::new(text));
+        return refused(text);
     }
     let mut document = Vec::new();
     scores.write_json(&mut document).map_err(RequestError::new)?;

@@ -6,15 +6,14 @@ use std::sync::Arc;
 
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
-use super::session::RequestError;
+use super::traffic::{Traffic, is_broken_off, reason};
+use super::wire::{RequestError, refused};
 use crate::evaluation::{DeviationLabels, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map};
 use crate::planning::metrics::SampleJudge;
 use crate::planning::{EgoShape, PlanningMap};
-use crate::rollout::{
-    AvError, AvPolicy, Controller, Lockstep, Observation, Rollout, RolloutBeginning, Settings,
-};
+use crate::rollout::{AvError, AvPolicy, Lockstep, Observation, Rollout, RolloutBeginning};
 use crate::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame, Scenario};
 
 /// Slot of the AV among the agents.
@@ -39,11 +38,7 @@ pub enum EndCondition {
 /// Settings of an environment.
 pub struct EnvironmentSettings {
     /// The simulator that moves the agents.
-    pub controller: Controller,
-    /// Id of the simulator, for the rows of finished episodes.
-    pub simulator: String,
-    /// Protocol (reactive), replan interval, lookahead and seed.
-    pub rollout: Settings,
+    pub traffic: Traffic,
     /// Kind of the actions.
     pub action: ActionKind,
     /// Number of steps of 0.1 s per action.
@@ -134,34 +129,29 @@ impl Environment {
     /// Creates an environment without episodes.
     ///
     /// # Errors
-    /// If a setting is out of range, or there are no scenarios.
+    /// If a setting is out of range.
     pub fn new(scenarios: Vec<Arc<Scenario>>, settings: EnvironmentSettings) -> Result<Self, RequestError> {
-        if scenarios.is_empty() {
-            return Err(RequestError::new(
-                "no scenario is selected: give files, ids or a limit that select some",
-            ));
-        }
         if let Some(fault) = settings.sizes.fault() {
-            return Err(RequestError::new(fault));
+            return refused(fault);
         }
         match (settings.action, settings.every) {
             (_, every) if !(1..=FUTURE).contains(&every) => {
-                return Err(RequestError::new(format_args!("`every` is {every}, expected 1 to 80 steps")));
+                return refused(format_args!("`every` is {every}, expected 1 to 80 steps"));
             }
             (ActionKind::State, 2..) => {
-                return Err(RequestError::new(format_args!(
+                return refused(format_args!(
                     "`every` is {}, expected 1: an action of the kind `state` is one step",
                     settings.every
-                )));
+                ));
             }
             (ActionKind::Plan { poses }, every) if !(every..=FUTURE).contains(&poses) => {
-                return Err(RequestError::new(format_args!(
+                return refused(format_args!(
                     "a plan has {poses} poses, expected {every} to {FUTURE}: at least `every`"
-                )));
+                ));
             }
             _ => {}
         }
-        let lockstep = Lockstep::begin([], &settings.controller, &settings.rollout);
+        let lockstep = Lockstep::begin([], &settings.traffic.controller, &settings.traffic.settings);
         let prepared = scenarios.iter().map(|_| None).collect();
         Ok(Self { settings, scenarios, prepared, lockstep, slots: Vec::new() })
     }
@@ -191,11 +181,14 @@ impl Environment {
             slots.push(self.slot(episode)?);
         }
         let beginnings = slots.iter().zip(episodes).map(|(slot, episode)| slot.beginning(episode.rollout));
-        let (controller, rollout) = (&self.settings.controller, &self.settings.rollout);
-        let begun = Lockstep::begin(beginnings, controller, rollout);
-        std::mem::replace(&mut self.lockstep, begun).finish(controller);
+        let Traffic { controller, settings, .. } = &self.settings.traffic;
+        // A simulator ends its episodes before it begins others.
+        let none = Lockstep::begin([], controller, settings);
+        std::mem::replace(&mut self.lockstep, none).finish(controller);
+        self.lockstep = Lockstep::begin(beginnings, controller, settings);
         self.slots = slots;
-        self.fail_begun(0..self.slots.len())
+        let failure = (0..self.slots.len()).find_map(|i| self.lockstep.failure(i));
+        failure.map_or(Ok(()), |error| refused(reason(&self.settings.traffic.id, error)))
     }
 
     /// Moves the AVs of the episodes by their actions, `values` numbers per slot, and then begins the
@@ -203,30 +196,22 @@ impl Environment {
     ///
     /// # Errors
     /// If an action cannot be executed, an episode is over, or a scenario cannot be used; no episode has
-    /// changed then.
+    /// changed then. Or if the simulator fails as a program; all episodes are over then.
     pub fn step(
         &mut self,
         actions: &[f64],
         restarted: &[EpisodeBeginning],
     ) -> Result<Vec<Stepped>, RequestError> {
         let values = self.settings.action.values();
-        if actions.len() != values * self.slots.len() {
-            return Err(RequestError::new(format_args!(
-                "the actions have {} numbers, expected {} slots × {values}",
-                actions.len(),
-                self.slots.len()
-            )));
-        }
         if let Some(episode) = restarted.iter().find(|episode| episode.slot >= self.slots.len()) {
             let (slot, slots) = (episode.slot, self.slots.len());
-            return Err(RequestError::new(format_args!(
-                "there is no slot {slot}, expected 0 to {}",
-                slots - 1
-            )));
+            return refused(format_args!("there is no slot {slot}, expected 0 to {}", slots - 1));
         }
         let is_restarted = |slot: usize| restarted.iter().any(|episode| episode.slot == slot);
+        let name = |slot: usize| (!is_restarted(slot)).then(|| format!("slot {slot}"));
+        self.settings.action.check(actions, &(0..self.slots.len()).map(name).collect::<Vec<_>>())?;
         if let Some(slot) = (0..self.slots.len()).find(|&i| self.slots[i].end.is_some() && !is_restarted(i)) {
-            return Err(RequestError::new(format_args!("the episode in slot {slot} is over: reset it")));
+            return refused(format_args!("the episode in slot {slot} is over: reset it"));
         }
         // Everything that can be refused is computed before anything moves.
         let begun: Vec<Slot> =
@@ -244,9 +229,9 @@ impl Environment {
                     self.slots[*i].next.set(Some(*next));
                 }
             }
-            self.lockstep.step(&self.settings.controller, &self.settings.rollout);
+            self.lockstep.step(&self.settings.traffic.controller, &self.settings.traffic.settings);
             for (i, _) in &moved {
-                let end = self.slots[*i].measure(&self.lockstep, *i, &self.settings.end_at, &mut stepped[*i]);
+                let end = self.measure(*i, &mut stepped[*i])?;
                 if end == Some(End::Condition) {
                     self.lockstep.stop(*i);
                 }
@@ -254,15 +239,51 @@ impl Environment {
                 stepped[*i].end = end;
             }
         }
-        for (episode, slot) in restarted.iter().zip(begun) {
-            let (i, beginning) = (episode.slot, slot.beginning(episode.rollout));
-            self.lockstep.restart(i, beginning, &self.settings.controller, &self.settings.rollout);
-            self.slots[i] = slot;
-            let failure = self.lockstep.failure(i).map(|error| End::Failed(error.to_string()));
-            self.slots[i].end.clone_from(&failure);
-            stepped[i].end = failure;
-        }
+        self.restart(restarted, begun, &mut stepped)?;
         Ok(stepped)
+    }
+
+    /// Begins episodes in place of those in the same slots.
+    fn restart(
+        &mut self,
+        restarted: &[EpisodeBeginning],
+        begun: Vec<Slot>,
+        stepped: &mut [Stepped],
+    ) -> Result<(), RequestError> {
+        let beginning =
+            |(episode, slot): (&EpisodeBeginning, &Slot)| (episode.slot, slot.beginning(episode.rollout));
+        let Traffic { controller, settings, .. } = &self.settings.traffic;
+        self.lockstep.restart(restarted.iter().zip(&begun).map(beginning), controller, settings);
+        for (episode, slot) in restarted.iter().zip(begun) {
+            self.slots[episode.slot] = slot;
+            let failure = self.failure(episode.slot)?;
+            self.slots[episode.slot].end.clone_from(&failure);
+            stepped[episode.slot].end = failure;
+        }
+        Ok(())
+    }
+
+    /// Returns the end of an episode that failed. All end if the simulator failed as a program.
+    fn failure(&mut self, slot: usize) -> Result<Option<End>, RequestError> {
+        let Some(error) = self.lockstep.failure(slot) else { return Ok(None) };
+        let (reason, is_broken_off) = (reason(&self.settings.traffic.id, error), is_broken_off(error));
+        let end = End::Failed(reason.clone());
+        if is_broken_off {
+            self.slots.iter_mut().for_each(|slot| slot.end = Some(end.clone()));
+            return refused(reason);
+        }
+        Ok(Some(end))
+    }
+
+    /// Adds the measures of the step of a slot that was just realised. Returns the end of its episode.
+    fn measure(&mut self, slot: usize, stepped: &mut Stepped) -> Result<Option<End>, RequestError> {
+        Ok(match self.failure(slot)? {
+            Some(end) => Some(end),
+            None => {
+                let seen = self.lockstep.seen(slot);
+                self.slots[slot].measure(&seen, &self.settings.end_at, stepped)
+            }
+        })
     }
 
     /// Returns the next states of the AV of a slot under an action, with its motion after each.
@@ -309,7 +330,7 @@ impl Environment {
         let mut tracks = self.lockstep.tracks(slot).to_vec();
         tracks.iter_mut().for_each(|track| track.resize(FRAMES, None));
         let rollout = Rollout { tracks, outcomes: self.lockstep.outcomes(slot).clone() };
-        let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.simulator);
+        let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.traffic.id);
         Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, true))
     }
 
@@ -318,10 +339,7 @@ impl Environment {
         let count = self.scenarios.len();
         let Some(scenario) = self.scenarios.get(episode.scenario) else {
             let index = episode.scenario;
-            return Err(RequestError::new(format_args!(
-                "there is no scenario {index}, expected 0 to {}",
-                count - 1
-            )));
+            return refused(format_args!("there is no scenario {index}, expected 0 to {}", count - 1));
         };
         let scenario = Arc::clone(scenario);
         let prepared = match &self.prepared[episode.scenario] {
@@ -341,12 +359,6 @@ impl Environment {
         let progress = prepared.arrays.progress(scenario.start.now(AV).position());
         let (mover, next) = (mover.ok_or_else(absent)?, Rc::new(Cell::new(None)));
         Ok(Slot { scenario, prepared, next, mover, judge, progress, end: None })
-    }
-
-    /// Reports episodes that the simulator could not begin.
-    fn fail_begun(&self, slots: std::ops::Range<usize>) -> Result<(), RequestError> {
-        let failure = slots.into_iter().find_map(|i| self.lockstep.failure(i));
-        failure.map_or(Ok(()), |error| Err(RequestError::new(error)))
     }
 }
 
@@ -376,18 +388,14 @@ impl Slot {
     /// Adds the measures of the step that was just realised. Returns the end of the episode, if it is over.
     fn measure(
         &mut self,
-        lockstep: &Lockstep<'static, Arc<Scenario>>,
-        index: usize,
+        seen: &Observation<'_>,
         end_at: &[EndCondition],
         stepped: &mut Stepped,
     ) -> Option<End> {
-        if let Some(error) = lockstep.failure(index) {
-            return Some(End::Failed(error.to_string()));
-        }
-        let (seen, prepared) = (lockstep.seen(index), &self.prepared);
+        let prepared = &self.prepared;
         let no_state = || End::Failed(format!("scenario `{}`: the AV has no finite state", self.scenario.id));
         let Some(ego) = ego_state_now(seen.track(AV), &prepared.shape) else { return Some(no_state()) };
-        let objects = prepared.objects.objects_now(&seen);
+        let objects = prepared.objects.objects_now(seen);
         let scores = self.judge.judge(&prepared.map, prepared.shape, ego, objects);
         let progress = prepared.arrays.progress(ego.center(&prepared.shape));
         let is_contact = !scores.contacts.is_empty();

@@ -1,0 +1,258 @@
+//! Requests about environments.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::action::ActionKind;
+use super::arrays::{Arrays, Sizes};
+use super::environment::{
+    End, EndCondition, Environment, EnvironmentSettings, EpisodeBeginning, MEASURES, Stepped,
+};
+use super::scenarios::Reading;
+use super::scores::{Scored, metric_options};
+use super::traffic::NamedTraffic;
+use super::wire::{Answer, RequestError, answer, arguments, refused};
+use super::world::{AGENT_MEASURES, World, WorldSettings};
+use crate::evaluation::{Row, RunParts, RunSpec};
+use crate::external::{Frame, FrameWriter, Parent, Values};
+use crate::metrics::{Event, Options};
+use crate::scene::{Frame as StateFrame, Scenario};
+
+/// What all environments have.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Common {
+    reading: Reading,
+    /// Ids of scenarios; all by default.
+    ids: BTreeSet<String>,
+    /// Number of scenarios of every file.
+    limit: Option<usize>,
+    /// The simulator; none if actions move all agents.
+    traffic: Option<NamedTraffic>,
+    action: ActionKind,
+    sizes: Sizes,
+    /// Whether finished episodes are scored.
+    scores: bool,
+    metric_options: BTreeMap<String, String>,
+}
+
+impl Common {
+    fn scenarios(&self) -> Result<Vec<Arc<Scenario>>, RequestError> {
+        self.reading.select(&self.ids, self.limit)
+    }
+
+    /// Returns the variants of the metrics, if episodes are scored.
+    fn options(&self) -> Result<Option<Options>, RequestError> {
+        let options = metric_options(&self.metric_options)?;
+        Ok(self.scores.then_some(options))
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NewEnvironment {
+    common: Common,
+    every: usize,
+    end_at: Vec<EndCondition>,
+}
+
+/// Creates an environment; answers with its scenarios and the shapes of its arrays.
+pub(super) fn create(request: &Frame, environment: &mut Option<Environment>, parent: &Parent) -> Answer {
+    let NewEnvironment { common, every, end_at } = arguments(request)?;
+    let Some(traffic) = &common.traffic else { return refused("`traffic` is missing") };
+    let (action, sizes, scores) = (common.action, common.sizes, common.options()?);
+    let scenarios = common.scenarios()?;
+    let settings =
+        EnvironmentSettings { traffic: traffic.start(parent)?, action, every, sizes, end_at, scores };
+    let new = environment.insert(Environment::new(scenarios, settings)?);
+    let description = json!({
+        "scenarios": ids(new.scenarios()),
+        "measures": MEASURES,
+        "arrays": shapes(&sizes),
+    });
+    answer("environment", &description)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Episodes {
+    episodes: Vec<EpisodeBeginning>,
+}
+
+/// Begins an episode per slot; answers with the observations.
+pub(super) fn reset(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+    let environment = existing(environment)?;
+    let Episodes { episodes } = arguments(request)?;
+    if episodes.is_empty() || episodes.iter().enumerate().any(|(i, episode)| episode.slot != i) {
+        return refused("`episodes` must have the slots 0, 1, …, at least one");
+    }
+    environment.reset(&episodes)?;
+    let mut answer = FrameWriter::new("observation");
+    put_arrays(&mut answer, &environment.settings().sizes, environment.slots(), environment.observe());
+    Ok(answer)
+}
+
+/// Executes the actions, f64 [slots, values], and begins the episodes of the arguments; answers with
+/// observations, measures and ends.
+pub(super) fn step(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+    let environment = existing(environment)?;
+    let Episodes { episodes } = arguments(request)?;
+    let actions =
+        request.floats("actions", &[environment.slots(), environment.settings().action.values()])?;
+    let stepped = environment.step(&actions, &episodes)?;
+    let mut answer = answer("stepped", &ends(environment, &stepped)?)?;
+    put_arrays(&mut answer, &environment.settings().sizes, environment.slots(), environment.observe());
+    let measures = stepped.iter().flat_map(|one| one.measures);
+    answer.tensor("measures", Values::f64(&[stepped.len(), MEASURES.len()], measures));
+    let flag = |is_so: fn(&End) -> bool| {
+        let flags = stepped.iter().map(move |one| u8::from(one.end.as_ref().is_some_and(is_so)));
+        Values::u8(&[stepped.len()], flags.collect::<Vec<_>>())
+    };
+    answer.tensor("terminated", flag(|end| *end == End::Condition));
+    answer.tensor("truncated", flag(|end| *end != End::Condition));
+    Ok(answer)
+}
+
+/// Returns scores and failures of the episodes that ended, by slot.
+fn ends(environment: &Environment, stepped: &[Stepped]) -> Result<Value, RequestError> {
+    let mut ends = serde_json::Map::new();
+    for (slot, one) in stepped.iter().enumerate() {
+        let end = match &one.end {
+            None => continue,
+            Some(End::Failed(reason)) => json!({ "failure": reason }),
+            Some(End::Condition | End::LastStep) => end_document(environment.scores(slot))?,
+        };
+        ends.insert(slot.to_string(), end);
+    }
+    Ok(Value::Object(ends))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SlotArguments {
+    slot: usize,
+}
+
+/// Answers with the realised states of a slot so far.
+pub(super) fn tracks(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+    let SlotArguments { slot } = arguments(request)?;
+    let (scenario, tracks) = existing(environment)?.tracks(slot)?;
+    tracks_answer(scenario, tracks)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NewWorld {
+    common: Common,
+    /// Policy of the AV.
+    av: String,
+    /// File of deviated AVs.
+    deviations: Option<PathBuf>,
+    /// Number of agents that actions move; all by default.
+    controlled: Option<usize>,
+}
+
+/// Creates an environment whose agents are moved; answers with its scenarios and the shapes of its arrays.
+pub(super) fn create_world(request: &Frame, world: &mut Option<World>, parent: &Parent) -> Answer {
+    let NewWorld { common, av, deviations, controlled } = arguments(request)?;
+    let mut spec = RunSpec::default();
+    spec.subject.av = Some(av.parse().map_err(RequestError::new)?);
+    spec.subject.input.deviations = deviations;
+    let plan = spec.plan(RunParts::default())?;
+    let (action, sizes, scores) = (common.action, common.sizes, common.options()?);
+    let scenarios = common.scenarios()?;
+    let traffic = common.traffic.as_ref().map(|traffic| traffic.start(parent)).transpose()?;
+    let controlled = controlled.filter(|_| traffic.is_some()).unwrap_or(usize::MAX);
+    let settings = WorldSettings { plan, traffic, controlled, action, sizes, scores };
+    let new = world.insert(World::new(scenarios, settings)?);
+    let others = |scenario: &Arc<Scenario>| scenario.start.agents.len() - 1;
+    let description = json!({
+        "scenarios": ids(new.scenarios()),
+        "agents": new.scenarios().iter().map(others).max().unwrap_or(0).min(controlled),
+        "measures": AGENT_MEASURES,
+        "arrays": shapes(&sizes),
+    });
+    answer("world", &description)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Beginning {
+    scenario: usize,
+    rollout: u32,
+}
+
+/// Begins an episode; answers with the ids of the agents that actions move, and their observations.
+pub(super) fn reset_world(request: &Frame, world: &mut Option<World>) -> Answer {
+    let world = existing(world)?;
+    let Beginning { scenario, rollout } = arguments(request)?;
+    let scenario = world.reset(scenario, rollout)?;
+    let [agents, _] = world.actions();
+    let ids: Vec<&str> = scenario.start.agents[1..=agents].iter().map(|agent| agent.id.as_str()).collect();
+    let mut answer = answer("observation", &ids)?;
+    put_arrays(&mut answer, world.sizes(), agents, world.observe());
+    Ok(answer)
+}
+
+/// Executes the actions, f64 [agents, values]; answers with observations and measures.
+pub(super) fn step_world(request: &Frame, world: &mut Option<World>) -> Answer {
+    let world = existing(world)?;
+    let shape = world.actions();
+    let stepped = world.step(&request.floats("actions", &shape)?)?;
+    let end = stepped.is_over.then(|| end_document(world.scores())).transpose()?;
+    let mut answer = answer("stepped", &end)?;
+    put_arrays(&mut answer, world.sizes(), shape[0], world.observe());
+    let measures = stepped.measures.iter().flatten().copied();
+    answer.tensor("measures", Values::f64(&[shape[0], AGENT_MEASURES.len()], measures));
+    Ok(answer)
+}
+
+/// Answers with the realised states so far.
+pub(super) fn world_tracks(world: &mut Option<World>) -> Answer {
+    let (scenario, tracks) = existing(world)?.tracks()?;
+    tracks_answer(scenario, tracks)
+}
+
+/// Returns the environment of an earlier request.
+fn existing<T>(environment: &mut Option<T>) -> Result<&mut T, RequestError> {
+    environment.as_mut().ok_or_else(|| RequestError::new("there is no environment: create one first"))
+}
+
+fn ids(scenarios: &[Arc<Scenario>]) -> Vec<&str> {
+    scenarios.iter().map(|scenario| scenario.id.as_str()).collect()
+}
+
+/// Returns the names and shapes of arrays.
+fn shapes(sizes: &Sizes) -> Value {
+    sizes.shapes().map(|(name, shape)| json!([name, shape])).to_vec().into()
+}
+
+/// Adds arrays of observations with this number of rows.
+fn put_arrays(answer: &mut FrameWriter, sizes: &Sizes, rows: usize, arrays: Arrays) {
+    for ((name, shape), values) in sizes.shapes().into_iter().zip(arrays.0) {
+        let shape: Vec<usize> = std::iter::once(rows).chain(shape).collect();
+        answer.tensor(name, Values::f32(&shape, values));
+    }
+}
+
+/// Returns the document of the end of an episode; it is empty if episodes are not scored.
+fn end_document(scores: Option<(Vec<Row>, Vec<Vec<Event>>)>) -> Result<Value, RequestError> {
+    let document = scores.map(|(rows, events)| serde_json::to_value(Scored::new(&rows, &events)));
+    document.unwrap_or_else(|| Ok(json!({}))).map_err(RequestError::new)
+}
+
+/// Returns an answer with the tracks of a scenario, f64 [agents, frames, 5], NaN where absent or unknown.
+fn tracks_answer(scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> Answer {
+    let shape = [tracks.len(), tracks.first().map_or(0, Vec::len), 5];
+    let values = tracks.iter().flatten().flat_map(|frame| {
+        frame.map_or([f64::NAN; 5], |state| [state.x, state.y, state.heading, state.vx, state.vy])
+    });
+    let ids: Vec<&str> = scenario.start.agents.iter().map(|agent| agent.id.as_str()).collect();
+    let mut answer = answer("tracks", &json!({ "scenario": scenario.id, "agents": ids }))?;
+    answer.tensor("states", Values::f64(&shape, values));
+    Ok(answer)
+}
