@@ -12,6 +12,7 @@ pub use reactsim_idm as idm;
 pub use reactsim_nn as nn;
 pub use reactsim_nn::{learning, perception};
 pub use reactsim_ntp as ntp;
+pub use reactsim_nuplan_idm as nuplan_idm;
 pub use reactsim_pufferdrive as pufferdrive;
 pub use reactsim_qp as qp;
 pub use reactsim_qp::regression as qp_regression;
@@ -25,6 +26,7 @@ pub const MODELS: &[Baseline] = &[
     stop::ENTRY,
     idm::ENTRY,
     idm::STYLES,
+    nuplan_idm::ENTRY,
     ntp::entries::REACTIVE,
     ntp::entries::REACTIVE_RAW,
     ntp::guarded::GUARDED,

@@ -134,7 +134,7 @@ fn merge_partitions(args: MergeArgs) -> anyhow::Result<ExitStatus> {
         .and_then(|matches| Cli::from_arg_matches(&matches))
         .context("the arguments in partition.json are not those of this program")?;
     match parsed.command {
-        Some(Command::Run(args)) => run::merge(args, &partitions, out),
+        Some(Command::Run(args)) => run::merge(*args, &partitions, out),
         Some(Command::Study(args)) => study::merge(&args, &partitions, &out),
         Some(Command::Curate(args)) => curate::merge(args, &partitions, out),
         Some(Command::Generate(args)) => generate::merge(args, &partitions, out),

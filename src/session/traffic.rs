@@ -95,7 +95,13 @@ impl NamedTraffic {
         }
         let external =
             ExternalSettings { workers: self.batches, limits, ..ExternalSettings::new(name, command) };
-        let simulator = ExternalSimulator::start(external, RunOutline { intervals: vec![settings.replan.steps()], protocols: vec![settings.protocol.name()] })?;
+        let simulator = ExternalSimulator::start(
+            external,
+            RunOutline {
+                intervals: vec![settings.replan.steps()],
+                protocols: vec![settings.protocol.name()],
+            },
+        )?;
         Ok(PlannedSimulator::external(simulator, None)?)
     }
 
@@ -112,7 +118,7 @@ impl NamedTraffic {
             };
             adjustments.parameters.push((id.to_owned(), key.to_owned(), value.clone()));
         }
-        let mut planned = PlannedSimulator::adjusted(&[self.simulator.clone()], &adjustments)?;
+        let mut planned = PlannedSimulator::adjusted(std::slice::from_ref(&self.simulator), &adjustments)?;
         match (planned.pop(), planned.is_empty()) {
             (Some(one), true) => Ok(one),
             _ => refused(format_args!("`{}` names several simulators, expected one", self.simulator)),

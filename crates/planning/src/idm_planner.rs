@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 
 use reactsim_geometry::{OrientedBox, direction, math};
 
-use crate::path::{Path, baseline_states};
+use crate::idm_model::IdmModel;
+use crate::path::{Path, baseline_states, kept_states};
 use crate::planner::{Planner, PlannerError, PlannerInput};
 use crate::search::{Layer, path_to};
 use crate::shapes::Shape;
@@ -16,14 +17,9 @@ use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
 
 /// Speed aimed at where the lane has no limit, m/s (nuPlan devkit 1.2.2, `target_velocity`).
 const FALLBACK_SPEED: f64 = 10.0;
-/// Gap at standstill, metres (nuPlan devkit 1.2.2, `min_gap_to_lead_agent`).
-const MIN_GAP: f64 = 1.0;
-/// Time headway, seconds (nuPlan devkit 1.2.2, `headway_time`).
-const HEADWAY: f64 = 1.5;
-/// Largest acceleration, m/s² (nuPlan devkit 1.2.2, `accel_max`).
-const MAX_ACCELERATION: f64 = 1.0;
-/// Comfortable and largest deceleration, m/s² (nuPlan devkit 1.2.2, `decel_max`).
-const DECELERATION: f64 = 3.0;
+/// Parameters of the model (nuPlan devkit 1.2.2, `min_gap_to_lead_agent`, `headway_time`, `accel_max` and
+/// `decel_max`).
+const MODEL: IdmModel = IdmModel { min_gap: 1.0, headway: 1.5, acceleration: 1.0, deceleration: 3.0 };
 /// Number of steps of a trajectory (nuPlan devkit 1.2.2, `planned_trajectory_samples`).
 const STEPS: usize = 16;
 /// Interval of the states of a trajectory, seconds (nuPlan devkit 1.2.2,
@@ -44,7 +40,10 @@ pub struct IdmPlanner {
 struct RoutePlan {
     /// Lanes of the route.
     on_route: BTreeSet<usize>,
+    /// Path of the centre of ego, which ends a state before the last lane.
     path: Path,
+    /// All states of the lanes, onto which ego is projected.
+    line: Path,
     /// Speed that the model aims at, m/s.
     target_speed: f64,
 }
@@ -99,25 +98,27 @@ impl RoutePlan {
         let lanes = lane_sequence(map, start, blocks, &on_route);
         let states: Vec<Pose> =
             lanes.iter().flat_map(|&lane| baseline_states(&map.lane(lane).baseline)).collect();
-        let path = Path::new(states).ok_or_else(|| PlannerError::NoPath(map.lane(start).id.clone()))?;
+        let no_path = || PlannerError::NoPath(map.lane(start).id.clone());
+        let path = Path::new(kept_states(&states)).ok_or_else(no_path)?;
+        let line = Path::new(states).ok_or_else(no_path)?;
         let limit = map.lane(start).speed_limit.filter(|&limit| limit > 0.0).unwrap_or(FALLBACK_SPEED);
-        Ok(Self { on_route, path, target_speed: limit.max(input.ego().speed()) })
+        Ok(Self { on_route, path, line, target_speed: limit.max(input.ego().speed()) })
     }
 
     /// Returns the planned states of the rear axle.
     fn states(&self, input: &PlannerInput<'_>) -> Vec<EgoState> {
         let (ego, shape) = (input.ego(), input.shape);
         let obstacles = self.obstacles(input);
-        let (mut progress, mut speed) = (self.path.project(ego.center(shape)), ego.vx);
-        let mut footprint = ego.footprint(shape);
+        let (mut progress, mut speed) = (self.line.project(ego.center(shape)), ego.vx);
+        let (mut footprint, mut heading) = (ego.footprint(shape), ego.heading);
         let mut states = vec![self.state(progress, speed, ego.time, shape)];
         for step in 1..=STEPS {
-            let leader = self.leader(progress, &footprint, shape, &obstacles);
-            let acceleration = acceleration(speed, self.target_speed, leader);
+            let leader = self.leader(progress, (&footprint, heading), shape, &obstacles);
+            let acceleration = MODEL.acceleration(speed, self.target_speed, leader.gap, leader.speed);
             progress += INTERVAL * speed;
             speed = (speed + INTERVAL * acceleration).max(0.0);
             let state = self.state(progress, speed, ego.time + INTERVAL * step as f64, shape);
-            footprint = state.footprint(shape);
+            (footprint, heading) = (state.footprint(shape), state.heading);
             states.push(state);
         }
         states
@@ -142,11 +143,11 @@ impl RoutePlan {
     }
 
     /// Returns the obstacle nearest to the box of ego, among those that touch the box or the corridor
-    /// ahead, or the end of the path. `progress`: arc length of the centre, metres.
+    /// ahead, or the end of the path. `progress`: arc length of the centre, metres; the box with its heading.
     fn leader(
         &self,
         progress: f64,
-        footprint: &OrientedBox,
+        (footprint, heading): (&OrientedBox, f64),
         shape: &EgoShape,
         obstacles: &[Obstacle],
     ) -> Leader {
@@ -164,7 +165,6 @@ impl RoutePlan {
         }
         match nearest {
             Some((gap, obstacle)) => {
-                let heading = self.path.at(progress).heading;
                 Leader { gap, speed: obstacle.speed * math::cos(obstacle.heading - heading) }
             }
             None => Leader { gap: self.path.length() - progress - 0.5 * shape.length, speed: 0.0 },
@@ -173,20 +173,10 @@ impl RoutePlan {
 
     /// Returns the state of the rear axle whose box has its centre on the path.
     fn state(&self, progress: f64, speed: f64, time: f64, shape: &EgoShape) -> EgoState {
-        let center = self.path.at(progress);
+        let center = self.path.interpolated(progress);
         let rear_axle = center.position - direction(center.heading) * shape.rear_axle_to_center;
         EgoState { time, vx: speed, ..EgoState::standing(rear_axle, center.heading) }
     }
-}
-
-/// Returns the acceleration of the intelligent driver model with the exponent 4, m/s².
-fn acceleration(speed: f64, target: f64, leader: Leader) -> f64 {
-    let approach = speed * (speed - leader.speed) / (2.0 * (MAX_ACCELERATION * DECELERATION).sqrt());
-    let desired_gap = MIN_GAP + speed * HEADWAY + approach;
-    let interaction = desired_gap / leader.gap.max(MIN_GAP);
-    let free = (speed / target) * (speed / target);
-    (MAX_ACCELERATION * (1.0 - free * free - interaction * interaction))
-        .clamp(-DECELERATION, MAX_ACCELERATION)
 }
 
 /// Returns the first lane of the first two roadblocks that contains the centre of ego, else the nearest

@@ -5,12 +5,14 @@
 //! the input of the metrics for a rollout of a scenario. A [`planner::Planner`] is stepped in closed loop
 //! by a [`closed_loop::Episode`]; [`pdm::PdmClosed`] and [`idm_planner::IdmPlanner`] are planners. In a
 //! rollout, whose traffic is simulated, a planner drives the AV as an [`av::PlannerAv`].
+//! [`idm_agents::IdmAgents`] is reactive traffic.
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 pub mod av;
 pub mod closed_loop;
 pub mod from_scene;
+pub mod idm_agents;
 pub mod idm_planner;
 pub mod map;
 pub mod metrics;
@@ -19,6 +21,8 @@ pub mod planner;
 pub mod tracking;
 
 mod contact;
+mod ground;
+mod idm_model;
 mod objects;
 mod path;
 mod search;

@@ -14,6 +14,8 @@ use crate::trajectory::Pose;
 /// Largest distance between states of a baseline, metres: longer segments are divided. The states of
 /// nuPlan's baselines are closer.
 const STATE_SPACING: f64 = 1.0;
+/// Distance in metres up to which two states are at the same place (NumPy 1.23, `isclose`).
+const SAME_STATE: f64 = 1e-8;
 /// Least arc length, metres, at which a path has a pose (tuplan_garage b51d5d0, `PDMPath.interpolate`).
 const FIRST_PROGRESS: f64 = 1e-5;
 
@@ -45,6 +47,14 @@ pub(crate) fn nearest_state(baseline: &Polyline, p: Vec2) -> (f64, Pose) {
         }
     }
     nearest
+}
+
+/// Returns the states that the paths of nuPlan keep: those that are not at the same place as the next one,
+/// and never the last one, so that a path ends a state before its last lane (devkit 1.2.2,
+/// `create_path_from_se2`).
+pub(crate) fn kept_states(states: &[Pose]) -> Vec<Pose> {
+    let is_kept = |pair: &&[Pose]| (pair[1].position - pair[0].position).norm() > SAME_STATE;
+    states.windows(2).filter(is_kept).map(|pair| pair[0]).collect()
 }
 
 /// A path with poses by arc length.
@@ -120,7 +130,17 @@ impl Path {
 
     /// Returns the pose at an arc length in metres, which is clamped to the path.
     pub fn at(&self, progress: f64) -> Pose {
-        let progress = progress.clamp(FIRST_PROGRESS, self.length().max(FIRST_PROGRESS));
+        self.between_states(progress.clamp(FIRST_PROGRESS, self.length().max(FIRST_PROGRESS)))
+    }
+
+    /// Returns the pose at an arc length in metres, which is clamped to the path, its very start included, as
+    /// nuPlan does (devkit 1.2.2, `InterpolatedPath`).
+    pub(crate) fn interpolated(&self, progress: f64) -> Pose {
+        self.between_states(progress.clamp(0.0, self.length()))
+    }
+
+    /// Returns the pose at an arc length in metres on the path.
+    fn between_states(&self, progress: f64) -> Pose {
         let after = self.arc.partition_point(|&arc| arc < progress).clamp(1, self.arc.len() - 1);
         let (a, b) = (&self.states[after - 1], &self.states[after]);
         let length = self.arc[after] - self.arc[after - 1];
@@ -146,7 +166,38 @@ impl Path {
     /// Returns the corridor within `half_width` metres of the path between two arc lengths, which are
     /// clamped to the path.
     pub(crate) fn exact_corridor(&self, from: f64, to: f64, half_width: f64) -> Corridor {
-        Corridor::new(self.exact_part(from, to), half_width)
+        let part = self.trimmed(from, to);
+        Corridor::new(part.into_iter().map(|state| state.position).collect(), half_width)
+    }
+
+    /// Returns the part of the path between two arc lengths in metres, which are clamped to the path: the
+    /// poses at them and the states between. At the very end of the path the part is its last two states, at
+    /// the very start its first two (nuPlan devkit 1.2.2, `trim_path`).
+    pub(crate) fn trimmed(&self, from: f64, to: f64) -> Vec<Pose> {
+        let [from, to] = [from, to].map(|end| end.clamp(0.0, self.length()));
+        let (first, count) = (self.arc.partition_point(|&arc| arc <= from), self.states.len());
+        if first == count {
+            return self.states[count - 2..].to_vec();
+        }
+        let end = self.arc.partition_point(|&arc| arc < to);
+        if end == 0 {
+            return self.states[..2].to_vec();
+        }
+        let inner = self.states[first..end.max(first)].iter().copied();
+        [self.between_states(from)].into_iter().chain(inner).chain([self.between_states(to)]).collect()
+    }
+
+    /// Returns the rest of the path from an arc length in metres on, which is clamped to the path: the pose
+    /// at it and the states after it; at the very end of the path its last two states (nuPlan devkit 1.2.2,
+    /// `trim_path_up_to_progress`).
+    pub(crate) fn from(&self, progress: f64) -> Vec<Pose> {
+        let progress = progress.clamp(0.0, self.length());
+        let (first, count) = (self.arc.partition_point(|&arc| arc <= progress), self.states.len());
+        if first == count {
+            return self.states[count - 2..].to_vec();
+        }
+        let rest = self.states[first..].iter().copied();
+        [self.between_states(progress)].into_iter().chain(rest).collect()
     }
 
     /// Returns the points of the path between two arc lengths, and its points at them.
@@ -315,6 +366,24 @@ mod tests {
         let near = Shape::Outline(vec![v(7.0, 0.9), v(9.0, 0.9), v(9.0, 2.0)]);
         let around = Shape::Outline(vec![v(-50.0, -50.0), v(50.0, -50.0), v(0.0, 50.0)]);
         assert!(corridor.touches(&near) && corridor.touches(&around) && !corridor.touches(&far));
+    }
+
+    #[test]
+    fn paths_of_nuplan_end_a_state_earlier_and_are_trimmed_at_any_length() {
+        let mut states = straight().states().to_vec();
+        states.insert(5, states[5]);
+        let kept = kept_states(&states);
+        assert_eq!((kept.len(), kept[20].position), (21, v(20.0, 0.0)));
+        let path = straight();
+        let x = |part: Vec<Pose>| part.iter().map(|state| state.position.x).collect::<Vec<_>>();
+        assert_eq!(x(path.trimmed(17.5, 19.0)), [17.5, 18.0, 19.0]);
+        assert_eq!(x(path.trimmed(3.2, 3.4)), [3.2, 3.4]);
+        assert_eq!(x(path.trimmed(-5.0, 1.0)), [0.0, 1.0]);
+        assert_eq!(x(path.trimmed(-5.0, -2.0)), [0.0, 1.0]);
+        assert_eq!(x(path.trimmed(21.0, 25.0)), [20.0, 20.5]);
+        assert_eq!(x(path.from(19.0)), [19.0, 20.0, 20.5]);
+        assert_eq!(x(path.from(30.0)), [20.0, 20.5]);
+        assert_eq!(path.interpolated(-1.0).position, v(0.0, 0.0));
     }
 
     #[test]

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use super::{PlannedStudy, SharedArgs};
 use super::realism::score_realism;
+use super::{PlannedStudy, SharedArgs};
 use crate::cli::external::{keep_stderr, report_faults};
 use crate::cli::finished::{put_table, report_left_out, report_notes};
 use crate::cli::output::{ExitStatus, nothing, say, stop_on_interrupt, write_result};

@@ -16,7 +16,8 @@ use crate::scenes::{car, contact, future, mini, real, scene, straight};
 /// A simulator whose plans are checked: the next state of an agent is near its realised state.
 struct Watched {
     id: &'static str,
-    /// Largest distance beyond what the speed explains, metres: tokens of networks that are not trained jump.
+    /// Largest distance beyond what the speed explains, metres: tokens of networks that are not trained jump,
+    /// and `nuplan-idm` puts vehicles on their centre lines.
     most: f64,
     inner: Box<dyn Simulator>,
 }
@@ -67,7 +68,8 @@ fn ahead(speed: f64) -> Scenario {
 fn simulators() -> impl Iterator<Item = (&'static str, bool, Arc<dyn Simulator>)> {
     every_baseline().filter_map(|(model, controller)| match controller {
         Controller::Fair(inner) => {
-            let most = if model.needs_weights { 5.0 } else { 1.0 };
+            let jumps = model.needs_weights || model.id == "nuplan-idm";
+            let most = if jumps { 5.0 } else { 1.0 };
             let watched: Arc<dyn Simulator> = Arc::new(Watched { id: model.id, most, inner });
             Some((model.id, model.needs_weights, watched))
         }

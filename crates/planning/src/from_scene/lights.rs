@@ -36,7 +36,7 @@ impl LightLanes {
 ///
 /// A flashing red light is a stop sign: drivers stop and then go when it is clear. Planners have no such rule
 /// and would wait in front of a red light forever, so it is unknown to them.
-fn planner_light(state: Option<SceneLight>) -> LightState {
+pub(super) fn planner_light(state: Option<SceneLight>) -> LightState {
     match state {
         Some(SceneLight::Stop | SceneLight::ArrowStop) => LightState::Red,
         Some(SceneLight::Caution | SceneLight::ArrowCaution | SceneLight::FlashingCaution) => {

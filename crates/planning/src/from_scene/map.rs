@@ -7,9 +7,9 @@ use crate::map::{
     Area, AreaError, Areas, DrivableArea, Intersections, PlanningLane, PlanningMap, PlanningMapParts,
 };
 
-use super::SceneHistoryError;
 use super::pieces::Pieces;
 use super::roadblocks::{Roadblocks, roadblocks};
+use super::{SceneHistoryError, SceneMapError};
 
 /// Creates the map that planners and metrics of a scenario use.
 ///
@@ -21,22 +21,30 @@ use super::roadblocks::{Roadblocks, roadblocks};
 /// # Errors
 /// [`SceneHistoryError`] if a polygon of the map has no area.
 pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryError> {
-    let id = &scenario.id;
     let map = &scenario.start.map;
     let pieces = Pieces::of(map);
-    let Roadblocks { list, of_lane } = roadblocks(&pieces);
-    let lanes = &pieces.lanes;
+    let made = drivable(map).and_then(|drivable| made_of(map, &pieces.lanes, roadblocks(&pieces), drivable));
+    made.map_err(|source| SceneHistoryError::Map { scenario: scenario.id.clone(), source })
+}
+
+/// Creates a map of lanes, whose links are indices into `lanes`.
+pub(super) fn made_of(
+    map: &RoadMap,
+    lanes: &[Lane],
+    roadblocks: Roadblocks,
+    drivable: DrivableArea,
+) -> Result<PlanningMap, SceneMapError> {
     let parts = PlanningMapParts {
         lanes: lanes
             .iter()
-            .zip(of_lane)
-            .map(|(lane, roadblock)| Ok((planning_lane(lane, roadblock), lane_area(id, lane)?)))
-            .collect::<Result<_, SceneHistoryError>>()?,
-        roadblocks: list,
-        intersections: intersections(id, map, lanes)?,
-        drivable: drivable(id, map)?,
+            .zip(roadblocks.of_lane)
+            .map(|(lane, roadblock)| Ok((planning_lane(lane, roadblock), lane_area(lane)?)))
+            .collect::<Result<_, SceneMapError>>()?,
+        roadblocks: roadblocks.list,
+        intersections: intersections(map, lanes)?,
+        drivable,
     };
-    PlanningMap::new(parts).map_err(|source| SceneHistoryError::Map { scenario: id.clone(), source })
+    Ok(PlanningMap::new(parts)?)
 }
 
 /// Returns the lane of the scenario for each lane of its planning map, as indices. A lane that is cut has
@@ -57,18 +65,17 @@ fn planning_lane(lane: &Lane, roadblock: usize) -> PlanningLane {
     }
 }
 
-fn lane_area(scenario: &str, lane: &Lane) -> Result<Area, SceneHistoryError> {
+fn lane_area(lane: &Lane) -> Result<Area, SceneMapError> {
     let area = match &lane.area {
         LaneArea::Polygon(ring) => Area::ring(ring.clone()),
         LaneArea::Corridor { half_width } => Area::corridor(lane.baseline.clone(), *half_width),
     };
-    let (scenario, lane) = (scenario.to_owned(), lane.id.clone());
-    area.map_err(|source| SceneHistoryError::Lane { scenario, lane, source })
+    area.map_err(|source| SceneMapError::Lane { lane: lane.id.clone(), source })
 }
 
-fn intersections(scenario: &str, map: &RoadMap, lanes: &[Lane]) -> Result<Intersections, SceneHistoryError> {
+fn intersections(map: &RoadMap, lanes: &[Lane]) -> Result<Intersections, SceneMapError> {
     Ok(if !map.intersections.is_empty() {
-        let outlines = rings(scenario, "intersections", map.intersections.iter())?;
+        let outlines = rings("intersections", map.intersections.iter())?;
         Intersections::Areas(Areas::new(outlines))
     } else if lanes.iter().any(|lane| lane.kind == LaneKind::Lane) {
         Intersections::Connectors
@@ -77,34 +84,32 @@ fn intersections(scenario: &str, map: &RoadMap, lanes: &[Lane]) -> Result<Inters
     })
 }
 
-fn drivable(scenario: &str, map: &RoadMap) -> Result<DrivableArea, SceneHistoryError> {
+fn drivable(map: &RoadMap) -> Result<DrivableArea, SceneMapError> {
     if let Some(polygons) = &map.drivable_area {
         let areas = polygons.iter().cloned().map(Area::polygon);
-        return Ok(DrivableArea::of_areas(collected(scenario, "drivable_area", areas)?));
+        return Ok(DrivableArea::of_areas(collected("drivable_area", areas)?));
     }
     if map.road_edges.is_empty() {
         return Ok(DrivableArea::Unknown);
     }
-    let driveways = rings(scenario, "driveways", map.driveways.iter().map(|driveway| &driveway.outline))?;
+    let driveways = rings("driveways", map.driveways.iter().map(|driveway| &driveway.outline))?;
     Ok(DrivableArea::of_road_edges(map.road_edges.iter().map(|edge| edge.points.as_slice()), driveways))
 }
 
 fn rings<'a>(
-    scenario: &str,
     list: &'static str,
     rings: impl Iterator<Item = &'a Vec<Vec2>>,
-) -> Result<Vec<Area>, SceneHistoryError> {
-    collected(scenario, list, rings.cloned().map(Area::ring))
+) -> Result<Vec<Area>, SceneMapError> {
+    collected(list, rings.cloned().map(Area::ring))
 }
 
 /// Collects the areas of a list of the map; the error names the list and the index.
 fn collected(
-    scenario: &str,
     list: &'static str,
     areas: impl Iterator<Item = Result<Area, AreaError>>,
-) -> Result<Vec<Area>, SceneHistoryError> {
+) -> Result<Vec<Area>, SceneMapError> {
     let named = |(index, area): (usize, Result<Area, AreaError>)| {
-        area.map_err(|source| SceneHistoryError::Area { scenario: scenario.to_owned(), list, index, source })
+        area.map_err(|source| SceneMapError::Area { list, index, source })
     };
     areas.enumerate().map(named).collect()
 }

@@ -3,6 +3,7 @@
 //! The samples are the frames 10 to 90 of the scenario. Inputs that a scenario does not record are replaced,
 //! and each replacement has a [`Label`].
 
+mod agent_roads;
 mod ego;
 mod lights;
 mod map;
@@ -19,11 +20,12 @@ use crate::map::{AreaError, PlanningMap, PlanningMapError};
 use crate::metrics::{History, HistoryError, Label, MissingInputs, PlannerScores, judge};
 use crate::{EgoShape, EgoState, TrackedObject};
 
+pub use agent_roads::SceneRoads;
 pub use ego::{ego_state_now, ego_states, ego_states_until_now};
 pub(crate) use lights::LightLanes;
 pub use map::{planning_lanes, planning_map};
 pub(crate) use objects::{Differences, ObjectFrame};
-pub use objects::{ObjectIds, rollout_objects};
+pub use objects::{ObjectIds, kind_of, rollout_objects};
 pub use route::{RouteEnd, logged_route, route_end};
 
 /// Number of samples: the current frame and the frames after it.
@@ -52,35 +54,13 @@ pub struct SceneHistory {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneHistoryError {
-    /// A lane has no area.
-    #[error("scenario `{scenario}`: lane `{lane}`: {source}")]
-    Lane {
-        /// Id of the scenario.
-        scenario: String,
-        /// Id of the lane.
-        lane: String,
-        /// Reason.
-        source: AreaError,
-    },
-    /// A drivable polygon, an intersection or a driveway has no area.
-    #[error("scenario `{scenario}`: {list}[{index}]: {source}")]
-    Area {
-        /// Id of the scenario.
-        scenario: String,
-        /// Name of the list in the map.
-        list: &'static str,
-        /// Index in the list.
-        index: usize,
-        /// Reason.
-        source: AreaError,
-    },
-    /// The lanes do not form a map.
+    /// The map cannot be used.
     #[error("scenario `{scenario}`: {source}")]
     Map {
         /// Id of the scenario.
         scenario: String,
         /// Reason.
-        source: PlanningMapError,
+        source: SceneMapError,
     },
     /// The number of tracks differs from the number of agents.
     #[error("scenario `{scenario}`: {tracks} tracks for {agents} agents; give one track per agent")]
@@ -110,6 +90,33 @@ pub enum SceneHistoryError {
         /// Width, metres.
         width: f64,
     },
+}
+
+/// Reason why the map of a scenario cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneMapError {
+    /// A lane has no area.
+    #[error("lane `{lane}`: {source}")]
+    Lane {
+        /// Id of the lane.
+        lane: String,
+        /// Reason.
+        source: AreaError,
+    },
+    /// A drivable polygon, an intersection or a driveway has no area.
+    #[error("{list}[{index}]: {source}")]
+    Area {
+        /// Name of the list in the map.
+        list: &'static str,
+        /// Index in the list.
+        index: usize,
+        /// Reason.
+        source: AreaError,
+    },
+    /// The lanes do not form a map.
+    #[error(transparent)]
+    Links(#[from] PlanningMapError),
 }
 
 impl SceneHistory {

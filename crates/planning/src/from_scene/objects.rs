@@ -59,6 +59,27 @@ impl ObjectIds {
         }
     }
 
+    /// Returns the id of an agent.
+    ///
+    /// # Panics
+    /// If the scenario has no agent in this slot.
+    pub fn agent(&self, slot: usize) -> &ObjectId {
+        &self.agents[slot]
+    }
+
+    /// Returns the slot of the agent with this id.
+    pub fn slot(&self, agent: &ObjectId) -> Option<usize> {
+        self.agents.iter().position(|id| id == agent)
+    }
+
+    /// Returns the id of an obstacle.
+    ///
+    /// # Panics
+    /// If the scenario has no obstacle with this index.
+    pub fn obstacle(&self, index: usize) -> &ObjectId {
+        &self.obstacles[index]
+    }
+
     /// Returns the objects at present, by the rules of [`rollout_objects`]. An unknown velocity
     /// is the displacement since the frame before.
     pub fn objects_now(&self, seen: &Observation<'_>) -> Vec<TrackedObject> {
@@ -155,7 +176,8 @@ fn object(id: &ObjectId, agent: &Agent, state: &AgentState, velocity: Vec2) -> T
     }
 }
 
-fn kind_of(kind: AgentKind) -> ObjectKind {
+/// Returns the class of the agents of a kind.
+pub fn kind_of(kind: AgentKind) -> ObjectKind {
     match kind {
         AgentKind::Vehicle => ObjectKind::Vehicle,
         AgentKind::Pedestrian => ObjectKind::Pedestrian,

@@ -1,8 +1,6 @@
 //! Golden documents: a map, the motion of ego, expert and objects, and expected values.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
 
 use reactsim_geometry::{Polyline, Vec2};
 use reactsim_planning::map::Areas;
@@ -24,9 +22,7 @@ pub(crate) struct Document {
 }
 
 impl Document {
-    pub(crate) fn read(path: &Path) -> Self {
-        let text = fs::read_to_string(path).unwrap();
-        let json: Value = serde_json::from_str(&text).unwrap();
+    pub(crate) fn new(json: &Value) -> Self {
         let dt = json["dt"].as_f64().unwrap();
         let ego = states(&json["ego"], dt);
         Self {
@@ -142,7 +138,7 @@ pub(crate) fn map(json: &Value) -> PlanningMap {
     PlanningMap::new(parts).unwrap()
 }
 
-fn points(list: &Value) -> Vec<Vec2> {
+pub(crate) fn points(list: &Value) -> Vec<Vec2> {
     let point = |p: &Value| Vec2::new(number(&p[0]), number(&p[1]));
     list.as_array().unwrap().iter().map(point).collect()
 }

@@ -1,15 +1,12 @@
 //! All metrics of every golden document: verdicts exactly, reals to a tolerance.
 
-use std::fs;
-use std::path::PathBuf;
-
 use reactsim_planning::metrics::{
     ComfortQuantity, ContactClass, History, MetricValue, MissingInputs, PlannerMetric, PlannerScores, judge,
 };
-use reactsim_test_support::shared;
 use serde_json::Value;
 
 use crate::document::{Document, number, numbers};
+use crate::part::documents;
 
 /// Tolerance of reals. The golden values have 1e-8 where the devkit rounds.
 const TOLERANCE: f64 = 1e-6;
@@ -53,10 +50,9 @@ fn is_close(a: f64, b: f64) -> bool {
 
 #[test]
 fn the_metrics_equal_those_of_the_devkit() {
-    let documents = ["planner_golden/metrics", "planner_golden/loop"].into_iter().flat_map(json_files);
     let (mut differences, mut documents_read) = (Vec::new(), 0);
-    for path in documents {
-        differences.extend(compare(&Document::read(&path)));
+    for document in documents("metrics") {
+        differences.extend(compare(&document.document()));
         documents_read += 1;
     }
     assert!(
@@ -67,17 +63,8 @@ fn the_metrics_equal_those_of_the_devkit() {
     );
 }
 
-fn json_files(folder: &str) -> Vec<PathBuf> {
-    let Some(folder) = shared(folder) else { return Vec::new() };
-    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut files: Vec<PathBuf> =
-        entries.filter(|path| path.extension().is_some_and(|e| e == "json")).collect();
-    files.sort();
-    assert!(!files.is_empty(), "no golden documents");
-    files
-}
-
-fn compare(document: &Document) -> Vec<String> {
+/// Returns the differences between the metrics of a document and those expected.
+pub(crate) fn compare(document: &Document) -> Vec<String> {
     let history = History {
         map: &document.map,
         shape: document.shape,

@@ -27,7 +27,7 @@ fn compare(document: &Part, largest: &mut Largest) {
     let input = PlannerInput {
         iteration: 0,
         history: History::new(&samples).unwrap(),
-        lights: &document.lights(&map),
+        lights: &document.lights(&map, 0),
         route: &route,
         map: &map,
         shape: &document.shape(),

@@ -4,6 +4,7 @@
 
 mod document;
 mod drive;
+mod golden_idm_agents;
 mod golden_loop;
 mod golden_metrics;
 mod golden_pdm;

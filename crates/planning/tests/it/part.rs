@@ -3,6 +3,7 @@
 use std::fs;
 
 use reactsim_geometry::{Polyline, Vec2};
+use reactsim_planning::idm_agents::{AgentRoads, Parameters, SignalLine};
 use reactsim_planning::map::{PlanningLane, PlanningMapParts};
 use reactsim_planning::planner::{Light, LightState, Route};
 use reactsim_planning::{EgoShape, EgoState, PlanningMap, TrackedObject};
@@ -51,6 +52,16 @@ impl Part {
     #[track_caller]
     pub(crate) fn json(&self, key: &str) -> Value {
         self.at(key).value
+    }
+
+    /// Returns whether there is a part with this key.
+    pub(crate) fn has(&self, key: &str) -> bool {
+        self.value.get(key).is_some()
+    }
+
+    /// Returns this part as a document.
+    pub(crate) fn document(&self) -> document::Document {
+        document::Document::new(&self.value)
     }
 
     /// Returns the elements of a list.
@@ -133,11 +144,13 @@ impl Part {
         document::shape(&self.value["vehicle"])
     }
 
-    /// Returns the map, its baselines sampled every metre as in the documents of planners.
+    /// Returns the map. Baselines of two points are sampled every metre, as the devkit received them; others
+    /// are so already.
     pub(crate) fn map(&self) -> PlanningMap {
         let map = document::map(&self.value["map"]);
         let lane = |(i, lane): (usize, &PlanningLane)| {
-            let baseline = sampled(&lane.baseline);
+            let is_sampled = lane.baseline.segments() > 1;
+            let baseline = if is_sampled { lane.baseline.clone() } else { sampled(&lane.baseline) };
             (PlanningLane { baseline, ..lane.clone() }, map.lane_area(i).clone())
         };
         PlanningMap::new(PlanningMapParts {
@@ -155,11 +168,72 @@ impl Part {
         Route::new(map, self.texts("route_roadblocks").iter().map(String::as_str)).unwrap()
     }
 
-    /// Returns the red lights.
+    /// Returns the lights at one sample.
     #[track_caller]
-    pub(crate) fn lights(&self, map: &PlanningMap) -> Vec<Light> {
-        let light = |id: &String| Light { lane: map.find_lane(id).unwrap(), state: LightState::Red };
-        self.texts("red_connectors").iter().map(light).collect()
+    pub(crate) fn lights(&self, map: &PlanningMap, sample: usize) -> Vec<Light> {
+        let light = |id: &str, state| Light { lane: map.find_lane(id).unwrap(), state };
+        let red = self.value["red_connectors"].as_array().into_iter().flatten();
+        let mut lights: Vec<Light> = red.map(|id| light(id.as_str().unwrap(), LightState::Red)).collect();
+        for changing in self.value["lights"].as_array().into_iter().flatten() {
+            let state = match changing["status"][sample].as_str() {
+                Some("red") => LightState::Red,
+                Some("yellow") => LightState::Yellow,
+                Some("green") => LightState::Green,
+                Some(other) => panic!("{}: unknown status {other}", self.place),
+                None => continue,
+            };
+            lights.push(light(changing["connector"].as_str().unwrap(), state));
+        }
+        lights
+    }
+
+    /// Returns the map of agents: its baselines, signals and stop lines.
+    pub(crate) fn agent_roads(&self) -> AgentRoads {
+        let map = self.map();
+        let json = &self.value["map"];
+        let id = |value: &Value| value["id"].as_str().unwrap().to_owned();
+        let lanes = json["lanes"].as_array().unwrap().iter();
+        let signalled = lanes.enumerate().filter(|(_, lane)| lane["traffic_lights"].as_bool() == Some(true));
+        let signalled: Vec<usize> = signalled.map(|(i, _)| i).collect();
+        let line = |line: &Value| SignalLine {
+            id: id(line),
+            outline: document::points(&line["polygon"]),
+            connectors: line["connectors"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|id| map.find_lane(id.as_str().unwrap()).unwrap())
+                .collect(),
+        };
+        let lines = json["stop_lines"].as_array().into_iter().flatten().map(line).collect();
+        AgentRoads::new(map, &signalled, lines)
+    }
+
+    /// Returns the parameters of agents.
+    pub(crate) fn agent_parameters(&self) -> Parameters {
+        let config = self.at("config");
+        Parameters {
+            target_speed: config.number("target_velocity"),
+            min_gap: config.number("min_gap_to_lead_agent"),
+            headway: config.number("headway_time"),
+            acceleration: config.number("accel_max"),
+            deceleration: config.number("decel_max"),
+            min_path: config.number("minimum_path_length"),
+            radius: config.number("radius"),
+        }
+    }
+
+    /// Returns the number of elements of a list.
+    #[track_caller]
+    pub(crate) fn len(&self) -> usize {
+        self.value.as_array().unwrap_or_else(|| panic!("{} is no list", self.place)).len()
+    }
+
+    /// Returns the text of this part; `None` for null.
+    #[track_caller]
+    pub(crate) fn text(&self) -> Option<&str> {
+        assert!(self.value.is_null() || self.value.is_string(), "{} is no text", self.place);
+        self.value.as_str()
     }
 }
 
