@@ -65,6 +65,10 @@ const DEFAULT_BATCH: NonZeroUsize = NonZeroUsize::new(4).expect("4 is not 0");
 pub struct Benchmark {
     scenarios: Scenarios,
     spec: RunSpec,
+    /// Whether the default baselines run if no simulator is named, as for `reactsim run`.
+    has_defaults: bool,
+    /// The largest number of scenarios of a file, if it is not that of the specification.
+    limit: Option<usize>,
     /// Planners of the calling program.
     drivers: Vec<Driver>,
     simulators: Vec<Entry>,
@@ -108,6 +112,12 @@ pub enum BenchmarkError {
     /// No simulator was added.
     #[error("no simulator: add one with `simulator`, `oracle`, `baseline` or `baselines`")]
     NoSimulator,
+    /// No AV is driven by a planner of the specification.
+    #[error("no AV is driven by `{0}`: set `av` to planner:{0}")]
+    UnusedPlanner(String),
+    /// The limit of scenarios is 0.
+    #[error("`limit` is 0, expected at least 1 scenario of every file")]
+    ZeroLimit,
     /// A run is to be resumed, but no folder is given.
     #[error("`resume` continues the run in a folder: give one with `folder`")]
     NoFolder,
@@ -129,19 +139,21 @@ pub struct Results {
 impl Benchmark {
     /// The benchmark that ships with the crate, with its deviated AVs.
     pub fn shipped() -> Self {
-        Self::specified(RunSpec::default())
+        Self::of(Scenarios::Specified, RunSpec::default())
     }
 
     /// Scenarios from files, folders and URLs in any of [`formats::FORMATS`].
     pub fn files<P: Into<PathBuf>>(paths: impl IntoIterator<Item = P>) -> Self {
         let mut spec = RunSpec::default();
         spec.subject.input.scenarios = paths.into_iter().map(Into::into).collect();
-        Self::specified(spec)
+        Self::of(Scenarios::Specified, spec)
     }
 
-    /// What a specification states, as `reactsim run FILE` reads it. Without scenarios, the shipped ones.
+    /// What a specification states, as `reactsim run FILE` reads it: without scenarios, the shipped ones;
+    /// without simulators, of its own or added ones, the default baselines. Its external programs are started.
+    /// Its smoothing stage is behind all simulators but those of [`Self::simulator`] and [`Self::oracle`].
     pub fn specified(spec: RunSpec) -> Self {
-        Self::of(Scenarios::Specified, spec)
+        Self { has_defaults: true, ..Self::of(Scenarios::Specified, spec) }
     }
 
     /// Scenarios in memory.
@@ -153,6 +165,8 @@ impl Benchmark {
         Self {
             scenarios,
             spec,
+            has_defaults: false,
+            limit: None,
             drivers: Vec::new(),
             simulators: Vec::new(),
             metrics: Vec::new(),
@@ -307,9 +321,9 @@ impl Benchmark {
         self
     }
 
-    /// At most this number of scenarios of every file.
+    /// At most this number of scenarios of every file; 0 is refused.
     pub fn limit(mut self, scenarios: usize) -> Self {
-        self.spec.subject.input.limit = NonZeroUsize::new(scenarios);
+        self.limit = Some(scenarios);
         self
     }
 
@@ -397,25 +411,38 @@ impl Benchmark {
 
     /// Builds the simulators, opens the scenarios and plans the run.
     fn plan(self) -> Result<Plan, BenchmarkError> {
-        let Self { scenarios, spec, drivers, simulators: entries, metrics, .. } = self;
-        let metrics = Metrics::with(metrics)?;
-        if spec.subject.models.is_empty() && entries.is_empty() {
-            return Err(BenchmarkError::NoSimulator);
+        let Self {
+            scenarios, mut spec, mut drivers, simulators: entries, metrics, has_defaults, limit, ..
+        } = self;
+        if let Some(limit) = limit {
+            spec.subject.input.limit = Some(NonZeroUsize::new(limit).ok_or(BenchmarkError::ZeroLimit)?);
         }
-        let adjustments = spec.subject.adjustments(spec.rollout.smooth.0)?;
-        let mut simulators = if !spec.subject.models.is_empty() {
-            PlannedSimulator::adjusted(&spec.subject.models, &adjustments)?
-        } else if let Some(id) = adjustments.ids().next() {
+        let metrics = Metrics::with(metrics)?;
+        let mut simulators = if !spec.subject.models.is_empty() || (has_defaults && entries.is_empty()) {
+            spec.baselines()?
+        } else if entries.is_empty() {
+            return Err(BenchmarkError::NoSimulator);
+        } else if let Some(id) = spec.subject.adjustments(spec.rollout.smooth.0)?.ids().next() {
             return Err(EvaluationError::NotRun { id: id.to_owned() }.into());
         } else {
             Vec::new()
         };
         let outline = RunSpec::outline([&spec]);
+        let programs = spec.subject.external.start(&outline)?;
+        simulators.extend(programs.planned(&spec)?);
+        for driver in programs.planners.iter().cloned().map(Driver::external) {
+            let name = driver.driver();
+            if !matches!(&spec.subject.av, Some(AvChoice::Planned(planned)) if planned.driver == *name) {
+                return Err(BenchmarkError::UnusedPlanner(name.to_string()));
+            }
+            drivers.push(driver);
+        }
         for entry in entries {
             simulators.push(match entry {
                 Entry::Own(simulator) => *simulator,
                 Entry::External(external) => {
-                    PlannedSimulator::external(ExternalSimulator::start(*external, outline.clone())?, None)?
+                    let external = ExternalSimulator::start(*external, outline.clone())?;
+                    PlannedSimulator::external(external, spec.rollout.smooth.0)?
                 }
             });
         }

@@ -1081,6 +1081,7 @@ class Session:
         *,
         batch: Optional[int] = None,
         on_end: Optional[Callable[[int], None]] = None,
+        copies: bool = False,
     ) -> None:
         self.simulator = simulator() if isinstance(simulator, type) else simulator
         self.title = type(self.simulator).__name__
@@ -1095,10 +1096,25 @@ class Session:
         """Text of the first `failed` answer."""
         if not callable(getattr(self.simulator, "plan", None)):
             raise TypeError("%s is no simulator or planner: it has no method `plan`" % self.title)
+        # What the simulator remembers of episodes must not get into copies.
+        self.source = self._copied(simulator) if copies else simulator
 
     def copy(self) -> Session:
-        """Returns a session of a shallow copy of the simulator, for another open batch."""
-        return Session(copy.copy(self.simulator), batch=self.size, on_end=self.on_end)
+        """Returns a session of another instance of the simulator, for another open batch.
+
+        It is a new one if a class was given, and a deep copy as of the start (`copies`) otherwise.
+        """
+        return Session(self._copied(self.source), batch=self.size, on_end=self.on_end)
+
+    def _copied(self, source: Any) -> Any:
+        if isinstance(source, type):
+            return source
+        try:
+            return copy.deepcopy(source)
+        except Exception as error:
+            text = "%s cannot be copied for episodes that begin at another time (%s: %s): "
+            text += "give its class, or define `__deepcopy__`"
+            raise TypeError(text % (self.title, type(error).__name__, error)) from error
 
     def run(self, reader: IO[bytes], writer: IO[bytes], frame: Optional[_Frame] = None) -> None:
         """Answers requests until `bye` or the end of the stream; `frame` is already read."""

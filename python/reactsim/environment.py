@@ -80,10 +80,12 @@ class _Core:
 
     def __init__(
         self,
-        scenarios: Sources | Scenario = None,
-        simulator: Any = "idm",
+        owner: str,
+        batches: int,
+        scenarios: Sources | Scenario,
+        simulator: Any,
+        /,
         *,
-        batches: int = 1,
         ids: Sequence[str] = (),
         limit: int | None = None,
         action: str = "bicycle",
@@ -104,6 +106,7 @@ class _Core:
         all_agents: bool = False,
         **rolled_out: Any,
     ) -> None:
+        check_names(owner, rolled_out)
         kinds = ("bicycle", "plan", "state")
         if action not in kinds:
             raise ValueError(f"`action` is {action!r}, expected one of {', '.join(kinds)}")
@@ -174,6 +177,13 @@ class _Core:
         return arrays["states"]
 
 
+def check_names(owner: str, rolled_out: Mapping[str, Any]) -> None:
+    """Raises TypeError for a keyword argument of `owner` that `traffic_of` does not have."""
+    for name in rolled_out:
+        if name not in (traffic_of.__kwdefaults__ or {}):
+            raise TypeError(f"{owner}() got an unexpected keyword argument {name!r}")
+
+
 def traffic_of(
     simulator: Any,
     batches: int,
@@ -188,7 +198,7 @@ def traffic_of(
     """Returns the arguments of the traffic, and the simulator of this process, if it is one."""
     sessions = {}
     if not isinstance(simulator, str):
-        session = own_session(simulator, "simulator")
+        session = own_session(simulator, "simulator", copies=batches > 1)
         sessions[session.name] = session
         simulator = f"{session.name}=@stdio"
         if external_limit is not None:
@@ -348,7 +358,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
     def __init__(
         self, scenarios: Sources | Scenario = None, simulator: Any = "idm", **settings: Any
     ) -> None:
-        self._core = _Core(scenarios, simulator, **settings)
+        self._core = _Core("Env", 1, scenarios, simulator, **settings)
         self.observation_space = self._core.observation_space
         self.action_space = self._core.action_space
         self._info: dict[str, Any] | None = None
@@ -412,8 +422,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
     step after the end of an episode ignores its action and begins the next episode of its slot. A
     simulator plans once for all episodes whose plans end at the same time. `infos` has an array per
     measure, and `scores` and `failure` as object arrays where an episode ended. Episodes that begin
-    at different times are different batches of a simulator that is not of the program: a
-    `Simulator` of this process is then copied (`copy.copy`), and a command is started again.
+    at different times are different batches of a simulator that is not of the program. A class of
+    this process is then instantiated again, a `Simulator` deep-copied as it was at first, and a
+    command started again.
 
     Args:
         scenarios: As for `Env`.
@@ -438,7 +449,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"`num_envs` is {num_envs}, expected at least 1")
-        self._core = _Core(scenarios, simulator, batches=num_envs, **settings)
+        self._core = _Core("VectorEnv", num_envs, scenarios, simulator, **settings)
         self.num_envs = num_envs
         self.single_observation_space = self._core.observation_space
         self.single_action_space = self._core.action_space

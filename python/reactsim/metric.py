@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import json
 import math
 import re
@@ -25,6 +26,14 @@ if TYPE_CHECKING:
 __all__ = ["Case", "Metric", "add_metrics", "checked"]
 
 DIRECTIONS = ("lower", "higher")
+
+# Rules of the program: ids of columns and of removed metrics, and texts that tables can print.
+RESERVED = {
+    *("input", "record", "scenario", "digest", "simulator", "rollout", "category", "difficulty"),
+    *("av-pdms", "av-epdms"),
+}
+MARKS = " -.,:()/+²³°·"  # characters of titles and units that are no letters or digits
+LONGEST = {"title": 60, "unit": 12}  # characters
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,10 +120,12 @@ class Metric:
 
 
 def checked(metrics: Sequence[Metric]) -> list[Metric]:
-    """Returns metrics whose ids, titles and directions are valid.
+    """Returns metrics whose ids, titles, units and directions are valid.
 
     The program checks them again when they are added; this check is before a long run.
     """
+    if metrics and importlib.util.find_spec("pyarrow") is None:
+        raise ImportError("metrics of your own need pyarrow: pip install 'reactsim[pandas]'")
     taken = {line.split()[0] for line in call(["list", "metrics"]).splitlines() if line}
     for metric in metrics:
         name = f"metric `{metric.id or type(metric).__name__}`"
@@ -123,10 +134,17 @@ def checked(metrics: Sequence[Metric]) -> list[Metric]:
                 f"{name}: `id` is {metric.id!r}, expected lower-case letters, digits and hyphens,"
                 " such as 'mean-headway'"
             )
-        if metric.id in taken:
+        if metric.id in taken or metric.id in RESERVED:
             raise ValueError(f"{name}: the id is taken; choose another one")
-        if not metric.title:
+        if not metric.title.strip():
             raise ValueError(f"{name}: `title` is empty, expected the title of its column")
+        for part, text in (("title", metric.title), ("unit", metric.unit)):
+            is_plain = all(c.isalnum() or c in MARKS for c in text)
+            if not is_plain or len(text) > LONGEST[part]:
+                raise ValueError(
+                    f"{name}: `{part}` is {text!r}, expected letters, digits, spaces and `-.,:()/+`"
+                    f" in one line of at most {LONGEST[part]} characters"
+                )
         if metric.direction not in DIRECTIONS:
             raise ValueError(
                 f"{name}: `direction` is {metric.direction!r}, expected one of {DIRECTIONS}"

@@ -25,6 +25,7 @@ from .environment import (
     ROLLOUTS,
     Reward,
     action_space,
+    check_names,
     checked,
     end_info,
     index_of,
@@ -123,6 +124,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             raise ValueError(f"`action` is {action!r}, expected bicycle or state")
         if isinstance(scenarios, Scenario) and deviations is None:
             deviations = scenarios.deviations
+        check_names("ParallelEnv", rolled_out)
         if simulator is None and rolled_out:
             raise ValueError(f"`{next(iter(rolled_out))}` is given without a simulator")
         if (simulator is None) != (controlled is None):

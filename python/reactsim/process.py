@@ -39,12 +39,15 @@ def own_session(
     *,
     batch: int | None = None,
     on_end: Callable[[int], None] | None = None,
+    copies: bool = False,
 ) -> Session:
     """Returns what answers for a simulator or planner of this process.
 
-    Raises ValueError if it has another role.
+    `copies`: several batches of it can be open, each in an instance of its own.
+
+    Raises ValueError if it has another role, and TypeError if it cannot be copied.
     """
-    session = Session(program, batch=batch, on_end=on_end)
+    session = Session(program, batch=batch, on_end=on_end, copies=copies)
     if session.role != role:
         raise ValueError(f"{session.title} is a {session.role}, expected a {role}")
     return session
@@ -110,11 +113,13 @@ def attend(
     messages.start()
     try:
         try:
-            programs, frame = _Programs(sessions), read_frame(requests)
-            while frame is not None and programs.respond(frame, answers):
-                frame = read_frame(requests)
-        except BrokenPipeError:
-            pass
+            programs, frame, more = _Programs(sessions), read_frame(requests), True
+            while frame is not None and more:
+                try:
+                    more = programs.respond(frame, answers)
+                except BrokenPipeError:
+                    pass  # It waits for no answer; the last `bye`, or its end, follows.
+                frame = read_frame(requests) if more else None
         except ProtocolError as error:
             program.kill()
             last.append(f"error: {error}")

@@ -52,6 +52,9 @@ INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to wri
 class ReactsimError(RuntimeError):
     """The program cannot be started, or it has failed."""
 
+    results: Any = None
+    """The finished run, if `reactsim.run` failed in a metric of your own after it."""
+
 
 def find_program() -> str:
     """Returns the absolute path of the program, which holds in any working folder.

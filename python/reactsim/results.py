@@ -90,6 +90,18 @@ class Results:
         result: dict[str, Any] = json.loads(self._text("provenance.json"))
         return result
 
+    @cached_property
+    def spec(self) -> dict[str, Any] | None:
+        """The request of the run, as in spec.toml; None for folders without one.
+
+        Keys are the long names of options of `reactsim run`; paths are relative to the folder.
+        Needs Python 3.11.
+        """
+        import tomllib
+
+        path = self.folder / "spec.toml"
+        return tomllib.loads(path.read_text("utf-8")) if path.is_file() else None
+
     @property
     def simulators(self) -> list[str]:
         """Ids of the simulators, in the order of the run."""

@@ -35,12 +35,12 @@ def run(
     name: str | None = None,
     av: str | None = None,
     deviations: PathLike | None = None,
-    protocol: str = "reactive",
-    replan: str = "2hz",
+    protocol: str | None = None,
+    replan: str | None = None,
     baselines: Sequence[str] = (),
     metrics: Sequence[Metric] = (),
-    rollouts: int = 1,
-    seed: int = 0,
+    rollouts: int | None = None,
+    seed: int | None = None,
     limit: int | None = None,
     ids: Sequence[str] = (),
     categories: Sequence[str] = (),
@@ -63,24 +63,27 @@ def run(
     Args:
         simulators: A `Simulator`, a class without arguments to make one, any object with the same
             methods, or a list of these. Without simulators and `baselines`, those that run by
-            default move the agents around the planner.
+            default move the agents around the planner. A path is that of a specification, as
+            `scenarios` has it.
         planner: A `Planner` that drives the AV, or a class without arguments to make one.
         tracker: Controller that follows the plans of the planner: "lqr" or "perfect".
         plan_every: Number of steps between two plans of the planner.
-        scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default.
+        scenarios: Files, folders or URLs of scenarios; the shipped benchmark by default. Or a
+            specification (`.toml`), such as that of a run folder: arguments that are given take
+            precedence over it.
         name: Name in tables of the only simulator or planner; its own name by default.
         av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
             "retime:0.8", "shift:2", "file:PATH", or a planner that ships, such as
             "planner:pdm-closed".
         deviations: File of deviated AVs.
-        protocol: "reactive", or "realism", in which the simulator also moves the AV.
-        replan: Replan rate or interval, such as "2hz" or "5steps".
+        protocol: "reactive", the default, or "realism", in which the simulator also moves the AV.
+        replan: Replan rate or interval, such as "5steps"; "2hz" by default.
         baselines: Ids of baselines to run next to the simulators, or alone, such as "idm";
             "default" for those that run by default; "mix:idm=1+stop=1" for mixed traffic.
         metrics: Metrics of your own, which are computed for every rollout after the run and added
             to the results; see `Metric`. They need pyarrow.
-        rollouts: Rollouts per scenario and simulator.
-        seed: Seed of all random choices.
+        rollouts: Rollouts per scenario and simulator; 1 by default.
+        seed: Seed of all random choices; 0 by default.
         limit: Only the first `limit` scenarios of every file.
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
@@ -99,16 +102,25 @@ def run(
     Raises:
         ReactsimError: The program could not be started or failed; the message has its last lines.
             Failed scenarios only cause a warning; `Results.failures` lists them. Or a metric
-            failed: the run is then finished in `out`, and `Results.add_metrics` can follow.
+            failed: the attribute `results` of the error is then the finished run, and
+            `add_metrics` of it can follow.
 
     """
+    if isinstance(simulators, (str, os.PathLike)):
+        if scenarios is not None or not _is_spec(simulators):
+            raise ValueError(
+                f"{os.fspath(simulators)!r} is no specification (`.toml`) in place of scenarios:"
+                " give ids in `baselines`, and files in `scenarios`"
+            )
+        simulators, scenarios = None, simulators
+    has_spec = any(_is_spec(path) for path in paths(scenarios))
     if resume and out is None:
         raise ValueError("`resume` needs the folder `out` of the interrupted run")
     several = simulators if isinstance(simulators, (list, tuple)) else [simulators]
     given = [("simulator", own) for own in several if own is not None]
     given += [("planner", planner)] if planner is not None else []
-    if not given and not baselines:
-        raise ValueError("give simulators, a planner, or only `baselines`")
+    if not given and not baselines and not has_spec:
+        raise ValueError("give simulators, a planner, only `baselines`, or a specification")
     if metrics:
         metrics = checked(metrics)
     if planner is not None and av is not None:
@@ -176,15 +188,41 @@ def run(
             f"{len(results.failures)} scenarios failed, see `failures`{error}", stacklevel=2
         )
     if metrics:
-        results.add_metrics(
-            metrics,
-            scenarios,
-            deviations=deviations,
-            current_frame=current_frame,
-            window_step=window_step,
-            all_agents=all_agents,
-        )
+        as_read: dict[str, Any] = {
+            "scenarios": scenarios,
+            "deviations": deviations,
+            "current_frame": current_frame,
+            "window_step": window_step,
+            "all_agents": all_agents,
+        }
+        try:
+            results.add_metrics(metrics, **(_scenarios_of(results) if has_spec else as_read))
+        except BaseException as error:
+            # A temporary folder lives as long as the results.
+            error.results = results  # type: ignore[attr-defined]
+            raise
     return results
+
+
+def _is_spec(path: PathLike) -> bool:
+    return os.fspath(path).endswith(".toml")
+
+
+def _scenarios_of(results: Results) -> dict[str, Any]:
+    """Returns the scenarios of a run and how they are read, as `Results.add_metrics` takes them."""
+    spec = results.spec or {}
+
+    def found(path: str) -> str:
+        return path if "://" in path else str(results.folder / path)
+
+    deviations = spec.get("deviations")
+    return {
+        "scenarios": [found(path) for path in spec.get("scenarios", [])],
+        "deviations": None if deviations is None else found(deviations),
+        "current_frame": spec.get("current-frame"),
+        "window_step": spec.get("window-step"),
+        "all_agents": spec.get("all-agents", False),
+    }
 
 
 class _Counter:

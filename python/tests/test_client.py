@@ -377,6 +377,32 @@ def test_any_object_is_a_simulator() -> None:
         Session(object())
 
 
+def test_copies_know_nothing_of_earlier_episodes() -> None:
+    class Remembering(Mine):
+        def __init__(self) -> None:
+            super().__init__()
+            self.memory: List[int] = []
+
+    for given in (Remembering, Remembering()):
+        session = Session(given, copies=True)
+        session.simulator.memory.append(1)
+        first, second = session.copy(), session.copy()
+        first.simulator.memory.append(2)
+        assert second.simulator.memory == []
+        assert isinstance(second.simulator, Remembering)
+
+    class Single(Mine):
+        def __deepcopy__(self, _: Any) -> Any:
+            raise RuntimeError("there is one")
+
+    Session(Single(), copies=False)
+    Session(Single, copies=True).copy()
+    with pytest.raises(
+        TypeError, match=r"Single cannot be copied .*there is one\): give its class"
+    ):
+        Session(Single(), copies=True)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [

@@ -34,7 +34,11 @@ ANYWHERE = {
 OF_TABLES = ("--by", "--columns", "--also", "--bold", "--caption", "--label")
 TABLES = dict.fromkeys(OF_TABLES, "`report` makes the tables of a run folder")
 LEFT_OUT_OPTIONS: Dict[str, Dict[str, str]] = {
-    "run": {**TABLES, "--format": "`report` makes tables in all formats"},
+    "run": {
+        **TABLES,
+        "--format": "`report` makes tables in all formats",
+        "--print-spec": "`Results.spec` has it",
+    },
     "score": TABLES,
 }
 

@@ -439,6 +439,13 @@ class TestEnv:
             ({"simulator": reactsim.Planner()}, ValueError, "Planner is a planner, expected a sim"),
             ({"simulator": object()}, TypeError, "it has no method `plan`"),
             ({"simulator": Stop(), "external_limit": "2s"}, ValueError, "is for commands"),
+            (
+                {"external_limit": "2s"},
+                reactsim.ReactsimError,
+                "is for commands: the baseline `idm`",
+            ),
+            ({"agent": 3}, TypeError, r"^Env\(\) got an unexpected keyword argument 'agent'"),
+            ({"batches": 3}, TypeError, r"^Env\(\) got an unexpected keyword argument 'batches'"),
             ({"simulator": "mine=exit 3"}, reactsim.ReactsimError, "`mine` did not start"),
             ({"simulator": Named()}, reactsim.ReactsimError, "idm"),
             (
@@ -450,6 +457,10 @@ class TestEnv:
         for given, error, text in wrong:
             with pytest.raises(error, match=text):
                 reactsim.Env(MINI, **given, **SMALL)
+        with pytest.raises(reactsim.ReactsimError, match="`num_envs` is 257: at most 256"):
+            reactsim.VectorEnv(MINI, "mine=exit 3", num_envs=257, **SMALL)
+        with pytest.raises(TypeError, match=r"^ParallelEnv\(\) got an unexpected keyword"):
+            reactsim.ParallelEnv(MINI, agent=3)
 
     def test_observations_are_in_the_frame_of_the_av(self, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))

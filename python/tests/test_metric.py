@@ -147,7 +147,13 @@ def test_faults_name_metric_scenario_and_simulator(tmp_path: Path) -> None:
     [
         ("id", "Fixed", "lower-case letters"),
         ("id", "ade", "the id is taken"),
-        ("title", "", "`title` is empty"),
+        ("id", "scenario", "the id is taken"),
+        ("id", "av-pdms", "the id is taken"),
+        ("title", " ", "`title` is empty"),
+        ("title", "a|b", "expected letters, digits, spaces"),
+        ("title", "a" * 61, "at most 60 characters"),
+        ("unit", "s\n", "expected letters, digits, spaces"),
+        ("unit", "m" * 13, "at most 12 characters"),
         ("direction", "up", "expected one of"),
     ],
 )
@@ -165,3 +171,35 @@ def test_other_scenarios_are_refused(tmp_path: Path) -> None:
     mini = EXAMPLES.parents[1] / "scenarios" / "mini"
     with pytest.raises(reactsim.ReactsimError, match="is not among the scenarios"):
         results.add_metrics([Fixed(1.0)], mini)
+
+
+def test_a_run_outlives_the_failure_of_a_metric() -> None:
+    def fails(*_: Any) -> float:
+        raise KeyError("nothing")
+
+    with pytest.raises(reactsim.ReactsimError, match="KeyError") as caught:
+        reactsim.run(baselines=["stop"], limit=1, metrics=[Fixed(fails)], progress=False)
+    results = caught.value.results
+    del caught
+    results.add_metrics([Fixed(2.0)])
+    assert results.summary["simulators"]["stop"]["metrics"]["fixed"]["mean"] == 2.0
+
+
+def test_a_specification_is_run_with_its_scenarios(tmp_path: Path) -> None:
+    pytest.importorskip("tomllib")
+    mini = EXAMPLES.parents[1] / "scenarios" / "mini"
+    spec = tmp_path / "spec.toml"
+    text = 'models = ["stop"]\nreplan = "1hz"\nseed = 3\nlimit = 1\nrollouts = 2\n'
+    spec.write_text(f'scenarios = ["{mini.as_posix()}"]\n{text}')
+    results = reactsim.run(spec, metrics=[Fixed(2.0)], seed=4, progress=False)
+    assert results.spec is not None
+    keys = ("models", "replan", "seed", "rollouts", "limit")
+    assert [results.spec[key] for key in keys] == [["stop"], "10steps", 4, 2, 1]
+    assert results.summary["simulators"]["stop"]["metrics"]["fixed"]["mean"] == 2.0
+    again = reactsim.run(results.folder / "spec.toml", progress=False)
+    assert again.spec is not None
+    assert again.spec["seed"] == 4
+    assert (
+        lines(again, "rows.jsonl")[0]["metrics"]["ade"]
+        == (lines(results, "rows.jsonl")[0]["metrics"]["ade"])
+    )

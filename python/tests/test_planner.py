@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, Dict, List
 
 import numpy as np
@@ -103,7 +104,9 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
 
 
 def test_wrong_programs_are_refused() -> None:
-    with pytest.raises(ValueError, match="give simulators, a planner, or only `baselines`"):
+    with pytest.raises(
+        ValueError, match="give simulators, a planner, only `baselines`, or a specification"
+    ):
         reactsim.run()
     with pytest.raises(ValueError, match="`stop-py` is the name of two"):
         reactsim.run([Stop(), Stop()])
@@ -160,6 +163,48 @@ def test_simulators_and_a_planner_live_in_one_process() -> None:
     with pytest.warns(UserWarning, match=r"first error of the simulator:(.|\n)*nothing to divide"):
         results = reactsim.run(Failing(), baselines=["stop"], **settings)
     assert len(results.failures) == 3
+
+
+class Late(Stop):  # type: ignore[misc]
+    """Answers after the limit of time."""
+
+    name = "late"
+
+    def plan(self, seen: reactsim.Observation) -> Any:
+        time.sleep(3.0)
+        return super().plan(seen)
+
+
+class Endless(Stop):  # type: ignore[misc]
+    """Fails at the end of every batch, whose plans are complete."""
+
+    name = "endless"
+    batch = 1
+
+    def end(self, episodes: Any) -> None:
+        raise ValueError("it does not end")
+
+
+@pytest.mark.usefixtures("with_program")
+def test_a_late_answer_is_nobodys() -> None:
+    settings: Dict[str, Any] = {"jobs": 1, "limit": 2, "progress": False}
+    for simulators in (Late(), [Late(), Stop()]):
+        with pytest.raises(
+            reactsim.ReactsimError, match=r"code 2:(.|\n)*late: .* within 1 s"
+        ) as caught:
+            reactsim.run(simulators, options=["--external-limit=1s"], **settings)
+        assert "instead of request" not in str(caught.value)
+        assert "frame" not in str(caught.value)
+
+
+@pytest.mark.usefixtures("with_program")
+def test_a_simulator_that_fails_at_the_end_of_a_batch_goes_on() -> None:
+    settings: Dict[str, Any] = {"limit": 2, "progress": False}
+    both = reactsim.run([Endless(), Stop()], **settings)
+    assert len(both.failures) == 0
+    by = both.summary["simulators"]
+    ade = [by[name]["metrics"]["ade"]["mean"] for name in ("endless", "stop-py")]
+    assert ade[0] == ade[1]
 
 
 @pytest.mark.usefixtures("with_program")

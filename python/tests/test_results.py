@@ -63,6 +63,10 @@ def test_texts(folder: Path) -> None:
     assert results.summary["simulators"]["idm"]["scenarios"] == 1
     assert results.provenance["version"] == "0.0.0"
     assert results.simulators == ["idm", "mine"]
+    if sys.version_info >= (3, 11):
+        assert results.spec is None
+        (folder / "spec.toml").write_text('models = ["idm"]\nseed = 3\n')
+        assert reactsim.Results(folder).spec == {"models": ["idm"], "seed": 3}
     assert repr(results) == f"Results({str(folder)!r})"
 
 

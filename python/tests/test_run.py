@@ -28,7 +28,6 @@ def test_run(fake_program: Path, tmp_path: Path, capfd: pytest.CaptureFixture[st
     folder = str(results.folder)
     assert arguments(fake_program) == [
         *("run", "--external=stop-py=@stdio", f"--out={folder}", "--keep-rollouts"),
-        *("--protocol=reactive", "--replan=2hz", "--rollouts=1", "--seed=0"),
     ]
     assert json.loads((fake_program / "welcome.json").read_text())["batch"] == "7"
     assert results.simulators == ["idm", "mine"]
@@ -67,6 +66,10 @@ def test_run(fake_program: Path, tmp_path: Path, capfd: pytest.CaptureFixture[st
     assert capfd.readouterr() == ("", "")
     with pytest.raises(ValueError, match="needs the folder"):
         reactsim.run(Stop, resume=True)
+    wrong: List[Any] = [["idm"], ["a.toml", "b.parquet"]]
+    for given in wrong:
+        with pytest.raises(ValueError, match=r"is no specification \(`.toml`\) in place of scen"):
+            reactsim.run(*given)
 
 
 class Failing(Stop):  # type: ignore[misc]

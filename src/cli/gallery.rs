@@ -2,14 +2,16 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::{mem, slice};
 
 use clap::Args;
 
 use super::inputs::find_inputs;
 use crate::evaluation::{
-    EvaluationError, NuplanSpec, RunSpec, ScenarioFiles, Source, StudyResults, is_study, read_provenance,
+    EvaluationError, NuplanSpec, ReadingSpec, RunSpec, ScenarioFiles, ScenarioSpec, Source, StudyResults,
+    is_study, read_provenance,
 };
-use crate::files::name_of;
+use crate::files::{as_url, name_of};
 use crate::formats::Input;
 use crate::report::page::{Gallery, Member};
 
@@ -27,7 +29,7 @@ pub(super) struct RunScenarioArgs {
 impl RunScenarioArgs {
     /// Returns whether some are given.
     pub(super) fn is_given(&self) -> bool {
-        !self.scenarios.is_empty() || self.nuplan.filter.is_some()
+        !self.scenarios.is_empty() || self.nuplan != NuplanSpec::default()
     }
 
     /// Finds the files.
@@ -60,7 +62,7 @@ pub(super) fn scenario_files(runs: &[&Path], given: &[Input]) -> anyhow::Result<
         let names: BTreeSet<String> = missing.into_iter().map(|file| file.name).collect();
         let here = names.iter().map(PathBuf::from).filter(|path| path.is_file());
         let mut inputs: Vec<Input> = here.flat_map(|path| find_inputs(&[path]).unwrap_or_default()).collect();
-        inputs.extend(if names.is_empty() { Vec::new() } else { specified(run) });
+        inputs.extend(if names.is_empty() { Vec::new() } else { specified(run, &names) });
         for input in inputs.iter().filter(|input| names.contains(name_of(&input.path).as_ref())) {
             // A file of the same name may have other scenarios; then they are missing, which the page says.
             scenario_files.add_file(input).ok();
@@ -70,10 +72,25 @@ pub(super) fn scenario_files(runs: &[&Path], given: &[Input]) -> anyhow::Result<
 }
 
 /// Returns the scenario files that the specification of a run names, as far as it has one and they are there.
-fn specified(run: &Path) -> Vec<Input> {
+/// URLs are left out, which may be out of reach; the logs of nuPlan are only searched if their filter has one
+/// of these names.
+fn specified(run: &Path, names: &BTreeSet<String>) -> Vec<Input> {
     let Ok(Some(spec)) = RunSpec::of_run(run) else { return Vec::new() };
-    let input = spec.subject.input;
-    input.reading.find_inputs(&input.scenarios).map(|(inputs, _)| inputs).unwrap_or_default()
+    let ScenarioSpec { scenarios, mut reading, .. } = spec.subject.input;
+    let nuplan = mem::take(&mut reading.nuplan);
+    let is_here = |path: &&PathBuf| as_url(path).is_none();
+    // A path that cannot be read hides no other.
+    let at = |reading: &ReadingSpec, paths: &[PathBuf]| {
+        reading.find_inputs(paths).map(|(inputs, _)| inputs).unwrap_or_default()
+    };
+    let paths = scenarios.iter().filter(is_here);
+    let mut inputs: Vec<Input> = paths.flat_map(|path| at(&reading, slice::from_ref(path))).collect();
+    let is_named = nuplan.filter.as_ref().is_some_and(|filter| names.contains(name_of(filter).as_ref()));
+    if is_named && nuplan.nuplan.iter().chain(&nuplan.filter).chain(&nuplan.maps).all(|path| is_here(&path)) {
+        reading.nuplan = nuplan;
+        inputs.extend(at(&reading, &[]));
+    }
+    inputs
 }
 
 /// Studies with their names.

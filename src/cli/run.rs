@@ -36,7 +36,7 @@ pub(super) struct RunArgs {
     pub(super) resume: bool,
     /// Repeat the first K scenarios of external simulators one at a time after the run, and report
     /// the largest difference to their batches
-    #[arg(long, value_name = "K", requires = "external", help_heading = "External simulators")]
+    #[arg(long, value_name = "K", help_heading = "External simulators")]
     pub(super) check_batch: Option<NonZeroUsize>,
     /// Print the specification of the run, and do not run it. `reactsim run FILE.toml` runs a file of it; options
     /// on the command line take precedence
@@ -62,7 +62,7 @@ impl RunArgs {
 
 pub(super) fn run(args: RunArgs) -> anyhow::Result<ExitStatus> {
     if args.print_spec {
-        let text = args.spec.value.to_toml();
+        let text = args.spec.value.to_toml()?;
         write_result(None, |out| out.write_all(text.as_bytes()))?;
         return Ok(ExitStatus::Done);
     }
@@ -105,8 +105,14 @@ pub(super) fn finished_until(
     if spec.keep_rollouts == Some(true) && args.out.is_none() {
         bail!("--keep-rollouts: rollouts are kept in a run folder: give --out FOLDER");
     }
+    if args.check_batch.is_some() && spec.subject.external.external.is_empty() {
+        bail!("--check-batch: no external simulator runs: give --external NAME=COMMAND");
+    }
     let opening = args.partition.partition.map_or(Opening::Whole, Opening::Partition);
     let (plan, programs) = plan(args, sources(&spec.subject.input, opening)?)?;
+    if let Some(out) = &args.out {
+        plan.spec.to_toml_in(out)?;
+    }
     let (folder, tally) = plan.open_folder(args.out.as_deref(), args.resume)?;
     if let Some(folder) = &folder {
         plan.spec.write(folder.path())?;

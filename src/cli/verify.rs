@@ -131,6 +131,7 @@ fn inputs(args: &VerifyArgs) -> anyhow::Result<Vec<Input>> {
 }
 
 fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs> {
+    args.nuplan.check()?;
     let stated = &reference.provenance;
     let most = stated.settings.limit.unwrap_or(usize::MAX);
     let sources = if args.scenarios.is_empty() && args.nuplan.filter.is_none() {

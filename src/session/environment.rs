@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
 use super::traffic::{Traffic, is_broken_off, reason};
-use super::wire::{RequestError, refused};
+use super::wire::{RequestError, missing, refused};
 use crate::evaluation::{DeviationLabels, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map};
@@ -204,8 +204,7 @@ impl Environment {
     ) -> Result<Vec<Stepped>, RequestError> {
         let values = self.settings.action.values();
         if let Some(episode) = restarted.iter().find(|episode| episode.slot >= self.slots.len()) {
-            let (slot, slots) = (episode.slot, self.slots.len());
-            return refused(format_args!("there is no slot {slot}, expected 0 to {}", slots - 1));
+            return Err(missing("slot", episode.slot, self.slots.len()));
         }
         let is_restarted = |slot: usize| restarted.iter().any(|episode| episode.slot == slot);
         let name = |slot: usize| (!is_restarted(slot)).then(|| format!("slot {slot}"));
@@ -315,10 +314,7 @@ impl Environment {
     /// # Errors
     /// If there is no such slot.
     pub fn tracks(&self, slot: usize) -> Result<(&Scenario, &[Vec<Frame>]), RequestError> {
-        let missing = || {
-            RequestError::new(format_args!("there is no slot {slot}, expected less than {}", self.slots()))
-        };
-        let of = self.slots.get(slot).ok_or_else(missing)?;
+        let of = self.slots.get(slot).ok_or_else(|| missing("slot", slot, self.slots()))?;
         Ok((&of.scenario, self.lockstep.tracks(slot)))
     }
 
@@ -338,8 +334,7 @@ impl Environment {
     fn slot(&mut self, episode: &EpisodeBeginning) -> Result<Slot, RequestError> {
         let count = self.scenarios.len();
         let Some(scenario) = self.scenarios.get(episode.scenario) else {
-            let index = episode.scenario;
-            return refused(format_args!("there is no scenario {index}, expected 0 to {}", count - 1));
+            return Err(missing("scenario", episode.scenario, count));
         };
         let scenario = Arc::clone(scenario);
         let prepared = match &self.prepared[episode.scenario] {

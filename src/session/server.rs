@@ -206,14 +206,16 @@ mod tests {
             ("environment", environment(&json!({ "plan": { "poses": 0 } }), "idm"), None),
             ("environment", environment(&json!("state"), "idm"), None),
             ("reset", json!({ "episodes": [begin(0, 7)] }), None),
+            ("step", one(), Some(("actions", Values::f64(&[0, 5], [])))),
             ("reset", one(), None),
             ("step", json!({ "episodes": [] }), far),
             ("tracks", json!({ "slot": 0 }), None),
         ]);
         assert_eq!(error(&found[0]), "a plan has 0 poses, expected 1 to 80: at least `every`");
         assert_eq!(error(&found[2]), "there is no scenario 7, expected 0 to 1");
-        assert!(error(&found[4]).contains("expected at most 8.0 m"), "{}", error(&found[4]));
-        assert_eq!(found[5].shape("states").unwrap()[1..], [11, 5]);
+        assert_eq!(error(&found[3]), "there is no slot 0, and no other");
+        assert!(error(&found[5]).contains("expected at most 8.0 m"), "{}", error(&found[5]));
+        assert_eq!(found[6].shape("states").unwrap()[1..], [11, 5]);
     }
 
     #[test]

@@ -10,6 +10,9 @@ use crate::evaluation::{Adjustments, PlannedSimulator, Time, weights_file};
 use crate::external::{Command, ExternalSettings, ExternalSimulator, Parent, RunOutline, STDIO, TimeLimits};
 use crate::rollout::{Controller, PlanError, Protocol, RolloutError, Settings};
 
+/// Largest number of processes of a command.
+const MOST_COMMANDS: usize = 256;
+
 /// A simulator, and how it is rolled out.
 pub struct Traffic {
     /// Id of the simulator, for messages and the rows of finished episodes.
@@ -85,6 +88,12 @@ impl NamedTraffic {
                 "`{name}` is no baseline: it has no `weights` or `parameters` here"
             ));
         }
+        if command != STDIO && self.batches > MOST_COMMANDS {
+            return refused(format_args!(
+                "`num_envs` is {}: at most {MOST_COMMANDS} are possible with the command of `{name}`",
+                self.batches
+            ));
+        }
         let (command, mut limits) = match command {
             STDIO => (Command::Parent(parent.clone()), TimeLimits::none()),
             line => (Command::Shell(line.to_owned()), TimeLimits::default()),
@@ -106,6 +115,12 @@ impl NamedTraffic {
     }
 
     fn baseline(&self) -> Result<PlannedSimulator, RequestError> {
+        if self.external_limit.is_some() {
+            return refused(format_args!(
+                "`external_limit` is for commands: the baseline `{}` has none",
+                self.simulator
+            ));
+        }
         let mut adjustments = Adjustments::default();
         for (id, path) in &self.weights {
             adjustments.weights.push((id.clone(), weights_file(Path::new(path))?));

@@ -39,6 +39,14 @@ pub(super) fn refused<T>(text: impl fmt::Display) -> Result<T, RequestError> {
     Err(RequestError::new(text))
 }
 
+/// Returns the error for an index that is not below a count.
+pub(super) fn missing(what: &str, index: usize, count: usize) -> RequestError {
+    match count.checked_sub(1) {
+        Some(last) => RequestError::new(format_args!("there is no {what} {index}, expected 0 to {last}")),
+        None => RequestError::new(format_args!("there is no {what} {index}, and no other")),
+    }
+}
+
 /// The result of a request.
 pub(super) type Answer = Result<FrameWriter, RequestError>;
 

@@ -8,7 +8,7 @@ use parking_lot::Mutex;
 use super::action::{ActionKind, Mover};
 use super::arrays::{Arrays, SceneArrays, Sizes};
 use super::traffic::{Traffic, reason};
-use super::wire::{RequestError, refused};
+use super::wire::{RequestError, missing, refused};
 use crate::evaluation::{Plan, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::EgoShape;
@@ -236,10 +236,8 @@ impl World {
     /// If there is no such scenario, it has no AV of the chosen kind, or the simulator fails.
     pub fn reset(&mut self, scenario: usize, rollout: u32) -> Result<Arc<Scenario>, RequestError> {
         let count = self.scenarios.len();
-        let missing = || {
-            RequestError::new(format_args!("there is no scenario {scenario}, expected 0 to {}", count - 1))
-        };
-        let scenario = Arc::clone(self.scenarios.get(scenario).ok_or_else(missing)?);
+        let of = self.scenarios.get(scenario).ok_or_else(|| missing("scenario", scenario, count))?;
+        let scenario = Arc::clone(of);
         let named =
             |error: &dyn Display| RequestError::new(format_args!("scenario `{}`: {error}", scenario.id));
         let (av, _) = self.plan.av(&scenario).map_err(|error| named(&error))?;

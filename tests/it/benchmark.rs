@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
-use reactsim::evaluation::{AvChoice, EvaluationError, Failure, Row, RunObserver, read_rows};
+use reactsim::evaluation::{AvChoice, EvaluationError, Failure, Row, RunObserver, RunSpec, read_rows};
 use reactsim::formats;
 use reactsim::rollout::{PlanError, Planning, Protocol, Replan, SingleEpisode, Stream};
 use reactsim::scene::{Scenario, Start};
@@ -103,6 +103,7 @@ fn wrong_settings_are_refused() {
     let refused = |benchmark: Benchmark| benchmark.run().unwrap_err();
     assert!(matches!(refused(Benchmark::shipped()), BenchmarkError::NoSimulator));
     let stop = || Benchmark::shipped().baseline("stop");
+    assert!(matches!(refused(stop().limit(0)), BenchmarkError::ZeroLimit));
     assert!(matches!(refused(stop().rollouts(0)), BenchmarkError::Evaluation(EvaluationError::ZeroRollouts)));
     let realism = stop().protocol(Protocol::Realism).av(AvChoice::Log);
     assert!(matches!(refused(realism), BenchmarkError::Evaluation(EvaluationError::AvInRealism)));
@@ -133,6 +134,26 @@ fn wrong_settings_are_refused() {
     assert!(matches!(refused(stop().resume()), BenchmarkError::NoFolder));
     let stopped = stop().stop(Arc::new(AtomicBool::new(true)));
     assert!(matches!(refused(stopped), BenchmarkError::Interrupted));
+}
+
+#[test]
+fn a_specification_has_its_programs_and_the_default_baselines() {
+    let refused = |spec: &RunSpec| Benchmark::specified(spec.clone()).limit(1).run().unwrap_err().to_string();
+    let mut spec = RunSpec::default();
+    spec.subject.models = vec!["stop".to_owned()];
+    spec.subject.external.external = vec!["mine=exit 3".to_owned()];
+    assert!(refused(&spec).contains("did not start: it ended with exit code 3"), "{}", refused(&spec));
+    spec.subject.external.external = Vec::new();
+    spec.subject.external.planner = vec!["mine=exit 3".to_owned()];
+    assert!(refused(&spec).contains("did not start: it ended with exit code 3"), "{}", refused(&spec));
+
+    let ids = |benchmark: Benchmark| {
+        let results = benchmark.limit(1).run().unwrap();
+        results.summary.provenance.run.simulators.into_iter().map(|s| s.id).collect::<Vec<_>>()
+    };
+    let defaults = ids(Benchmark::shipped().baseline("default"));
+    assert_eq!(ids(Benchmark::specified(RunSpec::default())), defaults);
+    assert_eq!(ids(Benchmark::specified(RunSpec::default()).simulator("frozen", Frozen)), ["frozen"]);
 }
 
 #[test]

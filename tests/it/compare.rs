@@ -96,6 +96,7 @@ fn what_can_not_be_compared_is_refused() {
     for (bound, part) in [
         ("aav-collision", "write METRIC=BOUND"),
         ("speed=1", "no metric `speed`"),
+        ("aav-colision=1", "did you mean `aav-collision`?"),
         ("ade=-1", "`-1` is not a number of at least 0"),
         ("ade=nan", "`nan` is not a number"),
     ] {

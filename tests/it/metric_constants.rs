@@ -11,8 +11,14 @@ const SOURCES: [&str; 4] =
     ["crates/metrics/src", "crates/planning/src/metrics", "crates/planning/src/contact.rs", LIMITS];
 const LIMITS: &str = "crates/scene/src/dynamics/limits.rs";
 /// Constants that no value depends on, or that follow from others.
-const OTHERS: [&str; 4] =
-    ["likelihood::MAX_BINS", "limits::STANDSTILL_SPEED", "limits::PARKED_DISPLACEMENT", "motion::CHUNK"];
+const OTHERS: [&str; 6] = [
+    "likelihood::MAX_BINS",
+    "limits::STANDSTILL_SPEED",
+    "limits::PARKED_DISPLACEMENT",
+    "metrics::LONGEST",
+    "metrics::LONGEST_UNIT",
+    "motion::CHUNK",
+];
 
 /// Adds the Rust files of a folder that are no tests. The metrics of the Sim Agents challenge have the
 /// configurations of its code.

@@ -118,7 +118,7 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
     };
     let of_file = given(&file);
     let asked = ["--model-weights", &of_file];
-    let needs = ["`pufferdrive` needs weights", "--model-weights pufferdrive=FILE"];
+    let needs = ["`pufferdrive` needs weights", "`model-weights` pufferdrive=FILE"];
     with(None, &["--models", "pufferdrive"], &needs);
     with(None, &["--models", "pufferdrive", asked[0], asked[1]], &["could not read", "some.safetensors"]);
     for wrong in ["pufferdrive", "pufferdrive=", "=x"] {

@@ -68,7 +68,7 @@ fn a_metric_of_the_user_is_in_every_result() {
     let events = lines_of(&run.join("events.jsonl"));
     let events: Vec<&Value> = events.iter().filter(|event| event["metric"] == "agents").collect();
     assert_eq!(events.len(), 6 * 2 * 2);
-    assert_eq!((&events[0]["step"], &events[0]["agent"]), (&json!(2), &json!("behind")));
+    assert_eq!((&events[0]["step"], &events[0]["agent"]), (&json!(2), &json!("beside")));
     assert!(events.iter().all(|event| event["values"] == json!({ "speed": 1.5 })));
     let record = &json_of(&run.join("provenance.json"))["own_metrics"][0];
     let titled = json!({ "id": "agents", "title": "Vehicles", "unit": "veh", "scope": "rollout",
@@ -114,7 +114,7 @@ fn the_page_shows_values_and_events() {
     assert!(texts("#main-table td[data-metric=agents]").starts_with("3.000"));
     assert!(texts("#events-table th").contains("Vehicles"));
     assert!(
-        texts("#events li").contains("left: Vehicles: behind, counted (speed 1.5 m/s)"),
+        texts("#events li").contains("left: Vehicles: beside, counted (speed 1.5 m/s)"),
         "{}",
         texts("#events li")
     );

@@ -129,7 +129,7 @@ fn wrong_planners_are_refused_with_the_mend() {
     assert!(refused("planner:pdm-closed,tracker=perfect", &[]).contains("use tracker=lqr"));
     assert!(refused("planner:idm,every=81", &[]).contains("1 to 80 steps"));
     let realism = refused("planner:idm", &["--protocol", "realism"]);
-    assert!(realism.contains("--av"), "{realism}");
+    assert!(realism.contains("`av`"), "{realism}");
 }
 
 #[test]

@@ -39,13 +39,29 @@ pub enum EvaluationError {
         /// The text.
         text: String,
         /// What is expected.
-        expected: &'static str,
+        expected: String,
     },
-    /// The specification in a run folder cannot be read.
+    /// The specification in a run folder cannot be read, or not be written.
     #[error("{reason}")]
     DamagedSpec {
-        /// The file and what is wrong with it.
+        /// The file or path, and what is wrong with it.
         reason: String,
+    },
+    /// A key of a specification has no effect without another one.
+    #[error("{key} has no effect without {other}: give both, or leave {key} out")]
+    Needs {
+        /// The key.
+        key: &'static str,
+        /// The other key.
+        other: &'static str,
+    },
+    /// Two keys of a specification state the same.
+    #[error("{key} and {other} exclude each other: leave one of them out")]
+    Exclude {
+        /// A key.
+        key: &'static str,
+        /// The other key.
+        other: &'static str,
     },
     /// An axis of a study is unknown, or one of its values is invalid or repeated.
     #[error("axis {axis}: {reason}")]
@@ -459,8 +475,8 @@ pub enum EvaluationError {
 
 impl EvaluationError {
     /// Refuses a text of a specification.
-    pub(crate) fn spec(key: &'static str, text: &str, expected: &'static str) -> Self {
-        Self::Spec { key, text: text.to_owned(), expected }
+    pub(crate) fn spec(key: &'static str, text: &str, expected: impl Into<String>) -> Self {
+        Self::Spec { key, text: text.to_owned(), expected: expected.into() }
     }
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod long_tables;
 pub(crate) mod completion;
 pub(crate) mod rollouts;
 pub(crate) mod rows_table;
+mod spec_file;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};

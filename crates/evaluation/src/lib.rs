@@ -6,6 +6,7 @@
 //! A run folder contains
 //!
 //! - `provenance.json`: program, settings, inputs with their digests, simulators; equal for a resumed run
+//! - `spec.toml`: the specification, with which the run can be repeated
 //! - `rows.jsonl`: one row per scenario, simulator and rollout (metrics with their components, outcomes,
 //!   digest); after the rollouts of a pair one row without a rollout, for the metrics over all of them
 //! - `events.jsonl`: every counted event with scenario, simulator, rollout, agents, steps and values
@@ -27,6 +28,7 @@ mod folder;
 mod deviation;
 mod judge;
 mod layout;
+mod metric_record;
 mod motion;
 mod own_metrics;
 pub mod paper;
@@ -59,9 +61,11 @@ pub use layout::{
     EVENTS, EVENTS_TABLE, FAILURES, PROVENANCE, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SPEC, STUDY,
     STUDY_TABLE, SUMMARY, TABLE, VALUES_TABLE,
 };
+pub use metric_record::MetricRecord;
 pub use motion::kind::RolloutCheck;
 pub use motion::rollout_checks::Findings;
-pub use own_metrics::{AddedMetrics, MetricRecord};
+pub use own_metrics::AddedMetrics;
+pub use plan::of_spec::{RunParts, are_deviated};
 pub use plan::{Deviations, NoAv, Plan};
 pub use provenance::conditions::{Condition, ConditionDifference, changed_options};
 pub use provenance::leaves::differences;
@@ -83,8 +87,8 @@ pub use source::selection::Selection;
 pub use source::shipped::shipped_ids;
 pub use spec::{
     Axis, AxisValue, ExternalPrograms, ExternalSpec, MotionSpec, NuplanSpec, Opening, ReadingSpec,
-    RolloutSpec, RunParts, RunSpec, ScenarioSpec, SelectionSpec, Specification, Stage, SubjectSpec, Time,
-    are_deviated, metric_options, split_metric_option, weights,
+    RolloutSpec, RunSpec, ScenarioSpec, SelectionSpec, Specification, Stage, SubjectSpec, Time,
+    metric_options, split_metric_option, weights,
 };
 pub use statistics::Estimate;
 pub use statistics::comparison::{Comparison, PairedDifference};

@@ -1,95 +1,22 @@
-//! Metrics that the benchmark does not have: their records in files, and their addition to a finished run.
+//! The addition of metrics that the benchmark does not have to a finished run.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use parking_lot::Mutex;
-use reactsim_metrics::{MetricSpec, Scope, Unit, check_own};
+use reactsim_formats::rollouts::ByName;
 use reactsim_scene::FUTURE;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::Deserialize;
 
 use crate::error::EvaluationError;
 use crate::folder::completion::complete;
 use crate::folder::{
     RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, tally_of,
 };
-use crate::layout::{EVENTS, PROVENANCE, ROWS};
+use crate::layout::{EVENTS, PROVENANCE, ROLLOUTS, ROWS};
+use crate::metric_record::{MetricRecord, checked};
 use crate::row::{EventHead, EventLine, EventRecord, Row, Value};
 use crate::summary::{Summary, SummaryProvenance};
-
-/// A metric that the benchmark does not have, as stored in files.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MetricRecord {
-    /// Id.
-    pub id: String,
-    /// Title in tables.
-    pub title: String,
-    /// Unit: `count`, `rate`, `m`, `m/s²`, another one, or empty.
-    pub unit: String,
-    /// Input of one value: `rollout`, `scenario` or `av` ([`Scope`]).
-    pub scope: String,
-    /// Whether lower values are better.
-    pub lower_is_better: bool,
-    /// Source of the definition.
-    pub source: String,
-}
-
-/// Descriptions of the metrics of all files that were read. They live as long as the program, as those of the
-/// benchmark do, and there is one per record.
-static SPECS: Mutex<Vec<&'static MetricSpec>> = Mutex::new(Vec::new());
-
-impl MetricRecord {
-    /// Creates the record of a metric.
-    pub fn of(spec: &MetricSpec) -> Self {
-        Self {
-            id: spec.id.to_owned(),
-            title: spec.title.to_owned(),
-            unit: spec.unit.name().to_owned(),
-            scope: spec.scope.name().to_owned(),
-            lower_is_better: spec.lower_is_better,
-            source: spec.source.to_owned(),
-        }
-    }
-
-    /// Returns the description of the metric. An unknown scope is that of a rollout.
-    pub fn spec(&self) -> &'static MetricSpec {
-        let mut specs = SPECS.lock();
-        if let Some(known) = specs.iter().find(|spec| Self::of(spec) == *self) {
-            return known;
-        }
-        let text = |text: &String| -> &'static str { text.clone().leak() };
-        let spec: &'static MetricSpec = Box::leak(Box::new(MetricSpec {
-            id: text(&self.id),
-            title: text(&self.title),
-            unit: Unit::from_name(text(&self.unit)),
-            scope: self.scope().unwrap_or(Scope::Rollout),
-            lower_is_better: self.lower_is_better,
-            source: text(&self.source),
-        }));
-        specs.push(spec);
-        spec
-    }
-
-    fn scope(&self) -> Option<Scope> {
-        Scope::ALL.into_iter().find(|scope| scope.name() == self.scope)
-    }
-}
-
-/// Reads records of metrics and checks them: tables and pages print their texts as they are.
-pub(super) fn checked<'de, D: Deserializer<'de>>(file: D) -> Result<Vec<MetricRecord>, D::Error> {
-    let records = Vec::<MetricRecord>::deserialize(file)?;
-    if let Some(wrong) = records.iter().find(|record| record.scope().is_none()) {
-        let known = Scope::ALL.map(Scope::name).join(", ");
-        let (id, scope) = (&wrong.id, &wrong.scope);
-        return Err(D::Error::custom(format!("metric `{id}`: scope is `{scope}`, expected one of {known}")));
-    }
-    let specs: Vec<_> = records.iter().map(MetricRecord::spec).collect();
-    check_own(&specs).map_err(D::Error::custom)?;
-    Ok(records)
-}
 
 /// Metrics that another program computed for every rollout of a finished run.
 #[derive(Debug, Deserialize)]
@@ -115,6 +42,7 @@ struct AddedRollout {
 impl AddedMetrics {
     /// Adds the metrics of a JSON file to a finished run: to rows, events, summary and provenance. A metric
     /// that was added earlier is replaced by one with the same id. Returns the folder with the new summary.
+    /// The agents of events are checked if the run kept its rollouts, which name them.
     ///
     /// # Errors
     /// [`EvaluationError`] if the file cannot be read, the run is not finished, or the file lacks a value, or
@@ -132,7 +60,14 @@ impl AddedMetrics {
         provenance.own_metrics.retain(|own| !added.has(&own.id));
         provenance.own_metrics.extend(added.metrics.iter().cloned());
         let mut rows = read_rows(folder)?;
-        let lines = added.fill(&mut rows).map_err(unfit)?;
+        let kept = folder.join(ROLLOUTS);
+        let kept = if kept.exists() { Some(ByName::open(&kept)?) } else { None };
+        let agents = |row: &Row, rollout| -> Result<Option<BTreeSet<String>>, String> {
+            let read = |kept: &ByName| kept.read(&row.scenario, &row.simulator, rollout);
+            let record = kept.as_ref().map_or(Ok(None), read).map_err(|error| error.to_string())?;
+            Ok(record.map(|record| record.agent_ids.into_iter().collect()))
+        };
+        let lines = added.fill(&mut rows, agents).map_err(unfit)?;
         let (tally, dropped) = tally_of(&provenance, &rows);
         if let Some((scenario, simulator)) = dropped {
             return Err(EvaluationError::IncompleteRows { path: folder.to_owned(), scenario, simulator });
@@ -142,14 +77,14 @@ impl AddedMetrics {
         // Results of an earlier program lack metrics that were added since.
         summary.restrict_to(&Row::metrics_of(&rows).into_iter().chain(old.metrics()).collect());
         summary.provenance = SummaryProvenance { run: summary.provenance.run, ..old.provenance.clone() };
-        let mut kept = String::new();
+        let mut others = String::new();
         for_lines(&folder.join(EVENTS), |_, text| {
             // Events of a call that was interrupted go, too.
             if serde_json::from_str::<EventHead>(text).is_ok_and(|event| !added.has(&event.metric)) {
-                kept.push_str(text);
+                others.push_str(text);
             }
         })?;
-        replace(&folder.join(EVENTS), |out| out.write_all((kept + &lines).as_bytes()))?;
+        replace(&folder.join(EVENTS), |out| out.write_all((others + &lines).as_bytes()))?;
         replace(&folder.join(ROWS), |out| {
             rows.iter().try_for_each(|row| out.write_all(line(row).as_bytes()))
         })?;
@@ -162,8 +97,13 @@ impl AddedMetrics {
         self.metrics.iter().any(|own| own.id == metric)
     }
 
-    /// Adds the values to rows; returns the events as lines of `events.jsonl`.
-    fn fill(&self, rows: &mut [Row]) -> Result<String, String> {
+    /// Adds the values to rows; returns the events as lines of `events.jsonl`. `agents` returns the ids of the
+    /// agents of a rollout, if they are known.
+    fn fill(
+        &self,
+        rows: &mut [Row],
+        agents: impl Fn(&Row, u32) -> Result<Option<BTreeSet<String>>, String>,
+    ) -> Result<String, String> {
         let key = |of: &AddedRollout| (of.scenario.clone(), of.simulator.clone(), of.rollout);
         let mut found: BTreeMap<_, &AddedRollout> = self.rollouts.iter().map(|of| (key(of), of)).collect();
         if found.len() < self.rollouts.len() {
@@ -175,11 +115,15 @@ impl AddedMetrics {
             let place = format!("scenario `{}`, `{}`, rollout {rollout}", row.scenario, row.simulator);
             let of = found.remove(&(row.scenario.clone(), row.simulator.clone(), rollout));
             let of = of.ok_or_else(|| format!("{place}: no values are given"))?;
+            if let Some(id) = of.values.keys().find(|id| !self.has(id)) {
+                return Err(format!("{place}: a value of `{id}`, which is not in `metrics`"));
+            }
             for own in &self.metrics {
                 let value = of.values.get(&own.id);
                 let value = value.ok_or_else(|| format!("{place}: metric `{}` has no entry", own.id))?;
                 row.metrics.insert(own.id.clone(), value.map(Value::Value));
             }
+            let agents = if of.events.is_empty() { None } else { agents(row, rollout)? };
             for event in &of.events {
                 if !self.has(&event.metric)
                     || !(1..=event.last_step).contains(&event.step)
@@ -191,6 +135,15 @@ impl AddedMetrics {
                         event.metric, event.step, event.last_step
                     ));
                 }
+                let mut named = [Some(&event.agent), event.partner.as_ref()].into_iter().flatten();
+                let is_unknown = |id: &&String| agents.as_ref().is_some_and(|agents| !agents.contains(*id));
+                if let Some(id) = named.find(is_unknown) {
+                    let metric = &event.metric;
+                    return Err(format!(
+                        "{place}: an event of metric `{metric}` has the agent `{id}`, which the scenario \
+                         does not have"
+                    ));
+                }
                 lines.push_str(&line(&EventLine::of_record(row, event)));
             }
         }
@@ -199,6 +152,49 @@ impl AddedMetrics {
                 Err(format!("scenario `{scenario}`, `{simulator}`, rollout {rollout} is not in the run"))
             }
             None => Ok(lines),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value as Json, json};
+
+    use super::*;
+
+    /// Adds a value and an event of metric `own` to one row, whose rollout has the agents `av` and `a`.
+    fn filled(change: impl FnOnce(&mut Json), is_kept: bool) -> Result<String, String> {
+        let event = json!({ "rollout": 0, "metric": "own", "step": 1, "last_step": 2, "agent": "a",
+                            "partner": "av", "reason": null, "counted": true, "values": {} });
+        let mut rollout = json!({ "scenario": "s", "simulator": "idm", "rollout": 0,
+                                  "values": { "own": 1.0 }, "events": [event] });
+        change(&mut rollout);
+        let metric = json!({ "id": "own", "title": "Own", "unit": "", "scope": "rollout",
+                             "lower_is_better": true, "source": "here" });
+        let document = json!({ "metrics": [metric], "rollouts": [rollout] });
+        let added: AddedMetrics = serde_json::from_value(document).unwrap();
+        let row = json!({ "input": 0, "record": 0, "scenario": "s", "digest": "d", "simulator": "idm",
+                          "rollout": 0, "category": null, "metrics": {} });
+        let mut rows: [Row; 1] = [serde_json::from_value(row).unwrap()];
+        let agents = ["av", "a"].map(str::to_owned);
+        let lines = added.fill(&mut rows, |_, _| Ok(is_kept.then(|| agents.clone().into())))?;
+        assert_eq!(rows[0].metrics["own"], Some(Value::Value(1.0)));
+        Ok(lines)
+    }
+
+    #[test]
+    fn values_of_other_metrics_and_unknown_agents_are_refused() {
+        assert!(filled(|_| (), true).unwrap().contains(r#""metric":"own""#));
+        let place = "scenario `s`, `idm`, rollout 0: ";
+        let other = filled(|rollout| rollout["values"]["onw"] = json!(2.0), true).unwrap_err();
+        assert_eq!(other, format!("{place}a value of `onw`, which is not in `metrics`"));
+        for key in ["agent", "partner"] {
+            let stranger = |rollout: &mut Json| rollout["events"][0][key] = json!("b");
+            let unknown = filled(stranger, true).unwrap_err();
+            let expected = "an event of metric `own` has the agent `b`, which the scenario does not have";
+            assert_eq!(unknown, format!("{place}{expected}"));
+            // Nothing names the agents of a run without its rollouts.
+            filled(stranger, false).unwrap();
         }
     }
 }

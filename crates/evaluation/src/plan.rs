@@ -1,5 +1,7 @@
 //! The plan of a run, checked before the first scenario.
 
+pub(crate) mod of_spec;
+
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -22,8 +24,8 @@ use crate::deviation::pose::Pose;
 use crate::driver::{Driver, GivenPlans};
 use crate::error::EvaluationError;
 use crate::folder::RunFolder;
+use crate::metric_record::MetricRecord;
 use crate::motion::{CheckedScene, Finding};
-use crate::own_metrics::MetricRecord;
 use crate::provenance::{Provenance, SettingsRecord, named_options, program_commit, program_version};
 use crate::simulators::PlannedSimulator;
 use crate::source::Source;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::av::PLANNER;
 use crate::deviation::pose::Pose;
-use crate::own_metrics::{MetricRecord, checked};
+use crate::metric_record::{MetricRecord, checked};
 use crate::provenance::leaves::differences;
 use crate::simulators::record::SimulatorRecord;
 use crate::source::benchmarks::BenchmarkRecord;

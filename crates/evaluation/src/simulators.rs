@@ -129,7 +129,7 @@ const DEFAULT: &str = "default";
 const ALL: &str = "all";
 
 impl PlannedSimulator {
-    /// Creates the record of a self.
+    /// Returns its record for the provenance.
     pub(crate) fn record(&self) -> SimulatorRecord {
         SimulatorRecord {
             id: self.id.clone(),

@@ -3,9 +3,7 @@
 
 mod axes;
 mod external;
-mod file;
-mod plan;
-mod record;
+pub(crate) mod file;
 mod scenarios;
 mod stage;
 mod text;
@@ -19,6 +17,7 @@ use reactsim_metrics::Options;
 use reactsim_nn::Backend;
 use reactsim_qp::Smoothing;
 use reactsim_rollout::{Protocol, Replan, Settings};
+use reactsim_scene::Deviation;
 use serde::{Deserialize, Serialize};
 
 use crate::av::AvChoice;
@@ -30,11 +29,12 @@ use crate::simulators::{Adjustments, PlannedSimulator, weights_file};
 pub use axes::{Axis, AxisValue};
 pub use external::{ExternalPrograms, ExternalSpec};
 pub use file::Specification;
-pub use plan::{RunParts, are_deviated};
-pub(crate) use plan::{refuse_repeated, with_driver};
 pub use scenarios::{NuplanSpec, Opening, ReadingSpec, ScenarioSpec, SelectionSpec};
 pub use stage::Stage;
 pub use time::Time;
+
+/// Largest number of rollouts per scenario and simulator.
+pub(crate) const MOST_ROLLOUTS: u32 = 10_000;
 
 /// What determines the results of a run.
 #[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
@@ -76,7 +76,7 @@ pub struct RolloutSpec {
     #[arg(long, value_name = "0|1", value_parser = clap::value_parser!(u8).range(0..=1))]
     pub av_lookahead: u8,
     /// Rollouts per scenario and simulator [default: 1]
-    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=MOST_ROLLOUTS.into()))]
     pub rollouts: u32,
 }
 
@@ -123,6 +123,7 @@ pub struct SubjectSpec {
     pub backend: Backend,
     /// Seed of all random choices [default: 0]
     #[arg(long, value_name = "SEED")]
+    #[serde(with = "text::seed")]
     pub seed: u64,
     /// External simulators and planners.
     #[command(flatten)]
@@ -158,6 +159,50 @@ pub struct MotionSpec {
 }
 
 impl RunSpec {
+    /// Returns whether the run folder keeps the rollouts.
+    pub fn keeps_rollouts(&self) -> bool {
+        self.keep_rollouts == Some(true)
+    }
+
+    /// Returns protocol, replan interval, lookahead and seed.
+    pub fn settings(&self) -> Settings {
+        let rollout = &self.rollout;
+        Settings {
+            protocol: rollout.protocol,
+            replan: rollout.replan,
+            av_lookahead: rollout.av_lookahead == 1,
+            seed: self.subject.seed,
+        }
+    }
+
+    /// Checks the values of which each text is valid: their ranges, and whether they fit together.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names the key.
+    pub fn check_values(&self) -> Result<(), EvaluationError> {
+        let (RolloutSpec { rollouts, av_lookahead, .. }, SubjectSpec { input, external, .. }) =
+            (&self.rollout, &self.subject);
+        if *rollouts == 0 {
+            return Err(EvaluationError::ZeroRollouts);
+        }
+        if *rollouts > MOST_ROLLOUTS {
+            let expected = format!("at most {MOST_ROLLOUTS}");
+            return Err(EvaluationError::spec("rollouts", &rollouts.to_string(), expected));
+        }
+        if *av_lookahead > 1 {
+            return Err(EvaluationError::spec("av-lookahead", &av_lookahead.to_string(), "0 or 1"));
+        }
+        let is_unknown = |name: &&String| Deviation::from_name(name).is_none();
+        if let Some(name) = input.selection.category.iter().find(is_unknown) {
+            let expected = Deviation::ALL.map(Deviation::name).join(", ");
+            return Err(EvaluationError::spec("category", name, format!("one of {expected}")));
+        }
+        if external.reveal_ids == Some(true) && external.external.is_empty() {
+            return Err(EvaluationError::Needs { key: "reveal-ids", other: "external" });
+        }
+        input.reading.check()
+    }
+
     /// Creates the simulators that are baselines, with the stage behind each. There are none if only external
     /// programs are named.
     ///

@@ -155,7 +155,7 @@ impl SimulatorSummary {
     }
 
     /// Returns what tables mark about the simulator.
-    pub fn standing(&self) -> TableMarks {
+    pub fn marks(&self) -> TableMarks {
         TableMarks { access: self.access(), is_allowed: self.allowed().next().is_some() }
     }
 

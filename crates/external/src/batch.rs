@@ -27,7 +27,7 @@ pub(super) struct OpenBatch {
     lights: Vec<usize>,
     /// Number of frames that the simulator has received.
     frames: usize,
-    /// Whether the process has confirmed the end of the batch.
+    /// Whether the process has confirmed the end of the batch, or is the parent and has answered.
     has_ended: bool,
 }
 
@@ -109,10 +109,12 @@ impl OpenBatch {
             let mut request = FrameWriter::new("end");
             request.tensor("episode", Values::u64(&[self.episodes.len()], self.episodes.iter().copied()));
             // A process that fails here is replaced; the plans of the batch are complete.
-            self.has_ended = self.request(request, "ended", 0).is_ok();
-            if self.has_ended {
+            let is_confirmed = self.request(request, "ended", 0).is_ok();
+            if is_confirmed {
                 self.workers.succeeded();
             }
+            // The parent cannot be replaced, and its simulators have no open batch after any answer.
+            self.has_ended = is_confirmed || self.workers.is_parent();
         }
     }
 
@@ -133,7 +135,7 @@ impl OpenBatch {
 
 impl Drop for OpenBatch {
     fn drop(&mut self) {
-        // Without an answer to `end`, the state of the process is unknown, and another one takes its place.
+        // Without a confirmed end, the state of the process is unknown, and another one takes its place.
         let worker = self.worker.take().filter(|_| self.has_ended);
         self.workers.put_back(worker);
     }

@@ -82,7 +82,11 @@ impl Connection {
         // Other programs of the parent process wait until this one has answered.
         let pipe = Arc::clone(&self.pipe);
         let mut pipe = pipe.lock();
-        let deadline = Instant::now() + limit;
+        if pipe.is_broken {
+            let text = "another request to the parent process had no answer".to_owned();
+            return Err(RequestError::Broken(text));
+        }
+        let began = Instant::now();
         let sequence = pipe.number();
         pipe.expect(MOST_TEXT + numbers as u64);
         let frame = self.addressed(&mut request, &sequence);
@@ -90,7 +94,8 @@ impl Connection {
         if !pipe.send(frame) {
             return Err(self.closed());
         }
-        let received = self.receive(&pipe, deadline);
+        let received = self.receive(&pipe, began, limit);
+        pipe.is_broken = received.is_err();
         drop(pipe);
         let bytes = match received {
             Ok(Ok(bytes)) => bytes,
@@ -140,11 +145,16 @@ impl Connection {
         request.to_frame()
     }
 
-    /// Waits for a frame. A process that has ended sends nothing more, although its children may keep its
-    /// output open.
-    fn receive(&mut self, pipe: &Pipe, deadline: Instant) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
+    /// Waits for a frame until the time since `began` reaches the limit. A process that has ended sends nothing
+    /// more, although its children may keep its output open.
+    fn receive(
+        &mut self,
+        pipe: &Pipe,
+        began: Instant,
+        limit: Duration,
+    ) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
         loop {
-            let left = time_left(deadline.saturating_duration_since(Instant::now()));
+            let left = time_left(limit.saturating_sub(began.elapsed()));
             match pipe.receive(left.min(LOOK_AGAIN)) {
                 Err(RecvTimeoutError::Timeout) if left > LOOK_AGAIN => {}
                 received => return received,

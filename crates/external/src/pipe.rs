@@ -30,6 +30,8 @@ pub(super) struct Pipe {
     most: Arc<AtomicU64>,
     /// Whether the other process asks as well.
     is_parent: bool,
+    /// Whether a request had no answer. It may come later, and is not the answer of another program.
+    pub(super) is_broken: bool,
     /// Number of the next request.
     sequence: u64,
 }
@@ -52,7 +54,8 @@ impl Pipe {
             write_frames(output, &to_write, &failed);
             drop(writing);
         })?;
-        Ok(Self { outgoing: Some(outgoing), incoming, written, most, is_parent: false, sequence: 0 })
+        let outgoing = Some(outgoing);
+        Ok(Self { outgoing, incoming, written, most, is_parent: false, is_broken: false, sequence: 0 })
     }
 
     /// Returns the number of a new request.
@@ -74,7 +77,7 @@ impl Pipe {
     /// Waits for a frame. The end of the stream is [`io::ErrorKind::UnexpectedEof`].
     pub(super) fn receive(&self, time: Duration) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
         let received = self.incoming.recv_timeout(time);
-        if self.is_parent {
+        if self.is_parent && received.is_ok() {
             self.expect(MOST_UNASKED);
         }
         received

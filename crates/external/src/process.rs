@@ -87,9 +87,9 @@ impl Process {
 
     /// Waits for the end of the process; `None` if it does not end in time.
     pub(super) fn wait(&mut self, most: Duration) -> Option<ExitStatus> {
-        let deadline = Instant::now() + most;
+        let began = Instant::now();
         while !self.has_ended() {
-            if Instant::now() >= deadline {
+            if began.elapsed() >= most {
                 return None;
             }
             thread::sleep(POLL);

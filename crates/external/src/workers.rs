@@ -106,10 +106,15 @@ impl Workers {
         }
     }
 
+    /// Returns whether the parent process answers, of which no new one can be started.
+    pub(super) fn is_parent(&self) -> bool {
+        self.settings.command.is_parent()
+    }
+
     /// Takes a worker back; `None` if it broke.
     pub(super) fn put_back(&self, worker: Option<Worker>) {
         let mut state = self.state.lock();
-        if worker.is_none() && self.settings.command.is_parent() {
+        if worker.is_none() && self.is_parent() {
             state.given_up.get_or_insert_with(|| "the connection to the parent process broke".to_owned());
         }
         state.free.push(worker);
@@ -181,7 +186,7 @@ impl Workers {
             }
             Err(reason) => {
                 state.failed_starts += 1;
-                if state.failed_starts >= MOST_FAILED_STARTS || self.settings.command.is_parent() {
+                if state.failed_starts >= MOST_FAILED_STARTS || self.is_parent() {
                     state.given_up = Some(reason.clone());
                 }
                 state.free.push(None);
@@ -238,9 +243,16 @@ impl Workers {
 
 impl Drop for Workers {
     fn drop(&mut self) {
-        let state = self.state.get_mut();
-        for worker in state.free.drain(..).flatten() {
-            worker.connection.close(TIME_TO_CLOSE);
+        let Self { settings, stderr, state, .. } = self;
+        let state = state.get_mut();
+        let mut open: Vec<_> = state.free.drain(..).flatten().map(|worker| worker.connection).collect();
+        if settings.command.is_parent() {
+            // The parent reads frames until `bye` of every worker, also of those that broke.
+            let again = |number| Connection::open(&settings.command, stderr, &settings.name, number).ok();
+            open = (0..state.started).filter_map(again).collect();
+        }
+        for connection in open {
+            connection.close(TIME_TO_CLOSE);
         }
     }
 }

@@ -149,7 +149,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
             run: None,
             group: 0,
             title,
-            standing: simulator.standing(),
+            marks: simulator.marks(),
             scenarios: of_part.scenarios,
             failed: 0,
             metrics: &of_part.metrics,

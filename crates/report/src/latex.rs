@@ -34,7 +34,7 @@ impl Exporter for Latex {
         writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
         for (i, line) in lines.iter().enumerate() {
             // The paper separates the oracles.
-            if i > 0 && lines[i - 1].standing.is_oracle() && !line.standing.is_oracle() {
+            if i > 0 && lines[i - 1].marks.is_oracle() && !line.marks.is_oracle() {
                 writeln!(out, "    \\midrule")?;
             }
             let best: Vec<bool> = best.iter().map(|column| style.bold && column[i]).collect();
@@ -75,7 +75,7 @@ fn caption(lines: &[Line<'_>], bold: bool) -> String {
     if bold {
         text.push_str(" Bold: the best simulator among comparable runs, oracles excepted.");
     }
-    text.push_str(&meanings(lines.iter().map(|line| line.standing)));
+    text.push_str(&meanings(lines.iter().map(|line| line.marks)));
     text
 }
 
@@ -90,8 +90,8 @@ fn label_text(label: &str) -> String {
 }
 
 /// Returns the signs behind the name of a simulator.
-pub(super) fn mark(standing: TableMarks) -> String {
-    standing.marks().map(sign).collect()
+pub(super) fn mark(marks: TableMarks) -> String {
+    marks.marks().map(sign).collect()
 }
 
 fn sign(mark: Mark) -> &'static str {
@@ -107,7 +107,7 @@ fn sign(mark: Mark) -> &'static str {
 /// Returns the cells of a line; `best` says which of its numbers are bold.
 fn row(columns: &[Column], line: &Line<'_>, best: &[bool]) -> String {
     let mut cells: Vec<String> = line.run.map(escape).into_iter().collect();
-    cells.push(format!("{}{}", escape(line.title), mark(line.standing)));
+    cells.push(format!("{}{}", escape(line.title), mark(line.marks)));
     cells.extend(columns.iter().zip(best).map(|(column, best)| {
         let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {
             return "--".to_owned();

@@ -26,7 +26,7 @@ struct Line<'a> {
     entry: &'a Entry,
     id: &'a str,
     title: &'a str,
-    standing: TableMarks,
+    marks: TableMarks,
     metrics: &'a BTreeMap<String, Estimate>,
 }
 
@@ -46,9 +46,7 @@ fn lines(entries: &[Entry]) -> Vec<Line<'_>> {
 
 fn lines_of(entry: &Entry) -> Vec<Line<'_>> {
     let order = entry.summary.order();
-    order
-        .map(|(id, title, s)| Line { entry, id, title, standing: s.standing(), metrics: &s.metrics })
-        .collect()
+    order.map(|(id, title, s)| Line { entry, id, title, marks: s.marks(), metrics: &s.metrics }).collect()
 }
 
 /// Returns the columns for which at least one entry has a number.
@@ -101,14 +99,14 @@ fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     head.extend(columns.iter().map(Column::head));
     let mut rows = vec![head];
     for line in &lines {
-        let mut row = vec![escape(&line.entry.name), method(line.title, line.standing)];
+        let mut row = vec![escape(&line.entry.name), method(line.title, line.marks)];
         row.push(line.entry.status.name().to_owned());
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
         rows.push(row);
     }
     write_aligned(out, &rows, 3)?;
     writeln!(out)?;
-    legend(out, lines.iter().map(|l| l.standing))?;
+    legend(out, lines.iter().map(|l| l.marks))?;
     for text in status_legend(entries) {
         writeln!(out, "{text}.")?;
     }
@@ -125,13 +123,7 @@ fn write_csv(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
     for line in lines(entries) {
         let (entry, status) = (quote(&line.entry.name), line.entry.status.name());
-        write!(
-            out,
-            "{entry},{},{},{},{status}",
-            quote(line.id),
-            quote(line.title),
-            line.standing.is_oracle()
-        )?;
+        write!(out, "{entry},{},{},{},{status}", quote(line.id), quote(line.title), line.marks.is_oracle())?;
         for c in &columns {
             let e = line.metrics.get(c.metric).copied().unwrap_or_default();
             write!(out, ",{},{},{}", number(e.mean), number(e.low), number(e.high))?;
@@ -162,7 +154,7 @@ fn write_json(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         entry: &line.entry.name,
         simulator: line.id,
         method: line.title,
-        oracle: line.standing.is_oracle(),
+        oracle: line.marks.is_oracle(),
         status: line.entry.status,
         metrics: line.metrics,
     });

@@ -39,7 +39,7 @@ impl Exporter for Markdown {
             }
         }
         writeln!(out)?;
-        legend(out, lines.iter().map(|l| l.standing))?;
+        legend(out, lines.iter().map(|l| l.marks))?;
         for provenance in table::provenances(runs) {
             writeln!(out, "{}.", escape(&provenance))?;
         }
@@ -66,7 +66,7 @@ pub(super) fn write_table(
     let best = table::best_of_columns(columns, lines);
     for (i, line) in lines.iter().enumerate() {
         let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
-        row.push(method(line.title, line.standing));
+        row.push(method(line.title, line.marks));
         row.extend(columns.iter().zip(&best).map(|(column, best)| {
             let text = cell(column, line.metrics.get(column.metric));
             if bold && best[i] { format!("**{text}**") } else { text }
@@ -94,8 +94,8 @@ pub(super) fn marks(of: impl IntoIterator<Item = TableMarks>) -> Vec<String> {
 }
 
 /// Returns the name of a simulator with its marks.
-pub(super) fn method(title: &str, standing: TableMarks) -> String {
-    format!("{} {}", escape(title), standing.signs()).trim_end().to_owned()
+pub(super) fn method(title: &str, marks: TableMarks) -> String {
+    format!("{} {}", escape(title), marks.signs()).trim_end().to_owned()
 }
 
 /// Writes rows of equal length as a table; the first row is the head. The first `texts` columns hold text

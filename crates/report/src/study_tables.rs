@@ -66,7 +66,7 @@ enum Head {
 /// The numbers of a simulator.
 struct StudyRow<'a> {
     title: &'a str,
-    standing: TableMarks,
+    marks: TableMarks,
     settings: Vec<&'a str>,
     cells: Vec<StudyCell>,
 }
@@ -182,7 +182,7 @@ fn by_member<'a>(
 ) -> StudyTable<'a> {
     let row = |(id, title, simulator): (&str, &'a str, &SimulatorSummary)| StudyRow {
         title,
-        standing: simulator.standing(),
+        marks: simulator.marks(),
         settings: Vec::new(),
         cells: members.iter().map(|(_, summary)| StudyCell::of(summary, id, column)).collect(),
     };
@@ -207,7 +207,7 @@ fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
         let cells = members(results).flat_map(|(member, summary)| {
             columns_of(member).into_iter().map(move |column| StudyCell::of(summary, id, column))
         });
-        StudyRow { title, standing: simulator.standing(), settings: Vec::new(), cells: cells.collect() }
+        StudyRow { title, marks: simulator.marks(), settings: Vec::new(), cells: cells.collect() }
     };
     vec![StudyTable {
         title: Title::None,
@@ -227,7 +227,7 @@ fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
             for (id, _) in member.originals.iter().filter(|(_, of)| *of == original) {
                 let row = |cells: Vec<StudyCell>| StudyRow {
                     title,
-                    standing: simulator.standing(),
+                    marks: simulator.marks(),
                     settings: vec![member.label.as_str()],
                     cells,
                 };
@@ -269,7 +269,7 @@ fn by_value<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTa
         let (id, title, simulator) = summary.order().find(|(other, ..)| *other == id)?;
         let cells = columns.iter().map(|column| StudyCell::of(summary, id, *column)).collect();
         let settings = shown(member).map(|at| at.value.as_str()).collect();
-        Some(StudyRow { title, standing: simulator.standing(), settings, cells })
+        Some(StudyRow { title, marks: simulator.marks(), settings, cells })
     };
     let heads = columns.iter().map(|column| Head::Metric { protocol: None, column: *column });
     vec![StudyTable {
@@ -288,7 +288,7 @@ fn difference<'a>(results: &'a StudyResults, member: usize, simulator: &str) -> 
 fn mark_best(table: &mut StudyTable<'_>) {
     for c in 0..table.heads.len() {
         let ranked = |row: &StudyRow<'_>| {
-            row.cells[c].numbers().filter(|_| !row.standing.is_oracle() && !row.cells[c].is_difference)
+            row.cells[c].numbers().filter(|_| !row.marks.is_oracle() && !row.cells[c].is_difference)
         };
         let best: Vec<bool> = table
             .rows

@@ -163,7 +163,7 @@ pub(super) struct Line<'a> {
     /// Number of the group of runs with which its numbers can be compared.
     pub(super) group: usize,
     pub(super) title: &'a str,
-    pub(super) standing: TableMarks,
+    pub(super) marks: TableMarks,
     pub(super) scenarios: usize,
     pub(super) failed: usize,
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
@@ -177,7 +177,7 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
             run: several.then_some(run.name),
             group,
             title,
-            standing: s.standing(),
+            marks: s.marks(),
             scenarios: s.scenarios,
             failed: s.failed,
             metrics: &s.metrics,
@@ -219,9 +219,9 @@ pub(super) fn groups(runs: &[super::Run<'_>]) -> Vec<usize> {
 pub(super) fn best(column: &Column, lines: &[Line<'_>]) -> Vec<bool> {
     let value = |line: &Line<'_>| line.metrics.get(column.metric).and_then(|estimate| estimate.mean);
     let of = |line: &Line<'_>| {
-        let ranked = lines.iter().filter(|l| l.group == line.group && !l.standing.is_oracle());
+        let ranked = lines.iter().filter(|l| l.group == line.group && !l.marks.is_oracle());
         let ranked: Vec<f64> = ranked.filter_map(value).collect();
-        let own = value(line).filter(|_| !line.standing.is_oracle()).map(|value| column.number(value));
+        let own = value(line).filter(|_| !line.marks.is_oracle()).map(|value| column.number(value));
         own.is_some() && own == best_number(column, &ranked)
     };
     lines.iter().map(of).collect()
@@ -283,7 +283,7 @@ pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, par
             run: several.then_some(run.name),
             group,
             title,
-            standing: simulator.standing(),
+            marks: simulator.marks(),
             scenarios: part.scenarios,
             failed: 0,
             metrics: &part.metrics,

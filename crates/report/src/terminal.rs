@@ -71,7 +71,7 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
         }
     }
     writeln!(out)?;
-    for text in markdown::marks(lines.iter().map(|l| l.standing)) {
+    for text in markdown::marks(lines.iter().map(|l| l.marks)) {
         write_wrapped(&format!("{text}."), style.width, out)?;
     }
     for provenance in table::provenances(runs) {
@@ -169,7 +169,7 @@ impl TextColumn {
 /// Returns the name of a simulator with its mark, and its run if there are several.
 fn name(line: &Line<'_>) -> String {
     let run = line.run.map(|run| format!("{run}: ")).unwrap_or_default();
-    let mark = line.standing.signs();
+    let mark = line.marks.signs();
     let name = format!("{run}{}", line.title);
     let room = MAX_NAME - if mark.is_empty() { 0 } else { length(&mark) + 1 };
     let name = match length(&name) > room {

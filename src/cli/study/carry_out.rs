@@ -22,6 +22,9 @@ pub(super) fn carry_out(
     (mut plan, programs): PlannedStudy,
     shared: &SharedArgs,
 ) -> anyhow::Result<ExitStatus> {
+    for i in (0..plan.study().members.len()).rev() {
+        plan.select(i).spec.to_toml_in(&shared.out)?;
+    }
     let folder = match shared.resume {
         true => StudyFolder::resume(&shared.out, &mut plan)?,
         false => StudyFolder::create(&shared.out, plan.study())?,

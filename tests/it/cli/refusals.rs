@@ -96,7 +96,6 @@ fn misspelt_names_are_answered_with_the_most_similar_one() {
         ("run --metric-option faul_order=nuplan", "did you mean `fault_order`?"),
         ("list parameters ntp_reactive", "did you mean `ntp-reactive`?"),
         ("inspect --case turn-acros", "did you mean `turn-across`?"),
-        ("compare a b --worse aav-colision=1", "did you mean `aav-collision`?"),
         ("compare a b", "hint: `reactsim run --out FOLDER` writes a run folder"),
     ] {
         let error = refused(&words(line));

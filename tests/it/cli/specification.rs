@@ -104,7 +104,11 @@ fn options_take_precedence_over_a_file() {
         assert!(printed.lines().any(|found| found == line), "{line}: {printed}");
     }
     let (printed, _) = said(&["run", &spec, "b.parquet", "--print-spec"], 0);
-    assert!(printed.contains("scenarios = [\"b.parquet\"]"), "{printed}");
+    // Those of the command line are those of the current folder, wherever the output is saved.
+    let scenarios = format!("scenarios = [{:?}]", std::env::current_dir().unwrap().join("b.parquet"));
+    assert!(printed.lines().any(|found| found == scenarios), "{printed}");
+    let saved = file(home.path(), &printed);
+    assert_eq!(said(&["run", &saved, "--print-spec"], 0).0, printed);
 }
 
 #[test]
@@ -116,6 +120,13 @@ fn wrong_files_are_refused_by_name() {
         ("replan = \"3hz\"", "is not a replan interval"),
         ("seed = ", "TOML parse error"),
         ("out = \"runs/a\"", "`out` is not a key"),
+        ("av-lookahead = 2", "av-lookahead `2`: write 0 or 1"),
+        ("rollouts = 10001", "rollouts `10001`: write at most 10000"),
+        ("category = [\"x\"]", "category `x`: write one of "),
+        ("current-frame = 12\nwindow-step = 10", "window-step and current-frame exclude each other"),
+        ("nuplan = [\"logs\"]", "nuplan has no effect without filter"),
+        ("maps = \"maps\"", "maps has no effect without nuplan"),
+        ("reveal-ids = true", "reveal-ids has no effect without external"),
     ] {
         let spec = file(home.path(), content);
         let output = reactsim(&["run", &spec]);
@@ -125,4 +136,18 @@ fn wrong_files_are_refused_by_name() {
     }
     let absent = reactsim(&["run", "absent.toml"]);
     assert!(String::from_utf8_lossy(&absent.stderr).contains("absent.toml"));
+}
+
+#[test]
+fn options_complete_a_file() {
+    let home = tempfile::tempdir().unwrap();
+    let spec = file(home.path(), "external = [\"mine=true\"]\nnuplan = [\"logs\"]\nfilter = \"a.yaml\"\n");
+    let options = ["--reveal-ids", "--filter", "b.yaml", "--seed", "18446744073709551615", "--print-spec"];
+    let (printed, _) = said(&[&["run", &spec], &options[..]].concat(), 0);
+    let filter = format!("filter = {:?}", std::env::current_dir().unwrap().join("b.yaml"));
+    for line in ["reveal-ids = true", &filter, "seed = \"18446744073709551615\""] {
+        assert!(printed.lines().any(|found| found == line), "{line}: {printed}");
+    }
+    let saved = file(home.path(), &printed);
+    assert_eq!(said(&["run", &saved, "--print-spec"], 0).0, printed);
 }

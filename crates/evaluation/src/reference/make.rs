@@ -9,9 +9,9 @@ use reactsim_nn::cpu_class;
 
 use super::record::FORMAT;
 use super::{MachineRecord, Reference, ReferenceError, ReferenceRecord, SimulatorClass, check_values};
-use crate::folder::rows_table;
-use crate::folder::{cannot_read, cannot_write, replace};
-use crate::folder::{read_provenance, read_rows, read_summary};
+use crate::folder::{
+    cannot_read, cannot_write, read_provenance, read_rows, read_summary, replace, rows_table,
+};
 use crate::layout::{PROVENANCE, REFERENCE_RECORD, ROWS_TABLE, SUMMARY};
 
 /// The parts of a reference that are not in its run.

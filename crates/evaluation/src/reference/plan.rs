@@ -10,6 +10,7 @@ use reactsim_rollout::{Protocol, Replan};
 
 use super::{Reference, ReferenceError};
 use crate::error::EvaluationError;
+use crate::plan::of_spec::with_driver;
 use crate::plan::{Deviations, Plan};
 use crate::provenance::leaves::differences;
 use crate::provenance::{Provenance, program_version};
@@ -17,7 +18,6 @@ use crate::simulators::{Adjustments, PlannedSimulator};
 use crate::source::Source;
 use crate::source::benchmarks::BenchmarkRecord;
 use crate::source::file_record::FileRecord;
-use crate::spec::with_driver;
 use crate::spec::{RolloutSpec, RunSpec, SubjectSpec};
 
 /// The inputs for repeating the run of a reference.

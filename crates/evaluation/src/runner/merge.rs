@@ -38,10 +38,10 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
     }
     let mut tally = Tally::of(&provenance);
     tally.entries.extend(tallies.iter().flat_map(|of| of.entries.clone()));
+    let spec = RunSpec::of_run(&partitions[0])?;
+    spec.iter().try_for_each(|spec| spec.to_toml_in(out).map(drop))?;
     let run = RunFolder::create(out, &provenance)?;
-    if let Some(spec) = RunSpec::of_run(&partitions[0])? {
-        spec.write(out)?;
-    }
+    spec.iter().try_for_each(|spec| spec.write(out))?;
     let (mut failures, mut omissions) = (Vec::new(), Omissions::default());
     for folder in partitions {
         for_parsed_lines(&folder.join(FAILURES), |failure| failures.push(failure))?;

@@ -8,7 +8,7 @@ use reactsim_rollout::Protocol;
 use serde::{Deserialize, Serialize};
 
 use super::file::{names, unknown_key};
-use super::{RolloutSpec, RunSpec};
+use super::{RolloutSpec, RunSpec, split_metric_option};
 use crate::error::EvaluationError;
 
 /// Keys that can be axes, in addition to those of [`RolloutSpec`]. Members of a study share scenarios and
@@ -94,6 +94,12 @@ impl RunSpec {
             }
             all = further;
         }
+        let names_av = axes.iter().any(|axis| axis.key == "av");
+        if names_av && all.iter().any(|(spec, _)| spec.rollout.protocol == Protocol::Realism) {
+            let reason =
+                "simulators move the AV with protocol=realism: leave out this axis, or realism of protocol";
+            return Err(refuse("av", reason));
+        }
         Ok(all)
     }
 
@@ -109,6 +115,13 @@ impl RunSpec {
             }
             spec.subject.set.retain(|text| text.split_once('=').is_none_or(|(path, _)| path.trim() != key));
             spec.subject.set.push(format!("{key}={value}"));
+            return Ok(spec);
+        }
+        if key == "metric-option" {
+            let (name, _) = split_metric_option(value).map_err(|error| refuse(key, error.to_string()))?;
+            let options = &mut spec.subject.metric_option;
+            options.retain(|text| text.split_once('=').is_none_or(|(other, _)| other != name));
+            options.push(value.to_owned());
             return Ok(spec);
         }
         let invalid = |error: clap::Error| {
@@ -170,6 +183,15 @@ mod tests {
     }
 
     #[test]
+    fn an_axis_of_a_metric_option_leaves_the_others() {
+        let mut spec = RunSpec::default();
+        spec.subject.metric_option = ["fault_order=waymax", "other=1"].map(str::to_owned).to_vec();
+        let all = spec.product(&["metric-option=fault_order=nuplan,more=2".parse().unwrap()]).unwrap();
+        let options: Vec<_> = all.iter().map(|(spec, _)| spec.subject.metric_option.join(" ")).collect();
+        assert_eq!(options, ["other=1 fault_order=nuplan", "fault_order=waymax other=1 more=2"]);
+    }
+
+    #[test]
     fn settings_of_planners_belong_to_their_value() {
         let axis: Axis = "av=planner:idm,tracker=perfect,every=5,log,brake:4".parse().unwrap();
         assert_eq!(axis.values, ["planner:idm,tracker=perfect,every=5", "log", "brake:4"]);
@@ -189,6 +211,12 @@ mod tests {
             (&["seed=x"], "axis seed=x: "),
             (&["replan=5,2hz"], "axis replan=2hz: its value is there twice"),
             (&["seed=1", "seed=2"], "axis seed: it is there twice"),
+            (
+                &["av=log,brake:4", "protocol=reactive,realism"],
+                "axis av: simulators move the AV with protocol=realism",
+            ),
+            (&["protocol=realism", "av=log"], "axis av: simulators move the AV with protocol=realism"),
+            (&["metric-option=x"], "axis metric-option: metric-option `x`: write NAME=VALUE"),
         ] {
             let found = product(axes).unwrap_err().to_string();
             assert!(found.starts_with(message), "{axes:?}: {found}");

@@ -47,7 +47,7 @@ pub struct ExternalSpec {
     pub external_limit: Option<Time>,
     /// Pass ids of scenarios and agents and world coordinates to external simulators; every table
     /// marks them with §
-    #[arg(long, requires = "external", num_args = 0..=1, require_equals = true, default_missing_value = "true",
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true",
           hide_possible_values = true, help_heading = HEADING)]
     pub reveal_ids: Option<bool>,
 }

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
+use reactsim_files::as_url;
 
-use super::RunSpec;
-
+use super::{NuplanSpec, RunSpec, SubjectSpec};
+use crate::av::AvChoice;
 use crate::suggestion::most_similar;
 
 /// Extension of files.
@@ -46,8 +47,8 @@ impl FromArgMatches for Specification {
         let named: Vec<&PathBuf> = matches.get_many("scenarios").into_iter().flatten().collect();
         let file =
             named.into_iter().find(|path| path.extension().is_some_and(|found| found == EXTENSION)).cloned();
+        let invalid = |error: String| clap::Error::raw(ErrorKind::InvalidValue, error + "\n");
         if let Some(file) = &file {
-            let invalid = |error: String| clap::Error::raw(ErrorKind::InvalidValue, error + "\n");
             self.value = read(file).map_err(invalid)?;
         }
         let from_file = std::mem::take(&mut self.value.subject.input.scenarios);
@@ -61,7 +62,32 @@ impl FromArgMatches for Specification {
                 *paths = from_file;
             }
         }
-        Ok(())
+        self.value.check_values().map_err(|error| {
+            let of_file = file.map_or_else(String::new, |file| format!("{}: ", file.display()));
+            invalid(format!("{of_file}{error}"))
+        })
+    }
+}
+
+impl RunSpec {
+    /// Changes the paths of all files; URLs remain.
+    pub(crate) fn change_paths(&mut self, change: &dyn Fn(&Path) -> PathBuf) {
+        let SubjectSpec { input, model_weights, av, .. } = &mut self.subject;
+        let NuplanSpec { nuplan, filter, maps } = &mut input.reading.nuplan;
+        let files = [&mut input.deviations, filter, maps];
+        let all = input.scenarios.iter_mut().chain(nuplan).chain(files.into_iter().flatten());
+        let of_av = av.iter_mut().filter_map(|av| match av {
+            AvChoice::File(path) => Some(path),
+            _ => None,
+        });
+        for path in all.chain(of_av).filter(|path| as_url(path).is_none()) {
+            *path = change(path);
+        }
+        for text in model_weights {
+            if let Some((id, file)) = text.split_once('=') {
+                *text = format!("{id}={}", change(Path::new(file)).display());
+            }
+        }
     }
 }
 
@@ -69,7 +95,7 @@ impl FromArgMatches for Specification {
 ///
 /// # Errors
 /// If the file cannot be read, is no TOML, has an unknown key, or a value that does not fit.
-pub(super) fn read(path: &Path) -> Result<RunSpec, String> {
+pub(crate) fn read(path: &Path) -> Result<RunSpec, String> {
     let invalid = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let text = fs::read_to_string(path).map_err(|error| invalid(&error))?;
     let table: toml::Table = toml::from_str(&text).map_err(|error| invalid(&error))?;

@@ -58,7 +58,7 @@ pub struct ReadingSpec {
     pub current_frame: Option<usize>,
     /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a
     /// current frame, as far as 80 frames follow; ids get the frame, such as ID@60
-    #[arg(long, value_name = "N", conflicts_with = "current_frame")]
+    #[arg(long, value_name = "N")]
     pub window_step: Option<NonZeroUsize>,
     /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
     /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
@@ -75,13 +75,13 @@ pub struct ReadingSpec {
 #[serde(default, rename_all = "kebab-case")]
 pub struct NuplanSpec {
     /// Logs of nuPlan (`.db`), or folders that hold some; may be repeated
-    #[arg(long, value_name = "LOGS", requires = "filter")]
+    #[arg(long, value_name = "LOGS")]
     pub nuplan: Vec<PathBuf>,
     /// Scenarios of --nuplan that a scenario_filter of nuPlan's devkit (YAML) selects, such as val14_split.yaml
-    #[arg(long, value_name = "FILE", requires = "nuplan")]
+    #[arg(long, value_name = "FILE")]
     pub filter: Option<PathBuf>,
     /// Folder with the list of nuPlan's maps [default: the one above the logs]
-    #[arg(long, value_name = "FOLDER", requires = "nuplan")]
+    #[arg(long, value_name = "FOLDER")]
     pub maps: Option<PathBuf>,
 }
 
@@ -170,11 +170,23 @@ impl ReadingSpec {
         [frame, step, all, filter].into_iter().flatten()
     }
 
+    /// Checks that the keys fit together.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names two keys of which one is too many or too few.
+    pub fn check(&self) -> Result<(), EvaluationError> {
+        if self.current_frame.is_some() && self.window_step.is_some() {
+            return Err(EvaluationError::Exclude { key: "window-step", other: "current-frame" });
+        }
+        self.nuplan.check()
+    }
+
     /// Refuses keys without effect on the shipped scenarios.
     ///
     /// # Errors
-    /// [`EvaluationError`] names the first key that is given.
+    /// [`EvaluationError`] as for [`Self::check`], and names the first key that is given.
     pub fn check_absent(&self) -> Result<(), EvaluationError> {
+        self.check()?;
         match self.named().next() {
             Some((key, _)) => Err(EvaluationError::ShippedAsIs { key }),
             None => Ok(()),
@@ -185,8 +197,9 @@ impl ReadingSpec {
     /// value has the files that only look like scenarios.
     ///
     /// # Errors
-    /// [`EvaluationError`] if a file cannot be read.
+    /// [`EvaluationError`] as for [`Self::check`], and if a file cannot be read.
     pub fn find_inputs(&self, paths: &[PathBuf]) -> Result<(Vec<Input>, PassedOver), EvaluationError> {
+        self.check()?;
         let (mut inputs, mut passed_over) = (Vec::new(), PassedOver::new());
         for path in paths {
             let found = survey(path)?;
@@ -202,11 +215,26 @@ impl ReadingSpec {
 }
 
 impl NuplanSpec {
+    /// Checks that logs have a filter, and that the others have logs.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] names a key without effect and the one that is absent.
+    pub fn check(&self) -> Result<(), EvaluationError> {
+        let needs = |key, other| Err(EvaluationError::Needs { key, other });
+        match (self.nuplan.is_empty(), &self.filter, &self.maps) {
+            (false, None, _) => needs("nuplan", "filter"),
+            (true, Some(_), _) => needs("filter", "nuplan"),
+            (true, None, Some(_)) => needs("maps", "nuplan"),
+            _ => Ok(()),
+        }
+    }
+
     /// Returns the selected scenarios, if a filter is given.
     ///
     /// # Errors
-    /// [`EvaluationError`] if the filter or a log cannot be read.
+    /// [`EvaluationError`] if one of the keys is absent, or the filter or a log cannot be read.
     pub fn input(&self) -> Result<Option<Input>, EvaluationError> {
+        self.check()?;
         let Some(filter) = &self.filter else { return Ok(None) };
         Ok(Some(nuplan_filter(filter, &self.nuplan, self.maps.clone())?))
     }

@@ -43,6 +43,39 @@ pub(super) mod option {
     }
 }
 
+/// Seeds. Integers of TOML end at 2⁶³ − 1; larger ones are texts.
+pub(super) mod seed {
+    use super::{Deserialize, Deserializer, Display, Error, Serializer};
+
+    /// A seed in a file.
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "seed: expected an integer from 0 to 18446744073709551615")]
+    enum Seed {
+        Number(u64),
+        Text(String),
+    }
+
+    pub(in super::super) fn serialize<T, S>(seed: &T, serializer: S) -> Result<S::Ok, S::Error>
+    where
+        T: Copy + Display + TryInto<i64>,
+        S: Serializer,
+    {
+        match (*seed).try_into() {
+            Ok(number) => serializer.serialize_i64(number),
+            Err(_) => serializer.collect_str(seed),
+        }
+    }
+
+    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+        match Seed::deserialize(deserializer)? {
+            Seed::Number(number) => Ok(number),
+            Seed::Text(text) => {
+                text.parse::<u64>().map_err(|error| D::Error::custom(format!("seed `{text}`: {error}")))
+            }
+        }
+    }
+}
+
 /// Lists of values.
 pub(super) mod list {
     use super::{Deserialize, Deserializer, Display, FromStr, Serializer, parse};

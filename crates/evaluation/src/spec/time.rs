@@ -4,7 +4,10 @@ use std::fmt::{self, Display, Formatter};
 use std::str::FromStr;
 use std::time::Duration;
 
-/// A time, such as `90s`, `3m` or `1h`.
+/// The longest time: the clock can be that far ahead.
+const MOST: Duration = Duration::from_secs(365 * 24 * 3600);
+
+/// A time of at most 365 days, such as `90s`, `3m` or `1h`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Time(pub Duration);
 
@@ -21,12 +24,29 @@ impl FromStr for Time {
             _ => return Err(wrong()),
         };
         let number: f64 = number.parse().map_err(|_| wrong())?;
-        Duration::try_from_secs_f64(number * seconds).map(Self).map_err(|_| wrong())
+        let time = Duration::try_from_secs_f64(number * seconds).map_err(|_| wrong())?;
+        match time <= MOST {
+            true => Ok(Self(time)),
+            false => Err(format!("`{text}` is too long: write a time of at most 8760h, which are 365 days")),
+        }
     }
 }
 
 impl Display for Time {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{}s", self.0.as_secs_f64())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_at_most_a_year() {
+        assert_eq!("8760h".parse(), Ok(Time(MOST)));
+        for (text, part) in [("8761h", "at most 8760h"), ("1e30s", "not a time"), ("-1s", "not a time")] {
+            assert!(text.parse::<Time>().unwrap_err().contains(part), "{text}");
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_metrics::{METRICS, MetricSpec, Score};
 
-use crate::own_metrics::MetricRecord;
+use crate::metric_record::MetricRecord;
 use crate::provenance::Provenance;
 use crate::row::{RecordPosition, Row, RowNote};
 use crate::statistics::mean;

@@ -11,10 +11,10 @@ use super::{Member, Study, StudyKind};
 use crate::av::{AvChoice, AvDriver};
 use crate::error::EvaluationError;
 use crate::plan::Plan;
+use crate::plan::of_spec::{RunParts, refuse_repeated, with_driver};
 use crate::simulators::PlannedSimulator;
 use crate::source::Source;
-use crate::spec::{AxisValue, refuse_repeated, with_driver};
-use crate::spec::{ExternalPrograms, RunParts, RunSpec, SubjectSpec};
+use crate::spec::{AxisValue, ExternalPrograms, RunSpec, SubjectSpec};
 
 /// The plans of all members of a study. They share the scenarios, so there is one plan, in which
 /// [`Self::select`] sets the specification and the simulators of a member.

@@ -50,7 +50,7 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         row(out, &columns, line)?;
     }
     writeln!(out, "</tbody>\n</table></div>")?;
-    for text in marks(lines.iter().map(|l| l.standing)) {
+    for text in marks(lines.iter().map(|l| l.marks)) {
         writeln!(out, "<p>{text}.</p>")?;
     }
     writeln!(
@@ -65,7 +65,7 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn row(out: &mut dyn Write, columns: &[Column], line: &Line<'_>) -> io::Result<()> {
-    let mark = format!(" {}", line.standing.signs());
+    let mark = format!(" {}", line.marks.signs());
     let mark = mark.trim_end();
     let status = line.entry.status.name();
     write!(

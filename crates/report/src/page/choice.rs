@@ -105,7 +105,7 @@ impl Gallery {
         let mut weight = 1.0;
         let mut contrast = 0.0;
         for metric in CONTRAST_METRICS {
-            let counts = self.subjects.iter().filter(|s| !s.standing.is_oracle()).filter_map(|subject| {
+            let counts = self.subjects.iter().filter(|s| !s.marks.is_oracle()).filter_map(|subject| {
                 let place = self.scenarios[index].places[subject.run]?;
                 let finished = &self.runs[subject.run].finished;
                 let done = finished.tally().has(place, subject.simulator);

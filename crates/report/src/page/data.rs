@@ -177,9 +177,9 @@ impl Gallery {
                     run: s.run,
                     id: &s.id,
                     title: &s.title,
-                    oracle: s.standing.is_oracle(),
-                    mark: s.standing.signs(),
-                    meaning: meaning(s.standing),
+                    oracle: s.marks.is_oracle(),
+                    mark: s.marks.signs(),
+                    meaning: meaning(s.marks),
                 })
                 .collect(),
             scenarios: self.scenario_data(scenes),
@@ -280,8 +280,8 @@ fn is_like_paper(summary: &Summary) -> bool {
 }
 
 /// Returns the explanation of the marks of a simulator.
-fn meaning(standing: TableMarks) -> String {
-    standing.marks().map(Mark::meaning).collect::<Vec<_>>().join("; ")
+fn meaning(marks: TableMarks) -> String {
+    marks.marks().map(Mark::meaning).collect::<Vec<_>>().join("; ")
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ pub(super) struct Subject {
     pub(super) simulator: usize,
     pub(super) id: String,
     pub(super) title: String,
-    pub(super) standing: TableMarks,
+    pub(super) marks: TableMarks,
 }
 
 /// A scenario of one or several runs.
@@ -86,9 +86,9 @@ impl Gallery {
                 let Some(simulator) = tally.simulators.iter().position(|s| *s == record.id) else { continue };
                 let (id, title) = (record.id.clone(), record.title.clone());
                 let summary = run.finished.summary().simulators.get(&record.id);
-                let is_allowed = summary.is_some_and(|s| s.standing().is_allowed);
-                let standing = TableMarks { access: record.access(), is_allowed };
-                subjects.push(Subject { run: number, simulator, id, title, standing });
+                let is_allowed = summary.is_some_and(|s| s.marks().is_allowed);
+                let marks = TableMarks { access: record.access(), is_allowed };
+                subjects.push(Subject { run: number, simulator, id, title, marks });
             }
             for (place, entry) in &run.finished.tally().entries {
                 let key = (entry.scenario.clone(), entry.digest.clone());

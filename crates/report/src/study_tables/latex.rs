@@ -54,12 +54,12 @@ fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
         let before = i.checked_sub(1).map(|before| &table.rows[before]);
         // Simulators with several variants are separated, and so are oracles from the others.
         if before.is_some_and(|before| match table.settings.is_empty() {
-            true => before.standing.is_oracle() && !row.standing.is_oracle(),
+            true => before.marks.is_oracle() && !row.marks.is_oracle(),
             false => before.title != row.title,
         }) {
             writeln!(out, "    \\midrule")?;
         }
-        let method = format!("{}{}", escape(row.title), mark(row.standing));
+        let method = format!("{}{}", escape(row.title), mark(row.marks));
         let texts = std::iter::once(method).chain(row.settings.iter().map(|text| escape(text)));
         let cells: Vec<String> = texts.chain(row.cells.iter().map(cell)).collect();
         writeln!(out, "    {} \\\\", cells.join(" & "))?;
@@ -115,6 +115,6 @@ fn caption(tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
         text.push_str(" Differences are paired; bold where the interval leaves 0 out.");
     }
     let rows = tables.iter().flat_map(|table| &table.rows);
-    text.push_str(&meanings(rows.map(|row| row.standing)));
+    text.push_str(&meanings(rows.map(|row| row.marks)));
     text
 }

@@ -100,7 +100,7 @@ fn write_values<'a, 'b: 'a>(
 fn write_legend(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out)?;
     let all = results.summaries.iter().flat_map(|s| s.simulators.values());
-    legend(out, all.map(SimulatorSummary::standing))
+    legend(out, all.map(SimulatorSummary::marks))
 }
 
 fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
@@ -108,8 +108,8 @@ fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     let head = texts.chain(table.heads.iter().map(head));
     let mut rows: Vec<Vec<String>> = vec![head.collect()];
     for row in &table.rows {
-        let texts = std::iter::once(method(row.title, row.standing))
-            .chain(row.settings.iter().map(|text| escape(text)));
+        let texts =
+            std::iter::once(method(row.title, row.marks)).chain(row.settings.iter().map(|text| escape(text)));
         rows.push(texts.chain(row.cells.iter().map(text)).collect());
     }
     write_aligned(out, &rows, 1 + table.settings.len())

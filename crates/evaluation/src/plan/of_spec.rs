@@ -4,17 +4,17 @@ use std::path::Path;
 
 use reactsim_formats::Partition;
 use reactsim_metrics::Metrics;
-use reactsim_rollout::{Protocol, Settings};
+use reactsim_rollout::Protocol;
 
-use super::{RunSpec, SubjectSpec};
+use super::{Deviations, Plan};
 use crate::av::{AvChoice, AvDriver, PlannedAv};
 use crate::deviation::pose::Pose;
 use crate::driver::Driver;
 use crate::error::EvaluationError;
-use crate::plan::{Deviations, Plan};
 use crate::simulators::PlannedSimulator;
 use crate::source::Source;
 use crate::source::benchmarks::BenchmarkRecord;
+use crate::spec::{RunSpec, SubjectSpec};
 
 /// What is opened and started for a run.
 #[derive(Default)]
@@ -32,31 +32,13 @@ pub struct RunParts {
 }
 
 impl RunSpec {
-    /// Returns whether the run folder keeps the rollouts.
-    pub fn keeps_rollouts(&self) -> bool {
-        self.keep_rollouts == Some(true)
-    }
-
-    /// Returns protocol, replan interval, lookahead and seed.
-    pub fn settings(&self) -> Settings {
-        let rollout = &self.rollout;
-        Settings {
-            protocol: rollout.protocol,
-            replan: rollout.replan,
-            av_lookahead: rollout.av_lookahead == 1,
-            seed: self.subject.seed,
-        }
-    }
-
     /// Returns the file of deviations, if there is one.
     ///
     /// # Errors
-    /// [`EvaluationError`] if there are no rollouts, or the AV and the deviations do not fit together or to
-    /// the protocol.
+    /// [`EvaluationError`] as for [`Self::check_values`], and if the AV and the deviations do not fit
+    /// together or to the protocol.
     pub(crate) fn check(&self) -> Result<Option<&Path>, EvaluationError> {
-        if self.rollout.rollouts == 0 {
-            return Err(EvaluationError::ZeroRollouts);
-        }
+        self.check_values()?;
         if self.rollout.protocol == Protocol::Realism && self.subject.av.is_some() {
             return Err(EvaluationError::AvInRealism);
         }
@@ -66,9 +48,9 @@ impl RunSpec {
     /// Plans the run. Every error of its inputs is reported here, before the first scenario.
     ///
     /// # Errors
-    /// [`EvaluationError`] if a simulator is repeated, there are no rollouts, the AV and the deviations do
-    /// not fit together or to the protocol, the AV policy names a planner that is not given, the file of
-    /// deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
+    /// [`EvaluationError`] as for [`Self::check_values`], and if a simulator is repeated, the AV and the
+    /// deviations do not fit together or to the protocol, the AV policy names a planner that is not given, the
+    /// file of deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
         let RunParts { sources, simulators, drivers, metrics, partition } = parts;
         refuse_repeated(&simulators)?;
@@ -147,4 +129,55 @@ pub fn are_deviated(sources: &[Source]) -> bool {
     }
     let scenarios = sources.iter().filter_map(|source| source.scenarios().ok()).flatten();
     scenarios.filter_map(Result::ok).next().is_none_or(|scenario| scenario.deviation.is_some())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_checked_wherever_they_come_from() {
+        type Change = fn(&mut RunSpec);
+        let cases: [(Change, &str); 9] = [
+            (|spec| spec.rollout.av_lookahead = 2, "av-lookahead `2`: write 0 or 1"),
+            (|spec| spec.rollout.rollouts = 0, "0 rollouts"),
+            (|spec| spec.rollout.rollouts = 10_001, "rollouts `10001`: write at most 10000"),
+            (|spec| spec.subject.input.selection.category.push("x".into()), "category `x`: write one of "),
+            (
+                |spec| spec.subject.external.reveal_ids = Some(true),
+                "reveal-ids has no effect without external",
+            ),
+            (
+                |spec| {
+                    let reading = &mut spec.subject.input.reading;
+                    (reading.current_frame, reading.window_step) =
+                        (Some(12), std::num::NonZeroUsize::new(10));
+                },
+                "window-step and current-frame exclude each other",
+            ),
+            (
+                |spec| spec.subject.input.reading.nuplan.nuplan.push("logs".into()),
+                "nuplan has no effect without filter",
+            ),
+            (
+                |spec| spec.subject.input.reading.nuplan.filter = Some("f.yaml".into()),
+                "filter has no effect without nuplan",
+            ),
+            (
+                |spec| spec.subject.input.reading.nuplan.maps = Some("maps".into()),
+                "maps has no effect without nuplan",
+            ),
+        ];
+        for (change, message) in cases {
+            let mut spec = RunSpec::default();
+            change(&mut spec);
+            let error = spec.check_values().unwrap_err().to_string();
+            assert!(error.starts_with(message), "{error}");
+            assert_eq!(spec.plan(RunParts::default()).err().map(|error| error.to_string()), Some(error));
+        }
+        let mut most = RunSpec::default();
+        (most.rollout.rollouts, most.rollout.av_lookahead) = (crate::spec::MOST_ROLLOUTS, 0);
+        most.subject.external.reveal_ids = Some(false);
+        most.check_values().unwrap();
+    }
 }

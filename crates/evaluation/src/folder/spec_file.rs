@@ -1,58 +1,72 @@
 //! Specifications in run folders.
 
+use std::cell::RefCell;
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Component, Path, PathBuf};
+use std::path::{self, Component, Path, PathBuf};
 
-use reactsim_files::as_url;
-
-use super::file::read;
-use super::{NuplanSpec, RunSpec, SubjectSpec};
+use super::replace;
 use crate::av::AvChoice;
 use crate::error::EvaluationError;
-use crate::folder::replace;
 use crate::layout::SPEC;
+use crate::spec::RunSpec;
+use crate::spec::file::read;
 
 impl RunSpec {
-    /// Returns the text of a file, with all values that are set or have a default.
-    pub fn to_toml(&self) -> String {
+    /// Returns the text of a file for any folder, with all values that are set or have a default, and
+    /// absolute paths.
+    ///
+    /// # Errors
+    /// [`EvaluationError::DamagedSpec`] names a path that is not UTF-8, or a number that TOML does not have.
+    pub fn to_toml(&self) -> Result<String, EvaluationError> {
+        self.text(&|path| path::absolute(path).unwrap_or_else(|_| path.to_owned()))
+    }
+
+    /// Returns the text of a file in a folder as [`Self::to_toml`], with paths relative to it, or absolute
+    /// if the folder and the file have only the root in common.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] as for [`Self::to_toml`].
+    pub fn to_toml_in(&self, folder: &Path) -> Result<String, EvaluationError> {
+        self.text(&|path| relative(path, folder))
+    }
+
+    /// Returns the text of a file with changed paths.
+    fn text(&self, change: &dyn Fn(&Path) -> PathBuf) -> Result<String, EvaluationError> {
         let mut spec = self.clone();
+        let unwritable = RefCell::new(None);
+        spec.change_paths(&|path| {
+            let changed = change(path);
+            if changed.to_str().is_none() {
+                unwritable.replace(Some(changed.clone()));
+            }
+            changed
+        });
+        let refuse = |reason| EvaluationError::DamagedSpec { reason };
+        if let Some(path) = unwritable.into_inner() {
+            return Err(refuse(format!(
+                "{}: the path is not UTF-8, as {SPEC} is: rename it",
+                path.display()
+            )));
+        }
         // The name of the policy does not have its file.
         if let Some(AvChoice::File(path)) = spec.subject.av.take_if(|av| matches!(av, AvChoice::File(_))) {
             (spec.subject.input.deviations, spec.subject.av) = (Some(path), Some(AvChoice::Deviated));
         }
-        toml::to_string(&spec).expect("a specification has texts, numbers and lists only")
+        let invalid =
+            |error: toml::ser::Error| refuse(format!("the specification cannot be written: {error}"));
+        // Numbers that no file can have are refused by tables only.
+        toml::Table::try_from(&spec).map_err(invalid)?;
+        toml::to_string(&spec).map_err(invalid)
     }
 
-    /// Changes the paths of all files; URLs remain.
-    pub(super) fn change_paths(&mut self, change: &dyn Fn(&Path) -> PathBuf) {
-        let SubjectSpec { input, model_weights, av, .. } = &mut self.subject;
-        let NuplanSpec { nuplan, filter, maps } = &mut input.reading.nuplan;
-        let files = [&mut input.deviations, filter, maps];
-        let all = input.scenarios.iter_mut().chain(nuplan).chain(files.into_iter().flatten());
-        let of_av = av.iter_mut().filter_map(|av| match av {
-            AvChoice::File(path) => Some(path),
-            _ => None,
-        });
-        for path in all.chain(of_av).filter(|path| as_url(path).is_none()) {
-            *path = change(path);
-        }
-        for text in model_weights {
-            if let Some((id, file)) = text.split_once('=') {
-                *text = format!("{id}={}", change(Path::new(file)).display());
-            }
-        }
-    }
-
-    /// Writes the specification to a folder, with paths relative to it, or absolute if the folder and the
-    /// file have only the root in common.
+    /// Writes the text of [`Self::to_toml_in`] to the folder.
     ///
     /// # Errors
-    /// [`EvaluationError::Write`].
+    /// [`EvaluationError::Write`], and as for [`Self::to_toml`].
     pub fn write(&self, folder: &Path) -> Result<(), EvaluationError> {
-        let mut spec = self.clone();
-        spec.change_paths(&|path| relative(path, folder));
-        replace(&folder.join(SPEC), |out| out.write_all(spec.to_toml().as_bytes()))
+        let text = self.to_toml_in(folder)?;
+        replace(&folder.join(SPEC), |out| out.write_all(text.as_bytes()))
     }
 
     /// Reads the specification in a run folder; `None` for a run of an earlier version or of a program
@@ -99,6 +113,7 @@ fn canonical(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spec::SubjectSpec;
 
     /// Returns a specification with a path under every key that has one.
     fn with_paths(path: &dyn Fn(&str) -> PathBuf) -> RunSpec {
@@ -136,8 +151,38 @@ mod tests {
     fn the_file_of_an_av_is_one_of_deviations() {
         let mut spec = RunSpec::default();
         spec.subject.av = Some(AvChoice::File("d.parquet".into()));
-        let text = spec.to_toml();
+        let text = spec.text(&Path::to_owned).unwrap();
         assert!(text.contains("deviations = \"d.parquet\"") && text.contains("av = \"deviated\""), "{text}");
+    }
+
+    #[test]
+    fn seeds_have_64_bits() {
+        let home = tempfile::tempdir().unwrap();
+        for seed in [0, u64::MAX >> 1, (u64::MAX >> 1) + 1, u64::MAX] {
+            let mut spec = RunSpec::default();
+            spec.subject.seed = seed;
+            spec.write(home.path()).unwrap();
+            assert_eq!(RunSpec::of_run(home.path()).unwrap(), Some(spec));
+        }
+        for seed in ["-1", "\"-1\"", "\"x\"", "0.5"] {
+            fs::write(home.path().join(SPEC), format!("seed = {seed}")).unwrap();
+            let error = RunSpec::of_run(home.path()).unwrap_err().to_string();
+            assert!(error.contains("spec.toml: seed"), "{error}");
+        }
+        let mut spec = RunSpec::default();
+        spec.subject.input.limit = std::num::NonZeroUsize::new(usize::MAX);
+        assert!(spec.to_toml().unwrap_err().to_string().contains("cannot be written"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn paths_that_are_no_text_are_refused() {
+        use std::os::unix::ffi::OsStrExt;
+
+        let mut spec = RunSpec::default();
+        spec.subject.input.scenarios = vec![Path::new(std::ffi::OsStr::from_bytes(b"lo\xffgs")).to_owned()];
+        let error = spec.to_toml().unwrap_err().to_string();
+        assert!(error.contains("gs: the path is not UTF-8"), "{error}");
     }
 
     #[test]
