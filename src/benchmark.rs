@@ -142,7 +142,7 @@ impl Benchmark {
         Self::of(Scenarios::Specified, RunSpec::default())
     }
 
-    /// Scenarios from files, folders and URLs in any of [`formats::FORMATS`].
+    /// Scenarios from files, folders and URLs in any of [`FORMATS`](crate::formats::FORMATS).
     pub fn files<P: Into<PathBuf>>(paths: impl IntoIterator<Item = P>) -> Self {
         let mut spec = RunSpec::default();
         spec.subject.input.scenarios = paths.into_iter().map(Into::into).collect();

@@ -1,6 +1,12 @@
 //! Specifications of runs. The options of the command line, files, and programs give the same values: the keys of
 //! a file are the long names of the options.
 
+#![expect(
+    rustdoc::broken_intra_doc_links,
+    rustdoc::invalid_html_tags,
+    reason = "comments of fields are the help of options, which is plain text"
+)]
+
 mod axes;
 mod external;
 pub(crate) mod file;
