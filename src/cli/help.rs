@@ -85,6 +85,8 @@ mod tests {
             for argument in command.get_arguments() {
                 let Some(option) = argument.get_long() else { continue };
                 let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+                // clap adds the defaults of some options, and the text of others has them.
+                let help = help.split(" [default: ").next().unwrap_or_default().to_owned();
                 texts.entry(option.to_owned()).or_default().entry(help).or_default().push(path.to_owned());
             }
         });
