@@ -234,7 +234,7 @@ fn a_changed_reference_is_refused_by_name() {
         let own = shipped_benchmark().unwrap().record.blake3;
         fs::write(&record, fs::read_to_string(&record).unwrap().replace(&own, "ab")).unwrap();
     });
-    assert!(foreign.contains("`benchmark` is") && foreign.contains("--scenarios PATH"), "{foreign}");
+    assert!(foreign.contains("`benchmark` is") && foreign.contains("give its scenarios"), "{foreign}");
     assert!(
         refused(&|folder| fs::remove_file(folder.join("reference.toml")).unwrap())
             .contains("is not a reference")
@@ -328,7 +328,7 @@ fn sets_of_recordings_have_aggregates_only() {
     as_if_committed(&out);
     let none = at("none");
     let with_rows = ["reference", "make", text(&out), "--name", "mini", "--out", text(&none)];
-    assert!(said(&with_rows, 2).1.contains("give --aggregates-only"));
+    assert!(said(&with_rows, 2).1.contains("references of aggregates only"));
     let reference = made(&out, &at("reference"), &["--aggregates-only"]);
     assert!(!reference.join("rows.parquet").exists());
     assert_eq!(said(&["report", text(&reference)], 0).0, said(&["report", text(&out)], 0).0);

@@ -103,7 +103,7 @@ fn runs_become_submissions_with_the_same_scores() {
             "has 2 rollouts per scenario: run with --rollouts 32",
         ),
         ("slow", "32", &["--all-agents", "--limit", "1", "--replan", "20steps"], "at least 1 Hz"),
-        ("some", "32", &["--id", &crowded], "run with --all-agents"),
+        ("some", "32", &["--id", &crowded], "run with `all-agents`"),
     ] {
         let run = home.path().join(name);
         realism(rollouts, &run, more);

@@ -76,7 +76,7 @@ impl MixId {
     /// Adds a part; the error is the reason why it is refused.
     fn add(&mut self, name: &str, value: &str) -> Result<(), String> {
         let twice = || Err(format!("`{name}` is named twice"));
-        if [name, value].iter().any(|id| id.starts_with(PREFIX)) {
+        if [name, value].iter().any(|id| id.contains(PREFIX)) {
             return Err("a mix cannot be part of a mix: name its simulators".to_owned());
         }
         if let Some(kind) = CLASSES.into_iter().find(|kind| kind.name() == name) {
