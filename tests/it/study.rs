@@ -391,7 +391,7 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
         let told = study(&cut, more, 2);
         assert!(told.contains(part), "{told}");
     };
-    refused(&[], "exists and is not empty; give --resume");
+    refused(&[], "the same command with --resume continues the run");
     refused(&["--resume", "--seed", "3"], "`seed` is 0 there and 3 now");
     refused(&["--resume", "--limit", "1"], "`limit` is absent there and 1 now");
     fs::remove_dir_all(cut.join("steps-05")).unwrap();
