@@ -94,10 +94,11 @@ impl NamedTraffic {
                 self.batches
             ));
         }
-        let (command, mut limits) = match command {
-            STDIO => (Command::Parent(parent.clone()), TimeLimits::none()),
-            line => (Command::Shell(line.to_owned()), TimeLimits::default()),
+        let command = match command {
+            STDIO => Command::Parent(parent.clone()),
+            line => Command::Shell(line.to_owned()),
         };
+        let mut limits = TimeLimits::of(&command);
         if let Some(limit) = &self.external_limit {
             let Time(limit) = limit.parse().map_err(RequestError::new)?;
             limits = TimeLimits { start: limit, first: limit, plan: limit };

@@ -226,7 +226,8 @@ impl Plan {
         path: Option<&Path>,
         resume: bool,
     ) -> Result<(Option<RunFolder>, Tally), EvaluationError> {
-        let (provenance, mut tally) = (self.provenance(), self.tally());
+        let provenance = self.provenance();
+        let mut tally = Tally::of(&provenance);
         let open = |path| match resume {
             true => RunFolder::resume(path, &provenance, &mut tally),
             false => RunFolder::create(path, &provenance),

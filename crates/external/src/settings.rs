@@ -50,6 +50,12 @@ pub struct TimeLimits {
 }
 
 impl TimeLimits {
+    /// Returns the limits of a connection unless others are stated. The parent process has none: it may be
+    /// stopped in a debugger.
+    pub fn of(command: &Command) -> Self {
+        if command.is_parent() { Self::none() } else { Self::default() }
+    }
+
     /// Returns limits so long that nothing exceeds them.
     pub const fn none() -> Self {
         let year = Duration::from_secs(365 * 24 * 3600);

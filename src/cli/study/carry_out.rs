@@ -14,7 +14,7 @@ use crate::cli::progress::Progress;
 use crate::cli::subject::log_sources;
 use crate::evaluation::{
     self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults,
-    Summary,
+    Summary, Tally,
 };
 use crate::report::{TableStyle, study_tables};
 
@@ -42,7 +42,7 @@ pub(super) fn carry_out(
             continue;
         }
         say(format_args!("{which}"));
-        let mut tally = plan.tally();
+        let mut tally = Tally::of(&provenance);
         let run = RunFolder::resume(&folder.member(member), &provenance, &mut tally)?;
         plan.spec.write(run.path())?;
         let progress = Progress::new();

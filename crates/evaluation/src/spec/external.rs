@@ -143,8 +143,7 @@ impl ExternalSpec {
     }
 
     fn limits(&self, command: &Command) -> TimeLimits {
-        // A parent process may be stopped in a debugger.
-        let default = if command.is_parent() { TimeLimits::none() } else { TimeLimits::default() };
+        let default = TimeLimits::of(command);
         let or = |time: Option<Time>, default| time.map_or(default, |Time(time)| time);
         TimeLimits {
             start: or(self.external_start_limit, default.start),
