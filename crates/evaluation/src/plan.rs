@@ -318,7 +318,7 @@ impl Plan {
     fn deviated_av(&self, scenario: &Scenario) -> Result<(Arc<dyn Av>, DeviationLabels), NoAv> {
         let deviated = self.deviated(scenario)?;
         let known = DeviationLabels::of(&deviated);
-        let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
+        let av = DeviatedAv::new(scenario, deviated.track);
         let av = av.map_err(|source| match &self.deviations {
             Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
             None => NoAv::Refused(source),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
+use reactsim_scene::{AgentState, DT, Frame, LightState, Scenario};
 
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError};
 use super::{Av, AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
@@ -20,10 +20,10 @@ pub struct Request<'a> {
     pub rollout: u32,
 }
 
-/// The realised states of one scenario: history, then 80 steps.
+/// The realised states of one scenario: history, then the steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
-    /// The 91 frames of each agent, in the order of the scenario.
+    /// The frames of each agent, in the order of the scenario.
     ///
     /// Velocities of the steps are position differences over 0.1 s, so that no simulator can state one
     /// speed and drive another. A replayed recording (an oracle, or the logged AV) keeps its recorded
@@ -54,7 +54,7 @@ pub enum RolloutError {
         scenario: String,
         /// Id of the agent.
         agent: String,
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
     },
     /// The reactive protocol needs an AV.
@@ -360,8 +360,9 @@ fn plan_all<S: Deref<Target = Scenario>>(
 impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     fn new(beginning: RolloutBeginning<'a, S>, controller: &Controller, settings: &Settings) -> Self {
         let RolloutBeginning { scenario, av, rollout } = beginning;
+        let frames = scenario.length().frames();
         let with_room = |history: &Vec<Frame>| {
-            let mut track = Vec::with_capacity(FRAMES);
+            let mut track = Vec::with_capacity(frames);
             track.extend_from_slice(history);
             track
         };
@@ -390,18 +391,18 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
 
     /// Returns the number of realised steps.
     fn steps(&self) -> usize {
-        self.tracks[0].len() - 1 - CURRENT
+        self.tracks[0].len() - 1 - self.scenario.start.current()
     }
 
     /// Returns whether the rollout has steps left and has not failed.
     fn is_active(&self) -> bool {
-        self.failed.is_none() && !self.is_stopped && self.steps() < FUTURE
+        self.failed.is_none() && !self.is_stopped && self.steps() < self.scenario.length().future
     }
 
     /// Returns the number of steps of the plan that is needed now, if one is.
     fn due_plan(&self, settings: &Settings) -> Option<usize> {
         let is_due = self.is_active() && self.plan_step == self.plan.steps();
-        is_due.then(|| settings.replan.steps().min(FUTURE - self.steps()))
+        is_due.then(|| settings.replan.steps().min(self.scenario.length().future - self.steps()))
     }
 
     fn plan_error(&self, source: PlanError) -> RolloutError {
@@ -430,7 +431,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         self.look_ahead()?;
         let k = self.plan_step;
         self.plan_step += 1;
-        let step = self.tracks[0].len() - CURRENT;
+        let step = self.steps() + 1;
         let external = self.av_next.take();
         let replays_recording = self.av.as_ref().is_some_and(|av| av.replays_recording());
         for agent in 0..self.tracks.len() {

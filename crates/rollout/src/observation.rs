@@ -1,6 +1,6 @@
 //! The observations of simulators and AV policies.
 
-use reactsim_scene::{AgentState, CURRENT, Frame, LightState, Start};
+use reactsim_scene::{AgentState, Frame, LightState, Start};
 
 /// Input of a simulator or an AV policy: the start, and realised states up to the current time. It gives
 /// no access to the log's future.
@@ -28,16 +28,16 @@ impl<'a> Observation<'a> {
         self.start
     }
 
-    /// Returns the index of the latest realised frame, 10 to 89.
+    /// Returns the index of the latest realised frame; the current frame of the scenario at first.
     #[inline]
     pub fn frame(&self) -> usize {
-        self.tracks.first().map_or(CURRENT, |t| t.len() - 1)
+        self.tracks.first().map_or(self.start.current(), |t| t.len() - 1)
     }
 
-    /// Returns the number of realised steps, 0 to 79.
+    /// Returns the number of realised steps.
     #[inline]
     pub fn step(&self) -> usize {
-        self.frame() - CURRENT
+        self.frame() - self.start.current()
     }
 
     /// Returns the realised frames of an agent, from frame 0 to now. Slot 0 is the AV.

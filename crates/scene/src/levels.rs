@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use reactsim_geometry::{Projection, Vec2};
 
-use super::{AgentKind, AgentState, CURRENT, Frame, Road, RoadMap, Scenario, Start};
+use super::{AgentKind, AgentState, Frame, Road, RoadMap, Scenario, Start};
 
 mod contradictions;
 mod ground;
@@ -256,7 +256,7 @@ impl Start {
     /// Returns the height of an agent at the current frame, metres: the recorded height, else that of the
     /// road if it has one level there, else NaN.
     pub fn height_now(&self, agent: usize) -> f64 {
-        let recorded = self.recorded_height(agent, CURRENT);
+        let recorded = self.recorded_height(agent, self.current());
         if recorded.is_nan() && self.has_levels() {
             return self.road().ground_height(self.now(agent).position(), f64::NAN);
         }
@@ -298,7 +298,7 @@ impl Start {
             return Vec::new();
         }
         let last = |(agent, track): (usize, &[Frame])| {
-            let moved = track.get(CURRENT..).unwrap_or_default();
+            let moved = track.get(self.current()..).unwrap_or_default();
             self.heights_along(agent, moved).last().copied().unwrap_or(f64::NAN)
         };
         tracks.into_iter().enumerate().map(last).collect()
@@ -311,12 +311,12 @@ impl Scenario {
         if !self.start.has_levels() {
             return 1;
         }
-        let start = &self.start;
+        let (start, now) = (&self.start, self.start.current());
         let slots = 0..start.agents.len();
-        let chosen = slots.map(|i| (start.now(i).position(), start.recorded_height(i, CURRENT)));
+        let chosen = slots.map(|i| (start.now(i).position(), start.recorded_height(i, start.current())));
         let others = self.unselected.iter().filter(|a| a.agent.kind != AgentKind::Other);
-        let others = others
-            .filter_map(|a| Some((a.track[CURRENT]?.position(), a.heights.get(CURRENT).copied().flatten()?)));
+        let others =
+            others.filter_map(|a| Some((a.track[now]?.position(), a.heights.get(now).copied().flatten()?)));
         count(&start.map, &chosen.chain(others).collect::<Vec<_>>())
     }
 }

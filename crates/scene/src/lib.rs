@@ -42,5 +42,5 @@ pub use parts::{
     DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
 };
 pub use scenario::{DeviatedTrack, Deviation, LogFuture, MAX_AGENTS, Scenario, Start};
-pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY};
+pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY, Length};
 pub use velocities::estimate_av_velocities;

@@ -51,7 +51,7 @@ pub(super) fn with_rollout(
     name: &str,
     simulator: &Controller,
 ) -> anyhow::Result<Scenario> {
-    let av = Arc::new(DeviatedAv::new(&scenario.start.now(0), deviated.track().to_vec())?);
+    let av = Arc::new(DeviatedAv::new(&scenario, deviated.track().to_vec())?);
     let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
     let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
     let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentState, FUTURE, Scenario};
+use reactsim_scene::{AgentState, Scenario};
 
 use super::{Av, AvError, AvPolicy};
 use crate::episode::{Beginning, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
@@ -24,13 +24,22 @@ pub struct SimulatedAv {
     /// Id of the scenario.
     scenario: String,
     origin: Vec2,
+    /// Steps of a rollout.
+    steps: usize,
 }
 
 impl SimulatedAv {
     /// Creates the AV of a scenario, whose id names the random streams. The simulator receives the id and the
     /// origin only if it asks for them ([`Simulator::wants_identity`]).
     pub fn new(scenario: &Scenario, simulator: Arc<dyn Simulator>, replan: Replan, seed: u64) -> Self {
-        Self { simulator, replan, seed, scenario: scenario.id.clone(), origin: scenario.origin }
+        Self {
+            simulator,
+            replan,
+            seed,
+            scenario: scenario.id.clone(),
+            origin: scenario.origin,
+            steps: scenario.length().future,
+        }
     }
 }
 
@@ -94,7 +103,7 @@ impl SimulatedPolicy<'_> {
                 memory
             }
         };
-        let steps = self.av.replan.steps().min(FUTURE - seen.step());
+        let steps = self.av.replan.steps().min(self.av.steps - seen.step());
         let mut episode = [Episode {
             seen,
             memory,
