@@ -142,6 +142,11 @@ impl Simulator for Puppets {
         Ok(())
     }
 
+    fn history(&self) -> Option<usize> {
+        let (simulator, _) = self.others.as_ref()?;
+        simulator.history()
+    }
+
     fn end_batch(&self, memories: Vec<Memory>) {
         let Some((simulator, _)) = &self.others else { return };
         let own = memories.into_iter().filter_map(|mut memory| memory.take::<OthersMemory>());

@@ -136,6 +136,10 @@ impl Simulator for ExternalSimulator {
         self.settings.reveal_ids
     }
 
+    fn history(&self) -> Option<usize> {
+        None
+    }
+
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
         // Episodes that began together are planned together.
         let mut all: Vec<Together<'_, '_>> = Vec::new();

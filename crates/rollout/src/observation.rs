@@ -10,6 +10,9 @@ pub struct Observation<'a> {
     tracks: &'a [Vec<Frame>],
     lights: &'a [Vec<Option<LightState>>],
     av_next: Option<AgentState>,
+    /// Steps that were realised before the current frame of `start`.
+    first_step: usize,
+    changes: usize,
 }
 
 impl<'a> Observation<'a> {
@@ -20,24 +23,37 @@ impl<'a> Observation<'a> {
         lights: &'a [Vec<Option<LightState>>],
         av_next: Option<AgentState>,
     ) -> Self {
-        Self { start, tracks, lights, av_next }
+        Self { start, tracks, lights, av_next, first_step: 0, changes: 0 }
     }
 
-    /// Returns the initial information of the scenario: agents, map, history.
+    /// Returns the observation of a rollout that had realised `first_step` steps at the current frame of
+    /// `start`, and in which agents had entered or left `changes` times.
+    pub(super) fn continued(self, first_step: usize, changes: usize) -> Self {
+        Self { first_step, changes, ..self }
+    }
+
+    /// Returns the initial information: agents, map, history. When agents enter or leave, their slots change,
+    /// and the current frame of the start is the one of the change.
     pub fn start(&self) -> &'a Start {
         self.start
     }
 
-    /// Returns the index of the latest realised frame; the current frame of the scenario at first.
+    /// Returns the index of the latest realised frame; the current frame of the start at first.
     #[inline]
     pub fn frame(&self) -> usize {
         self.tracks.first().map_or(self.start.current(), |t| t.len() - 1)
     }
 
-    /// Returns the number of realised steps.
+    /// Returns the number of realised steps of the rollout.
     #[inline]
     pub fn step(&self) -> usize {
-        self.frame() - self.start.current()
+        self.first_step + self.frame() - self.start.current()
+    }
+
+    /// Returns how often agents entered or left so far. While it stays the same, so does the start.
+    #[inline]
+    pub fn changes(&self) -> usize {
+        self.changes
     }
 
     /// Returns the realised frames of an agent, from frame 0 to now. Slot 0 is the AV.

@@ -13,7 +13,8 @@ use super::headings::estimate_headings;
 use super::parts::{DeviationParts, LightParts, MapParts, ScenarioParts, StopLineParts};
 use super::{
     AgentKind, AgentState, DeviatedTrack, LANE_HALF_WIDTH, Lane, LaneArea, LightState, LogFuture,
-    LoggedAgent, MAX_AGENTS, MapHeights, RoadMap, Scenario, SceneError, Start, StopLine, TrafficLight,
+    LoggedAgent, MAX_AGENTS, MapHeights, RoadMap, Scenario, SceneError, SharedMap, Start, StopLine,
+    TrafficLight,
 };
 
 /// Name of the repair that counts agents that are present at the current frame with a box of size zero.
@@ -79,12 +80,11 @@ impl Scenario {
             agents: Vec::with_capacity(selected.len()),
             history: Vec::with_capacity(selected.len()),
             obstacles,
-            map,
+            map: SharedMap::new(map),
             heights: Vec::with_capacity(selected.len()),
             obstacle_heights,
             lights: lights.positions,
             light_history: lights.history,
-            index: OnceLock::new(),
         };
         let mut tracks = Vec::with_capacity(selected.len());
         let mut heights = Vec::with_capacity(selected.len());
@@ -126,7 +126,7 @@ impl Scenario {
 
     /// Drops all heights: on one level they have no meaning.
     pub(super) fn drop_heights(&mut self) {
-        self.start.map.heights = MapHeights::default();
+        self.start.map.edit().heights = MapHeights::default();
         self.start.heights.clear();
         self.start.obstacle_heights.clear();
         self.log_future.heights.clear();

@@ -48,12 +48,12 @@ fn direction_of_motion(from: &AgentState, to: &AgentState) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CURRENT, FRAMES};
+    use crate::{CURRENT, FRAMES, HISTORY};
 
     fn headings(x: impl Fn(usize) -> f64, heading: impl Fn(usize) -> f64) -> Vec<f64> {
         let state = |f: usize| AgentState { x: x(f), y: 0.0, heading: heading(f), vx: 0.0, vy: 0.0 };
         let mut track: Vec<Frame> = (0..FRAMES).map(|f| Some(state(f))).collect();
-        estimate_headings(&mut track);
+        estimate_headings(&mut track, HISTORY);
         track.iter().flatten().map(|state| state.heading).collect()
     }
 

@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 use reactsim_geometry::{OrientedBox, Vec2};
 
 use super::{
-    Agent, AgentState, Certificate, DT, Frame, Length, LightState, LoggedAgent, MapIndex, Notes, Road,
-    RoadMap, TrafficLight,
+    Agent, AgentState, Certificate, DT, Frame, Length, LightState, LoggedAgent, Notes, Road, SharedMap,
+    TrafficLight,
 };
 
 /// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
@@ -95,7 +95,7 @@ pub struct Start {
     /// Boxes of the static context (kind `other`, present now).
     pub obstacles: Vec<OrientedBox>,
     /// The road map.
-    pub map: RoadMap,
+    pub map: SharedMap,
     /// Height of each agent at each frame, metres, if known; empty if the scenario has one level.
     pub heights: Vec<Vec<Option<f64>>>,
     /// Height of each obstacle, metres, if known; empty if the scenario has one level.
@@ -104,13 +104,12 @@ pub struct Start {
     pub lights: Vec<TrafficLight>,
     /// Observed states per light, one per frame; `None` if not observed.
     pub light_history: Vec<Vec<Option<LightState>>>,
-    pub(super) index: OnceLock<MapIndex>,
 }
 
 impl Start {
     /// Returns the map with its spatial index, which is built at the first call.
     pub fn road(&self) -> Road<'_> {
-        Road::new(&self.map, self.index.get_or_init(|| MapIndex::new(&self.map)))
+        self.map.road()
     }
 
     /// Returns the state of an agent at the current frame.

@@ -165,7 +165,7 @@ fn difference(from: &AgentState, to: &AgentState, seconds: f64) -> Option<Vec2> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CURRENT, FRAMES, ScenarioParts};
+    use crate::{CURRENT, FRAMES, HISTORY, ScenarioParts};
 
     /// Returns an agent with positions along the x axis and unknown velocities.
     fn unknown(id: &str, kind: AgentKind, x: impl Fn(usize) -> Option<f64>) -> LoggedAgent {

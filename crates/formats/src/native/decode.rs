@@ -56,7 +56,8 @@ impl Rows {
         let assembled = Scenario::assemble_as_stored(parts);
         let mut scenario = assembled.map_err(|e| FormatError::scene(path, record, e))?;
         // Stop lines are stored after projection: projecting them again would move them by a rounding error.
-        scenario.start.map.stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
+        let stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
+        scenario.start.map.edit().stop_lines = stop_lines;
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
         if found == expected {

@@ -163,6 +163,7 @@ pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FUTURE;
 
     #[test]
     fn softened_speeds_go_on_from_the_acceleration() {

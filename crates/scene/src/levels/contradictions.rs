@@ -68,7 +68,7 @@ impl Scenario {
         }
         let directions = self.drop_directions();
         let mut ground = Ground::new(&self.start.map);
-        let mut outliers = mend_lines(&mut self.start.map, &ground);
+        let mut outliers = mend_lines(self.start.map.edit(), &ground);
         if outliers > 0 {
             ground = Ground::new(&self.start.map);
         }
@@ -104,7 +104,7 @@ impl Scenario {
 
     /// Drops third coordinates that are directions; returns the number of lines and agents.
     fn drop_directions(&mut self) -> u32 {
-        let mut dropped = self.start.map.drop_directions();
+        let mut dropped = self.start.map.edit().drop_directions();
         let turning = |(i, track): (usize, &Vec<Frame>)| {
             let future = self.log_future.tracks[i].iter().zip(&self.log_future.heights[i]);
             is_heading(track.iter().zip(&self.start.heights[i]).chain(future))

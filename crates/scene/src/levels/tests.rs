@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::{
-    Agent, AgentState, FRAMES, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind,
-    ScenarioParts,
+    Agent, AgentState, CURRENT, FRAMES, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge,
+    RoadEdgeKind, ScenarioParts,
 };
 
 fn line(from: Vec2, to: Vec2) -> Vec<Vec2> {
