@@ -174,6 +174,7 @@ impl Plan {
                 av: self.policy().map_or_else(|| "simulator".to_owned(), ToString::to_string),
                 replan_steps: rollout.replan.steps(),
                 av_lookahead: rollout.av_lookahead == 1,
+                entering: SettingsRecord::entering(self.spec.settings().entering),
                 seed: subject.seed,
                 rollouts: rollout.rollouts,
                 limit,

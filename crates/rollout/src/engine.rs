@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use reactsim_scene::{Frame, Scenario};
 
-use super::entering::{Coming, Entered};
+use super::entering::Entered;
 use super::episode::{Beginning, Continuation, Controller, Episode, Memory, PlanError};
 use super::running::ScenarioRollout;
 use super::{Av, AvError, AvPolicy, Observation, Protocol, Settings};
@@ -33,9 +33,6 @@ pub struct Rollout {
     pub tracks: Vec<Vec<Frame>>,
     /// Agents that entered after the beginning, in the order of their tracks.
     pub entered: Vec<Entered>,
-    /// Number of agents that the log shows, but that could not enter because another agent stood in their place
-    /// to the end.
-    pub kept_out: usize,
     /// Counts of how parts of the plans ended, by outcome.
     pub outcomes: BTreeMap<&'static str, u64>,
 }
@@ -88,6 +85,15 @@ pub const PLANNED_ALONE: &str = "planned-alone";
 
 /// Outcome of an episode of a batch that the simulator broke off once and then completed.
 const PLANNED_AGAIN: &str = "planned-again";
+
+/// Outcome of an agent that entered.
+pub const ENTERED: &str = "agents-entered";
+
+/// Outcome of an agent that entered later than in the log, because another stood in its place.
+pub const ENTERED_LATE: &str = "agents-entered-late";
+
+/// Outcome of an agent that the log shows, but whose place was never free.
+pub const KEPT_OUT: &str = "agents-kept-out";
 
 /// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
 /// the batch, unless the simulator breaks off the whole batch ([`PlanError::BrokenOff`]): then the batch is
@@ -241,18 +247,7 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
     /// Ends all rollouts and returns their realised states.
     pub fn finish(mut self, controller: &Controller) -> Vec<Result<Rollout, RolloutError>> {
         end_episodes(&mut self.running, controller);
-        self.running
-            .into_iter()
-            .map(|r| match r.failed {
-                Some(error) => Err(error),
-                None => Ok(Rollout {
-                    tracks: r.tracks,
-                    kept_out: r.coming.as_ref().map_or(0, Coming::kept_out),
-                    entered: r.coming.map_or_else(Vec::new, |coming| coming.entered),
-                    outcomes: r.outcomes,
-                }),
-            })
-            .collect()
+        self.running.into_iter().map(ScenarioRollout::finish).collect()
     }
 }
 

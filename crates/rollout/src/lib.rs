@@ -18,7 +18,10 @@ pub use av::{
     Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, MAX_STEP_DISPLACEMENT, ParseScriptError, Script,
     ScriptedAv, SimulatedAv,
 };
-pub use engine::{Lockstep, PLANNED_ALONE, Request, Rollout, RolloutBeginning, RolloutError, roll_out};
+pub use engine::{
+    ENTERED, ENTERED_LATE, KEPT_OUT, Lockstep, PLANNED_ALONE, Request, Rollout, RolloutBeginning,
+    RolloutError, roll_out,
+};
 pub use entering::{Entered, Entering, MAX_PRESENT};
 pub use episode::{
     Beginning, Continuation, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError,

@@ -1,5 +1,8 @@
 //! The observations of simulators and AV policies.
 
+use std::sync::{Mutex, PoisonError};
+
+use reactsim_scene::levels::LatestHeights;
 use reactsim_scene::{AgentState, Frame, LightState, Start};
 
 /// Input of a simulator or an AV policy: the start, and realised states up to the current time. It gives
@@ -13,6 +16,8 @@ pub struct Observation<'a> {
     /// Steps that were realised before the current frame of `start`.
     first_step: usize,
     changes: usize,
+    /// Heights of the agents up to an earlier time; `None`: they are looked up from the start on.
+    heights: Option<&'a Mutex<LatestHeights>>,
 }
 
 impl<'a> Observation<'a> {
@@ -23,7 +28,12 @@ impl<'a> Observation<'a> {
         lights: &'a [Vec<Option<LightState>>],
         av_next: Option<AgentState>,
     ) -> Self {
-        Self { start, tracks, lights, av_next, first_step: 0, changes: 0 }
+        Self { start, tracks, lights, av_next, first_step: 0, changes: 0, heights: None }
+    }
+
+    /// Returns the observation with the heights of the rollout so far.
+    pub(super) fn with_heights(self, heights: &'a Mutex<LatestHeights>) -> Self {
+        Self { heights: Some(heights), ..self }
     }
 
     /// Returns the observation of a rollout that had realised `first_step` steps at the current frame of
@@ -76,7 +86,11 @@ impl<'a> Observation<'a> {
     /// Returns the present height of the road under each agent, metres; NaN if unknown. Empty in scenarios of
     /// one level.
     pub fn heights(&self) -> Vec<f64> {
-        self.start.heights_at_end(self.tracks.iter().map(Vec::as_slice))
+        let tracks = self.tracks.iter().map(Vec::as_slice);
+        match self.heights {
+            Some(known) => known.lock().unwrap_or_else(PoisonError::into_inner).follow(self.start, tracks),
+            None => self.start.heights_at_end(tracks),
+        }
     }
 
     /// Returns the state of the AV one step ahead, if the protocol provides it (Algorithm 1, line 4).

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::ops::Deref;
+use std::sync::Mutex;
 
+use reactsim_scene::levels::LatestHeights;
 use reactsim_scene::{AgentState, DT, Frame, LightState, Scenario};
 
-use super::engine::{RolloutBeginning, RolloutError};
+use super::engine::{ENTERED, ENTERED_LATE, KEPT_OUT, Rollout, RolloutBeginning, RolloutError};
 use super::entering::{Coming, Entering};
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
 use super::view::View;
@@ -26,6 +28,8 @@ pub(crate) struct ScenarioRollout<'a, S> {
     replayed: bool,
     pub(crate) tracks: Vec<Vec<Frame>>,
     lights: Vec<Vec<Option<LightState>>>,
+    /// Heights of the agents of the scenario.
+    heights: Mutex<LatestHeights>,
     pub(crate) memory: Memory,
     pub(crate) stream: Stream,
     pub(crate) outcomes: BTreeMap<&'static str, u64>,
@@ -70,6 +74,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         Self {
             tracks,
             lights,
+            heights: Mutex::default(),
             memory: Memory::NONE,
             stream: stream(settings.seed, &scenario.id, rollout, Purpose::Plan),
             outcomes: BTreeMap::new(),
@@ -112,7 +117,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     pub(crate) fn seen(&self) -> Observation<'_> {
         match &self.av_view {
             Some(view) => view.seen(None),
-            None => Observation::new(&self.scenario.start, &self.tracks, &self.lights, None),
+            None => Observation::new(&self.scenario.start, &self.tracks, &self.lights, None)
+                .with_heights(&self.heights),
         }
     }
 
@@ -123,7 +129,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         let av_next = self.av_next.filter(|_| settings.av_lookahead);
         let seen = match &self.view {
             Some(view) if !self.replayed => view.seen(av_next),
-            _ => Observation::new(start, &self.tracks[..start.agents.len()], &self.lights, av_next),
+            _ => Observation::new(start, &self.tracks[..start.agents.len()], &self.lights, av_next)
+                .with_heights(&self.heights),
         };
         Episode {
             seen,
@@ -186,7 +193,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         let Some(av) = self.av.as_mut().filter(|_| self.av_next.is_none()) else { return Ok(()) };
         let seen = match &self.av_view {
             Some(view) => view.seen(None),
-            None => Observation::new(&self.scenario.start, &self.tracks, &self.lights, None),
+            None => Observation::new(&self.scenario.start, &self.tracks, &self.lights, None)
+                .with_heights(&self.heights),
         };
         let next = av.next(&seen);
         let next = next.map_err(|source| RolloutError::Av { scenario: self.scenario.id.clone(), source })?;
@@ -248,6 +256,23 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             (_, Some(view)) if !self.replayed => self.plan.get(view.index(agent)?, step),
             _ => self.plan.get(agent, step),
         }
+    }
+
+    /// Returns the realised states, or the reason why the rollout failed.
+    pub(crate) fn finish(mut self) -> Result<Rollout, RolloutError> {
+        if let Some(error) = self.failed {
+            return Err(error);
+        }
+        let mut entered = Vec::new();
+        if let Some(coming) = self.coming {
+            let late = coming.entered.iter().filter(|agent| agent.waited > 0).count();
+            let counts =
+                [(ENTERED, coming.entered.len()), (ENTERED_LATE, late), (KEPT_OUT, coming.kept_out())];
+            let counts = counts.into_iter().filter(|(_, count)| *count > 0);
+            self.outcomes.extend(counts.map(|(outcome, count)| (outcome, count as u64)));
+            entered = coming.entered;
+        }
+        Ok(Rollout { tracks: self.tracks, entered, outcomes: self.outcomes })
     }
 
     fn agent_id(&self, slot: usize) -> String {

@@ -1,6 +1,9 @@
 //! What a simulator or an AV policy observes once agents have entered or left, or if it was built for another
 //! length of history.
 
+use std::sync::Mutex;
+
+use reactsim_scene::levels::LatestHeights;
 use reactsim_scene::{AgentState, Frame, LightState, Scenario, Start};
 
 use super::Observation;
@@ -17,6 +20,7 @@ pub(crate) struct View {
     first_step: usize,
     /// Number of times that agents entered or left.
     changes: usize,
+    heights: Mutex<LatestHeights>,
 }
 
 impl View {
@@ -67,7 +71,15 @@ impl View {
             }
         }
         let changes = coming.map_or(0, |coming| coming.changes);
-        Self { start, tracks: tracks_now, lights: light_history, slots, first_step: now - current, changes }
+        Self {
+            start,
+            tracks: tracks_now,
+            lights: light_history,
+            slots,
+            first_step: now - current,
+            changes,
+            heights: Mutex::default(),
+        }
     }
 
     /// Adds the latest realised frame.
@@ -83,7 +95,7 @@ impl View {
     /// Returns the observation.
     pub(crate) fn seen(&self, av_next: Option<AgentState>) -> Observation<'_> {
         let seen = Observation::new(&self.start, &self.tracks, &self.lights, av_next);
-        seen.continued(self.first_step, self.changes)
+        seen.continued(self.first_step, self.changes).with_heights(&self.heights)
     }
 
     /// Returns the slot in the rollout of each agent.

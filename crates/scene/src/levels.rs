@@ -294,14 +294,37 @@ impl Start {
     /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown. The first
     /// frame of a track is frame 0. Without levels the result is empty.
     pub fn heights_at_end<'t>(&self, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
-        if !self.has_levels() {
+        LatestHeights::default().follow(self, tracks)
+    }
+}
+
+/// Heights of agents at the end of tracks that grow: each frame is looked up once.
+#[derive(Clone, Debug, Default)]
+pub struct LatestHeights {
+    /// Frames that are done, from frame 0 on, and the last known height, per agent.
+    agents: Vec<(usize, f64)>,
+}
+
+impl LatestHeights {
+    /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown or absent. The
+    /// tracks begin with those of the last call. Without levels the result is empty.
+    pub fn follow<'t>(&mut self, start: &Start, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
+        if !start.has_levels() {
             return Vec::new();
         }
-        let last = |(agent, track): (usize, &[Frame])| {
-            let moved = track.get(self.current()..).unwrap_or_default();
-            self.heights_along(agent, moved).last().copied().unwrap_or(f64::NAN)
+        let (road, current) = (start.road(), start.current());
+        let mut follow = |(agent, track): (usize, &[Frame])| {
+            if agent == self.agents.len() {
+                self.agents.push((current + 1, start.height_now(agent)));
+            }
+            let (done, height) = &mut self.agents[agent];
+            for state in track.iter().skip(*done).flatten() {
+                *height = road.ground_height(state.position(), *height);
+            }
+            *done = track.len().max(*done);
+            if track.last().is_some_and(Option::is_some) { *height } else { f64::NAN }
         };
-        tracks.into_iter().enumerate().map(last).collect()
+        tracks.into_iter().enumerate().map(&mut follow).collect()
     }
 }
 

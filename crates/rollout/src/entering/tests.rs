@@ -8,7 +8,8 @@ use reactsim_scene::{
 
 use super::{Entered, Entering, MAX_PRESENT};
 use crate::{
-    Controller, LogAv, PlanError, Planning, Request, Rollout, Settings, SingleEpisode, Stream, roll_out,
+    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LogAv, PlanError, Planning, Request, Rollout, Settings,
+    SingleEpisode, Stream, roll_out,
 };
 
 /// Steps of the scenarios here.
@@ -132,7 +133,7 @@ fn an_agent_waits_until_its_place_is_free() {
     let Entered { frame, waited, .. } = done.entered[0];
     assert_eq!((frame, waited), (31, 11));
     assert!((x(&done.tracks[2], 31).unwrap() - 10.0).abs() < 1e-9);
-    assert_eq!(done.kept_out, 1);
+    assert_eq!((done.outcomes[ENTERED], done.outcomes[ENTERED_LATE], done.outcomes[KEPT_OUT]), (1, 1, 1));
 }
 
 #[test]
@@ -175,5 +176,5 @@ fn no_more_agents_enter_than_can_be_present() {
     };
     let made = scenario(HISTORY, &(0..MAX_PRESENT + 20).map(later).collect::<Vec<_>>());
     let done = run(&made, Entering::Log, &keep());
-    assert_eq!((done.tracks.len(), done.kept_out), (MAX_PRESENT, 21));
+    assert_eq!((done.tracks.len(), done.outcomes[KEPT_OUT]), (MAX_PRESENT, 21));
 }
