@@ -286,6 +286,7 @@ fn begin_episodes<S: Deref<Target = Scenario>>(
             stream: stream(settings.seed, &r.scenario.id, r.rollout, Purpose::Begin),
             moves_av: settings.protocol == Protocol::Realism,
             steps: settings.replan.steps(),
+            future: r.scenario.length().future,
             identity: simulator.wants_identity().then_some(Identity {
                 scenario: &r.scenario.id,
                 origin: r.scenario.origin,

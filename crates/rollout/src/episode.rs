@@ -143,6 +143,8 @@ pub struct Beginning<'a> {
     pub moves_av: bool,
     /// Number of steps between two plans.
     pub steps: usize,
+    /// Number of steps of the episode.
+    pub future: usize,
     /// Names of the episode, for simulators that ask for them with [`Simulator::wants_identity`].
     pub identity: Option<Identity<'a>>,
     /// The memory to fill in.

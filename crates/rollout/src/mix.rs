@@ -100,6 +100,7 @@ impl Simulator for Mix {
                     stream: episode.stream.clone(),
                     moves_av: episode.moves_av,
                     steps: episode.steps,
+                    future: episode.future,
                     identity: episode.identity.filter(|_| simulator.wants_identity()),
                     memory: Memory::NONE,
                 });
