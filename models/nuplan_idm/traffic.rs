@@ -202,7 +202,9 @@ fn av_at(seen: &Observation<'_>, steps: usize) -> Vec<SeenEgo> {
         return Vec::new();
     }
     let shape = EgoShape::from_box(av.length, av.width);
-    let at = |frames: &[Frame]| ego_state_now(frames, &shape).map(|state| SeenEgo::new(&state, &shape));
+    let at = |frames: &[Frame]| {
+        ego_state_now(frames, seen.start().current(), &shape).map(|state| SeenEgo::new(&state, &shape))
+    };
     let recent = &track[track.len().saturating_sub(RECENT)..];
     let next = seen.av_next().and_then(|next| at(&[recent, &[Some(next)]].concat()));
     let mut all: Vec<SeenEgo> = at(recent).into_iter().collect();

@@ -9,7 +9,8 @@ all agents. A `Planner` drives the AV. `serve` answers the program until it clos
 
 Units are metres, seconds, radians (counter-clockwise from the x axis) and m/s. Positions are box
 centres in the local frame of the scenario, whose origin is the position of the AV at the current
-frame. Frames are 0.1 s apart: frames 0 to 10 are the history, frame 10 is the current frame.
+frame. Frames are 0.1 s apart. Unless scenarios have another length (`Scenes.n_history` and
+`Scenes.n_steps`), frames 0 to 10 are the history, frame 10 is the current frame, and 80 follow.
 
 In shapes, B is the number of episodes of a batch, N the largest number of agents of an episode, T
 the number of frames, S of planned steps, P of points, L of lines, E of links, K of traffic lights,
@@ -75,8 +76,9 @@ __all__ = [
 
 PROTOCOL = "1"
 DT = 0.1  # seconds between two frames
-HISTORY = 11  # frames 0 to 10
-FRAMES = 91  # frames of a scenario
+HISTORY = 11  # frames up to and including the current one, unless scenarios state another number
+STEPS = 80  # frames after the current one, unless scenarios state another number
+MAX_HISTORY, MAX_STEPS = 100, 6000
 MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
 MAX_HEADER = 64 << 20  # bytes of a safetensors header
 MAX_FRAME = 64 << 30  # bytes of a frame
@@ -505,7 +507,7 @@ class Lights:
         self.stop = stop
         """Stop points, f64 [K, 2], metres."""
         self.states = states
-        """States during the history, u8 [K, 11]; see `Light`."""
+        """States during the history, u8 [K, 11, or `n_history`]; see `Light`."""
 
     def __len__(self) -> int:
         return len(self.lane)
@@ -519,6 +521,9 @@ class Scenes:
 
     def __init__(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> None:
         take = _Tensors(tensors)
+        self.n_history, self.n_steps = _length(metadata)
+        """Numbers of frames up to and including the current one, and of steps after it: 11 and 80
+        in the benchmark. All episodes of a batch have the same."""
         self.episodes: Array = take.take("episode", "U64", "B")
         """Handle of each episode, unique in the process, u64 [B]."""
         batch = len(self.episodes)
@@ -531,18 +536,18 @@ class Scenes:
         """Number of agents of each episode, i32 [B]; later slots are padding."""
         self.sizes: Array = take.take("size", "F64", batch, agents, 2)
         """Length and width of each agent, f64 [B, N, 2], metres."""
-        self.history: Array = take.take("history", "F64", batch, agents, HISTORY, 5)
-        """States at frames 0 to 10, f64 [B, N, 11, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-        velocity where unknown."""
-        self.valid: Array = take.take("valid", "BOOL", batch, agents, HISTORY)
-        """Whether each agent is present, bool [B, N, 11]."""
+        self.history: Array = take.take("history", "F64", batch, agents, self.n_history, 5)
+        """States up to the current frame, f64 [B, N, n_history, 5]: x, y, heading, vx, vy; 0 where
+        absent, NaN velocity where unknown."""
+        self.valid: Array = take.take("valid", "BOOL", batch, agents, self.n_history)
+        """Whether each agent is present, bool [B, N, n_history]."""
         self.lines = Lines(take, batch)
         """Lines of the maps."""
         self.lights = Lights(
             take.take_index("light_episode", batch, 0, "K"),
             take.take_index("light_lane", len(self.lines), -1, "K"),
             take.take("light_stop", "F64", "K", 2),
-            take.take("light_state", "U8", "K", HISTORY),
+            take.take("light_state", "U8", "K", self.n_history),
         )
         """Traffic lights."""
         self.obstacle_episode: Array = take.take_index("obstacle_episode", batch, 0, "O")
@@ -551,7 +556,7 @@ class Scenes:
         """Static obstacles, f64 [O, 5]: x, y, heading, length, width."""
         self.moves_av = metadata.get("moves_av") == "1"
         """Whether slot 0 of the plan is executed (realism protocol)."""
-        self.steps = _integer(metadata, "steps", 1, FRAMES) if "steps" in metadata else 0
+        self.steps = _integer(metadata, "steps", 1, MAX_STEPS) if "steps" in metadata else 0
         """Replan interval, steps; 0 if there is none."""
         self.scenario_ids: Optional[List[str]] = _json_list(metadata, "scenario_ids", batch)
         """Ids of the scenarios, only with `--reveal-ids`."""
@@ -593,6 +598,10 @@ class Scene:
         """Index of the episode in the batch."""
         self.n_agents = int(scenes.n_agents[index])
         """Number of agents n; agent 0 is the AV."""
+        self.n_history = scenes.n_history
+        """Number of frames up to and including the current one, 11 in the benchmark."""
+        self.n_steps = scenes.n_steps
+        """Number of steps after the current frame, 80 in the benchmark."""
         self._lanes: Optional[List[Lane]] = None
         self._lane_index: Dict[int, int] = {}
         self._own: Dict[int, Array] = {}
@@ -609,12 +618,12 @@ class Scene:
 
     @property
     def history(self) -> Array:
-        """States at frames 0 to 10, f64 [n, 11, 5]: x, y, heading, vx, vy; 0 where absent."""
+        """States up to now, f64 [n, n_history, 5]: x, y, heading, vx, vy; 0 where absent."""
         return self.scenes.history[self.index, : self.n_agents]
 
     @property
     def valid(self) -> Array:
-        """Whether each agent is present, bool [n, 11]."""
+        """Whether each agent is present, bool [n, n_history]."""
         return self.scenes.valid[self.index, : self.n_agents]
 
     @property
@@ -782,11 +791,11 @@ class Observation:
         self.scenes = scenes
         """Agents and maps, as in `begin`."""
         self.frame = frame
-        """Latest realised frame, 10 to 89."""
+        """Latest realised frame, 10 to 89 in the benchmark."""
         self.steps = steps
         """Number of steps S to plan."""
         self.n_new = n_new
-        """Number of frames since the previous plan; 11 at the first plan."""
+        """Number of frames since the previous plan; all of the history at the first plan."""
         self.states = states
         """Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
         velocity where unknown."""
@@ -834,6 +843,9 @@ class Simulator:
     """Replan intervals that are supported, steps; empty for any."""
     batch: Optional[int] = None
     """Number of episodes per batch, 1 to 1024; None leaves it to the program."""
+    any_length: bool = True
+    """Whether scenarios of other lengths than 11 frames of history and 80 steps are supported;
+    False refuses them."""
 
     def begin(self, scenes: Scenes) -> None:
         """Receives the scenes of a new batch of episodes."""
@@ -860,7 +872,7 @@ class PlannerObservation:
         self.memory = memory
         """The value that `Planner.begin` returned for this episode."""
         self.frame = seen.frame
-        """Present frame, 10 to 89."""
+        """Present frame, 10 to 89 in the benchmark."""
         self.steps = seen.steps
         """Number of steps until the next plan."""
         self.states: Array = seen.states[0]
@@ -891,6 +903,8 @@ class Planner:
     version: str = ""
     weights_sha256: str = ""
     """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
+    any_length: bool = True
+    """As of `Simulator`."""
 
     def begin(self, scene: Scene) -> Any:
         """Receives the scene of a new episode. The returned value is `memory` at its plans."""
@@ -898,8 +912,8 @@ class Planner:
     def plan(self, seen: PlannerObservation) -> Any:
         """Returns poses of the centre of the AV after 1, 2, ... steps, f64 or f32 [P, 3].
 
-        A pose is x, y, heading; P is at least `seen.steps` and at most 80. The tracker of the run
-        follows the poses until the next plan.
+        A pose is x, y, heading; P is at least `seen.steps` and at most 80, or the steps that are
+        left if they are more. The tracker of the run follows the poses until the next plan.
         """
         raise NotImplementedError("a planner needs a method `plan`")
 
@@ -917,15 +931,16 @@ class _Batch:
 
     def __init__(self, scenes: Scenes) -> None:
         self.scenes = scenes
-        self.frame = HISTORY - 1
+        history, frames = scenes.n_history, scenes.n_history + scenes.n_steps
+        self.frame = history - 1
         self.is_first = True
         shape = scenes.kinds.shape
-        self.states = np.zeros((*shape, FRAMES, 5))
-        self.states[:, :, :HISTORY] = scenes.history
-        self.valid = np.zeros((*shape, FRAMES), np.bool_)
-        self.valid[:, :, :HISTORY] = scenes.valid
-        self.lights = np.zeros((len(scenes.lights), FRAMES), np.uint8)
-        self.lights[:, :HISTORY] = scenes.lights.states
+        self.states = np.zeros((*shape, frames, 5))
+        self.states[:, :, :history] = scenes.history
+        self.valid = np.zeros((*shape, frames), np.bool_)
+        self.valid[:, :, :history] = scenes.valid
+        self.lights = np.zeros((len(scenes.lights), frames), np.uint8)
+        self.lights[:, :history] = scenes.lights.states
         present = np.arange(shape[1]) < scenes.n_agents[:, None]
         if not scenes.moves_av:
             present[:, 0] = False
@@ -944,8 +959,9 @@ class _Batch:
         valid = take.take("valid", "BOOL", batch, agents, new)
         lights = take.take("light_state", "U8", len(self.scenes.lights), new)
         av_next = take.take("av_next", "F64", batch, 5)
-        frame = _integer(metadata, "frame", HISTORY - 1, FRAMES - 2)
-        steps = _integer(metadata, "steps", 1, FRAMES - 1)
+        history, frames = self.scenes.n_history, self.states.shape[2]
+        frame = _integer(metadata, "frame", history - 1, frames - 2)
+        steps = _integer(metadata, "steps", 1, frames - 1)
         if frame != self.frame + new:
             raise ProtocolError(
                 "frame %d does not follow frame %d by %d" % (frame, self.frame, new)
@@ -961,7 +977,7 @@ class _Batch:
         ]
         for view in views:
             view.flags.writeable = False
-        n_new = HISTORY + new if self.is_first else new
+        n_new = history + new if self.is_first else new
         self.is_first = False
         return Observation(
             self.scenes,
@@ -1040,10 +1056,10 @@ class _Drive:
         seen = self.batch.observe(metadata, tensors)
         return PlannerObservation(self.scene, self.route, self.memory, seen)
 
-    @staticmethod
-    def check(returned: Any, steps: int, place: str) -> Array:
+    def check(self, returned: Any, steps: int, place: str) -> Array:
         """Checks the poses that `plan` returned, and returns them as an array [P, 3]."""
-        expected = "an array of shape [%d to %d, 3]" % (steps, FRAMES - HISTORY)
+        most = max(STEPS, self.batch.states.shape[2] - 1 - self.batch.frame)
+        expected = "an array of shape [%d to %d, 3]" % (steps, most)
         if returned is None:
             raise _UserError("%s returned None, expected %s" % (place, expected))
         try:
@@ -1052,7 +1068,7 @@ class _Drive:
             text = "%s returned a %s that is no array: %s"
             raise _UserError(text % (place, type(returned).__name__, error)) from error
         is_shape = poses.ndim == 2 and poses.shape[1] == 3
-        if not is_shape or not steps <= poses.shape[0] <= FRAMES - HISTORY:
+        if not is_shape or not steps <= poses.shape[0] <= most:
             raise _UserError(
                 "%s returned an array of shape %s, expected %s: x, y, heading after each step"
                 % (place, poses.shape, expected)
@@ -1199,9 +1215,9 @@ class Session:
         if kind == "plan":
             if handle not in self.drives:
                 raise ProtocolError("`plan` without `begin`")
-            seen = self.drives[handle].observe(metadata, tensors)
-            place = self.title + ".plan"
-            poses = _Drive.check(self.simulator.plan(seen), seen.steps, place)
+            drive, place = self.drives[handle], self.title + ".plan"
+            seen = drive.observe(metadata, tensors)
+            poses = drive.check(self.simulator.plan(seen), seen.steps, place)
             return "planned", {}, {"trajectory": poses[None]}
         if kind == "end":
             if self.drives.pop(handle, None) is not None and self.on_end is not None:
@@ -1222,7 +1238,7 @@ class Session:
                 "%s.weights_sha256 is %r, expected 64 hex digits" % (self.title, weights)
             )
         intervals = [int(n) for n in getattr(self.simulator, "intervals", None) or ()]
-        if not all(1 <= n < FRAMES for n in intervals):
+        if not all(1 <= n <= STEPS for n in intervals):
             raise _UserError("%s.intervals is %s, expected 1 to 80 steps" % (self.title, intervals))
         answer = {
             "role": self.role,
@@ -1231,6 +1247,8 @@ class Session:
             "weights_sha256": weights,
             "intervals": json.dumps(intervals),
         }
+        if getattr(self.simulator, "any_length", True):
+            answer["lengths"] = "any"
         size = self.size if self.size is not None else getattr(self.simulator, "batch", None)
         if size is not None:
             if not 1 <= int(size) <= 1024:
@@ -1261,6 +1279,19 @@ def _integer(metadata: Mapping[str, str], key: str, least: int, most: int) -> in
     if not text.isdigit() or len(text) > 9 or not least <= int(text) <= most:
         raise ProtocolError("metadata `%s` is %r, expected %d to %d" % (key, text, least, most))
     return int(text)
+
+
+def _length(metadata: Mapping[str, str]) -> Tuple[int, int]:
+    """Returns the numbers of frames of the history and of steps."""
+    length = _json_list(metadata, "length", 2)
+    if length is None:
+        return HISTORY, STEPS
+    history, steps = length
+    is_whole = type(history) is int and type(steps) is int
+    if not is_whole or not (2 <= history <= MAX_HISTORY and 1 <= steps <= MAX_STEPS):
+        text = "metadata `length` is %s, expected 2 to %d frames of history and 1 to %d steps"
+        raise ProtocolError(text % (length, MAX_HISTORY, MAX_STEPS))
+    return history, steps
 
 
 def _json_list(metadata: Mapping[str, str], key: str, length: int) -> Any:

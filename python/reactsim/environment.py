@@ -300,9 +300,10 @@ def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
 class Env(gymnasium.Env[dict[str, Array], Array]):
     """An environment in which actions drive the AV and a simulator moves all other agents.
 
-    An episode has 80 steps of 0.1 s. It is truncated after the last step, or if the simulator finds
-    no plan (`info["failure"]`); it terminates at a condition of `end_at`. Without a condition it
-    continues after contacts, as in the benchmark. A `Simulator` that raises is an error.
+    An episode has the steps of its scenario, 80 of 0.1 s in the benchmark. It is truncated after
+    the last step, or if the simulator finds no plan (`info["failure"]`); it terminates at a
+    condition of `end_at`. Without a condition it continues after contacts, as in the benchmark. A
+    `Simulator` that raises is an error.
     Observations and measures are described in `reactsim.environment`.
 
     `reset` chooses a scenario at random; `options={"scenario": id or index, "rollout": 0}` names
@@ -328,7 +329,8 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         every: Number of steps of 0.1 s per action. Measures are then sums of progress, flags that
             are 1 at any step, the smallest time to collision, and the last speed.
         agents: Number of the nearest agents that are observed.
-        history: Number of frames that are observed, 1 to 11.
+        history: Number of frames that are observed, 1 to 100; frames before the first one are
+            absent.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.
@@ -372,7 +374,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
     def states(self) -> Array:
         """Realised states of the episode so far, f64 [agents, frames, 5]: x, y, heading, vx, vy.
 
-        Frame of the scenario; NaN where absent or unknown. Frames begin with the 11 of the history.
+        Frame of the scenario; NaN where absent or unknown. Frames begin with those of the history.
         """
         return self._core.states(0)
 

@@ -25,7 +25,7 @@ __all__ = ["Results", "Rollout", "frame_of", "value_of"]
 
 
 class Rollout(NamedTuple):
-    """Realised tracks of one scenario: steps 1 to 80, n agents."""
+    """Realised tracks of one scenario: all its steps, 80 in the benchmark, and n agents."""
 
     scenario: str
     simulator: str
@@ -33,15 +33,17 @@ class Rollout(NamedTuple):
     agents: list[str]
     """Ids of the agents."""
     states: Array
-    """States, f64 [n, 80, 5]: x, y, heading, vx, vy; NaN where absent or unknown. Metres, local
+    """States, f64 [n, steps, 5]: x, y, heading, vx, vy; NaN where absent or unknown. Metres, local
     frame."""
     origin: tuple[float, float]
     """World coordinates of the local origin, metres; NaN if unknown."""
+    n_history: int = HISTORY
+    """Number of frames before the first step."""
 
     @property
     def frames(self) -> range:
-        """Frames of the states: 11 to 90."""
-        return range(HISTORY, HISTORY + self.states.shape[1])
+        """Frames of the states: 11 to 90 in the benchmark."""
+        return range(self.n_history, self.n_history + self.states.shape[1])
 
 
 class Results:
@@ -143,13 +145,19 @@ class Results:
             raise ImportError(
                 "reading rollouts needs pyarrow: pip install 'reactsim[pandas]'"
             ) from None
+        histories = {
+            row["scenario"]: row["length"]["history"]
+            for row in self._lines("rows.jsonl")
+            if "length" in row
+        }
         with parquet.ParquetFile(path) as file:
             for batch in file.iter_batches(batch_size=16):
                 for row in batch.to_pylist():
                     if simulator not in (None, row["simulator"]):
                         continue
                     if scenario in (None, row["scenario_id"]):
-                        yield _rollout(row)
+                        history = histories.get(row["scenario_id"], HISTORY)
+                        yield _rollout(row)._replace(n_history=history)
 
     def svg(
         self, scenario: str, simulator: str, *, source: PathLike | None = None, step: int = 40
@@ -296,6 +304,7 @@ def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
     metrics = {name: value_of(value) for name, value in row["metrics"].items()}
     notes = {name: note["count"] for name, note in row.get("notes", {}).items()}
     prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_", "notes": "note_"}
+    prefixes["length"] = "length_"
     return _flat({**row, "metrics": metrics, "notes": notes}, prefixes)
 
 

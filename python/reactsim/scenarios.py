@@ -12,15 +12,13 @@ from typing import IO, Any, cast
 
 import numpy as np
 
-from .client import HISTORY, Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
+from .client import STEPS, Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
 from .display import Gif, Svg
 from .options import PathLike, Sources, paths, reading, selection
 from .pictures import picture
 from .program import CHECK, ReactsimError, arguments, find_program, start
 
 __all__ = ["STEPS", "Scenario", "reading_of", "scenarios"]
-
-STEPS = 80  # steps after the current frame
 
 
 class Scenario(Scene):
@@ -56,27 +54,28 @@ class Scenario(Scene):
         scenes.lines.heights = take.take("point_heights", "F64", len(scenes.lines.points))
         self.obstacle_heights: Array = take.take("obstacle_heights", "F64", len(self.obstacles))
         """Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown."""
-        self.history_heights: Array = take.take("heights", "F64", *shape, HISTORY)[0, :n]
-        """Height of the bottom of each agent at frames 0 to 10, f64 [n, 11], metres, NaN if
-        unknown. Scenarios on one level have no heights."""
+        self.history_heights: Array = take.take("heights", "F64", *shape, self.n_history)[0, :n]
+        """Height of the bottom of each agent up to the current frame, f64 [n, n_history], metres,
+        NaN if unknown. Scenarios on one level have no heights."""
         self.future_heights: Array | None = None
-        """Heights at frames 11 to 90, f64 [n, 80]."""
+        """Heights after the current frame, f64 [n, n_steps]."""
         self.future: Array | None = None
-        """Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
-        absent."""
+        """Logged states after the current frame, f64 [n, n_steps, 5]: x, y, heading, vx, vy; 0
+        where absent. `n_steps` is 80 in the benchmark."""
         self.future_valid: Array | None = None
-        """Whether each agent is present at frames 11 to 90, bool [n, 80]."""
+        """Whether each agent is present after the current frame, bool [n, n_steps]."""
         self.light_future: Array | None = None
-        """States of the traffic lights at frames 11 to 90, u8 [K, 80]."""
+        """States of the traffic lights after the current frame, u8 [K, n_steps]."""
         self.av: Array | None = None
-        """Deviated AV at frames 11 to 90, f64 [80, 5]; None if the scenario has none."""
+        """Deviated AV after the current frame, f64 [n_steps, 5]; None if there is none."""
+        steps = self.n_steps
         if "future" in tensors:
-            self.future = take.take("future", "F64", *shape, STEPS, 5)[0, :n]
-            self.future_valid = take.take("future_valid", "BOOL", *shape, STEPS)[0, :n]
-            self.future_heights = take.take("future_heights", "F64", *shape, STEPS)[0, :n]
-            self.light_future = take.take("light_future", "U8", len(scenes.lights), STEPS)
+            self.future = take.take("future", "F64", *shape, steps, 5)[0, :n]
+            self.future_valid = take.take("future_valid", "BOOL", *shape, steps)[0, :n]
+            self.future_heights = take.take("future_heights", "F64", *shape, steps)[0, :n]
+            self.light_future = take.take("light_future", "U8", len(scenes.lights), steps)
         if "av" in tensors:
-            self.av = take.take("av", "F64", STEPS, 5)
+            self.av = take.take("av", "F64", steps, 5)
 
     def __repr__(self) -> str:
         return f"Scenario({self.id!r}, {self.n_agents} agents)"
@@ -87,21 +86,21 @@ class Scenario(Scene):
 
     @property
     def states(self) -> Array:
-        """Logged states at all 91 frames, f64 [n, 91, 5]."""
+        """Logged states at all frames, f64 [n, n_history + n_steps, 5]."""
         if self.future is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.history, self.future], axis=1)
 
     @property
     def present(self) -> Array:
-        """Whether each agent is present at each of the 91 frames, bool [n, 91]."""
+        """Whether each agent is present at each frame, bool [n, n_history + n_steps]."""
         if self.future_valid is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.valid, self.future_valid], axis=1)
 
     @property
     def heights(self) -> Array:
-        """Heights of the bottoms of agents at all 91 frames, f64 [n, 91], metres."""
+        """Heights of the bottoms of agents at all frames, f64 [n, n_history + n_steps], metres."""
         if self.future_heights is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.history_heights, self.future_heights], axis=1)
@@ -117,7 +116,7 @@ class Scenario(Scene):
 
         Args:
             radius: Half of the side of the picture, metres; 60 by default.
-            steps: Steps to draw, 0 (current frame) to 80; 0 by default.
+            steps: Steps to draw, from 0 (current frame) to `n_steps`; 0 by default.
             simulator: Simulator that moves the agents, such as "idm"; the program runs it against
                 the deviated AV in the file of the scenario.
 

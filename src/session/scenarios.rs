@@ -196,3 +196,28 @@ impl Files {
         Ok(None)
     }
 }
+
+/// Returns a scenario with this number of steps; the last states are repeated.
+#[cfg(test)]
+pub(super) fn of_length(scenario: &Scenario, steps: usize) -> Scenario {
+    fn resized<T: Copy>(values: &mut Vec<T>, count: usize) {
+        if let Some(last) = values.last().copied() {
+            values.resize(count, last);
+        }
+    }
+    let mut changed = scenario.clone();
+    let frames = changed.start.current() + 1 + steps;
+    changed.log_future.tracks.iter_mut().for_each(|track| resized(track, steps));
+    changed.log_future.heights.iter_mut().for_each(|heights| resized(heights, steps));
+    changed.log_future.lights.iter_mut().for_each(|states| resized(states, steps));
+    for agent in &mut changed.unselected {
+        resized(&mut agent.track, frames);
+        resized(&mut agent.heights, frames);
+    }
+    if let Some(deviation) = &mut changed.deviation {
+        resized(&mut deviation.track, steps);
+        deviation.certificate = None;
+    }
+    changed.timestamps.clear();
+    changed
+}

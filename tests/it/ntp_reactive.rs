@@ -101,6 +101,7 @@ fn planned(scenario: &Scenario, executed: usize) -> JointPlan {
         stream: stream(0, "outlook", 0, Purpose::Plan),
         moves_av: false,
         steps: 5,
+        future: 80,
         identity: None,
         memory: Memory::NONE,
     }];

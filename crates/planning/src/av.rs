@@ -10,7 +10,7 @@ use std::fmt;
 
 use reactsim_geometry::{direction, left};
 use reactsim_rollout::{Av, AvError, AvPolicy, MAX_STEP_DISPLACEMENT, Observation, Replan};
-use reactsim_scene::{AgentState, CURRENT, FUTURE, Scenario, Start};
+use reactsim_scene::{AgentState, Scenario, Start};
 
 use crate::closed_loop::{ClosedLoopError, Episode, Now};
 use crate::from_scene::{
@@ -42,6 +42,8 @@ pub struct PlannerAv {
     new_planner: NewPlanner,
     controller: Controller,
     plan_every: Replan,
+    /// Steps of a rollout.
+    steps: usize,
     map: PlanningMap,
     shape: EgoShape,
     route: Route,
@@ -113,6 +115,7 @@ impl PlannerAv {
             new_planner: Box::new(new_planner),
             controller,
             plan_every,
+            steps: scenario.length().future,
             route: logged_route(scenario, &map, &shape).ok_or_else(no_route)?,
             map,
             shape,
@@ -212,10 +215,14 @@ impl PlannerPolicy<'_> {
             }
             None => {
                 let states = ego_states_until_now(seen.track(AV), &self.av.shape);
-                let first = CURRENT + 1 - states.len();
-                let sample = |(frame, ego): (usize, EgoState)| match frame {
-                    CURRENT => Sample { ego: at_start(ego), objects: objects(frame, &seen.heights()) },
-                    _ => Sample { ego, objects: objects(frame, &recorded_heights(seen.start(), frame)) },
+                let current = seen.start().current();
+                let first = current + 1 - states.len();
+                let sample = |(frame, ego): (usize, EgoState)| {
+                    if frame == current {
+                        Sample { ego: at_start(ego), objects: objects(frame, &seen.heights()) }
+                    } else {
+                        Sample { ego, objects: objects(frame, &recorded_heights(seen.start(), frame)) }
+                    }
                 };
                 self.samples = (first..).zip(states).map(sample).collect();
             }
@@ -230,7 +237,7 @@ impl PlannerPolicy<'_> {
             route: &av.route,
             shape: &av.shape,
             controller: av.controller,
-            steps: FUTURE,
+            steps: av.steps,
             replan_interval: av.plan_every.steps(),
         };
         let (iteration, samples) = (self.iteration, self.samples.as_slice());

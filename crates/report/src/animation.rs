@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use color_quant::NeuQuant;
 use gif::{Encoder, Repeat};
-use reactsim_scene::{CURRENT, FUTURE, Frame, Scenario};
+use reactsim_scene::{Frame, Scenario};
 use resvg::usvg;
 
 use self::camera::Camera;
@@ -36,7 +36,7 @@ const PALETTE_STRIDE: usize = 8;
 pub struct Panel<'a> {
     /// Title. Other than Latin letters are shown as `?`.
     pub title: String,
-    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is shown.
+    /// Realised tracks: the frames of each agent, in the order of the scenario; the log without them.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout. They are shown from their step on.
     pub marks: Vec<Mark>,
@@ -101,10 +101,11 @@ impl<'a> Animation<'a> {
         Self { scenario, panels, radius: None, size: 480, every: 1, follow: false }
     }
 
-    /// Returns the shown steps, 0 to 80.
+    /// Returns the shown steps, from 0 to the last.
     fn steps(&self) -> Vec<usize> {
-        let mut steps: Vec<usize> = (0..FUTURE).step_by(self.every.max(1)).collect();
-        steps.push(FUTURE);
+        let last = self.scenario.length().future;
+        let mut steps: Vec<usize> = (0..last).step_by(self.every.max(1)).collect();
+        steps.push(last);
         steps
     }
 
@@ -188,8 +189,8 @@ impl<'a> Animation<'a> {
     fn lights_change(&self, before: Option<usize>, step: usize) -> bool {
         let Some(before) = before else { return false };
         (0..self.scenario.start.lights.len()).any(|i| {
-            let states = self.scenario.light_states(i);
-            states.get(CURRENT + before) != states.get(CURRENT + step)
+            let (states, now) = (self.scenario.light_states(i), self.scenario.start.current());
+            states.get(now + before) != states.get(now + step)
         })
     }
 }

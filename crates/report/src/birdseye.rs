@@ -13,7 +13,7 @@ pub(super) mod moving;
 pub(super) mod palette;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{CURRENT, DT, FUTURE, Frame, Scenario};
+use reactsim_scene::{DT, Frame, Scenario};
 
 pub(crate) use self::canvas::escape;
 use self::canvas::{Canvas, Window};
@@ -67,7 +67,7 @@ pub struct View<'a> {
     pub middle: Middle,
     /// Half of the side of a panel, metres; at least 5.
     pub radius: f64,
-    /// Steps to draw, 0 (the current frame) to 80; larger ones are clamped to 80. If empty, step 0.
+    /// Steps to draw, 0 is the current frame; larger ones than the last step mean the last. If empty, step 0.
     pub steps: Vec<usize>,
     /// Arrangement of the steps.
     pub layout: Layout,
@@ -77,7 +77,7 @@ pub struct View<'a> {
     pub title: Option<String>,
     /// Whether to write ids next to agents.
     pub ids: bool,
-    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is drawn.
+    /// Realised tracks: the frames of each agent, in the order of the scenario; the log without them.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout.
     pub marks: Vec<Mark>,
@@ -112,14 +112,25 @@ const PANEL_GAP: f64 = 12.0;
 struct Scene<'a> {
     scenario: &'a Scenario,
     view: &'a View<'a>,
-    /// The 91 logged frames of each agent.
+    /// The logged frames of each agent.
     logged: Vec<Vec<Frame>>,
+    /// The current frame.
+    current: usize,
+    /// The last step.
+    last: usize,
 }
 
 impl<'a> Scene<'a> {
     fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
         let agents = scenario.start.agents.len();
-        Self { scenario, view, logged: (0..agents).map(|i| scenario.logged(i)).collect() }
+        let length = scenario.length();
+        Self {
+            scenario,
+            view,
+            logged: (0..agents).map(|i| scenario.logged(i)).collect(),
+            current: length.current(),
+            last: length.future,
+        }
     }
 
     /// Returns the tracks that are drawn solid.
@@ -129,7 +140,7 @@ impl<'a> Scene<'a> {
 
     /// Returns a state of a drawn track; `None` if it is absent or the track is too short.
     fn state(&self, agent: usize, step: usize) -> Frame {
-        let frame = self.tracks().get(agent)?.get(CURRENT + step).copied().flatten();
+        let frame = self.tracks().get(agent)?.get(self.current + step).copied().flatten();
         frame.filter(|s| s.is_finite())
     }
 }
@@ -137,7 +148,7 @@ impl<'a> Scene<'a> {
 /// Draws a scenario, or a rollout of it, as an SVG document.
 pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
     let scene = Scene::new(scenario, view);
-    let mut steps: Vec<usize> = view.steps.iter().map(|s| (*s).min(FUTURE)).collect();
+    let mut steps: Vec<usize> = view.steps.iter().map(|s| (*s).min(scene.last)).collect();
     if steps.is_empty() {
         steps.push(0);
     }
@@ -179,7 +190,7 @@ fn panel(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize], corner: Vec2, 
     };
     let radius = if scene.view.radius.is_finite() { scene.view.radius.max(5.0) } else { 60.0 };
     canvas.open_window(Window { middle, radius, corner, size }, number);
-    ground::draw(canvas, scene.scenario, CURRENT + last);
+    ground::draw(canvas, scene.scenario, scene.current + last);
     agents::draw(canvas, scene, steps);
     scale_bar(canvas, corner, size, radius);
     let time = last as f64 * DT;

@@ -143,6 +143,8 @@ pub struct Beginning<'a> {
     pub moves_av: bool,
     /// Number of steps between two plans.
     pub steps: usize,
+    /// Number of steps of the episode from the start on.
+    pub future: usize,
     /// Names of the episode, for simulators that ask for them with [`Simulator::wants_identity`].
     pub identity: Option<Identity<'a>>,
     /// The memory to fill in.
@@ -157,6 +159,7 @@ impl<'a> Beginning<'a> {
             stream: self.stream.clone(),
             moves_av: self.moves_av,
             steps: self.steps,
+            future: self.future,
             identity: self.identity,
             memory: Memory::NONE,
         }

@@ -158,6 +158,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             stream,
             moves_av: settings.protocol == Protocol::Realism,
             steps: settings.replan.steps(),
+            future: self.scenario.length().future - self.steps(),
             identity: simulator.wants_identity().then_some(Identity {
                 scenario: &self.scenario.id,
                 origin: self.scenario.origin,

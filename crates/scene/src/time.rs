@@ -1,6 +1,8 @@
 //! The time axis of scenarios: frames at 10 Hz, of which those up to the current one are the history. The
 //! benchmark has 91, of which frame 10 is now (ReactSim-Bench, "Scenario Data").
 
+use std::fmt;
+
 /// Time between two frames, seconds.
 pub const DT: f64 = 0.1;
 /// Index of the current frame in scenarios of the benchmark.
@@ -45,6 +47,12 @@ impl Length {
             && self.history <= Self::MAX_HISTORY
             && self.future >= 1
             && self.future <= Self::MAX_FUTURE
+    }
+}
+
+impl fmt::Display for Length {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} frames of history and {} steps", self.history, self.future)
     }
 }
 

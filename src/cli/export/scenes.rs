@@ -50,7 +50,7 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// States of a deviated AV at the steps 1 to 80, if there is one.
+/// States of a deviated AV at every step, if there is one.
 type AvTrack = Option<Vec<crate::scene::AgentState>>;
 
 /// Returns the deviated AV of a scenario; `None` if a file of deviations leaves the scenario out.

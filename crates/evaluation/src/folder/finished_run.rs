@@ -127,7 +127,7 @@ impl FinishedRun {
             .collect()
     }
 
-    /// Reads the realised tracks of a rollout: 91 frames per agent of the scenario. `None` if it was not
+    /// Reads the realised tracks of a rollout: the frames of each agent of the scenario. `None` if it was not
     /// kept.
     ///
     /// # Errors

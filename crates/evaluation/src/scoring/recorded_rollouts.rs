@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Metrics, Options};
 use reactsim_rollout::Rollout;
-use reactsim_scene::{HISTORY, Scenario};
+use reactsim_scene::Scenario;
 
 use crate::deviation::labels::DeviationLabels;
 use crate::deviation::pose::Pose;
@@ -123,8 +123,9 @@ impl RecordedRollouts {
 
 /// Converts the recorded steps of a rollout to poses of box centres.
 fn to_centres(pose: Pose, scenario: &Scenario, rollout: &mut Rollout) -> Result<(), String> {
+    let history = scenario.length().history;
     for (agent, track) in scenario.start.agents.iter().zip(&mut rollout.tracks) {
-        pose.to_centre(agent, None, track[HISTORY..].iter_mut().flatten())?;
+        pose.to_centre(agent, None, track[history..].iter_mut().flatten())?;
     }
     Ok(())
 }

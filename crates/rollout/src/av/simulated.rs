@@ -131,6 +131,7 @@ fn begun(av: &SimulatedAv, rollout: u32, seen: &Observation<'_>) -> (Memory, Res
         stream: stream(av.seed, &av.scenario, rollout, Purpose::AvBegin),
         moves_av: true,
         steps: av.replan.steps(),
+        future: av.steps,
         identity: av.simulator.wants_identity().then_some(identity),
         memory: Memory::NONE,
     }];
