@@ -199,6 +199,8 @@ class Results:
         deviations: PathLike | None = None,
         current_frame: int | None = None,
         window_step: int | None = None,
+        history: int | None = None,
+        future: int | str | None = None,
         all_agents: bool = False,
     ) -> None:
         """Computes metrics of your own for the kept rollouts and adds them to the run folder.
@@ -211,8 +213,10 @@ class Results:
             scenarios: Files, folders or URLs of the scenarios of the run; the shipped benchmark by
                 default.
             deviations: File of deviated AVs of the run.
-            current_frame: As in the run, as the two following.
+            current_frame: As in the run, as the four following.
             window_step: Frames between scenarios of one recording of 20 s.
+            history: Number of frames up to and including the current one.
+            future: Number of frames after the current one, or a time, or "log".
             all_agents: All agents were simulated.
 
         Raises:
@@ -229,6 +233,8 @@ class Results:
             deviations=deviations,
             current_frame=current_frame,
             window_step=window_step,
+            history=history,
+            future=future,
             all_agents=all_agents,
         )
         for name in ("summary", "provenance", "rows", "events"):

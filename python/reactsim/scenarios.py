@@ -170,9 +170,10 @@ def scenarios(
     limit: int | None = None,
     ids: Sequence[str] = (),
     categories: Sequence[str] = (),
-    future: bool = True,
+    future: bool | int | str = True,
     current_frame: int | None = None,
     window_step: int | None = None,
+    history: int | None = None,
     all_agents: bool = False,
 ) -> Iterator[Scenario]:
     """Iterates over scenarios, one in memory at a time.
@@ -184,11 +185,13 @@ def scenarios(
         limit: Only the first `limit` scenarios of every file.
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
-        future: Read the logged future and the deviated AV too.
+        future: Read the logged future and the deviated AV too; also the number of frames after the
+            current one, a time such as "15s", or "log" for all that are recorded.
         current_frame: Index of the current frame, from 0, for formats that leave it open
             (Argoverse 2, ScenarioNet, Waymo files of more than 91 frames).
         window_step: Read several scenarios of each recording of Waymo files of 20 s: frame 10 and
             every `window_step` frames after it is a current frame.
+        history: Number of frames up to and including the current one.
         all_agents: Read all agents that are present at the current frame, of all kinds and any
             number, instead of the AV and the 63 nearest vehicles, pedestrians and cyclists.
 
@@ -196,17 +199,20 @@ def scenarios(
         ReactsimError: The program could not be started, or failed; the message is its own.
 
     """
+    length = None if isinstance(future, bool) else future
     as_read = {
         "current_frame": current_frame,
         "window_step": window_step,
+        "history": history,
+        "future": length,
         "all_agents": all_agents,
     }
     given = [
         ("--deviations", deviations),
         ("--limit", limit),
         *selection(ids, categories),
-        *reading(current_frame, window_step, all_agents),
-        ("--future", future),
+        *reading(current_frame, window_step, history, length, all_agents),
+        ("--with-future", future is not False),
     ]
     command = [find_program(), "export", "scenes", *arguments(given, paths(source))]
     given_as = (None if source is None else os.fspath(source), as_read)

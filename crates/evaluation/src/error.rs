@@ -291,8 +291,8 @@ pub enum EvaluationError {
     },
     /// A run with other current frames is compared with recordings.
     #[error(
-        "{path} was run with `current-frame` or `window-step`, and recordings are scored at the current frame \
-         that they state: run without these keys"
+        "{path} was run with `current-frame`, `window-step`, `history` or `future`, and recordings are scored at \
+         the current frame that they state, with 80 steps: run without these keys"
     )]
     OtherCurrentFrames {
         /// The folder.

@@ -125,7 +125,8 @@ impl RunPairs {
         sources: Vec<LogSource>,
     ) -> Result<Self, EvaluationError> {
         let summary = read_summary(folder)?;
-        let is_elsewhere = |file: &FileRecord| file.frames() != CurrentFrames::Stated;
+        let is_elsewhere =
+            |file: &FileRecord| file.frames() != CurrentFrames::Stated || !file.length().is_default();
         let is_recorded = sources.iter().any(|source| matches!(source, LogSource::Recording(_)));
         if is_recorded && summary.provenance.run.inputs.iter().any(is_elsewhere) {
             return Err(EvaluationError::OtherCurrentFrames { path: folder.to_owned() });
