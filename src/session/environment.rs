@@ -328,7 +328,7 @@ impl Environment {
         let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.traffic.id);
         let mut tracks = self.lockstep.tracks(slot).to_vec();
         tracks.iter_mut().for_each(|track| track.resize(scenario.length().frames(), None));
-        let rollout = Rollout { tracks, outcomes: self.lockstep.outcomes(slot).clone() };
+        let rollout = Rollout { tracks, entered: Vec::new(), outcomes: self.lockstep.outcomes(slot).clone() };
         Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, true))
     }
 

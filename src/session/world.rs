@@ -329,7 +329,7 @@ impl World {
         let (options, episode) = (self.options?, self.episode.as_ref()?);
         let (_, deviation) = self.plan.av(&episode.scenario).ok()?;
         let tracks = episode.lockstep.tracks(0).to_vec();
-        let rollout = Rollout { tracks, outcomes: episode.lockstep.outcomes(0).clone() };
+        let rollout = Rollout { tracks, entered: Vec::new(), outcomes: episode.lockstep.outcomes(0).clone() };
         Some(judge_in_memory(&episode.scenario, &self.id, rollout, &deviation, options, false))
     }
 }

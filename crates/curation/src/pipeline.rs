@@ -9,8 +9,8 @@ use super::filter::{FilterContext, FilterSettings, Trial};
 use super::filters::FILTERS;
 use super::rules::Rules;
 use super::{
-    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, Taxonomy, choice,
-    taxonomy,
+    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, Proposal, ScenarioRecord, Taxonomy,
+    choice, taxonomy,
 };
 
 /// All sources of candidates apart from files ([`super::CandidateFile`]).

@@ -11,7 +11,9 @@ use reactsim_scene::{
 use reactsim_test_support::nuplan::Fixture;
 use reactsim_test_support::proto::{self, Proto};
 
-use crate::{CurrentFrames, FutureChoice, Input, LengthChoice, crop, deviations, find_inputs, native, rollouts};
+use crate::{
+    CurrentFrames, FutureChoice, Input, LengthChoice, crop, deviations, find_inputs, native, rollouts,
+};
 
 const LOG: Option<FutureChoice> = Some(FutureChoice::Log);
 
@@ -85,7 +87,11 @@ fn recordings_are_cut_to_the_requested_length() {
         assert_eq!(scenario.log_future.lights[0].len(), length.future);
     }
     for (history, future, expected) in [
-        (Some(12), None, "current_time_index is 10, expected at least 11, so that there are as many frames before it"),
+        (
+            Some(12),
+            None,
+            "current_time_index is 10, expected at least 11, so that there are as many frames before it",
+        ),
         (None, steps(189), "timestamps_seconds is 199 entries, expected 200 entries (20 s at 10 Hz) or more"),
         (Some(1), None, "history is 1, expected 2 to 100 frames"),
         (Some(101), None, "history is 101, expected 2 to 100 frames"),
@@ -306,7 +312,8 @@ fn parts_of_a_length_are_assembled_with_it() {
     };
     let track = line(7).into_iter().map(Some).collect();
     let logged = reactsim_scene::LoggedAgent { agent, track, heights: Vec::new() };
-    let parts = ScenarioParts { id: "a".to_owned(), length, agents: vec![logged], ..ScenarioParts::default() };
+    let parts =
+        ScenarioParts { id: "a".to_owned(), length, agents: vec![logged], ..ScenarioParts::default() };
     let scenario = Scenario::assemble(parts).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.parquet");

@@ -1,4 +1,4 @@
-//! Scenarios in which all agents are simulated.
+//! Scenarios with agents that the benchmark does not select.
 
 use std::sync::OnceLock;
 
@@ -37,5 +37,31 @@ impl Scenario {
         self.start.obstacle_heights.clear();
         self.repairs.remove(WITHOUT_EXTENT);
         Self { unselected: rest, notes: OnceLock::new(), ..self }
+    }
+
+    /// Returns the scenario as it is after agents of [`Self::unselected`] entered its rollout, for judging and
+    /// drawing: they follow the agents of the beginning in this order, and are absent at the current frame, where
+    /// [`Start::now`](super::Start::now) has no state of them.
+    pub fn with_entered(&self, entered: &[usize]) -> Self {
+        let length = self.length();
+        let mut scenario = Self { notes: OnceLock::from(self.notes().clone()), ..self.clone() };
+        let has_levels = self.start.has_levels();
+        for LoggedAgent { agent, track, heights } in entered.iter().map(|logged| &self.unselected[*logged]) {
+            let (history, future) = track.split_at(length.history);
+            scenario.start.agents.push(agent.clone());
+            scenario.start.history.push(history.to_vec());
+            scenario.log_future.tracks.push(future.to_vec());
+            if has_levels {
+                let mut heights = heights.clone();
+                heights.resize(length.frames(), None);
+                let future = heights.split_off(length.history);
+                // Its height at its first frame is the one from which it is followed.
+                let first = (length.history..track.len()).find(|frame| track[*frame].is_some());
+                heights[length.current()] = first.and_then(|frame| future[frame - length.history]);
+                scenario.start.heights.push(heights);
+                scenario.log_future.heights.push(future);
+            }
+        }
+        scenario
     }
 }

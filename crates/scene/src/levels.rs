@@ -257,10 +257,12 @@ impl Start {
     /// road if it has one level there, else NaN.
     pub fn height_now(&self, agent: usize) -> f64 {
         let recorded = self.recorded_height(agent, self.current());
-        if recorded.is_nan() && self.has_levels() {
-            return self.road().ground_height(self.now(agent).position(), f64::NAN);
+        match self.history[agent][self.current()] {
+            Some(now) if recorded.is_nan() && self.has_levels() => {
+                self.road().ground_height(now.position(), f64::NAN)
+            }
+            _ => recorded,
         }
-        recorded
     }
 
     /// Returns the height of an agent at each frame of its track, metres; NaN where unknown or absent. The

@@ -151,7 +151,8 @@ impl<'a> Traffic<'a> {
             pair.closest = pair.closest.min(apart);
             if apart < 0.0 {
                 pair.exempt.resize(self.av.len(), false);
-                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(self.steps())].fill(true);
+                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(self.steps())]
+                    .fill(true);
             }
         }
         if pair.closest < 0.0 {

@@ -8,8 +8,8 @@ use std::ops::Range;
 
 use rand::RngExt;
 use reactsim_rollout::Stream;
-use reactsim_scene::dynamics::speeds::{self, MAX_PLANNED_ACCELERATION, MAX_PLANNED_DECELERATION};
 use reactsim_scene::DT;
+use reactsim_scene::dynamics::speeds::{self, MAX_PLANNED_ACCELERATION, MAX_PLANNED_DECELERATION};
 
 use super::directional::{ARRIVAL_LEAD, SpeedPlan, cruise_to_arrive, desired_speeds};
 use super::routes::PathEntry;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use reactsim_formats::rollouts::{RolloutRecord, Writer, read};
 use reactsim_rollout::Rollout;
-use reactsim_scene::{AgentState, Frame, Scenario, limits};
+use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario, limits};
 
 use crate::error::EvaluationError;
 use crate::error::ForeignRollout;
@@ -28,11 +28,27 @@ pub(crate) fn write_part(
             simulator: simulator.to_owned(),
             rollout: index,
             origin: Some(scenario.origin),
-            agent_ids: scenario.start.agents.iter().map(|a| a.id.clone()).collect(),
+            agent_ids: agents(scenario, rollout).map(|a| a.id.clone()).collect(),
             tracks: rollout.tracks.iter().map(|t| t[history..].to_vec()).collect(),
         })?;
     }
     Ok(writer.finish()?)
+}
+
+/// Returns the agents of a rollout, in the order of its tracks.
+fn agents<'s>(scenario: &'s Scenario, rollout: &'s Rollout) -> impl Iterator<Item = &'s Agent> {
+    let entered = rollout.entered.iter().map(|entered| &scenario.unselected[entered.logged].agent);
+    scenario.start.agents.iter().chain(entered)
+}
+
+/// Returns the indices in [`Scenario::unselected`] of the agents of a recorded rollout that entered it: agents of
+/// the record that are absent at the current frame.
+pub(crate) fn entered_in(scenario: &Scenario, record: &RolloutRecord) -> Vec<usize> {
+    let current = scenario.start.current();
+    let is_later =
+        |logged: &LoggedAgent| logged.track[current].is_none() && logged.agent.kind != AgentKind::Other;
+    let logged = |id: &String| scenario.unselected.iter().position(|a| a.agent.id == *id && is_later(a));
+    record.agent_ids.iter().filter_map(logged).collect()
 }
 
 /// Returns whether a file of rollouts is there. A truncated one is removed, so that it is made again.

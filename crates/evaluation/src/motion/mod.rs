@@ -131,8 +131,8 @@ impl<'a> CheckedScene<'a> {
             subject: Subject::Agents,
         };
         let current = scenario.start.current();
-        for (slot, track) in tracks.iter().enumerate().skip(usize::from(without_av)) {
-            let agent = &scenario.start.agents[slot];
+        let agents = scenario.start.agents.iter().zip(tracks).enumerate();
+        for (slot, (agent, track)) in agents.skip(usize::from(without_av)) {
             let (future, logged) = (&track[current + 1..], &scenario.log_future.tracks[slot]);
             let motion = CheckedMotion {
                 id: &agent.id,

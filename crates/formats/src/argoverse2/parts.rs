@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{
-    Agent, AgentKind, Length, LoggedAgent, MapParts, ScenarioParts, unknown_type,
-};
+use reactsim_scene::{Agent, AgentKind, Length, LoggedAgent, MapParts, ScenarioParts, unknown_type};
 
 use super::tracks::{Track, Tracks};
 use crate::error::Cause;

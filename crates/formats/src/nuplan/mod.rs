@@ -38,9 +38,7 @@ use self::selection::{Anchors, Selection, WindowChoice, logs_at};
 use self::sqlite::Database;
 pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named, refused_frames,
-};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named, refused_frames};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::list::Input;
 

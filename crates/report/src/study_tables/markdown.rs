@@ -8,7 +8,7 @@ use super::planners::notes;
 use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
-use crate::table::{Column, count, program, provenance, scenarios};
+use crate::table::{Column, program, provenance, scenarios};
 use crate::{Run, TableStyle, wosac_tables};
 
 /// Writes the tables of a study as Markdown.
