@@ -48,6 +48,8 @@ pub struct PlannerEpisode {
     /// Frames at which the planner has planned, with the number of steps until the next plan.
     planned: Vec<(usize, usize)>,
     open: Option<Open>,
+    /// Number of times that agents had entered or left when the episode was begun.
+    changes: usize,
 }
 
 /// An episode that a process holds.
@@ -92,7 +94,8 @@ impl ExternalPlanner {
     /// Creates an episode in a scenario of this length. `seed`: seed of all random choices in it.
     pub fn begin(&self, seed: u64, length: Length) -> PlannerEpisode {
         let slot = self.episodes.fetch_add(1, Ordering::Relaxed) % self.slots.len();
-        PlannerEpisode { planner: self.clone(), slot, seed, length, planned: Vec::new(), open: None }
+        let planned = Vec::new();
+        PlannerEpisode { planner: self.clone(), slot, seed, length, planned, open: None, changes: 0 }
     }
 }
 
@@ -112,7 +115,8 @@ impl PlannerEpisode {
     /// Returns the trajectory from the present on: x and y (m, frame of the scenario) of the centre of the
     /// AV, and heading (rad), after 1, 2, … steps. There are at least `steps`, the number until the next
     /// plan, and no more than 80, or the steps that are left if they are more. `route`: indices into the
-    /// lanes of the map, in driving order; it is sent once.
+    /// lanes of the map, in driving order; it is sent once. When agents have entered or left, the process ends
+    /// the episode and begins another one, with the new agents and the latest frames.
     ///
     /// # Errors
     /// The reason, if the planner fails, answers something else, or does not support the length of the
@@ -126,6 +130,11 @@ impl PlannerEpisode {
         length::check(&self.planner.description, self.length)?;
         let slots = Arc::clone(&self.planner.slots);
         let mut slot = slots[self.slot].lock();
+        if self.changes != seen.changes() {
+            self.end(&mut slot);
+            self.planned.clear();
+            self.changes = seen.changes();
+        }
         let mut result = self.attempt(&mut slot, seen, steps, route);
         if matches!(result, Err(RequestError::Broken(_))) {
             result = self.attempt(&mut slot, seen, steps, route);
@@ -231,15 +240,21 @@ impl PlannerEpisode {
     }
 }
 
-impl Drop for PlannerEpisode {
-    fn drop(&mut self) {
-        let slots = Arc::clone(&self.planner.slots);
-        let mut slot = slots[self.slot].lock();
+impl PlannerEpisode {
+    /// Ends the episode in the process that holds it, if one does.
+    fn end(&mut self, slot: &mut Slot) {
         let Some(open) = self.open.take().filter(|open| open.generation == slot.generation) else { return };
         let mut request = FrameWriter::new("end");
         request.tensor("episode", Values::u64(&[1], [open.handle]));
-        if self.request(&mut slot, request, "ended", 0).is_ok() {
+        if self.request(slot, request, "ended", 0).is_ok() {
             self.planner.processes.workers.succeeded();
         }
+    }
+}
+
+impl Drop for PlannerEpisode {
+    fn drop(&mut self) {
+        let slots = Arc::clone(&self.planner.slots);
+        self.end(&mut slots[self.slot].lock());
     }
 }

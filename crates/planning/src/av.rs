@@ -20,7 +20,7 @@ use crate::from_scene::{
 use crate::planner::{History, Light, Planner, Route, Sample};
 use crate::tracking::Controller;
 use crate::trajectory::Trajectory;
-use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningMap};
 
 pub use choice::PlannerChoice;
 
@@ -48,7 +48,6 @@ pub struct PlannerAv {
     shape: EgoShape,
     route: Route,
     lights: LightLanes,
-    objects: ObjectIds,
 }
 
 /// Reason why a planner cannot drive the AV of a scenario.
@@ -120,7 +119,6 @@ impl PlannerAv {
             map,
             shape,
             lights: LightLanes::new(&scenario.start),
-            objects: ObjectIds::new(&scenario.start),
         })
     }
 
@@ -156,6 +154,7 @@ impl Av for PlannerAv {
         Box::new(PlannerPolicy {
             av: self,
             planner: (self.new_planner)(rollout),
+            ids: None,
             samples: Vec::new(),
             next: None,
             iteration: 0,
@@ -168,6 +167,8 @@ impl Av for PlannerAv {
 struct PlannerPolicy<'a> {
     av: &'a PlannerAv,
     planner: Box<dyn Planner>,
+    /// Ids of the objects, with the number of times that agents had entered or left.
+    ids: Option<(usize, ObjectIds)>,
     /// The last two seconds.
     samples: Vec<Sample>,
     /// State of ego at the frame that is observed next; `None` before the first one. The states of the
@@ -205,7 +206,13 @@ impl AvPolicy for PlannerPolicy<'_> {
 impl PlannerPolicy<'_> {
     /// Adds the present sample to the history; at first, the samples of the recorded history.
     fn observe(&mut self, seen: &Observation<'_>) {
-        let objects = |frame: usize, heights: &[f64]| self.av.objects_at(seen, frame, heights);
+        let (start, tracks) = (seen.start(), seen.tracks());
+        let known = self.ids.take().filter(|(changes, _)| *changes == seen.changes());
+        let (_, ids) = self.ids.insert(known.unwrap_or_else(|| (seen.changes(), ObjectIds::new(start))));
+        // The objects at a frame up to the present one, as they were known at that frame.
+        let objects = |frame: usize, heights: &[f64]| {
+            ObjectFrame { start, ids, tracks, frame, heights }.objects(Differences::Backward).0
+        };
         match self.next {
             Some(ego) => {
                 let objects = objects(seen.frame(), &seen.heights());
@@ -247,14 +254,6 @@ impl PlannerPolicy<'_> {
         let next = episode.next_ego(iteration, START_TIME, &ego, &trajectory)?;
         self.trajectory = Some(trajectory);
         Ok(next)
-    }
-}
-
-impl PlannerAv {
-    /// Returns the objects at a frame up to the present one, as they were known at that frame.
-    fn objects_at(&self, seen: &Observation<'_>, frame: usize, heights: &[f64]) -> Vec<TrackedObject> {
-        let (start, tracks) = (seen.start(), seen.tracks());
-        ObjectFrame { start, ids: &self.objects, tracks, frame, heights }.objects(Differences::Backward).0
     }
 }
 

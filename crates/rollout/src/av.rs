@@ -27,6 +27,12 @@ pub trait AvPolicy {
     /// [`AvError`] when there is no such state.
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
 
+    /// Returns the number of frames up to the current one that the policy was built for, as
+    /// [`Simulator::history`](crate::Simulator::history). `None`: any number.
+    fn history(&self) -> Option<usize> {
+        None
+    }
+
     /// Returns whether the states come from a recording, so that their velocities were measured. For all
     /// other policies velocities are replaced by position differences.
     fn replays_recording(&self) -> bool {

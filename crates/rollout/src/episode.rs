@@ -143,7 +143,7 @@ pub struct Beginning<'a> {
     pub moves_av: bool,
     /// Number of steps between two plans.
     pub steps: usize,
-    /// Number of steps of the episode from the start on.
+    /// Number of steps of the rollout. An episode that continues with other agents has fewer left.
     pub future: usize,
     /// Names of the episode, for simulators that ask for them with [`Simulator::wants_identity`].
     pub identity: Option<Identity<'a>>,

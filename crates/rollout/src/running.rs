@@ -68,9 +68,12 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         let lacks_av = settings.protocol == Protocol::Reactive && av.is_none();
         let tracks: Vec<Vec<Frame>> = scenario.start.history.iter().map(with_room).collect();
         let lights = scenario.start.light_history.clone();
-        // A simulator for another length of history observes a view from the beginning.
-        let history = history_of(controller).filter(|frames| *frames != length.history);
-        let view = history.map(|frames| View::new(&scenario, None, &tracks, &lights, frames));
+        // Those that are for another length of history observe a view from the beginning.
+        let view = |history: Option<usize>| {
+            let history = history.filter(|frames| *frames != length.history)?;
+            Some(View::new(&scenario, None, &tracks, &lights, history))
+        };
+        let (av_view, view) = (view(av.as_ref().and_then(|av| av.history())), view(history_of(controller)));
         Self {
             tracks,
             lights,
@@ -81,7 +84,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             av_next: None,
             coming: (settings.entering == Entering::Log).then(|| Coming::new(&scenario)),
             view,
-            av_view: None,
+            av_view,
             plan: JointPlan::new(0, 0),
             plan_step: 0,
             is_stopped: false,
@@ -158,7 +161,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             stream,
             moves_av: settings.protocol == Protocol::Realism,
             steps: settings.replan.steps(),
-            future: self.scenario.length().future - self.steps(),
+            future: self.scenario.length().future,
             identity: simulator.wants_identity().then_some(Identity {
                 scenario: &self.scenario.id,
                 origin: self.scenario.origin,
@@ -181,7 +184,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         let view = |history| View::new(&self.scenario, Some(&*coming), &self.tracks, &self.lights, history);
         let length = self.scenario.length().history;
         let own = view(history_of(controller).unwrap_or(length));
-        self.av_view = Some(view(length));
+        let of_av = self.av.as_ref().and_then(|av| av.history());
+        self.av_view = Some(view(of_av.unwrap_or(length)));
         let slot_before = |slot: &usize| before.iter().position(|other| other == slot);
         let kept = own.slots().iter().map(slot_before).collect();
         self.view = Some(own);

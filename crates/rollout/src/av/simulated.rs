@@ -7,7 +7,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentState, Scenario};
 
 use super::{Av, AvError, AvPolicy};
-use crate::episode::{Beginning, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
+use crate::episode::{Beginning, Continuation, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
 use crate::{Observation, Purpose, Replan, Stream, stream};
 
 /// AV that a simulator moves: it plans all agents, and the AV executes its own part of the plan.
@@ -53,6 +53,8 @@ impl Av for SimulatedAv {
             stream,
             plan: JointPlan::new(0, 0),
             next: 0,
+            changes: 0,
+            ids: Vec::new(),
         })
     }
 }
@@ -67,12 +69,20 @@ struct SimulatedPolicy<'a> {
     plan: JointPlan,
     /// Step of the plan that is executed next.
     next: usize,
+    /// Number of times that agents had entered or left when the episode began or continued.
+    changes: usize,
+    /// Ids of the agents of the episode; empty if none entered or left so far.
+    ids: Vec<String>,
 }
 
 impl AvPolicy for SimulatedPolicy<'_> {
+    fn history(&self) -> Option<usize> {
+        self.av.simulator.history()
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let failed = |reason| AvError::Simulator { step: seen.step() + 1, reason };
-        if self.next == self.plan.steps() {
+        if self.next == self.plan.steps() || self.changes != seen.changes() {
             self.plan = self.planned(seen.without_av_next()).map_err(|error| failed(error.to_string()))?;
             self.next = 0;
         }
@@ -99,10 +109,25 @@ impl SimulatedPolicy<'_> {
             none => {
                 let (memory, begun) = begun(self.av, self.rollout, &seen);
                 let memory = none.insert(memory);
+                self.ids = ids(&seen);
                 begun?;
                 memory
             }
         };
+        if self.changes != seen.changes() {
+            let now = ids(&seen);
+            let kept: Vec<_> = now.iter().map(|id| self.ids.iter().position(|other| other == id)).collect();
+            let mut continuation = [Continuation {
+                before: std::mem::replace(memory, Memory::NONE),
+                kept: &kept,
+                beginning: beginning(self.av, self.rollout, &seen),
+            }];
+            let continued = self.av.simulator.continue_batch(&mut continuation);
+            let [Continuation { beginning, .. }] = continuation;
+            *memory = beginning.memory;
+            (self.changes, self.ids) = (seen.changes(), now);
+            continued?;
+        }
         let steps = self.av.replan.steps().min(self.av.steps - seen.step());
         let mut episode = [Episode {
             seen,
@@ -123,10 +148,23 @@ impl SimulatedPolicy<'_> {
     }
 }
 
+/// Returns the ids of the agents that are observed.
+fn ids(seen: &Observation<'_>) -> Vec<String> {
+    seen.start().agents.iter().map(|agent| agent.id.clone()).collect()
+}
+
 /// Begins an episode. Returns its memory, which must be given back even if the beginning failed.
 fn begun(av: &SimulatedAv, rollout: u32, seen: &Observation<'_>) -> (Memory, Result<(), PlanError>) {
+    let mut beginning = [beginning(av, rollout, seen)];
+    let result = av.simulator.begin_batch(&mut beginning);
+    let [Beginning { memory, .. }] = beginning;
+    (memory, result)
+}
+
+/// Returns the beginning of an episode at the start that is observed.
+fn beginning<'a>(av: &'a SimulatedAv, rollout: u32, seen: &Observation<'a>) -> Beginning<'a> {
     let identity = Identity { scenario: &av.scenario, origin: av.origin, rollout };
-    let mut beginning = [Beginning {
+    Beginning {
         start: seen.start(),
         stream: stream(av.seed, &av.scenario, rollout, Purpose::AvBegin),
         moves_av: true,
@@ -134,10 +172,7 @@ fn begun(av: &SimulatedAv, rollout: u32, seen: &Observation<'_>) -> (Memory, Res
         future: av.steps,
         identity: av.simulator.wants_identity().then_some(identity),
         memory: Memory::NONE,
-    }];
-    let result = av.simulator.begin_batch(&mut beginning);
-    let [Beginning { memory, .. }] = beginning;
-    (memory, result)
+    }
 }
 
 impl Drop for SimulatedPolicy<'_> {
