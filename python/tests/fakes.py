@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
+import reactsim
 from reactsim.client import Array, Session, read_frame, write_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "python"
 EXAMPLES = PACKAGE / "examples"
+IMPORTED = Path(reactsim.__file__).resolve().parents[1]
+"""Folder from which the tests import the package: the checkout's, or that of an installed wheel."""
 
 Message = Tuple[Dict[str, str], Dict[str, Array]]
 
@@ -181,7 +184,7 @@ class Child(Parent):
     """Plays the program for a simulator in a child process."""
 
     def __init__(self, *command: str, env: Optional[Dict[str, str]] = None) -> None:
-        environment = {**os.environ, "PYTHONPATH": str(PACKAGE), **(env or {})}
+        environment = {**os.environ, "PYTHONPATH": str(IMPORTED), **(env or {})}
         self.process = subprocess.Popen(
             [sys.executable, *command],
             stdin=subprocess.PIPE,

@@ -16,7 +16,7 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import PACKAGE, ROOT
+from fakes import IMPORTED, ROOT
 from reactsim.process import ProgramProcess
 from stop import Stop
 
@@ -330,7 +330,7 @@ class TestEnv:
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+        monkeypatch.setenv("PYTHONPATH", str(IMPORTED))
         script = tmp_path / "mine.py"
         script.write_text(SCRIPT)
         sources = [Careful(), Careful, f"command={sys.executable} {script}"]
@@ -375,7 +375,7 @@ class TestEnv:
     def test_own_simulators_that_fail_are_errors(
         self, closing: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+        monkeypatch.setenv("PYTHONPATH", str(IMPORTED))
 
         class Raising(Stop):  # type: ignore[misc]
             name = "raising"
