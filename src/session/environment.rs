@@ -302,7 +302,7 @@ impl Environment {
 
     /// Returns the observation of each slot.
     pub fn observe(&self) -> Arrays {
-        let mut arrays = Arrays::default();
+        let mut arrays = Arrays::with_capacity(&self.settings.sizes, self.slots.len());
         for (i, slot) in self.slots.iter().enumerate() {
             slot.prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
         }
