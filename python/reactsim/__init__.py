@@ -114,6 +114,8 @@ __all__ = [
     "wosac",
 ]
 
+__version__ = "0.1.0"
+
 # They need packages that may be missing, so that they are imported when they are first used.
 if TYPE_CHECKING:
     from .environment import Env as Env

@@ -24,7 +24,25 @@ STEPS = 80  # steps after the current frame
 
 
 class Scenario(Scene):
-    """A scenario with its logged future: agents, history, map, lights, and the deviated AV."""
+    """A scenario with its logged future: agents, history, map, lights, and the deviated AV.
+
+    Attributes:
+        id: Id of the scenario.
+        agents: Ids of the agents; the first one is the AV.
+        origin: World coordinates of the local origin, metres.
+        source: File or folder that was read; None for the shipped benchmark.
+        deviations: File of deviated AVs with which it was read, if there was one.
+        obstacle_heights: Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown.
+        history_heights: Height of the bottom of each agent at frames 0 to 10, f64 [n, 11], metres,
+            NaN if unknown. Scenarios on one level have no heights.
+        future_heights: Heights at frames 11 to 90, f64 [n, 80].
+        future: Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
+            absent.
+        future_valid: Whether each agent is present at frames 11 to 90, bool [n, 80].
+        light_future: States of the traffic lights at frames 11 to 90, u8 [K, 80].
+        av: Deviated AV at frames 11 to 90, f64 [80, 5]; None if the scenario has none.
+
+    """
 
     def __init__(
         self,
@@ -40,36 +58,22 @@ class Scenario(Scene):
         if len(scenes) != 1:
             raise ProtocolError(f"{len(scenes)} scenarios in one message, expected 1")
         self.id: str = scenes.scenario_ids[0]
-        """Id of the scenario."""
         self.agents: list[str] = scenes.agent_ids[0]
-        """Ids of the agents; the first one is the AV."""
         self.origin: tuple[float, float] = (scenes.origins[0][0], scenes.origins[0][1])
-        """World coordinates of the local origin, metres."""
         self.source = source
-        """File or folder that was read; None for the shipped benchmark."""
         self.deviations = deviations
-        """File of deviated AVs with which it was read, if there was one."""
         self._reading = dict(reading or {})
         take = _Tensors(tensors)
         shape = scenes.kinds.shape
         n = self.n_agents
         scenes.lines.heights = take.take("point_heights", "F64", len(scenes.lines.points))
         self.obstacle_heights: Array = take.take("obstacle_heights", "F64", len(self.obstacles))
-        """Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown."""
         self.history_heights: Array = take.take("heights", "F64", *shape, HISTORY)[0, :n]
-        """Height of the bottom of each agent at frames 0 to 10, f64 [n, 11], metres, NaN if
-        unknown. Scenarios on one level have no heights."""
         self.future_heights: Array | None = None
-        """Heights at frames 11 to 90, f64 [n, 80]."""
         self.future: Array | None = None
-        """Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
-        absent."""
         self.future_valid: Array | None = None
-        """Whether each agent is present at frames 11 to 90, bool [n, 80]."""
         self.light_future: Array | None = None
-        """States of the traffic lights at frames 11 to 90, u8 [K, 80]."""
         self.av: Array | None = None
-        """Deviated AV at frames 11 to 90, f64 [80, 5]; None if the scenario has none."""
         if "future" in tensors:
             self.future = take.take("future", "F64", *shape, STEPS, 5)[0, :n]
             self.future_valid = take.take("future_valid", "BOOL", *shape, STEPS)[0, :n]
