@@ -21,9 +21,11 @@ from __future__ import annotations
 import copy
 import dataclasses
 import enum
+import functools
 import json
 import math
 import os
+import re
 import sys
 import traceback
 from typing import (
@@ -79,6 +81,7 @@ HISTORY = 11  # frames 0 to 10
 FRAMES = 91  # frames of a scenario
 MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
 MAX_HEADER = 64 << 20  # bytes of a safetensors header
+MAX_KEPT = 4096  # bytes of a header whose layout is kept for the next frames
 MAX_FRAME = 64 << 30  # bytes of a frame
 MAX_TEXT = 100_000  # characters of all error texts of an answer, of which 1 MiB is accepted
 
@@ -196,17 +199,56 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
         raise ProtocolError(
             "safetensors: a header of %d bytes in a document of %d" % (length, len(view))
         )
-    try:
-        header = json.loads(bytes(view[8 : 8 + length]).decode("utf-8"), object_pairs_hook=_unique)
-    except (ValueError, RecursionError) as error:
-        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
-    if not isinstance(header, dict):
-        raise ProtocolError("safetensors: the header is not a JSON object")
-    metadata = header.pop("__metadata__", {})
+    text = bytes(view[8 : 8 + length])
+    # Frames of one kind differ in their metadata only: what follows is read once.
+    first = _METADATA.match(text)
+    found: List[Any] = []
+    if first is not None:
+        found, text = [_json_of(first[1])], b"{" + text[first.end() :]
+    layout_of = _layout if len(text) <= MAX_KEPT else _layout.__wrapped__
+    further, layout = layout_of(text, len(view) - 8 - length)
+    found += further
+    if len(found) > 1:
+        raise ProtocolError("safetensors: the header is not valid JSON: a key occurs twice")
+    metadata: Any = found[0] if found else {}
     if not isinstance(metadata, dict) or not all(isinstance(v, str) for v in metadata.values()):
         raise ProtocolError("safetensors: metadata values must be strings")
-    data = view[8 + length :]
     tensors: Dict[str, Array] = {}
+    for name, dtype, shape, offset, count in layout:
+        start = 8 + length + offset
+        try:
+            tensors[name] = (
+                np.ndarray(shape, dtype, view, start) if count else np.empty(shape, dtype)
+            )
+        except ValueError as error:
+            raise ProtocolError(
+                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
+            ) from None
+    return dict(metadata), tensors
+
+
+# Metadata at the start of a header, which contain no other object.
+_METADATA = re.compile(rb'\{"__metadata__":(\{[^{}]*\}),(?=")')
+
+
+def _json_of(text: bytes) -> Any:
+    try:
+        return json.loads(text.decode("utf-8"), object_pairs_hook=_unique)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
+
+
+@functools.lru_cache(maxsize=64)
+def _layout(text: bytes, size: int) -> Tuple[List[Any], List[Tuple[str, Any, List[int], int, int]]]:
+    """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
+
+    Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
+    """
+    header = _json_of(text)
+    if not isinstance(header, dict):
+        raise ProtocolError("safetensors: the header is not a JSON object")
+    metadata = [header.pop("__metadata__")] if "__metadata__" in header else []
+    layout: List[Tuple[str, Any, List[int], int, int]] = []
     spans: List[Tuple[int, int, str]] = []
     for name, entry in header.items():
         if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
@@ -230,26 +272,18 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
                 "safetensors: tensor `%s` of shape %s does not fit its offsets %s"
                 % (name, shape, offsets)
             )
-        if offsets[1] > len(data):
+        if offsets[1] > size:
             raise ProtocolError("safetensors: tensor `%s` ends after the document" % name)
         spans.append((offsets[0], offsets[1], name))
-        try:
-            flat = (
-                np.frombuffer(data[offsets[0] : offsets[1]], dtype) if count else np.empty(0, dtype)
-            )
-            tensors[name] = flat.reshape(shape)
-        except ValueError as error:
-            raise ProtocolError(
-                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
-            ) from None
+        layout.append((name, dtype, shape, offsets[0], count))
     end = 0
     for first, last, name in sorted(spans):
         if first != end:
             raise ProtocolError("safetensors: gap or overlap before tensor `%s`" % name)
         end = last
-    if end != len(data):
-        raise ProtocolError("safetensors: %d bytes after the last tensor" % (len(data) - end))
-    return metadata, tensors
+    if end != size:
+        raise ProtocolError("safetensors: %d bytes after the last tensor" % (size - end))
+    return metadata, layout
 
 
 def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array]) -> List[Any]:
