@@ -582,7 +582,7 @@ class Scenes:
         lines: Lines of the maps.
         lights: Traffic lights.
         obstacle_episode: Index of the episode of each obstacle, i32 [O].
-        obstacles: Static obstacles, f64 [O, 5]: x, y, heading, length, width.
+        obstacles: Static obstacles, f64 [O, 5]: x, y, heading, length, width; metres and radians.
         moves_av: Whether slot 0 of the plan is executed (realism protocol).
         steps: Replan interval, steps; 0 if there is none.
         scenario_ids: Ids of the scenarios, only with `--reveal-ids`.
@@ -669,7 +669,10 @@ class Scene:
 
     @property
     def history(self) -> Array:
-        """States at frames 0 to 10, f64 [n, 11, 5]: x, y, heading, vx, vy; 0 where absent."""
+        """States at frames 0 to 10, f64 [n, 11, 5]: x, y, heading, vx, vy; 0 where absent.
+
+        Metres, radians and m/s.
+        """
         return self.scenes.history[self.index, : self.n_agents]
 
     @property
@@ -924,8 +927,8 @@ class PlannerObservation:
         memory: The value that `Planner.begin` returned for this episode.
         frame: Present frame, 10 to 89.
         steps: Number of steps until the next plan.
-        states: Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-            velocity where unknown.
+        states: Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy in metres, radians and
+            m/s; 0 where absent, NaN velocity where unknown.
         valid: Whether each agent is present, bool [n, frame + 1].
         light_states: States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`.
 
@@ -943,7 +946,7 @@ class PlannerObservation:
 
     @property
     def av(self) -> Array:
-        """Present state of the AV, f64 [5]: x, y, heading, vx, vy."""
+        """Present state of the AV, f64 [5]: x, y, heading, vx, vy; metres, radians and m/s."""
         state: Array = self.states[0, -1]
         return state
 

@@ -555,7 +555,8 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
     def states(self) -> Array:
         """Realised states of the episode so far, f64 [agents, frames, 5]: x, y, heading, vx, vy.
 
-        Frame of the scenario; NaN where absent or unknown. Frames begin with the 11 of the history.
+        Frame of the scenario, metres, radians and m/s; NaN where absent or unknown. Frames begin
+        with the 11 of the history.
         """
         return self._core.states(0)
 

@@ -50,8 +50,8 @@ class Case:
             (`states`, `present`).
         simulator: Id of the simulator.
         rollout: Index of the rollout.
-        states: Realised states at all 91 frames, f64 [n, 91, 5]: x, y, heading, vx, vy; NaN where
-            absent or unknown.
+        states: Realised states at all 91 frames, f64 [n, 91, 5]: x, y, heading, vx, vy in metres,
+            radians and m/s; NaN where absent or unknown.
         events: Occurrences that the metrics of the program counted in this rollout.
 
     """

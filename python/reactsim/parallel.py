@@ -196,7 +196,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     def states(self) -> Array:
         """Realised states so far, f64 [1 + agents, frames, 5]: the AV, then the agents.
 
-        x, y, heading, vx, vy in the frame of the scenario; NaN where absent or unknown.
+        x, y, heading, vx, vy in the frame of the scenario, in metres, radians and m/s; NaN where
+        absent or unknown.
         """
         _, arrays = self._process.request("world-tracks", {})
         return arrays["states"]

@@ -32,8 +32,8 @@ class Rollout(NamedTuple):
         simulator: Id of the simulator.
         rollout: Index of the rollout.
         agents: Ids of the agents.
-        states: States, f64 [n, 80, 5]: x, y, heading, vx, vy; NaN where absent or unknown. Metres,
-            local frame.
+        states: States, f64 [n, 80, 5]: x, y, heading, vx, vy in the local frame, in metres, radians
+            and m/s; NaN where absent or unknown.
         origin: World coordinates of the local origin, metres; NaN if unknown.
 
     """

@@ -36,11 +36,11 @@ class Scenario(Scene):
         history_heights: Height of the bottom of each agent at frames 0 to 10, f64 [n, 11], metres,
             NaN if unknown. Scenarios on one level have no heights.
         future_heights: Heights at frames 11 to 90, f64 [n, 80].
-        future: Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
-            absent.
+        future: Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy in metres,
+            radians and m/s; 0 where absent.
         future_valid: Whether each agent is present at frames 11 to 90, bool [n, 80].
         light_future: States of the traffic lights at frames 11 to 90, u8 [K, 80].
-        av: Deviated AV at frames 11 to 90, f64 [80, 5]; None if the scenario has none.
+        av: Deviated AV at frames 11 to 90, f64 [80, 5], as `future`; None if the scenario has none.
 
     """
 
@@ -91,7 +91,7 @@ class Scenario(Scene):
 
     @property
     def states(self) -> Array:
-        """Logged states at all 91 frames, f64 [n, 91, 5]."""
+        """Logged states at all 91 frames, f64 [n, 91, 5], as `history` and `future`."""
         if self.future is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.history, self.future], axis=1)
