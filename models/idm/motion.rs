@@ -84,6 +84,21 @@ impl Traffic {
         Self { behaviours, actors, av_paths: Vec::new(), av_paths_age: 0, av_curvature: 0.0 }
     }
 
+    /// Returns this state with the agents that were in another one before: drivers keep their paths and
+    /// intents. `kept`: their slots there.
+    pub(super) fn resumed(mut self, before: Self, kept: &[Option<usize>]) -> Self {
+        let Self { behaviours, actors, av_paths, av_paths_age, av_curvature } = before;
+        let mut behaviours: Vec<Option<AgentBehaviour>> = behaviours.into_iter().map(Some).collect();
+        for (slot, earlier) in kept.iter().enumerate() {
+            let Some(earlier) = *earlier else { continue };
+            if let Some(behaviour) = behaviours[earlier].take() {
+                self.behaviours[slot] = behaviour;
+                self.actors[slot] = actors[earlier];
+            }
+        }
+        Self { av_paths, av_paths_age, av_curvature, ..self }
+    }
+
     /// Plans all steps of an episode's plan.
     pub(super) fn plan(&mut self, parameters: &Parameters, episode: &mut Planning<'_, '_>) {
         let seen = episode.seen;

@@ -18,7 +18,7 @@ use rand::RngExt;
 use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_geometry::{direction, math};
 use reactsim_nn::{Initializer, Tensors, device_of};
-use reactsim_rollout::{Controller, Episode, Memory, PlanError, Simulator, Stream};
+use reactsim_rollout::{Continuation, Controller, Episode, Memory, PlanError, Simulator, Stream};
 use reactsim_scene::dynamics::{MotionLimits, Pose, Tracker, VehicleMotion};
 use reactsim_scene::{AgentKind, Start};
 use serde::Deserialize;
@@ -96,6 +96,17 @@ struct DrivenVehicle {
 impl Simulator for PufferDrive {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> Memory {
         Memory::new(EpisodeMemory::begin(start, &self.parameters))
+    }
+
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        for Continuation { before, kept, beginning } in batch {
+            let Some(before) = before.take::<EpisodeMemory>() else {
+                return Err(PlanError::ForeignMemory(ENTRY.id));
+            };
+            let begun = EpisodeMemory::begin(beginning.start, &self.parameters);
+            beginning.memory = Memory::new(begun.resumed(before, kept));
+        }
+        Ok(())
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {

@@ -51,6 +51,18 @@ impl EpisodeMemory {
         });
         Self { vehicles: vehicles.collect(), road: RoadPieces::of(&start.map) }
     }
+
+    /// Returns this memory with the vehicles of another one, which go on as they were: parked ones stay parked.
+    /// `kept`: the slots that the agents had there.
+    pub(super) fn resumed(self, before: Self, kept: &[Option<usize>]) -> Self {
+        let mut earlier = before.vehicles;
+        let mut resumed = |vehicle: Vehicle| {
+            let Some(slot) = kept[vehicle.agent] else { return Some(vehicle) };
+            let at = earlier.iter().position(|other| other.agent == slot)?;
+            Some(Vehicle { agent: vehicle.agent, ..earlier.swap_remove(at) })
+        };
+        Self { vehicles: self.vehicles.into_iter().filter_map(&mut resumed).collect(), ..self }
+    }
 }
 
 /// Returns whether a vehicle is parked: it has not moved in the history, and it is next to the lanes or

@@ -9,7 +9,8 @@ all agents. A `Planner` drives the AV. `serve` answers the program until it clos
 
 Units are metres, seconds, radians (counter-clockwise from the x axis) and m/s. Positions are box
 centres in the local frame of the scenario, whose origin is the position of the AV at the current
-frame. Frames are 0.1 s apart: frames 0 to 10 are the history, frame 10 is the current frame.
+frame. Frames are 0.1 s apart. Unless scenarios have another length (`Scenes.n_history` and
+`Scenes.n_steps`), frames 0 to 10 are the history, frame 10 is the current frame, and 80 follow.
 
 In shapes, B is the number of episodes of a batch, N the largest number of agents of an episode, T
 the number of frames, S of planned steps, P of points, L of lines, E of links, K of traffic lights,
@@ -77,8 +78,9 @@ __all__ = [
 
 PROTOCOL = "1"
 DT = 0.1  # seconds between two frames
-HISTORY = 11  # frames 0 to 10
-FRAMES = 91  # frames of a scenario
+HISTORY = 11  # frames up to and including the current one, unless scenarios state another number
+STEPS = 80  # frames after the current one, unless scenarios state another number
+MAX_HISTORY, MAX_STEPS = 100, 6000
 MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
 MAX_HEADER = 64 << 20  # bytes of a safetensors header
 MAX_KEPT = 4096  # bytes of a header whose layout is kept for the next frames
@@ -551,7 +553,7 @@ class Lights:
         lane: Controlled lane, i32 [K]: a line index in a batch, an index in `Scene.lanes` in a
             scene.
         stop: Stop points, f64 [K, 2], metres.
-        states: States during the history, u8 [K, 11]; see `Light`.
+        states: States up to the current frame, u8 [K, n_history]; see `Light`.
 
     """
 
@@ -571,14 +573,17 @@ class Scenes:
     `len(scenes)` is the number of episodes B; `scenes[i]` is one of them without padding.
 
     Attributes:
+        n_history: Number of frames up to and including the current one, 11 in the benchmark. All
+            episodes of a batch have the same.
+        n_steps: Number of steps after the current frame, 80 in the benchmark, as `n_history`.
         episodes: Handle of each episode, unique in the process, u64 [B].
         seeds: Seed of all random choices in each episode, u64 [B]; see `rng`.
         kinds: Kind of each agent, u8 [B, N]; slot 0 is the AV; see `Kind`.
         n_agents: Number of agents of each episode, i32 [B]; later slots are padding.
         sizes: Length and width of each agent, f64 [B, N, 2], metres.
-        history: States at frames 0 to 10, f64 [B, N, 11, 5]: x, y, heading, vx, vy in metres,
-            radians and m/s; 0 where absent, NaN velocity where unknown.
-        valid: Whether each agent is present, bool [B, N, 11].
+        history: States up to the current frame, f64 [B, N, n_history, 5]: x, y, heading, vx, vy in
+            metres, radians and m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [B, N, n_history].
         lines: Lines of the maps.
         lights: Traffic lights.
         obstacle_episode: Index of the episode of each obstacle, i32 [O].
@@ -594,6 +599,7 @@ class Scenes:
 
     def __init__(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> None:
         take = _Tensors(tensors)
+        self.n_history, self.n_steps = _length(metadata)
         self.episodes: Array = take.take("episode", "U64", "B")
         batch = len(self.episodes)
         self.seeds: Array = take.take("seed", "U64", batch)
@@ -601,19 +607,19 @@ class Scenes:
         agents = self.kinds.shape[1]
         self.n_agents: Array = take.take_index("n_agents", agents + 1, 1, batch)
         self.sizes: Array = take.take("size", "F64", batch, agents, 2)
-        self.history: Array = take.take("history", "F64", batch, agents, HISTORY, 5)
-        self.valid: Array = take.take("valid", "BOOL", batch, agents, HISTORY)
+        self.history: Array = take.take("history", "F64", batch, agents, self.n_history, 5)
+        self.valid: Array = take.take("valid", "BOOL", batch, agents, self.n_history)
         self.lines = Lines(take, batch)
         self.lights = Lights(
             take.take_index("light_episode", batch, 0, "K"),
             take.take_index("light_lane", len(self.lines), -1, "K"),
             take.take("light_stop", "F64", "K", 2),
-            take.take("light_state", "U8", "K", HISTORY),
+            take.take("light_state", "U8", "K", self.n_history),
         )
         self.obstacle_episode: Array = take.take_index("obstacle_episode", batch, 0, "O")
         self.obstacles: Array = take.take("obstacle", "F64", "O", 5)
         self.moves_av = metadata.get("moves_av") == "1"
-        self.steps = _integer(metadata, "steps", 1, FRAMES) if "steps" in metadata else 0
+        self.steps = _integer(metadata, "steps", 1, MAX_STEPS) if "steps" in metadata else 0
         self.scenario_ids: Optional[List[str]] = _json_list(metadata, "scenario_ids", batch)
         self.agent_ids: Optional[List[List[str]]] = _json_list(metadata, "agent_ids", batch)
         self.origins: Optional[List[List[float]]] = _json_list(metadata, "origins", batch)
@@ -646,6 +652,8 @@ class Scene:
     Attributes:
         index: Index of the episode in the batch.
         n_agents: Number of agents n; agent 0 is the AV.
+        n_history: Number of frames up to and including the current one, 11 in the benchmark.
+        n_steps: Number of steps after the current frame, 80 in the benchmark.
 
     """
 
@@ -653,6 +661,8 @@ class Scene:
         self.scenes = scenes
         self.index = index
         self.n_agents = int(scenes.n_agents[index])
+        self.n_history = scenes.n_history
+        self.n_steps = scenes.n_steps
         self._lanes: Optional[List[Lane]] = None
         self._lane_index: Dict[int, int] = {}
         self._own: Dict[int, Array] = {}
@@ -669,7 +679,7 @@ class Scene:
 
     @property
     def history(self) -> Array:
-        """States at frames 0 to 10, f64 [n, 11, 5]: x, y, heading, vx, vy; 0 where absent.
+        """States up to now, f64 [n, n_history, 5]: x, y, heading, vx, vy; 0 where absent.
 
         Metres, radians and m/s.
         """
@@ -677,7 +687,7 @@ class Scene:
 
     @property
     def valid(self) -> Array:
-        """Whether each agent is present, bool [n, 11]."""
+        """Whether each agent is present, bool [n, n_history]."""
         return self.scenes.valid[self.index, : self.n_agents]
 
     @property
@@ -830,9 +840,9 @@ class Observation:
 
     Attributes:
         scenes: Agents and maps, as in `begin`.
-        frame: Latest realised frame, 10 to 89.
+        frame: Latest realised frame, 10 to 89 in the benchmark.
         steps: Number of steps S to plan.
-        n_new: Number of frames since the previous plan; 11 at the first plan.
+        n_new: Number of frames since the previous plan; all of the history at the first plan.
         states: Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy in metres, radians
             and m/s; 0 where absent, NaN velocity where unknown.
         valid: Whether each agent is present, bool [B, N, frame + 1].
@@ -896,6 +906,8 @@ class Simulator:
         weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
         intervals: Replan intervals that are supported, steps; empty for any.
         batch: Number of episodes per batch, 1 to 1024; None leaves it to the program.
+        any_length: Whether scenarios of other lengths than 11 frames of history and 80 steps are
+            supported; False refuses them.
 
     """
 
@@ -904,6 +916,7 @@ class Simulator:
     weights_sha256: str = ""
     intervals: Sequence[int] = ()
     batch: Optional[int] = None
+    any_length: bool = True
 
     def begin(self, scenes: Scenes) -> None:
         """Receives the scenes of a new batch of episodes."""
@@ -925,7 +938,7 @@ class PlannerObservation:
         scene: Agents and map.
         route: Lanes of the route in driving order, as indices in `scene.lanes`.
         memory: The value that `Planner.begin` returned for this episode.
-        frame: Present frame, 10 to 89.
+        frame: Present frame, 10 to 89 in the benchmark.
         steps: Number of steps until the next plan.
         states: Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy in metres, radians and
             m/s; 0 where absent, NaN velocity where unknown.
@@ -960,6 +973,7 @@ class Planner:
     Attributes:
         name: Name of the planner; the name of the class by default.
         weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
+        any_length: As of `Simulator`.
 
     """
 
@@ -967,6 +981,7 @@ class Planner:
     name: str = ""
     version: str = ""
     weights_sha256: str = ""
+    any_length: bool = True
 
     def begin(self, scene: Scene) -> Any:
         """Receives the scene of a new episode. The returned value is `memory` at its plans."""
@@ -974,8 +989,8 @@ class Planner:
     def plan(self, seen: PlannerObservation) -> Any:
         """Returns poses of the centre of the AV after 1, 2, ... steps, f64 or f32 [P, 3].
 
-        A pose is x, y, heading; P is at least `seen.steps` and at most 80. The tracker of the run
-        follows the poses until the next plan.
+        A pose is x, y, heading; P is at least `seen.steps` and at most 80, or the steps that are
+        left if they are more. The tracker of the run follows the poses until the next plan.
         """
         raise NotImplementedError("a planner needs a method `plan`")
 
@@ -993,15 +1008,16 @@ class _Batch:
 
     def __init__(self, scenes: Scenes) -> None:
         self.scenes = scenes
-        self.frame = HISTORY - 1
+        history, frames = scenes.n_history, scenes.n_history + scenes.n_steps
+        self.frame = history - 1
         self.is_first = True
         shape = scenes.kinds.shape
-        self.states = np.zeros((*shape, FRAMES, 5))
-        self.states[:, :, :HISTORY] = scenes.history
-        self.valid = np.zeros((*shape, FRAMES), np.bool_)
-        self.valid[:, :, :HISTORY] = scenes.valid
-        self.lights = np.zeros((len(scenes.lights), FRAMES), np.uint8)
-        self.lights[:, :HISTORY] = scenes.lights.states
+        self.states = np.zeros((*shape, frames, 5))
+        self.states[:, :, :history] = scenes.history
+        self.valid = np.zeros((*shape, frames), np.bool_)
+        self.valid[:, :, :history] = scenes.valid
+        self.lights = np.zeros((len(scenes.lights), frames), np.uint8)
+        self.lights[:, :history] = scenes.lights.states
         present = np.arange(shape[1]) < scenes.n_agents[:, None]
         if not scenes.moves_av:
             present[:, 0] = False
@@ -1020,8 +1036,9 @@ class _Batch:
         valid = take.take("valid", "BOOL", batch, agents, new)
         lights = take.take("light_state", "U8", len(self.scenes.lights), new)
         av_next = take.take("av_next", "F64", batch, 5)
-        frame = _integer(metadata, "frame", HISTORY - 1, FRAMES - 2)
-        steps = _integer(metadata, "steps", 1, FRAMES - 1)
+        history, frames = self.scenes.n_history, self.states.shape[2]
+        frame = _integer(metadata, "frame", history - 1, frames - 2)
+        steps = _integer(metadata, "steps", 1, frames - 1)
         if frame != self.frame + new:
             raise ProtocolError(
                 "frame %d does not follow frame %d by %d" % (frame, self.frame, new)
@@ -1037,7 +1054,7 @@ class _Batch:
         ]
         for view in views:
             view.flags.writeable = False
-        n_new = HISTORY + new if self.is_first else new
+        n_new = history + new if self.is_first else new
         self.is_first = False
         return Observation(
             self.scenes,
@@ -1116,10 +1133,10 @@ class _Drive:
         seen = self.batch.observe(metadata, tensors)
         return PlannerObservation(self.scene, self.route, self.memory, seen)
 
-    @staticmethod
-    def check(returned: Any, steps: int, place: str) -> Array:
+    def check(self, returned: Any, steps: int, place: str) -> Array:
         """Checks the poses that `plan` returned, and returns them as an array [P, 3]."""
-        expected = "an array of shape [%d to %d, 3]" % (steps, FRAMES - HISTORY)
+        most = max(STEPS, self.batch.states.shape[2] - 1 - self.batch.frame)
+        expected = "an array of shape [%d to %d, 3]" % (steps, most)
         if returned is None:
             raise _UserError("%s returned None, expected %s" % (place, expected))
         try:
@@ -1128,7 +1145,7 @@ class _Drive:
             text = "%s returned a %s that is no array: %s"
             raise _UserError(text % (place, type(returned).__name__, error)) from error
         is_shape = poses.ndim == 2 and poses.shape[1] == 3
-        if not is_shape or not steps <= poses.shape[0] <= FRAMES - HISTORY:
+        if not is_shape or not steps <= poses.shape[0] <= most:
             raise _UserError(
                 "%s returned an array of shape %s, expected %s: x, y, heading after each step"
                 % (place, poses.shape, expected)
@@ -1275,9 +1292,9 @@ class Session:
         if kind == "plan":
             if handle not in self.drives:
                 raise ProtocolError("`plan` without `begin`")
-            seen = self.drives[handle].observe(metadata, tensors)
-            place = self.title + ".plan"
-            poses = _Drive.check(self.simulator.plan(seen), seen.steps, place)
+            drive, place = self.drives[handle], self.title + ".plan"
+            seen = drive.observe(metadata, tensors)
+            poses = drive.check(self.simulator.plan(seen), seen.steps, place)
             return "planned", {}, {"trajectory": poses[None]}
         if kind == "end":
             if self.drives.pop(handle, None) is not None and self.on_end is not None:
@@ -1298,7 +1315,7 @@ class Session:
                 "%s.weights_sha256 is %r, expected 64 hex digits" % (self.title, weights)
             )
         intervals = [int(n) for n in getattr(self.simulator, "intervals", None) or ()]
-        if not all(1 <= n < FRAMES for n in intervals):
+        if not all(1 <= n <= STEPS for n in intervals):
             raise _UserError("%s.intervals is %s, expected 1 to 80 steps" % (self.title, intervals))
         answer = {
             "role": self.role,
@@ -1307,6 +1324,8 @@ class Session:
             "weights_sha256": weights,
             "intervals": json.dumps(intervals),
         }
+        if getattr(self.simulator, "any_length", True):
+            answer["lengths"] = "any"
         size = self.size if self.size is not None else getattr(self.simulator, "batch", None)
         if size is not None:
             if not 1 <= int(size) <= 1024:
@@ -1337,6 +1356,19 @@ def _integer(metadata: Mapping[str, str], key: str, least: int, most: int) -> in
     if not text.isdigit() or len(text) > 9 or not least <= int(text) <= most:
         raise ProtocolError("metadata `%s` is %r, expected %d to %d" % (key, text, least, most))
     return int(text)
+
+
+def _length(metadata: Mapping[str, str]) -> Tuple[int, int]:
+    """Returns the numbers of frames of the history and of steps."""
+    length = _json_list(metadata, "length", 2)
+    if length is None:
+        return HISTORY, STEPS
+    history, steps = length
+    is_whole = type(history) is int and type(steps) is int
+    if not is_whole or not (2 <= history <= MAX_HISTORY and 1 <= steps <= MAX_STEPS):
+        text = "metadata `length` is %s, expected 2 to %d frames of history and 1 to %d steps"
+        raise ProtocolError(text % (length, MAX_HISTORY, MAX_STEPS))
+    return history, steps
 
 
 def _json_list(metadata: Mapping[str, str], key: str, length: int) -> Any:

@@ -67,6 +67,8 @@ def curate(
     comfort: bool = False,
     current_frame: int | None = None,
     window_step: int | None = None,
+    history: int | None = None,
+    future: int | str | None = None,
     all_agents: bool = False,
     progress: bool = True,
 ) -> Candidates:
@@ -95,6 +97,8 @@ def curate(
         comfort: Also reject candidates that exceed nuPlan's comfort bounds.
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
+        history: Number of frames up to and including the current one.
+        future: Number of frames after the current one, or a time such as "15s", or "log".
         all_agents: Simulate all agents that are present at the current frame, of all kinds.
         progress: Show the messages of the program.
 
@@ -118,7 +122,7 @@ def curate(
         ("--min-ade", min_ade),
         ("--drivable-tolerance", drivable_tolerance),
         ("--comfort", comfort),
-        *reading(current_frame, window_step, all_agents),
+        *reading(current_frame, window_step, history, future, all_agents),
     ]
     produce(["curate", *arguments(given, paths(scenarios))], out, show=progress)
     return Candidates(out)

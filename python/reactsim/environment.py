@@ -39,7 +39,7 @@ from typing import Any, Callable, Union
 
 import numpy as np
 
-from .client import Array, Session, as_array
+from .client import STEPS, Array, Session, as_array
 from .display import Gif
 from .options import PathLike, Sources, whole
 from .pictures import drawing, save_drawing
@@ -447,7 +447,8 @@ def bounds(action: str, poses: int) -> Array:
     """Returns the largest values of actions other than states, f64 [2] or [poses, 3]."""
     if action == "bicycle":
         return np.array([MAX_ACCELERATION, MAX_CURVATURE])
-    return np.tile([MAX_PLANNED, MAX_PLANNED, np.pi], (poses, 1))
+    metres = MAX_PLANNED * max(1.0, poses / STEPS)
+    return np.tile([metres, metres, np.pi], (poses, 1))
 
 
 def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
@@ -469,9 +470,10 @@ def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
 class Env(gymnasium.Env[dict[str, Array], Array]):
     """An environment in which actions drive the AV and a simulator moves all other agents.
 
-    An episode has 80 steps of 0.1 s. It is truncated after the last step, or if the simulator finds
-    no plan (`info["failure"]`); it terminates at a condition of `end_at`. Without a condition it
-    continues after contacts, as in the benchmark. A `Simulator` that raises is an error.
+    An episode has the steps of its scenario, 80 of 0.1 s in the benchmark. It is truncated after
+    the last step, or if the simulator finds no plan (`info["failure"]`); it terminates at a
+    condition of `end_at`. Without a condition it continues after contacts, as in the benchmark. A
+    `Simulator` that raises is an error.
     Observations and measures are described in `reactsim.environment`.
 
     `reset` chooses a scenario at random; `options={"scenario": id or index, "rollout": 0}` names
@@ -497,13 +499,15 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         every: Number of steps of 0.1 s per action. Measures are then sums of progress, flags that
             are 1 at any step, the smallest time to collision, and the last speed.
         agents: Number of the nearest agents that are observed.
-        history: Number of frames that are observed, 1 to 11.
+        history: Number of frames that are observed, 1 to 100; frames before the first one are
+            absent.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.
         route: Number of points of the route that are observed.
         flat: Observe one vector, all arrays one after the other, instead of a dictionary.
-        normalized: Actions are from -1 to 1, in units of the bounds above (of a plan 400 m and π).
+        normalized: Actions are from -1 to 1, in units of the bounds above (of a plan π and 400 m,
+            or 5 m per pose of more than 80).
         render_mode: "rgb_array" for pictures by `render`.
         reward: Weights of measures, or a function of the measures; `REWARD` by default.
         end_at: Conditions that terminate an episode: "contact", "at-fault-contact", "off-road".
@@ -556,7 +560,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         """Realised states of the episode so far, f64 [agents, frames, 5]: x, y, heading, vx, vy.
 
         Frame of the scenario, metres, radians and m/s; NaN where absent or unknown. Frames begin
-        with the 11 of the history.
+        with those of the history.
         """
         return self._core.states(0)
 

@@ -41,8 +41,8 @@ class Case:
     """One rollout of a scenario, which a metric judges.
 
     Positions are metres in the local frame of the scenario, headings radians counter-clockwise,
-    velocities m/s. Frames are 0.1 s apart: frame 10 is the current frame, and step k is frame
-    10 + k. Poses are those of box centres.
+    velocities m/s. Frames are 0.1 s apart; step k is frame `scenario.n_history - 1 + k`, that is
+    10 + k in the benchmark. Poses are those of box centres.
 
     Attributes:
         scenario: The scenario: ids (`agents`), `kinds` and `sizes` [n, 2] of the n agents, of which
@@ -50,8 +50,8 @@ class Case:
             (`states`, `present`).
         simulator: Id of the simulator.
         rollout: Index of the rollout.
-        states: Realised states at all 91 frames, f64 [n, 91, 5]: x, y, heading, vx, vy in metres,
-            radians and m/s; NaN where absent or unknown.
+        states: Realised states at all frames (91 in the benchmark), f64 [n, frames, 5]: x, y,
+            heading, vx, vy in metres, radians and m/s; NaN where absent or unknown.
         events: Occurrences that the metrics of the program counted in this rollout.
 
     """
@@ -64,7 +64,7 @@ class Case:
 
     @property
     def present(self) -> Array:
-        """Whether each agent is present at each of the 91 frames, bool [n, 91]."""
+        """Whether each agent is present at each frame, bool [n, frames]."""
         present: Array = ~np.isnan(self.states[..., 0])
         return present
 
@@ -111,7 +111,7 @@ class Metric:
         counted: bool = True,
         **values: float,
     ) -> Event:
-        """Returns an occurrence of an agent, by id, from `step` (1 to 80) to `last_step`.
+        """Returns an occurrence of an agent, by id, from `step` (at least 1) to `last_step`.
 
         Args:
             agent: Id of the agent.
@@ -237,7 +237,7 @@ def _pairs(results: Results, source: Sources, **as_read: Any) -> Iterator[tuple[
 
 
 def _states(scenario: Scenario, rollout: Rollout) -> Array:
-    """Returns history and realised states of a rollout, f64 [n, 91, 5]; NaN where absent."""
+    """Returns history and realised states of a rollout, f64 [n, frames, 5]; NaN where absent."""
     if rollout.agents != scenario.agents:
         raise ReactsimError(
             f"scenario `{scenario.id}` has other agents than its kept rollouts: give the scenarios"

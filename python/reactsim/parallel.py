@@ -64,8 +64,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     Agents are `agent_1`, `agent_2`, ...: those that are present at the current frame, by their
     distance to the AV. Actions move all of them, or the nearest ones (`controlled`) among others
     that `simulator` moves. `infos` has the id of each agent in its recording. An episode is
-    truncated after 80 steps of 0.1 s; `scores` of every `info` then has the metrics of the
-    benchmark.
+    truncated after the steps of its scenario, 80 of 0.1 s in the benchmark; `scores` of every
+    `info` then has the metrics of the benchmark.
 
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
@@ -79,7 +79,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         limit: Only the first `limit` scenarios of every file.
         action: "bicycle" or "state", as for `Env`.
         agents: Number of the nearest agents, the AV included, that each agent observes.
-        history: Number of frames that are observed, 1 to 11.
+        history: Number of frames that are observed, 1 to 100, as for `Env`.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.

@@ -121,7 +121,7 @@ def scenes(arguments: list[str]) -> int:
         tensors["heights"] = np.full((1, 4, 11), np.nan)
         tensors["point_heights"] = np.full(len(tensors["points"]), np.nan)
         tensors["obstacle_heights"] = np.full(len(tensors["obstacle"]), np.nan)
-        if "--future" in arguments:
+        if "--with-future" in arguments:
             tensors["future_heights"] = np.full((1, 4, 80), np.nan)
             tensors["future"] = np.full((1, 4, 80, 5), float(k))
             tensors["future_valid"] = np.ones((1, 4, 80), np.uint8)

@@ -16,7 +16,7 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import IMPORTED, ROOT
+from fakes import IMPORTED, ROOT, other_lengths
 from reactsim.process import ProgramProcess
 from stop import Stop
 
@@ -307,6 +307,33 @@ class TestEnv:
         assert np.array_equal(plain.states, env.states, equal_nan=True)
         with pytest.raises(ValueError, match="`normalized` is for actions with bounds"):
             reactsim.Env(MINI, action="state", normalized=True)
+
+    def test_bounds_of_plans_grow_with_their_duration(self) -> None:
+        from reactsim.environment import bounds
+
+        for poses, metres in [(10, 400.0), (80, 400.0), (160, 800.0)]:
+            assert bounds("plan", poses).tolist() == [[metres, metres, np.pi]] * poses
+
+    def test_episodes_and_pictures_last_as_long_as_their_scenario(
+        self, closing: Any, tmp_path: Path
+    ) -> None:
+        lengths = other_lengths(tmp_path)
+        sizes = {**SMALL, "every": 30, "history": 12}
+        env = closing(reactsim.Env(tmp_path, render_mode="rgb_array", **sizes))
+        for name, (history, steps) in lengths.items():
+            seen, _ = env.reset(options={"scenario": name})
+            # Frames before the first one are absent.
+            present = min(history, 12)
+            assert seen["av"][:, 6].tolist() == [0.0] * (12 - present) + [1.0] * present
+            assert env.states.shape[1] == history
+            picture = env.render()
+            for decision in range(1, steps // 30 + 1):
+                truncated = env.step(np.zeros(2))[3]
+                assert truncated == (decision == steps // 30)
+                assert env.states.shape[1] == history + 30 * decision
+                before, picture = picture, env.render()
+                assert not np.array_equal(before, picture)
+            assert env.save_gif(tmp_path / "episode.gif", size=100)[:6] == b"GIF89a"
 
     def test_stable_baselines_has_no_objections(
         self, closing: Any, recwarn: pytest.WarningsRecorder

@@ -103,6 +103,25 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
     assert program.drive(1, 3, 15, 5, 5)[0]["type"] == "failed"
 
 
+def test_long_scenarios_may_be_planned_to_their_end() -> None:
+    planner = Straight()
+    program = Program(planner)
+    assert program.hello()["lengths"] == "any"
+    tensors = {**make_scenes(1, 2), "route": np.array([0], np.int32)}
+    metadata = {"moves_av": "1", "steps": "150", "length": "[11, 150]"}
+    assert program.ask("begin", metadata, tensors)[0]["type"] == "begun"
+    handle = int(tensors["episode"][0])
+    planner.answer = np.zeros((150, 3))
+    assert program.drive(handle, 2, 10, 0, 5)[1]["trajectory"].shape == (1, 150, 3)
+    assert planner.last.scene.n_steps == 150
+    # As many poses as in the benchmark are possible up to the last step.
+    planner.answer = np.zeros((80, 3))
+    assert program.drive(handle, 2, 155, 145, 5)[1]["trajectory"].shape == (1, 80, 3)
+    planner.answer = np.zeros((81, 3))
+    text, _ = program.drive(handle, 2, 155, 0, 5)
+    assert "shape (81, 3), expected an array of shape [5 to 80, 3]" in text["error"]
+
+
 def test_wrong_programs_are_refused() -> None:
     with pytest.raises(
         ValueError, match="give simulators, a planner, only `baselines`, or a specification"

@@ -199,7 +199,7 @@ def test_program_as_module(fake_program: Path) -> None:
 
 def test_scenarios(fake_program: Path) -> None:
     scenarios = list(reactsim.scenarios())
-    assert arguments(fake_program) == ["export", "scenes", "--future"]
+    assert arguments(fake_program) == ["export", "scenes", "--with-future"]
     assert [s.id for s in scenarios] == ["scenario-0", "scenario-1", "scenario-2"]
     first, second, _ = scenarios
     assert first.agents == ["av", "b", "c", "d"]

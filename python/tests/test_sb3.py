@@ -7,7 +7,7 @@ from typing import Any, Dict, Iterator
 
 import numpy as np
 import pytest
-from fakes import ROOT
+from fakes import ROOT, other_lengths
 
 pytest.importorskip("stable_baselines3")
 
@@ -50,6 +50,19 @@ def test_options_name_episodes(envs: VecEnv) -> None:
     seen = envs.reset()
     assert np.array_equal(seen[0], seen[2])
     assert {info["scenario"] for info in envs.reset_infos} == {envs.get_attr("scenarios")[0][1]}
+
+
+def test_episodes_may_have_any_length(tmp_path: Path) -> None:
+    other_lengths(tmp_path)
+    envs = VecEnv(tmp_path, num_envs=2, every=30, **SMALL)
+    try:
+        envs.set_options([{"scenario": "short"}, {"scenario": "long"}])
+        envs.reset()
+        over = [envs.step(np.zeros((2, 2), np.float32))[2].tolist() for _ in range(5)]
+        assert over[:2] == [[False, False], [True, False]]
+        assert [long for _, long in over] == [False] * 4 + [True]
+    finally:
+        envs.close()
 
 
 def test_a_policy_learns(envs: VecEnv) -> None:

@@ -22,7 +22,7 @@ use crate::external::{Frame, FrameWriter, Parent, Values};
 use crate::metrics::{Event, Options};
 use crate::report::animation::{Animation, Panel};
 use crate::report::birdseye::marks_of;
-use crate::scene::{CURRENT, FRAMES, Frame as StateFrame, Scenario};
+use crate::scene::{Frame as StateFrame, Scenario};
 
 /// What all environments have.
 #[derive(Deserialize)]
@@ -262,9 +262,10 @@ struct Drawing {
 impl Drawing {
     /// Returns the present step as u8 [height, width, 3], or an animation of the steps so far as a GIF.
     fn answer(&self, scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> Answer {
-        let until = tracks.first().map_or(0, Vec::len).saturating_sub(CURRENT + 1);
+        let length = scenario.length();
+        let until = tracks.first().map_or(0, Vec::len).saturating_sub(length.history);
         let mut tracks = tracks.to_vec();
-        tracks.iter_mut().for_each(|track| track.resize(FRAMES, None));
+        tracks.iter_mut().for_each(|track| track.resize(length.frames(), None));
         let marks = marks_of(scenario, &tracks);
         let panel = Panel { title: scenario.id.clone(), rollout: Some(&tracks), marks };
         let animation = Animation {
@@ -334,4 +335,31 @@ fn tracks_answer(scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> Answer {
     let mut answer = answer("tracks", &json!({ "scenario": scenario.id, "agents": ids }))?;
     answer.tensor("states", Values::f64(&shape, values));
     Ok(answer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenarios::of_length;
+    use super::*;
+    use crate::evaluation::Source;
+
+    #[test]
+    fn pictures_show_the_present_step_of_scenarios_of_any_length() {
+        let shipped = Source::shipped(1).scenarios().unwrap().next().unwrap().unwrap();
+        for steps in [60, 150] {
+            let scenario = of_length(&shipped, steps);
+            let frames = scenario.length().frames();
+            let answer = |frames: usize, every: Option<usize>| {
+                let agents = 0..scenario.start.agents.len();
+                let tracks: Vec<_> = agents.map(|i| scenario.logged(i)[..frames].to_vec()).collect();
+                let drawing = Drawing { slot: 0, size: 100, radius: None, follow: true, every };
+                let mut answer = drawing.answer(&scenario, &tracks).unwrap();
+                answer.text("seq", "0");
+                Frame::read(answer.to_frame().unwrap()[8..].to_vec()).unwrap()
+            };
+            let rgb = |frames: usize| answer(frames, None).bytes("rgb").unwrap().to_vec();
+            assert_ne!(rgb(frames - 1), rgb(frames), "{steps} steps");
+            assert!(answer(frames, Some(steps)).bytes("gif").unwrap().starts_with(b"GIF89a"));
+        }
+    }
 }

@@ -41,7 +41,9 @@ impl CandidateSource for PlannerSource {
             }
             let maneuver = format!("sample at temperature {}", self.temperature);
             let driven = routes.as_ref().and_then(|routes| routes.drive(&plan));
-            Ok(Proposal { intent: None, maneuver, future: driven.unwrap_or(plan) })
+            let mut future = driven.unwrap_or(plan);
+            future.truncate(scenario.length().future);
+            Ok(Proposal { intent: None, maneuver, future })
         };
         plans.into_iter().map(propose).collect()
     }

@@ -177,9 +177,10 @@ impl Driver {
             }
             DriverKind::External(planner) => {
                 let (planner, id, steps) = (planner.as_ref().clone(), scenario.id.clone(), every.steps());
+                let length = scenario.length();
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
                     let seed = stream(seed, &id, rollout, Purpose::AvBegin).next_u64();
-                    let remote = RemotePlanner { episode: planner.begin(seed), steps, route: None };
+                    let remote = RemotePlanner::new(planner.begin(seed, length), steps, length.future);
                     given.keep(Box::new(remote), controller, rollout)
                 };
                 Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use parking_lot::Mutex;
 use reactsim_rollout::Observation;
-use reactsim_scene::{FUTURE, HISTORY};
+use reactsim_scene::{FUTURE, Length};
 
 use super::connection::RequestError;
 use super::document::{Frame, FrameWriter, Values};
@@ -13,7 +13,7 @@ use super::processes::Processes;
 use super::replies::{self, Description, Role};
 use super::settings::{ExternalSettings, RunOutline};
 use super::workers::Worker;
-use super::{Command, ExternalError, realised, scenes};
+use super::{Command, ExternalError, length, realised, scenes};
 
 /// A planner that runs as a program of its own, in one or several processes, each of which plans for many
 /// episodes at the same time. Clones share the processes, which end when the last clone is dropped.
@@ -44,9 +44,12 @@ pub struct PlannerEpisode {
     planner: ExternalPlanner,
     slot: usize,
     seed: u64,
+    length: Length,
     /// Frames at which the planner has planned, with the number of steps until the next plan.
     planned: Vec<(usize, usize)>,
     open: Option<Open>,
+    /// Number of times that agents had entered or left when the episode was begun.
+    changes: usize,
 }
 
 /// An episode that a process holds.
@@ -88,10 +91,11 @@ impl ExternalPlanner {
         &self.processes
     }
 
-    /// Creates an episode. `seed`: seed of all random choices in it.
-    pub fn begin(&self, seed: u64) -> PlannerEpisode {
+    /// Creates an episode in a scenario of this length. `seed`: seed of all random choices in it.
+    pub fn begin(&self, seed: u64, length: Length) -> PlannerEpisode {
         let slot = self.episodes.fetch_add(1, Ordering::Relaxed) % self.slots.len();
-        PlannerEpisode { planner: self.clone(), slot, seed, planned: Vec::new(), open: None }
+        let planned = Vec::new();
+        PlannerEpisode { planner: self.clone(), slot, seed, length, planned, open: None, changes: 0 }
     }
 }
 
@@ -110,19 +114,27 @@ impl Drop for ExternalPlanner {
 impl PlannerEpisode {
     /// Returns the trajectory from the present on: x and y (m, frame of the scenario) of the centre of the
     /// AV, and heading (rad), after 1, 2, … steps. There are at least `steps`, the number until the next
-    /// plan, and no more than 80. `route`: indices into the lanes of the map, in driving order; it is sent
-    /// once.
+    /// plan, and no more than 80, or the steps that are left if they are more. `route`: indices into the
+    /// lanes of the map, in driving order; it is sent once. When agents have entered or left, the process ends
+    /// the episode and begins another one, with the new agents and the latest frames.
     ///
     /// # Errors
-    /// The reason, if the planner fails or answers something else.
+    /// The reason, if the planner fails, answers something else, or does not support the length of the
+    /// scenario.
     pub fn plan(
         &mut self,
         seen: &Observation<'_>,
         steps: usize,
         route: &[usize],
     ) -> Result<Vec<[f64; 3]>, String> {
+        length::check(&self.planner.description, self.length)?;
         let slots = Arc::clone(&self.planner.slots);
         let mut slot = slots[self.slot].lock();
+        if self.changes != seen.changes() {
+            self.end(&mut slot);
+            self.planned.clear();
+            self.changes = seen.changes();
+        }
         let mut result = self.attempt(&mut slot, seen, steps, route);
         if matches!(result, Err(RequestError::Broken(_))) {
             result = self.attempt(&mut slot, seen, steps, route);
@@ -147,7 +159,7 @@ impl PlannerEpisode {
             }
         }
         let reply = self.planned_at(slot, seen, seen.frame(), steps)?;
-        let planned = replies::trajectory(&reply, steps);
+        let planned = replies::trajectory(&reply, steps, self.most_poses(seen.frame()));
         let planned =
             planned.map_err(|e| format!("`planned` cannot be used: {e}")).and_then(|planned| planned);
         planned.map_err(|text| {
@@ -156,10 +168,15 @@ impl PlannerEpisode {
         })
     }
 
+    /// Returns the largest number of poses of a trajectory that is planned at a frame.
+    fn most_poses(&self, frame: usize) -> usize {
+        FUTURE.max(self.length.frames() - 1 - frame)
+    }
+
     /// Begins the episode in the process.
     fn begun(&self, slot: &mut Slot, seen: &Observation<'_>, route: &[usize]) -> Result<Open, RequestError> {
         if slot.worker.is_none() {
-            let worker = self.planner.processes.workers.take();
+            let worker = self.planner.processes.workers.take(true);
             slot.worker = Some(worker.map_err(RequestError::Refused)?);
             slot.generation += 1;
         }
@@ -168,13 +185,14 @@ impl PlannerEpisode {
         let mut request = FrameWriter::new("begin");
         request
             .text("moves_av", "1")
-            .text("steps", FUTURE.to_string())
+            .text("steps", self.length.future.to_string())
             .tensor("episode", Values::u64(&[1], [handle]))
             .tensor("seed", Values::u64(&[1], [self.seed]))
             .tensor("route", Values::i32(&[route.len()], route.iter().map(|lane| *lane as i32)));
+        length::add(&mut request, self.length);
         scenes::add_scenes(&mut request, &[seen.start()]);
         self.request(slot, request, "begun", 0)?;
-        Ok(Open { generation: slot.generation, handle, frames: HISTORY })
+        Ok(Open { generation: slot.generation, handle, frames: self.length.history })
     }
 
     /// Asks for the plan at a frame up to the present one.
@@ -190,7 +208,8 @@ impl PlannerEpisode {
         open.frames = frame + 1;
         let (agents, lights) = (seen.tracks().len(), [seen.start().lights.len()]);
         let request = realised::request(&[open.handle], agents, &lights, new, &[Some(*seen)], steps);
-        let reply = self.request(slot, request, "planned", FUTURE * 3 * size_of::<f64>())?;
+        let numbers = self.most_poses(frame) * 3 * size_of::<f64>();
+        let reply = self.request(slot, request, "planned", numbers)?;
         if let Some(worker) = &mut slot.worker {
             worker.has_planned = true;
         }
@@ -221,15 +240,21 @@ impl PlannerEpisode {
     }
 }
 
-impl Drop for PlannerEpisode {
-    fn drop(&mut self) {
-        let slots = Arc::clone(&self.planner.slots);
-        let mut slot = slots[self.slot].lock();
+impl PlannerEpisode {
+    /// Ends the episode in the process that holds it, if one does.
+    fn end(&mut self, slot: &mut Slot) {
         let Some(open) = self.open.take().filter(|open| open.generation == slot.generation) else { return };
         let mut request = FrameWriter::new("end");
         request.tensor("episode", Values::u64(&[1], [open.handle]));
-        if self.request(&mut slot, request, "ended", 0).is_ok() {
+        if self.request(slot, request, "ended", 0).is_ok() {
             self.planner.processes.workers.succeeded();
         }
+    }
+}
+
+impl Drop for PlannerEpisode {
+    fn drop(&mut self) {
+        let slots = Arc::clone(&self.planner.slots);
+        self.end(&mut slots[self.slot].lock());
     }
 }

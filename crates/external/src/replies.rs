@@ -49,6 +49,8 @@ pub struct Description {
     pub intervals: Vec<usize>,
     /// Wanted number of episodes per batch.
     pub batch: Option<usize>,
+    /// Whether it supports scenarios of any length, and not only of that of the benchmark.
+    pub any_length: bool,
 }
 
 impl Description {
@@ -96,8 +98,16 @@ impl Description {
                 Some(found.ok_or_else(wrong)?)
             }
         };
+        let any_length = match frame.optional_text("lengths") {
+            None | Some("") => false,
+            Some("any") => true,
+            Some(other) => {
+                let other = brief(other);
+                return Err(refuse(format!("`lengths` is {other:?} instead of `any`, or nothing")));
+            }
+        };
         let weights_sha256 = Some(digest).filter(|d| !d.is_empty());
-        Ok(Self { role, name, version: short("version")?, weights_sha256, intervals, batch })
+        Ok(Self { role, name, version: short("version")?, weights_sha256, intervals, batch, any_length })
     }
 }
 
@@ -115,26 +125,27 @@ fn errors(frame: &Frame, b: usize) -> Result<BTreeMap<usize, String>, DocumentEr
     }
 }
 
-/// Returns the trajectory of `planned`: poses of the centre of the AV after 1, 2, … steps, at least `steps`
-/// of them. `Err` inside if the planner reports a failure.
+/// Returns the trajectory of `planned`: poses of the centre of the AV after 1, 2, … steps, from `steps` to
+/// `most` of them. `Err` inside if the planner reports a failure.
 ///
 /// # Errors
 /// If the answer has not the shape that was asked for, or numbers that are no poses in metres and radians.
 pub(super) fn trajectory(
     frame: &Frame,
     steps: usize,
+    most: usize,
 ) -> Result<Result<Vec<[f64; 3]>, String>, DocumentError> {
     if let Some(text) = errors(frame, 1)?.remove(&0) {
         return Ok(Err(format!("the planner reports: {}", brief(text.trim_end()))));
     }
     let shape = frame.shape("trajectory")?;
     let &[1, poses, 3] = shape else {
-        let text = format!("`trajectory` has the shape {shape:?} instead of [1, {steps} to {FUTURE}, 3]");
+        let text = format!("`trajectory` has the shape {shape:?} instead of [1, {steps} to {most}, 3]");
         return Err(DocumentError(text));
     };
-    if !(steps..=FUTURE).contains(&poses) {
+    if !(steps..=most).contains(&poses) {
         return Err(DocumentError(format!(
-            "`trajectory` has {poses} poses; it needs {steps}, the steps until the next plan, to {FUTURE}"
+            "`trajectory` has {poses} poses; it needs {steps}, the steps until the next plan, to {most}"
         )));
     }
     let numbers = frame.floats("trajectory", &[1, poses, 3])?;

@@ -85,8 +85,8 @@ impl Workers {
         Self { settings, outline, role, stderr, state: Mutex::new(state), returned }
     }
 
-    /// Waits for a free worker and starts it if it is not running.
-    pub(super) fn take(&self) -> Result<Worker, String> {
+    /// Takes a free worker and starts it if it is not running. `waits`: whether to wait for one.
+    pub(super) fn take(&self, waits: bool) -> Result<Worker, String> {
         let mut state = self.state.lock();
         loop {
             if is_interrupted() {
@@ -104,6 +104,13 @@ impl Workers {
                     Some(worker) => Ok(worker),
                     None => self.start(),
                 };
+            }
+            if !waits {
+                let n = self.settings.workers;
+                return Err(format!(
+                    "episodes of several lengths that begin together need a process for each length, and \
+                     none of its {n} is free"
+                ));
             }
             self.returned.wait(&mut state);
         }

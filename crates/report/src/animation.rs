@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use color_quant::NeuQuant;
 use gif::{Encoder, Repeat};
-use reactsim_scene::{CURRENT, FUTURE, Frame, Scenario};
+use reactsim_scene::{Frame, Scenario};
 use resvg::usvg;
 
 use self::camera::Camera;
@@ -36,7 +36,7 @@ const PALETTE_STRIDE: usize = 8;
 pub struct Panel<'a> {
     /// Title. Other than Latin letters are shown as `?`.
     pub title: String,
-    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is shown.
+    /// Realised tracks: the frames of each agent, in the order of the scenario; the log without them.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout. They are shown from their step on.
     pub marks: Vec<Mark>,
@@ -54,9 +54,9 @@ pub struct Animation<'a> {
     pub radius: Option<f64>,
     /// Side of a panel, pixels, 100 to 1200.
     pub size: u32,
-    /// Stride between shown steps, at least 1. The last step is always shown.
+    /// Stride between shown steps, at least 1. The last one is always shown.
     pub every: usize,
-    /// Last shown step, at most 80.
+    /// Last shown step; larger ones than that of the scenario mean its last.
     pub until: usize,
     /// Whether the camera follows the AV. A fixed camera gives far smaller files.
     pub follow: bool,
@@ -111,12 +111,13 @@ pub enum AnimationError {
 impl<'a> Animation<'a> {
     /// Creates an animation of these panels: every step, 480 pixels, a fixed camera.
     pub fn new(scenario: &'a Scenario, panels: Vec<Panel<'a>>) -> Self {
-        Self { scenario, panels, radius: None, size: 480, every: 1, until: FUTURE, follow: false }
+        let until = scenario.length().future;
+        Self { scenario, panels, radius: None, size: 480, every: 1, until, follow: false }
     }
 
-    /// Returns the shown steps, 0 to `until`.
+    /// Returns the shown steps, 0 to `until` or the last.
     fn steps(&self) -> Vec<usize> {
-        let last = self.until.min(FUTURE);
+        let last = self.until.min(self.scenario.length().future);
         let mut steps: Vec<usize> = (0..last).step_by(self.every.max(1)).collect();
         steps.push(last);
         steps
@@ -130,13 +131,13 @@ impl<'a> Animation<'a> {
         self.on_stage(|stage| self.encode_stage(stage))
     }
 
-    /// Draws one step, 0 to 80.
+    /// Draws one step, 0 is the current frame; larger ones than the last step mean the last.
     ///
     /// # Errors
     /// [`AnimationError`] for too many pixels, or if the renderer fails.
     pub fn picture(&self, step: usize) -> Result<Picture, AnimationError> {
         self.on_stage(|stage| {
-            let pixels = self.draw(stage, step.min(FUTURE))?;
+            let pixels = self.draw(stage, step.min(self.scenario.length().future))?;
             let rgb = pixels.into_iter().flat_map(|[red, green, blue, _]| [red, green, blue]).collect();
             Ok(Picture { width: stage.width(), height: stage.height(), rgb })
         })
@@ -225,8 +226,8 @@ impl<'a> Animation<'a> {
     fn lights_change(&self, before: Option<usize>, step: usize) -> bool {
         let Some(before) = before else { return false };
         (0..self.scenario.start.lights.len()).any(|i| {
-            let states = self.scenario.light_states(i);
-            states.get(CURRENT + before) != states.get(CURRENT + step)
+            let (states, now) = (self.scenario.light_states(i), self.scenario.start.current());
+            states.get(now + before) != states.get(now + step)
         })
     }
 }

@@ -23,7 +23,7 @@ pub(super) fn rollout(
             scenario.id
         )
     })?;
-    let av = DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?;
+    let av = DeviatedAv::new(scenario, deviation.track.clone())?;
     let request = Request { scenario, av: Some(Arc::new(av)), rollout: index };
     let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
     let done =

@@ -133,12 +133,14 @@ pub fn are_deviated(sources: &[Source]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_formats::FutureChoice;
+
     use super::*;
 
     #[test]
     fn values_are_checked_wherever_they_come_from() {
         type Change = fn(&mut RunSpec);
-        let cases: [(Change, &str); 9] = [
+        let cases: [(Change, &str); 11] = [
             (|spec| spec.rollout.av_lookahead = 2, "av-lookahead `2`: write 0 or 1"),
             (|spec| spec.rollout.rollouts = 0, "0 rollouts"),
             (|spec| spec.rollout.rollouts = 10_001, "rollouts `10001`: write at most 10000"),
@@ -154,6 +156,11 @@ mod tests {
                         (Some(12), std::num::NonZeroUsize::new(10));
                 },
                 "window-step and current-frame exclude each other",
+            ),
+            (|spec| spec.subject.input.reading.history = Some(1), "history `1`: write 2 to 100"),
+            (
+                |spec| spec.subject.input.reading.future = Some(FutureChoice::Steps(6001)),
+                "future `6001`: write 1 to 6000",
             ),
             (
                 |spec| spec.subject.input.reading.nuplan.nuplan.push("logs".into()),
