@@ -22,9 +22,11 @@ from __future__ import annotations
 import copy
 import dataclasses
 import enum
+import functools
 import json
 import math
 import os
+import re
 import sys
 import traceback
 from typing import (
@@ -81,6 +83,7 @@ STEPS = 80  # frames after the current one, unless scenarios state another numbe
 MAX_HISTORY, MAX_STEPS = 100, 6000
 MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
 MAX_HEADER = 64 << 20  # bytes of a safetensors header
+MAX_KEPT = 4096  # bytes of a header whose layout is kept for the next frames
 MAX_FRAME = 64 << 30  # bytes of a frame
 MAX_TEXT = 100_000  # characters of all error texts of an answer, of which 1 MiB is accepted
 
@@ -198,17 +201,56 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
         raise ProtocolError(
             "safetensors: a header of %d bytes in a document of %d" % (length, len(view))
         )
-    try:
-        header = json.loads(bytes(view[8 : 8 + length]).decode("utf-8"), object_pairs_hook=_unique)
-    except (ValueError, RecursionError) as error:
-        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
-    if not isinstance(header, dict):
-        raise ProtocolError("safetensors: the header is not a JSON object")
-    metadata = header.pop("__metadata__", {})
+    text = bytes(view[8 : 8 + length])
+    # Frames of one kind differ in their metadata only: what follows is read once.
+    first = _METADATA.match(text)
+    found: List[Any] = []
+    if first is not None:
+        found, text = [_json_of(first[1])], b"{" + text[first.end() :]
+    layout_of = _layout if len(text) <= MAX_KEPT else _layout.__wrapped__
+    further, layout = layout_of(text, len(view) - 8 - length)
+    found += further
+    if len(found) > 1:
+        raise ProtocolError("safetensors: the header is not valid JSON: a key occurs twice")
+    metadata: Any = found[0] if found else {}
     if not isinstance(metadata, dict) or not all(isinstance(v, str) for v in metadata.values()):
         raise ProtocolError("safetensors: metadata values must be strings")
-    data = view[8 + length :]
     tensors: Dict[str, Array] = {}
+    for name, dtype, shape, offset, count in layout:
+        start = 8 + length + offset
+        try:
+            tensors[name] = (
+                np.ndarray(shape, dtype, view, start) if count else np.empty(shape, dtype)
+            )
+        except ValueError as error:
+            raise ProtocolError(
+                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
+            ) from None
+    return dict(metadata), tensors
+
+
+# Metadata at the start of a header, which contain no other object.
+_METADATA = re.compile(rb'\{"__metadata__":(\{[^{}]*\}),(?=")')
+
+
+def _json_of(text: bytes) -> Any:
+    try:
+        return json.loads(text.decode("utf-8"), object_pairs_hook=_unique)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
+
+
+@functools.lru_cache(maxsize=64)
+def _layout(text: bytes, size: int) -> Tuple[List[Any], List[Tuple[str, Any, List[int], int, int]]]:
+    """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
+
+    Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
+    """
+    header = _json_of(text)
+    if not isinstance(header, dict):
+        raise ProtocolError("safetensors: the header is not a JSON object")
+    metadata = [header.pop("__metadata__")] if "__metadata__" in header else []
+    layout: List[Tuple[str, Any, List[int], int, int]] = []
     spans: List[Tuple[int, int, str]] = []
     for name, entry in header.items():
         if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
@@ -232,26 +274,18 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
                 "safetensors: tensor `%s` of shape %s does not fit its offsets %s"
                 % (name, shape, offsets)
             )
-        if offsets[1] > len(data):
+        if offsets[1] > size:
             raise ProtocolError("safetensors: tensor `%s` ends after the document" % name)
         spans.append((offsets[0], offsets[1], name))
-        try:
-            flat = (
-                np.frombuffer(data[offsets[0] : offsets[1]], dtype) if count else np.empty(0, dtype)
-            )
-            tensors[name] = flat.reshape(shape)
-        except ValueError as error:
-            raise ProtocolError(
-                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
-            ) from None
+        layout.append((name, dtype, shape, offsets[0], count))
     end = 0
     for first, last, name in sorted(spans):
         if first != end:
             raise ProtocolError("safetensors: gap or overlap before tensor `%s`" % name)
         end = last
-    if end != len(data):
-        raise ProtocolError("safetensors: %d bytes after the last tensor" % (len(data) - end))
-    return metadata, tensors
+    if end != size:
+        raise ProtocolError("safetensors: %d bytes after the last tensor" % (size - end))
+    return metadata, layout
 
 
 def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array]) -> List[Any]:
@@ -379,26 +413,34 @@ class _Tensors:
 
 
 class Line(NamedTuple):
-    """A line of the map of one scene."""
+    """A line of the map of one scene.
+
+    Attributes:
+        points: Points, f64 [P, 2], metres.
+        category: Class of the line as in the protocol: kind of a road edge or stop line, paint of a
+            painted line.
+        lane: Index in `Scene.lanes` of the lane that the line belongs to, or -1.
+        value: Arc length along the lane for stop lines, metres; NaN if unknown.
+        heights: Height of each point, f64 [P], metres, NaN if unknown; None for simulators.
+
+    """
 
     points: Array
-    """Points, f64 [P, 2], metres."""
     category: int
-    """Class of the line as in the protocol: kind of a road edge or stop line, paint of a painted
-    line."""
     lane: int
-    """Index in `Scene.lanes` of the lane that the line belongs to, or -1."""
     value: float
-    """Arc length along the lane for stop lines, metres; NaN if unknown."""
     heights: Optional[Array] = None
-    """Height of each point, f64 [P], metres, NaN if unknown; None for simulators."""
 
 
 class Neighbor(NamedTuple):
-    """An adjacent lane in the same direction, and the adjacent sections as point indices."""
+    """An adjacent lane in the same direction, and the adjacent sections as point indices.
+
+    Attributes:
+        lane: Index in `Scene.lanes`.
+
+    """
 
     lane: int
-    """Index in `Scene.lanes`."""
     self_start: int
     self_end: int
     other_start: int
@@ -407,59 +449,67 @@ class Neighbor(NamedTuple):
 
 @dataclasses.dataclass
 class Lane:
-    """A lane, or a connector through a junction, of the map of one scene."""
+    """A lane, or a connector through a junction, of the map of one scene.
+
+    Attributes:
+        index: Index in `Scene.lanes`.
+        points: Centre line, f64 [P, 2], metres.
+        category: 0 undefined, 1 freeway, 2 surface street, 3 bike.
+        speed_limit: Speed limit, m/s; NaN if unknown.
+        outline: Outline, f64 [P, 2], metres; None if the map records a half-width or nothing.
+        half_width: Half-width around the centre line, metres; NaN if the map records an outline or
+            nothing.
+        heights: Height of each point of the centre line, f64 [P], metres, NaN if unknown; None for
+            simulators.
+
+    """
 
     index: int
-    """Index in `Scene.lanes`."""
     points: Array
-    """Centre line, f64 [P, 2], metres."""
     is_connector: bool
     category: int
-    """0 undefined, 1 freeway, 2 surface street, 3 bike."""
     speed_limit: float
-    """Speed limit, m/s; NaN if unknown."""
     outline: Optional[Array]
-    """Outline, f64 [P, 2], metres; None if the map records a half-width or nothing."""
     half_width: float
-    """Half-width around the centre line, metres; NaN if the map records an outline or nothing."""
     successors: List[int]
     predecessors: List[int]
     left: List[Neighbor]
     right: List[Neighbor]
     heights: Optional[Array] = None
-    """Height of each point of the centre line, f64 [P], metres, NaN if unknown; None for
-    simulators."""
 
 
 class Lines:
     """Lines of the maps of all episodes of a batch, as flat arrays.
 
     Line i has the points `points[start[i]:start[i + 1]]`; `lines[i]` returns them.
+
+    Attributes:
+        points: Points of all lines, f64 [P, 2], metres.
+        heights: Height of each point, f64 [P], metres, NaN if unknown; None for simulators.
+        type: Type of each line, u8 [L]; see `LineType`.
+        start: Index of the first point of each line, and the number of points at the end, i64 [L +
+            1].
+        episode: Index of the episode in the batch of each line, i32 [L].
+        category: Class of each line, u8 [L]; its meaning depends on the type.
+        lane: Line index of the lane that a line belongs to, or -1, i32 [L].
+        value: Speed limit of lanes (m/s), half-width of outlines or arc length of stop lines (m),
+            f64 [L].
+        links: Links between lanes, i32 [E, 7]: from, to (line indices), relation, self start, self
+            end, other start, other end; see `Relation`.
+
     """
 
     def __init__(self, tensors: _Tensors, episodes: int) -> None:
         self.points: Array = tensors.take("points", "F64", "P", 2)
-        """Points of all lines, f64 [P, 2], metres."""
         self.heights: Optional[Array] = None
-        """Height of each point, f64 [P], metres, NaN if unknown; None for simulators."""
         self.type: Array = tensors.take("line_type", "U8", "L")
-        """Type of each line, u8 [L]; see `LineType`."""
         count = len(self.type)
         self.start: Array = tensors.take("line_start", "I64", count + 1)
-        """Index of the first point of each line, and the number of points at the end, i64 [L +
-        1]."""
         self.episode: Array = tensors.take_index("line_episode", episodes, 0, count)
-        """Index of the episode in the batch of each line, i32 [L]."""
         self.category: Array = tensors.take("line_class", "U8", count)
-        """Class of each line, u8 [L]; its meaning depends on the type."""
         self.lane: Array = tensors.take_index("line_lane", count, -1, count)
-        """Line index of the lane that a line belongs to, or -1, i32 [L]."""
         self.value: Array = tensors.take("line_value", "F64", count)
-        """Speed limit of lanes (m/s), half-width of outlines or arc length of stop lines (m), f64
-        [L]."""
         self.links: Array = tensors.take("link", "I32", "E", 7)
-        """Links between lanes, i32 [E, 7]: from, to (line indices), relation, self start, self end,
-        other start, other end; see `Relation`."""
         start = self.start
         if start[0] != 0 or start[-1] != len(self.points) or (np.diff(start) < 0).any():
             raise ProtocolError(
@@ -496,18 +546,22 @@ class Lines:
 
 
 class Lights:
-    """Traffic lights: of all episodes of a batch, or of one scene."""
+    """Traffic lights: of all episodes of a batch, or of one scene.
+
+    Attributes:
+        episode: Index of the episode in the batch, i32 [K].
+        lane: Controlled lane, i32 [K]: a line index in a batch, an index in `Scene.lanes` in a
+            scene.
+        stop: Stop points, f64 [K, 2], metres.
+        states: States up to the current frame, u8 [K, n_history]; see `Light`.
+
+    """
 
     def __init__(self, episode: Array, lane: Array, stop: Array, states: Array) -> None:
         self.episode = episode
-        """Index of the episode in the batch, i32 [K]."""
         self.lane = lane
-        """Controlled lane, i32 [K]: a line index in a batch, an index in `Scene.lanes` in a
-        scene."""
         self.stop = stop
-        """Stop points, f64 [K, 2], metres."""
         self.states = states
-        """States during the history, u8 [K, 11, or `n_history`]; see `Light`."""
 
     def __len__(self) -> int:
         return len(self.lane)
@@ -517,55 +571,59 @@ class Scenes:
     """Agents, histories and maps of a batch of episodes. All arrays are read-only.
 
     `len(scenes)` is the number of episodes B; `scenes[i]` is one of them without padding.
+
+    Attributes:
+        n_history: Number of frames up to and including the current one, 11 in the benchmark. All
+            episodes of a batch have the same.
+        n_steps: Number of steps after the current frame, 80 in the benchmark, as `n_history`.
+        episodes: Handle of each episode, unique in the process, u64 [B].
+        seeds: Seed of all random choices in each episode, u64 [B]; see `rng`.
+        kinds: Kind of each agent, u8 [B, N]; slot 0 is the AV; see `Kind`.
+        n_agents: Number of agents of each episode, i32 [B]; later slots are padding.
+        sizes: Length and width of each agent, f64 [B, N, 2], metres.
+        history: States up to the current frame, f64 [B, N, n_history, 5]: x, y, heading, vx, vy in
+            metres, radians and m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [B, N, n_history].
+        lines: Lines of the maps.
+        lights: Traffic lights.
+        obstacle_episode: Index of the episode of each obstacle, i32 [O].
+        obstacles: Static obstacles, f64 [O, 5]: x, y, heading, length, width; metres and radians.
+        moves_av: Whether slot 0 of the plan is executed (realism protocol).
+        steps: Replan interval, steps; 0 if there is none.
+        scenario_ids: Ids of the scenarios, only with `--reveal-ids`.
+        agent_ids: Ids of the agents of each episode, only with `--reveal-ids`.
+        origins: World coordinates of the local origins, metres, only with `--reveal-ids`.
+        rollouts: Indices of the rollouts, only with `--reveal-ids`.
+
     """
 
     def __init__(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> None:
         take = _Tensors(tensors)
         self.n_history, self.n_steps = _length(metadata)
-        """Numbers of frames up to and including the current one, and of steps after it: 11 and 80
-        in the benchmark. All episodes of a batch have the same."""
         self.episodes: Array = take.take("episode", "U64", "B")
-        """Handle of each episode, unique in the process, u64 [B]."""
         batch = len(self.episodes)
         self.seeds: Array = take.take("seed", "U64", batch)
-        """Seed of all random choices in each episode, u64 [B]; see `rng`."""
         self.kinds: Array = take.take("kind", "U8", batch, "N")
-        """Kind of each agent, u8 [B, N]; slot 0 is the AV; see `Kind`."""
         agents = self.kinds.shape[1]
         self.n_agents: Array = take.take_index("n_agents", agents + 1, 1, batch)
-        """Number of agents of each episode, i32 [B]; later slots are padding."""
         self.sizes: Array = take.take("size", "F64", batch, agents, 2)
-        """Length and width of each agent, f64 [B, N, 2], metres."""
         self.history: Array = take.take("history", "F64", batch, agents, self.n_history, 5)
-        """States up to the current frame, f64 [B, N, n_history, 5]: x, y, heading, vx, vy; 0 where
-        absent, NaN velocity where unknown."""
         self.valid: Array = take.take("valid", "BOOL", batch, agents, self.n_history)
-        """Whether each agent is present, bool [B, N, n_history]."""
         self.lines = Lines(take, batch)
-        """Lines of the maps."""
         self.lights = Lights(
             take.take_index("light_episode", batch, 0, "K"),
             take.take_index("light_lane", len(self.lines), -1, "K"),
             take.take("light_stop", "F64", "K", 2),
             take.take("light_state", "U8", "K", self.n_history),
         )
-        """Traffic lights."""
         self.obstacle_episode: Array = take.take_index("obstacle_episode", batch, 0, "O")
-        """Index of the episode of each obstacle, i32 [O]."""
         self.obstacles: Array = take.take("obstacle", "F64", "O", 5)
-        """Static obstacles, f64 [O, 5]: x, y, heading, length, width."""
         self.moves_av = metadata.get("moves_av") == "1"
-        """Whether slot 0 of the plan is executed (realism protocol)."""
         self.steps = _integer(metadata, "steps", 1, MAX_STEPS) if "steps" in metadata else 0
-        """Replan interval, steps; 0 if there is none."""
         self.scenario_ids: Optional[List[str]] = _json_list(metadata, "scenario_ids", batch)
-        """Ids of the scenarios, only with `--reveal-ids`."""
         self.agent_ids: Optional[List[List[str]]] = _json_list(metadata, "agent_ids", batch)
-        """Ids of the agents of each episode, only with `--reveal-ids`."""
         self.origins: Optional[List[List[float]]] = _json_list(metadata, "origins", batch)
-        """World coordinates of the local origins, metres, only with `--reveal-ids`."""
         self.rollouts: Optional[List[int]] = _json_list(metadata, "rollouts", batch)
-        """Indices of the rollouts, only with `--reveal-ids`."""
         self._generators: Dict[int, np.random.Generator] = {}
 
     def __len__(self) -> int:
@@ -590,18 +648,21 @@ class Scene:
     """One episode of a batch, as a view without padding.
 
     Lines of the map are prepared on first use.
+
+    Attributes:
+        index: Index of the episode in the batch.
+        n_agents: Number of agents n; agent 0 is the AV.
+        n_history: Number of frames up to and including the current one, 11 in the benchmark.
+        n_steps: Number of steps after the current frame, 80 in the benchmark.
+
     """
 
     def __init__(self, scenes: Scenes, index: int) -> None:
         self.scenes = scenes
         self.index = index
-        """Index of the episode in the batch."""
         self.n_agents = int(scenes.n_agents[index])
-        """Number of agents n; agent 0 is the AV."""
         self.n_history = scenes.n_history
-        """Number of frames up to and including the current one, 11 in the benchmark."""
         self.n_steps = scenes.n_steps
-        """Number of steps after the current frame, 80 in the benchmark."""
         self._lanes: Optional[List[Lane]] = None
         self._lane_index: Dict[int, int] = {}
         self._own: Dict[int, Array] = {}
@@ -618,7 +679,10 @@ class Scene:
 
     @property
     def history(self) -> Array:
-        """States up to now, f64 [n, n_history, 5]: x, y, heading, vx, vy; 0 where absent."""
+        """States up to now, f64 [n, n_history, 5]: x, y, heading, vx, vy; 0 where absent.
+
+        Metres, radians and m/s.
+        """
         return self.scenes.history[self.index, : self.n_agents]
 
     @property
@@ -773,6 +837,19 @@ class Observation:
     """Everything that a simulator observes at a plan.
 
     Arrays are read-only, cover frames 0 to `frame`, and share memory with later observations.
+
+    Attributes:
+        scenes: Agents and maps, as in `begin`.
+        frame: Latest realised frame, 10 to 89 in the benchmark.
+        steps: Number of steps S to plan.
+        n_new: Number of frames since the previous plan; all of the history at the first plan.
+        states: Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy in metres, radians
+            and m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [B, N, frame + 1].
+        light_states: States of the traffic lights, u8 [K, frame + 1]; see `Light`.
+        active: False for episodes that have failed and are only padding, bool [B].
+        av_next: State of the AV at frame + 1, f64 [B, 5]; NaN if it is not known.
+
     """
 
     def __init__(
@@ -789,24 +866,14 @@ class Observation:
         av_next: Array,
     ) -> None:
         self.scenes = scenes
-        """Agents and maps, as in `begin`."""
         self.frame = frame
-        """Latest realised frame, 10 to 89 in the benchmark."""
         self.steps = steps
-        """Number of steps S to plan."""
         self.n_new = n_new
-        """Number of frames since the previous plan; all of the history at the first plan."""
         self.states = states
-        """Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-        velocity where unknown."""
         self.valid = valid
-        """Whether each agent is present, bool [B, N, frame + 1]."""
         self.light_states = light_states
-        """States of the traffic lights, u8 [K, frame + 1]; see `Light`."""
         self.active = active
-        """False for episodes that have failed and are only padding, bool [B]."""
         self.av_next = av_next
-        """State of the AV at frame + 1, f64 [B, 5]; NaN if it is not known."""
 
     @property
     def episodes(self) -> Array:
@@ -832,20 +899,24 @@ class Plan:
 
 
 class Simulator:
-    """Base class of simulators. Any object with a method `plan` will do."""
+    """Base class of simulators. Any object with a method `plan` will do.
+
+    Attributes:
+        name: Name of the simulator; the name of the class by default.
+        weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
+        intervals: Replan intervals that are supported, steps; empty for any.
+        batch: Number of episodes per batch, 1 to 1024; None leaves it to the program.
+        any_length: Whether scenarios of other lengths than 11 frames of history and 80 steps are
+            supported; False refuses them.
+
+    """
 
     name: str = ""
-    """Name of the simulator; the name of the class by default."""
     version: str = ""
     weights_sha256: str = ""
-    """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
     intervals: Sequence[int] = ()
-    """Replan intervals that are supported, steps; empty for any."""
     batch: Optional[int] = None
-    """Number of episodes per batch, 1 to 1024; None leaves it to the program."""
     any_length: bool = True
-    """Whether scenarios of other lengths than 11 frames of history and 80 steps are supported;
-    False refuses them."""
 
     def begin(self, scenes: Scenes) -> None:
         """Receives the scenes of a new batch of episodes."""
@@ -862,30 +933,33 @@ class PlannerObservation:
     """Everything that a planner of the AV observes at a plan.
 
     Arrays are read-only and cover frames 0 to `frame`. Agent 0 is the AV.
+
+    Attributes:
+        scene: Agents and map.
+        route: Lanes of the route in driving order, as indices in `scene.lanes`.
+        memory: The value that `Planner.begin` returned for this episode.
+        frame: Present frame, 10 to 89 in the benchmark.
+        steps: Number of steps until the next plan.
+        states: Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy in metres, radians and
+            m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [n, frame + 1].
+        light_states: States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`.
+
     """
 
     def __init__(self, scene: Scene, route: List[int], memory: Any, seen: Observation) -> None:
         self.scene = scene
-        """Agents and map."""
         self.route = route
-        """Lanes of the route in driving order, as indices in `scene.lanes`."""
         self.memory = memory
-        """The value that `Planner.begin` returned for this episode."""
         self.frame = seen.frame
-        """Present frame, 10 to 89 in the benchmark."""
         self.steps = seen.steps
-        """Number of steps until the next plan."""
         self.states: Array = seen.states[0]
-        """Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-        velocity where unknown."""
         self.valid: Array = seen.valid[0]
-        """Whether each agent is present, bool [n, frame + 1]."""
         self.light_states: Array = seen.light_states
-        """States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`."""
 
     @property
     def av(self) -> Array:
-        """Present state of the AV, f64 [5]: x, y, heading, vx, vy."""
+        """Present state of the AV, f64 [5]: x, y, heading, vx, vy; metres, radians and m/s."""
         state: Array = self.states[0, -1]
         return state
 
@@ -895,16 +969,19 @@ class Planner:
 
     One planner plans for many episodes at the same time: what it remembers of an episode goes into
     the value that `begin` returns.
+
+    Attributes:
+        name: Name of the planner; the name of the class by default.
+        weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
+        any_length: As of `Simulator`.
+
     """
 
     role = "planner"
     name: str = ""
-    """Name of the planner; the name of the class by default."""
     version: str = ""
     weights_sha256: str = ""
-    """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
     any_length: bool = True
-    """As of `Simulator`."""
 
     def begin(self, scene: Scene) -> Any:
         """Receives the scene of a new episode. The returned value is `memory` at its plans."""

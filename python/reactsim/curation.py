@@ -17,11 +17,14 @@ class Candidates:
 
     `reactsim.run(..., deviations=candidates.path)` runs simulators against the chosen ones.
     Notebooks show the statistics.
+
+    Attributes:
+        path: The file, Parquet.
+
     """
 
     def __init__(self, path: PathLike) -> None:
         self.path = local_folder(path)
-        """The file, Parquet."""
         if not self.path.is_file():
             raise FileNotFoundError(f"there is no file `{self.path}`")
 

@@ -25,20 +25,27 @@ __all__ = ["Results", "Rollout", "frame_of", "value_of"]
 
 
 class Rollout(NamedTuple):
-    """Realised tracks of one scenario: all its steps, 80 in the benchmark, and n agents."""
+    """Realised tracks of one scenario: all its steps, 80 in the benchmark, and n agents.
+
+    Attributes:
+        scenario: Id of the scenario.
+        simulator: Id of the simulator.
+        rollout: Index of the rollout.
+        agents: Ids of the agents.
+        states: States, f64 [n, steps, 5]: x, y, heading, vx, vy in the local frame, in metres,
+            radians and m/s; NaN where absent or unknown.
+        origin: World coordinates of the local origin, metres; NaN if unknown.
+        n_history: Number of frames before the first step, 11 in the benchmark.
+
+    """
 
     scenario: str
     simulator: str
     rollout: int
     agents: list[str]
-    """Ids of the agents."""
     states: Array
-    """States, f64 [n, steps, 5]: x, y, heading, vx, vy; NaN where absent or unknown. Metres, local
-    frame."""
     origin: tuple[float, float]
-    """World coordinates of the local origin, metres; NaN if unknown."""
     n_history: int = HISTORY
-    """Number of frames before the first step."""
 
     @property
     def frames(self) -> range:
@@ -51,11 +58,14 @@ class Results:
 
     `rows`, `events` and `failures` are pandas data frames where pandas is installed, and lists of
     dictionaries otherwise.
+
+    Attributes:
+        folder: The run folder.
+
     """
 
     def __init__(self, folder: PathLike) -> None:
         self.folder = local_folder(folder)
-        """The run folder."""
         if not (self.folder / "provenance.json").is_file():
             raise FileNotFoundError(f"`{self.folder}` is no run folder: it has no provenance.json")
 
@@ -66,19 +76,23 @@ class Results:
         return str(self.folder)
 
     def _repr_markdown_(self) -> str:
-        return str(self.table())
+        return self.table()._repr_markdown_()
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
 
     def table(self, details: bool = False) -> Markdown:
         """Returns the results as a Markdown table, and that of the AV if a planner drives it.
 
-        With `details` the tables per kind of deviation and the notes follow.
+        The legend follows, with `details` after the tables per kind of deviation and the notes.
         """
         text = self._text("summary.md")
         if details:
             return Markdown(text)
         blocks = text.split("\n\n")
         has_av = len(blocks) > 2 and blocks[1].startswith("The AV,")
-        return Markdown("\n\n".join(blocks[: 3 if has_av else 1]).rstrip() + "\n")
+        legend = [block for block in blocks if "\nMeans over scenarios" in f"\n{block}"]
+        return Markdown("\n\n".join([*blocks[: 3 if has_av else 1], *legend]).rstrip() + "\n")
 
     @cached_property
     def summary(self) -> dict[str, Any]:

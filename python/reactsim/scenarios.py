@@ -22,7 +22,28 @@ __all__ = ["STEPS", "Scenario", "reading_of", "scenarios"]
 
 
 class Scenario(Scene):
-    """A scenario with its logged future: agents, history, map, lights, and the deviated AV."""
+    """A scenario with its logged future: agents, history, map, lights, and the deviated AV.
+
+    Attributes:
+        id: Id of the scenario.
+        agents: Ids of the agents; the first one is the AV.
+        n_history: Number of frames up to and including the current one, 11 in the benchmark.
+        n_steps: Number of steps after the current frame, 80 in the benchmark.
+        origin: World coordinates of the local origin, metres.
+        source: File or folder that was read; None for the shipped benchmark.
+        deviations: File of deviated AVs with which it was read, if there was one.
+        obstacle_heights: Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown.
+        history_heights: Height of the bottom of each agent up to the current frame, f64 [n,
+            n_history], metres, NaN if unknown. Scenarios on one level have no heights.
+        future_heights: Heights after the current frame, f64 [n, n_steps].
+        future: Logged states after the current frame, f64 [n, n_steps, 5]: x, y, heading, vx, vy in
+            metres, radians and m/s; 0 where absent.
+        future_valid: Whether each agent is present after the current frame, bool [n, n_steps].
+        light_future: States of the traffic lights after the current frame, u8 [K, n_steps].
+        av: Deviated AV after the current frame, f64 [n_steps, 5], as `future`; None if the scenario
+            has none.
+
+    """
 
     def __init__(
         self,
@@ -38,36 +59,22 @@ class Scenario(Scene):
         if len(scenes) != 1:
             raise ProtocolError(f"{len(scenes)} scenarios in one message, expected 1")
         self.id: str = scenes.scenario_ids[0]
-        """Id of the scenario."""
         self.agents: list[str] = scenes.agent_ids[0]
-        """Ids of the agents; the first one is the AV."""
         self.origin: tuple[float, float] = (scenes.origins[0][0], scenes.origins[0][1])
-        """World coordinates of the local origin, metres."""
         self.source = source
-        """File or folder that was read; None for the shipped benchmark."""
         self.deviations = deviations
-        """File of deviated AVs with which it was read, if there was one."""
         self._reading = dict(reading or {})
         take = _Tensors(tensors)
         shape = scenes.kinds.shape
         n = self.n_agents
         scenes.lines.heights = take.take("point_heights", "F64", len(scenes.lines.points))
         self.obstacle_heights: Array = take.take("obstacle_heights", "F64", len(self.obstacles))
-        """Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown."""
         self.history_heights: Array = take.take("heights", "F64", *shape, self.n_history)[0, :n]
-        """Height of the bottom of each agent up to the current frame, f64 [n, n_history], metres,
-        NaN if unknown. Scenarios on one level have no heights."""
         self.future_heights: Array | None = None
-        """Heights after the current frame, f64 [n, n_steps]."""
         self.future: Array | None = None
-        """Logged states after the current frame, f64 [n, n_steps, 5]: x, y, heading, vx, vy; 0
-        where absent. `n_steps` is 80 in the benchmark."""
         self.future_valid: Array | None = None
-        """Whether each agent is present after the current frame, bool [n, n_steps]."""
         self.light_future: Array | None = None
-        """States of the traffic lights after the current frame, u8 [K, n_steps]."""
         self.av: Array | None = None
-        """Deviated AV after the current frame, f64 [n_steps, 5]; None if there is none."""
         steps = self.n_steps
         if "future" in tensors:
             self.future = take.take("future", "F64", *shape, steps, 5)[0, :n]
@@ -86,7 +93,7 @@ class Scenario(Scene):
 
     @property
     def states(self) -> Array:
-        """Logged states at all frames, f64 [n, n_history + n_steps, 5]."""
+        """Logged states at all frames, f64 [n, n_history + n_steps, 5], as `future`."""
         if self.future is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.history, self.future], axis=1)

@@ -66,52 +66,66 @@ def score(
 
 
 class Event(NamedTuple):
-    """An occurrence that a metric counted."""
+    """An occurrence that a metric counted.
+
+    Attributes:
+        metric: Id of the metric.
+        step: First step, from 1.
+        last_step: Last step.
+        agent: Id of the agent.
+        partner: Id of the other agent, if there is one.
+        reason: Reason why the event counts or not.
+        counted: Whether the event counts in the value of the metric.
+        values: Named values at the event.
+
+    """
 
     metric: str
-    """Id of the metric."""
     step: int
-    """First step, from 1."""
     last_step: int
-    """Last step."""
     agent: str
-    """Id of the agent."""
     partner: str | None
-    """Id of the other agent, if there is one."""
     reason: str | None
-    """Reason why the event counts or not."""
     counted: bool
-    """Whether the event counts in the value of the metric."""
     values: dict[str, float]
-    """Named values at the event."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RolloutScores:
-    """Scores of one rollout."""
+    """Scores of one rollout.
+
+    Attributes:
+        metrics: Value by id of the metric, such as "aav-collision"; None where nothing could be
+            judged.
+        deviation: Deviation of the AV from the log, by name.
+        outcomes: Checks of the motion that the rollout failed and that were allowed, such as
+            "allowed-teleports".
+        events: Occurrences that the metrics counted.
+
+    """
 
     metrics: dict[str, float | None]
-    """Value by id of the metric, such as "aav-collision"; None where nothing could be judged."""
     deviation: dict[str, float]
-    """Deviation of the AV from the log, by name."""
     outcomes: dict[str, int]
-    """Checks of the motion that the rollout failed and that were allowed, such as
-    "allowed-teleports"."""
     events: list[Event]
-    """Occurrences that the metrics counted."""
 
 
 @dataclasses.dataclass(frozen=True)
 class StatesScores:
-    """Scores of the rollouts of a scenario."""
+    """Scores of the rollouts of a scenario.
+
+    Attributes:
+        scenario: Id of the scenario.
+        rollouts: Scores of each rollout.
+        metrics: Value by id of the metric: the mean over the rollouts where it is defined, and the
+            value over all rollouts for the metrics that compare them with the log, such as
+            "min-ade".
+
+    """
 
     scenario: str
-    """Id of the scenario."""
     rollouts: list[RolloutScores]
-    """Scores of each rollout."""
     metrics: dict[str, float | None]
-    """Value by id of the metric: the mean over the rollouts where it is defined, and the value over
-    all rollouts for the metrics that compare them with the log, such as "min-ade"."""
 
 
 def score_states(

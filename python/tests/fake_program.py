@@ -79,9 +79,8 @@ def run(arguments: list[str]) -> int:
     """Plays `reactsim run` with an external simulator over standard input and output."""
     folder = Path(value(arguments, "--out"))
     if "slow" in arguments:
-        sys.stderr.write("waiting\n")
-        sys.stderr.flush()
         try:
+            Path(os.environ["FAKE_NOTES"], "waiting").touch()
             time.sleep(60)
         except KeyboardInterrupt:
             Path(os.environ["FAKE_NOTES"], "interrupted").touch()

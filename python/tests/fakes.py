@@ -11,13 +11,26 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
+import reactsim
 from reactsim.client import Array, Session, read_frame, write_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "python"
 EXAMPLES = PACKAGE / "examples"
+IMPORTED = Path(reactsim.__file__).resolve().parents[1]
+"""Folder from which the tests import the package: the checkout's, or that of an installed wheel."""
 
 Message = Tuple[Dict[str, str], Dict[str, Array]]
+
+
+def other_lengths(folder: Path) -> Dict[str, Tuple[int, int]]:
+    """Writes scenarios of other lengths than the benchmark's; returns history and steps by id."""
+    lengths = {"short": (5, 60), "long": (21, 150)}
+    for source, (name, (history, steps)) in zip(("cut-in", "platoon"), lengths.items()):
+        document = json.loads((ROOT / "scenarios" / "mini" / f"{source}.json").read_text("utf-8"))
+        document.update(id=name, history=history, future=steps)
+        (folder / f"{name}.json").write_text(json.dumps(document), "utf-8")
+    return lengths
 
 
 def make_scenes(
@@ -184,7 +197,7 @@ class Child(Parent):
     """Plays the program for a simulator in a child process."""
 
     def __init__(self, *command: str, env: Optional[Dict[str, str]] = None) -> None:
-        environment = {**os.environ, "PYTHONPATH": str(PACKAGE), **(env or {})}
+        environment = {**os.environ, "PYTHONPATH": str(IMPORTED), **(env or {})}
         self.process = subprocess.Popen(
             [sys.executable, *command],
             stdin=subprocess.PIPE,

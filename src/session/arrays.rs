@@ -81,8 +81,17 @@ impl Sizes {
 }
 
 /// Arrays of a batch of observations, each with all its rows one after the other.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Arrays(pub [Vec<f32>; ARRAYS]);
+
+impl Arrays {
+    /// Creates arrays without rows, with room for this number of observations.
+    pub(super) fn with_capacity(sizes: &Sizes, observations: usize) -> Self {
+        let room =
+            |(_, shape): (_, Vec<usize>)| Vec::with_capacity(observations * shape.iter().product::<usize>());
+        Self(sizes.shapes().map(room))
+    }
+}
 
 /// A piece of a lane.
 #[derive(Clone, Debug)]

@@ -204,9 +204,7 @@ impl Environment {
         restarted: &[EpisodeBeginning],
     ) -> Result<Vec<Stepped>, RequestError> {
         let values = self.settings.action.values();
-        if let Some(episode) = restarted.iter().find(|episode| episode.slot >= self.slots.len()) {
-            return Err(missing("slot", episode.slot, self.slots.len()));
-        }
+        self.check_slots(restarted)?;
         let is_restarted = |slot: usize| restarted.iter().any(|episode| episode.slot == slot);
         let name = |slot: usize| (!is_restarted(slot)).then(|| format!("slot {slot}"));
         self.settings.action.check(actions, &(0..self.slots.len()).map(name).collect::<Vec<_>>())?;
@@ -214,8 +212,7 @@ impl Environment {
             return refused(format_args!("the episode in slot {slot} is over: reset it"));
         }
         // Everything that can be refused is computed before anything moves.
-        let begun: Vec<Slot> =
-            restarted.iter().map(|episode| self.slot(episode)).collect::<Result<_, RequestError>>()?;
+        let begun = self.new_slots(restarted)?;
         let mut moved = Vec::with_capacity(self.slots.len());
         for i in (0..self.slots.len()).filter(|i| !is_restarted(*i)) {
             moved.push((i, self.motion(i, &actions[i * values..(i + 1) * values])?));
@@ -241,6 +238,30 @@ impl Environment {
         }
         self.restart(restarted, begun, &mut stepped)?;
         Ok(stepped)
+    }
+
+    /// Begins episodes in place of those in the same slots; no other one takes a step.
+    ///
+    /// # Errors
+    /// If a scenario cannot be used; no episode has changed then. Or if the simulator cannot begin.
+    pub fn begin(&mut self, episodes: &[EpisodeBeginning]) -> Result<(), RequestError> {
+        self.check_slots(episodes)?;
+        let begun = self.new_slots(episodes)?;
+        let mut stepped: Vec<Stepped> = self.slots.iter().map(|_| Stepped::new()).collect();
+        self.restart(episodes, begun, &mut stepped)?;
+        match stepped.into_iter().find_map(|one| one.end) {
+            Some(End::Failed(reason)) => refused(reason),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_slots(&self, episodes: &[EpisodeBeginning]) -> Result<(), RequestError> {
+        let missing_slot = episodes.iter().find(|episode| episode.slot >= self.slots.len());
+        missing_slot.map_or(Ok(()), |episode| Err(missing("slot", episode.slot, self.slots.len())))
+    }
+
+    fn new_slots(&mut self, episodes: &[EpisodeBeginning]) -> Result<Vec<Slot>, RequestError> {
+        episodes.iter().map(|episode| self.slot(episode)).collect()
     }
 
     /// Begins episodes in place of those in the same slots.
@@ -302,11 +323,12 @@ impl Environment {
         (0..steps).map(step).collect::<Result<_, _>>().map_err(named)
     }
 
-    /// Returns the observation of each slot.
-    pub fn observe(&self) -> Arrays {
-        let mut arrays = Arrays::default();
-        for (i, slot) in self.slots.iter().enumerate() {
-            slot.prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
+    /// Returns the observations of slots.
+    pub fn observe(&self, slots: impl ExactSizeIterator<Item = usize>) -> Arrays {
+        let mut arrays = Arrays::with_capacity(&self.settings.sizes, slots.len());
+        for i in slots {
+            let prepared = &self.slots[i].prepared;
+            prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
         }
         arrays
     }
@@ -465,7 +487,7 @@ mod tests {
         let mut environment = environment(scenarios.clone(), 7).unwrap();
         environment.reset(&[begin(0), begin(1), begin(2)]).unwrap();
         // Frames before the first one are absent: 30 are observed, and 11 are there.
-        let observed = environment.observe();
+        let observed = environment.observe(0..3);
         let rows: Vec<&[f32]> = observed.0[0].chunks(7).collect();
         assert!(rows[..19].iter().all(|row| row.iter().all(|value| *value == 0.0)));
         assert!(rows[19..30].iter().all(|row| row[6] == 1.0));

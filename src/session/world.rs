@@ -304,7 +304,7 @@ impl World {
 
     /// Returns the observation of each agent that actions move.
     pub fn observe(&self) -> Arrays {
-        let mut arrays = Arrays::default();
+        let mut arrays = Arrays::with_capacity(&self.sizes, self.actions()[0]);
         if let Some(episode) = &self.episode {
             let seen = episode.lockstep.seen(0);
             for agent in AV + 1..=episode.movers.len() {

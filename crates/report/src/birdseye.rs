@@ -13,6 +13,7 @@ pub(super) mod moving;
 pub(super) mod palette;
 
 use reactsim_geometry::Vec2;
+use reactsim_metrics::{Case, Event, Options, score_case};
 use reactsim_scene::{DT, Frame, Scenario};
 
 pub(crate) use self::canvas::escape;
@@ -41,7 +42,7 @@ pub enum Layout {
 pub struct Mark {
     /// Id of the agent; marks of unknown agents are ignored.
     pub agent: String,
-    /// Step of the event, 1 to 80.
+    /// Step of the event, from 1.
     pub step: usize,
     /// Kind of event.
     pub kind: MarkKind,
@@ -58,6 +59,30 @@ pub enum MarkKind {
     Risky,
     /// Off the road: a cross.
     OffRoad,
+}
+
+impl MarkKind {
+    /// Returns the mark for events of a metric; `None` if pictures show none.
+    pub fn of_event(metric: &str, counted: bool) -> Option<Self> {
+        match metric {
+            "aav-collision" if counted => Some(Self::AtFault),
+            "aav-collision" | "aa-collision" => Some(Self::Contact),
+            "aav-ttc" => Some(Self::Risky),
+            "offroad" => Some(Self::OffRoad),
+            _ => None,
+        }
+    }
+}
+
+/// Computes the events of a rollout and returns the marks of those that pictures show. `tracks`: the frames
+/// of each agent, in the order of the scenario.
+pub fn marks_of(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Vec<Mark> {
+    let scores = score_case(&Case::of_rollout(scenario, tracks, Options::default()));
+    let mark = |event: Event| {
+        let kind = MarkKind::of_event(event.metric, event.counted)?;
+        Some(Mark { step: event.step, kind, agent: event.agent })
+    };
+    scores.events.into_iter().filter_map(mark).collect()
 }
 
 /// Settings of a picture.

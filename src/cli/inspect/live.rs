@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 
-use super::recorded::marks_of;
 use crate::evaluation::PlannedSimulator;
-use crate::report::birdseye::Mark;
+use crate::report::birdseye::{Mark, marks_of};
 use crate::rollout::{DeviatedAv, Request, Settings, roll_out};
 use crate::scene::{Frame, Scenario};
 

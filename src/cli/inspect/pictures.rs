@@ -4,11 +4,11 @@ use std::path::Path;
 
 use anyhow::bail;
 
-use super::recorded::{marks, marks_of, rollout};
+use super::recorded::{marks, rollout};
 use super::{InspectArgs, live, write_result};
 use crate::evaluation::PlannedSimulator;
 use crate::report::animation::{Animation, Panel};
-use crate::report::birdseye::{self, Layout, Mark, View};
+use crate::report::birdseye::{self, Layout, Mark, View, marks_of};
 use crate::scene::{Frame, Scenario};
 
 /// A rollout of one simulator, to be drawn.
