@@ -58,7 +58,7 @@ from .scoring import (
     score,
     score_states,
 )
-from .wosac import WosacRollouts, WosacScores, wosac
+from .wosac import WosacRollouts, WosacScores, WosacShares, wosac
 
 __all__ = [
     "DT",
@@ -99,6 +99,7 @@ __all__ = [
     "Svg",
     "WosacRollouts",
     "WosacScores",
+    "WosacShares",
     "command",
     "compare",
     "curate",
