@@ -60,7 +60,7 @@ from .scoring import (
     score,
     score_states,
 )
-from .wosac import WosacRollouts, WosacScores, wosac
+from .wosac import WosacRollouts, WosacScores, WosacShares, wosac
 
 __all__ = [
     "DT",
@@ -101,6 +101,7 @@ __all__ = [
     "Svg",
     "WosacRollouts",
     "WosacScores",
+    "WosacShares",
     "command",
     "compare",
     "curate",
