@@ -23,7 +23,9 @@ use std::path::Path;
 
 use arrow_array::{ArrayRef, RecordBatch};
 use parquet::arrow::ArrowWriter;
-use reactsim::formats::{CurrentFrames, FormatError, FutureChoice, Input, LengthChoice, find_inputs, native, open};
+use reactsim::formats::{
+    CurrentFrames, FormatError, FutureChoice, Input, LengthChoice, find_inputs, native, open,
+};
 use reactsim::scene::{AgentKind, Lane, RoadMap, Scenario};
 
 use reactsim_test_support::proto::{self, Proto};

@@ -97,7 +97,8 @@ impl<'a> LogReplay<'a> {
         let (start, length) = (&scenario.start, scenario.length());
         let mut others = Vec::with_capacity(start.agents.len() + start.obstacles.len());
         for (i, agent) in start.agents.iter().enumerate().skip(1) {
-            let speed = |k: usize| scenario.logged_velocity(i, length.history + k).map_or(f64::NAN, |v| v.norm());
+            let speed =
+                |k: usize| scenario.logged_velocity(i, length.history + k).map_or(f64::NAN, |v| v.norm());
             let future = scenario.log_future.tracks[i].iter().enumerate();
             let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
             let radius = math::hypot(0.5 * agent.length, 0.5 * agent.width);

@@ -11,7 +11,9 @@ use reactsim_scene::{
 use reactsim_test_support::nuplan::Fixture;
 use reactsim_test_support::proto::{self, Proto};
 
-use crate::{CurrentFrames, FutureChoice, Input, LengthChoice, crop, deviations, find_inputs, native, rollouts};
+use crate::{
+    CurrentFrames, FutureChoice, Input, LengthChoice, crop, deviations, find_inputs, native, rollouts,
+};
 
 const LOG: Option<FutureChoice> = Some(FutureChoice::Log);
 
@@ -84,8 +86,15 @@ fn recordings_are_cut_to_the_requested_length() {
         assert_eq!(scenario.start.light_history[0].len(), length.history);
         assert_eq!(scenario.log_future.lights[0].len(), length.future);
     }
+    assert!(!crate::sketch(&usual).contains("\"length\""));
+    let sketch = crate::sketch(&one(&path, Some(5), steps(150)).unwrap());
+    assert!(sketch.starts_with("{\"v\":1,\"length\":[4,155],\"agents\":["), "{}", &sketch[..60]);
     for (history, future, expected) in [
-        (Some(12), None, "current_time_index is 10, expected at least 11, so that there are as many frames before it"),
+        (
+            Some(12),
+            None,
+            "current_time_index is 10, expected at least 11, so that there are as many frames before it",
+        ),
         (None, steps(189), "timestamps_seconds is 199 entries, expected 200 entries (20 s at 10 Hz) or more"),
         (Some(1), None, "history is 1, expected 2 to 100 frames"),
         (Some(101), None, "history is 101, expected 2 to 100 frames"),
@@ -152,8 +161,8 @@ fn native_files_hold_scenarios_of_any_length() {
     let error = one(&native, None, steps(151)).unwrap_err();
     assert!(
         error.ends_with(
-            "record 0: scenario `made`: the number of frames of the future is 150, expected at least the 151 that \
-             are requested with `future`"
+            "record 0: scenario `made`: the number of frames of the future is 150, expected at least the 151 \
+             that are requested with `future`"
         ),
         "{error}"
     );
@@ -198,8 +207,8 @@ fn hand_written_scenarios_state_their_length() {
     let path = folder.path().join("a.json");
     let write = |more: &str| {
         let text = format!(
-            r#"{{"format": "reactsim-scenario-v1", "id": "a", "intent": "a test", {more} "agents": [{{"id": "av",
-            "length": 5, "width": 2, "motion": {{"at": [0, 0], "speed": 10,
+            r#"{{"format": "reactsim-scenario-v1", "id": "a", "intent": "a test", {more}
+            "agents": [{{"id": "av", "length": 5, "width": 2, "motion": {{"at": [0, 0], "speed": 10,
             "pieces": [{{"seconds": 12, "acceleration": 0}}]}}}}]}}"#
         );
         fs::write(&path, text).unwrap();
@@ -306,7 +315,8 @@ fn parts_of_a_length_are_assembled_with_it() {
     };
     let track = line(7).into_iter().map(Some).collect();
     let logged = reactsim_scene::LoggedAgent { agent, track, heights: Vec::new() };
-    let parts = ScenarioParts { id: "a".to_owned(), length, agents: vec![logged], ..ScenarioParts::default() };
+    let parts =
+        ScenarioParts { id: "a".to_owned(), length, agents: vec![logged], ..ScenarioParts::default() };
     let scenario = Scenario::assemble(parts).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.parquet");

@@ -31,11 +31,11 @@ pub mod reactsim_bench;
 pub mod rollouts;
 pub mod wosac;
 
-pub use error::{Cause, FormatError};
 pub use crop::crop;
+pub use error::{Cause, FormatError};
 pub use format::{
-    Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records,
-    decoded, is_parquet,
+    Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records, decoded,
+    is_parquet,
 };
 pub use frames::{CurrentFrames, FutureChoice, LengthChoice, ParseFutureError};
 pub use json::parse as parse_json;

@@ -37,8 +37,8 @@ pub struct RolloutRecord {
     pub origin: Option<Vec2>,
     /// Ids of the agents, including the AV.
     pub agent_ids: Vec<String>,
-    /// States of each agent at the steps after the current frame, as many for each; `None` where absent. Unknown
-    /// velocities are NaN.
+    /// States of each agent at the steps after the current frame, as many for each; `None` where absent.
+    /// Unknown velocities are NaN.
     pub tracks: Vec<Vec<Frame>>,
 }
 
@@ -201,7 +201,8 @@ impl Rows {
         let mut tracks = Vec::with_capacity(ids.len());
         for (cell, ranges) in ids.clone().zip(self.states.inner(row, ids.len())?) {
             let id = self.agent_id.text(cell).unwrap_or_default();
-            let steps = tracks.first().map_or_else(|| states::steps(&ranges), |first: &Vec<Frame>| Ok(first.len()));
+            let steps =
+                tracks.first().map_or_else(|| states::steps(&ranges), |first: &Vec<Frame>| Ok(first.len()));
             tracks.push(self.states.frames(&format!("agent `{id}`: "), &ranges, steps?)?);
             agent_ids.push(id.to_owned());
         }

@@ -3,9 +3,7 @@
 
 use reactsim_geometry::{rounded_distance, wrap};
 use reactsim_rollout::{Purpose, Stream, stream};
-use reactsim_scene::{
-    Agent, DT, Frame, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
-};
+use reactsim_scene::{Agent, DT, Frame, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts};
 
 use super::heights::on_different_levels;
 use super::maps::MapType;
@@ -52,7 +50,8 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
         let (kind, layout) = draw_layout(settings, number, &mut rng);
         let density = settings.density.unwrap_or_else(|| draw_density(settings.preset, &mut rng));
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
-        let recording = traffic::record(&layout, density, settings.preset.manner(), settings.length, &mut rng);
+        let recording =
+            traffic::record(&layout, density, settings.preset.manner(), settings.length, &mut rng);
         if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
             let selected = select_agents(&recording, av);
             let lawful = !selected.iter().any(|i| recording.offenders.contains(i));
@@ -169,7 +168,8 @@ fn select_agents(recording: &Recording, av: usize) -> Vec<usize> {
     let (length, current) = (recording.length, recording.length.current());
     let position = |i: usize, f: usize| recording.agents[i].1[f].map(|s| s.position());
     let distance = |i: usize, f: usize| Some((position(i, f)? - position(av, f)?).norm());
-    let nearest = |i: usize| (0..length.frames()).filter_map(|f| distance(i, f)).fold(f64::INFINITY, f64::min);
+    let nearest =
+        |i: usize| (0..length.frames()).filter_map(|f| distance(i, f)).fold(f64::INFINITY, f64::min);
     let others = (0..recording.agents.len()).filter(|&i| i != av && nearest(i) <= SENSOR_RANGE);
     let (mut now, mut later): (Vec<usize>, Vec<usize>) =
         others.partition(|&i| recording.agents[i].1[current].is_some());
@@ -182,8 +182,8 @@ fn select_agents(recording: &Recording, av: usize) -> Vec<usize> {
     [vec![av], now, later].concat()
 }
 
-/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but logs with
-/// accidents cannot serve as a reference.
+/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but
+/// logs with accidents cannot serve as a reference.
 fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
     let agents: Vec<_> = selected.iter().map(|&i| &recording.agents[i]).collect();
     let is_still = |track: &[Frame]| track[0].is_some() && track[0] == track[track.len() - 1];

@@ -335,10 +335,9 @@ fn frames_around_the_current_one_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = small(folder.path()).remove(0);
     let usual = read_length(&path, None, None).unwrap();
-    for (history, future, expected) in [
-        (None, Some(FutureChoice::Log), (11, 80)),
-        (Some(2), Some(FutureChoice::Steps(60)), (2, 60)),
-    ] {
+    for (history, future, expected) in
+        [(None, Some(FutureChoice::Log), (11, 80)), (Some(2), Some(FutureChoice::Steps(60)), (2, 60))]
+    {
         let scenario = read_length(&path, history, future).unwrap();
         let length = scenario.length();
         assert_eq!((length.history, length.future), expected);

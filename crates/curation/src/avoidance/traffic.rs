@@ -151,7 +151,8 @@ impl<'a> Traffic<'a> {
             pair.closest = pair.closest.min(apart);
             if apart < 0.0 {
                 pair.exempt.resize(self.av.len(), false);
-                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(self.steps())].fill(true);
+                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(self.steps())]
+                    .fill(true);
             }
         }
         if pair.closest < 0.0 {
@@ -227,8 +228,8 @@ pub(super) fn reaction_steps(settings: &AvoidanceSettings) -> usize {
     (settings.reaction / DT).round().max(0.0) as usize
 }
 
-/// Returns the last step up to which an observer of a deviation of so many steps moves as in the log: the first
-/// step at which it is visible plus the reaction time. `None` if it is never visible.
+/// Returns the last step up to which an observer of a deviation of so many steps moves as in the log: the
+/// first step at which it is visible plus the reaction time. `None` if it is never visible.
 pub(super) fn reaction_step(
     settings: &AvoidanceSettings,
     steps: usize,

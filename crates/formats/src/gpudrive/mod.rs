@@ -15,9 +15,7 @@ use reactsim_scene::Scenario;
 use self::raw::RawScenario;
 use super::document::values::quote_not_finite;
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single,
-};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single};
 use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; the largest scenarios have about ten megabytes.

@@ -109,7 +109,8 @@ impl Window {
     /// The frames around the current one, which follows a second of history in all files.
     fn of(raw: &RawScenario, choice: LengthChoice) -> Result<Self, Cause> {
         let recorded = raw.objects.first().map_or(0, |object| object.position.len());
-        let length = Length { history: choice.history(), future: choice.future(recorded.saturating_sub(HISTORY)) };
+        let length =
+            Length { history: choice.history(), future: choice.future(recorded.saturating_sub(HISTORY)) };
         let Some(first) = HISTORY.checked_sub(length.history) else {
             let expected = format!("at most {HISTORY}: files have a second of history");
             return Err(Cause::value("history", length.history, expected));
@@ -148,13 +149,7 @@ fn kind(name: &str) -> Option<AgentKind> {
     }
 }
 
-fn agent(
-    i: usize,
-    object: &RawObject,
-    id: String,
-    unit: f64,
-    window: &Window,
-) -> Result<LoggedAgent, Cause> {
+fn agent(i: usize, object: &RawObject, id: String, unit: f64, window: &Window) -> Result<LoggedAgent, Cause> {
     let lengths = [
         ("position", object.position.len()),
         ("velocity", object.velocity.len()),

@@ -12,9 +12,7 @@ use reactsim_scene::Scenario;
 use self::raw::RawScenario;
 use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single,
-};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single};
 use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; a scenario with full tracks has a few megabytes.

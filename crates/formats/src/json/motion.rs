@@ -101,7 +101,12 @@ fn state(mover: &MotionState) -> AgentState {
 }
 
 /// Computes `count` frames after the current one.
-fn future(field: &str, now: MotionState, pieces: &[RawPiece], count: usize) -> Result<Vec<AgentState>, Cause> {
+fn future(
+    field: &str,
+    now: MotionState,
+    pieces: &[RawPiece],
+    count: usize,
+) -> Result<Vec<AgentState>, Cause> {
     let mut mover = now;
     let mut states = Vec::with_capacity(count);
     let mut offset = 0.0;

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, Crosswalk, Deviation, DeviationParts, Frame, LANE_HALF_WIDTH, LaneArea,
-    LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapParts,
-    NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapParts, NeighborParts,
+    RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
 use super::motion;

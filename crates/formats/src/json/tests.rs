@@ -41,7 +41,12 @@ fn brakes_to_a_halt_and_stays() {
 
 #[test]
 fn shifts_sideways_and_drives_on_parallel() {
-    let track = motion::track("m", &motion(vec![piece(1.0), RawPiece { shift: 3.5, ..piece(3.0) }]), Length::BENCHMARK).unwrap();
+    let track = motion::track(
+        "m",
+        &motion(vec![piece(1.0), RawPiece { shift: 3.5, ..piece(3.0) }]),
+        Length::BENCHMARK,
+    )
+    .unwrap();
     assert_eq!(track[20].unwrap().y, 2.0);
     let end = track[50].unwrap();
     assert!((end.y - 5.5).abs() < 1e-9 && end.heading.abs() < 1e-9);
@@ -63,7 +68,9 @@ fn draws_quarter_circles() {
 
 #[test]
 fn refused_durations_are_named() {
-    let error = motion::track("agents[1].motion", &motion(vec![piece(0.25)]), Length::BENCHMARK).unwrap_err().to_string();
+    let error = motion::track("agents[1].motion", &motion(vec![piece(0.25)]), Length::BENCHMARK)
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "agents[1].motion.pieces[0].seconds is 0.25, expected a positive multiple of 0.1 s");
     let error = motion::track("m", &motion(vec![piece(8.1)]), Length::BENCHMARK).unwrap_err().to_string();
     assert_eq!(error, "m.pieces[0] is an end after more than 8 s, expected pieces of at most 8 s in total");

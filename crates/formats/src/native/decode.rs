@@ -7,8 +7,10 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, HISTORY, LaneArea, LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts,
-    RoadEdge, RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
+    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, HISTORY,
+    LaneArea, LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapHeights,
+    MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine,
+    Surface,
 };
 
 use super::encode::{COLUMNS, HEIGHT_COLUMNS, HISTORY_COLUMN, LEFT, RIGHT};

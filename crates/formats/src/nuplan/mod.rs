@@ -38,9 +38,7 @@ use self::selection::{Anchors, Selection, WindowChoice, logs_at};
 use self::sqlite::Database;
 pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named, refused_frames,
-};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named, refused_frames};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::list::Input;
 
@@ -275,8 +273,8 @@ impl Reader {
         }
         let [before, after] = window::needed(self.choice.length);
         let expected = format!(
-            "a current frame with {before} rows of the 20 Hz clock before it and {after} after it, either tagged \
-             or in a scene with two scenes before it and two after it"
+            "a current frame with {before} rows of the 20 Hz clock before it and {after} after it, either \
+             tagged or in a scene with two scenes before it and two after it"
         );
         Some(FormatError::file(&self.path, Cause::value("the choice of windows", "empty", expected)))
     }

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_geometry::{Bounds, Vec2, direction, left};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Crosswalk, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, LightParts, LoggedAgent, MapParts, NeighborParts, RoadLine, ScenarioParts, StopKind,
+    Agent, AgentKind, AgentState, Crosswalk, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
+    LaneParts, LightParts, LoggedAgent, MapParts, NeighborParts, RoadLine, ScenarioParts, StopKind,
     StopLineParts,
 };
 

@@ -208,7 +208,13 @@ impl Selection {
         if raw.every_seconds.is_some() && !(0.0..1e9).contains(&interval) {
             return Err(refuse(Cause::value("every_seconds", interval, "seconds, 0 or more")));
         }
-        Ok(Self { logs, maps, choice: WindowChoice { anchors, interval, length }, filter: None, absent: Vec::new() })
+        Ok(Self {
+            logs,
+            maps,
+            choice: WindowChoice { anchors, interval, length },
+            filter: None,
+            absent: Vec::new(),
+        })
     }
 
     /// Selects the frames of logs that a scenario filter of nuPlan's devkit chooses.

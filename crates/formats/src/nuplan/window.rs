@@ -22,8 +22,8 @@ pub(super) fn fits(rows: usize, anchor: usize, length: LengthChoice) -> bool {
     anchor >= before && rows - anchor > after
 }
 
-/// Returns the rows of the frames around row `anchor`, counted without regard to time stamps, and the length of
-/// the scenario. If all that is recorded is wanted, it ends where time jumps.
+/// Returns the rows of the frames around row `anchor`, counted without regard to time stamps, and the length
+/// of the scenario. If all that is recorded is wanted, it ends where time jumps.
 ///
 /// # Errors
 /// [`Cause`] if there are not enough rows, or if time jumps between them.
@@ -38,9 +38,7 @@ pub(super) fn rows(log: &Log, anchor: usize, choice: LengthChoice) -> Result<(Ve
     let mut length = Length { history: choice.history(), future: choice.future(after / ROWS_PER_FRAME) };
     let first = anchor - ROWS_PER_FRAME * length.current();
     let mut rows: Vec<usize> = (0..length.frames()).map(|k| first + ROWS_PER_FRAME * k).collect();
-    let step = |pair: &[usize]| {
-        log.frames[pair[1]].timestamp.saturating_sub(log.frames[pair[0]].timestamp)
-    };
+    let step = |pair: &[usize]| log.frames[pair[1]].timestamp.saturating_sub(log.frames[pair[0]].timestamp);
     if let Some(jump) = rows.windows(2).position(|pair| !FRAME_INTERVAL.contains(&step(pair))) {
         let recorded = (jump + 1).saturating_sub(length.history);
         // What follows a jump is another recording.

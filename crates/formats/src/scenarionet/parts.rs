@@ -101,8 +101,7 @@ fn window(
         (None, Some(stored)) => stored.whole()?,
         (None, None) => before as i64,
     };
-    let first =
-        usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(before));
+    let first = usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(before));
     let Some(first) = first else {
         let expected = format!("a frame with {before} before it, {before} to {}", length as i64 - 1);
         return Err(match stored.filter(|_| current.is_none()) {

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Crosswalk, DT, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge,
-    RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    Agent, AgentKind, AgentState, Crosswalk, DT, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts,
+    Length, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
+    RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
 use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};

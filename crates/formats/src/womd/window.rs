@@ -24,9 +24,9 @@ pub(super) enum Window {
 }
 
 impl Window {
-    /// Returns the windows of a message with a current frame every `step` frames, beginning with the first one
-    /// that has enough history (frame 10 by default). Only the fields of the message are counted. A message
-    /// that is too short for a window has one, so that the reason is reported.
+    /// Returns the windows of a message with a current frame every `step` frames, beginning with the first
+    /// one that has enough history (frame 10 by default). Only the fields of the message are counted. A
+    /// message that is too short for a window has one, so that the reason is reported.
     pub(super) fn every(
         step: usize,
         length: LengthChoice,
@@ -104,7 +104,11 @@ fn too_short(field: &str, current: usize, choice: LengthChoice, frames: usize) -
     let Length { history, future } = Length { history: choice.history(), future: choice.least_future() };
     let all = history + future;
     if current != history - 1 {
-        return Cause::value(field, current, format!("a frame with {future} after it, of {frames} in the record"));
+        return Cause::value(
+            field,
+            current,
+            format!("a frame with {future} after it, of {frames} in the record"),
+        );
     }
     let without = if choice.pads() { format!(", or {history} without the future") } else { String::new() };
     let expected = format!("{all} entries ({} s at 10 Hz) or more{without}", seconds(all));

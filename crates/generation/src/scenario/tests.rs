@@ -177,7 +177,8 @@ fn scenarios_have_the_requested_length() {
         Length { history: 11, future: 0 },
         Length { history: 11, future: 6001 },
     ] {
-        let error = Generator::new(GenerationSettings { length, ..GenerationSettings::default() }).unwrap_err();
+        let error =
+            Generator::new(GenerationSettings { length, ..GenerationSettings::default() }).unwrap_err();
         assert!(matches!(error, GenerationError::Length(found) if found == length), "{error}");
         assert!(error.to_string().ends_with("expected 2 to 100, and 1 to 6000"), "{error}");
     }
