@@ -15,8 +15,8 @@ pub struct Candidate {
     pub intent: Option<Deviation>,
     /// Short description of the maneuver for reviewers, such as `stop: 3.1 m/s² after 0.8 s`.
     pub maneuver: String,
-    /// States in the scenario frame, one more than the scenario has steps: step 0 is the AV's recorded current
-    /// state, the others are driven from it.
+    /// States in the scenario frame, one more than the scenario has steps: step 0 is the AV's recorded
+    /// current state, the others are driven from it.
     pub track: Vec<AgentState>,
 }
 

@@ -149,8 +149,8 @@ fn is_same(a: &[AgentState], b: &[AgentState]) -> bool {
 /// Determines the category of a trajectory that another program made.
 ///
 /// # Errors
-/// [`AvError`] when the trajectory does not have a state for each step of the scenario, and when the logged AV is
-/// absent at a step, or jumps.
+/// [`AvError`] when the trajectory does not have a state for each step of the scenario, and when the logged
+/// AV is absent at a step, or jumps.
 pub fn taxonomy_of(scenario: &Scenario, future: &[AgentState]) -> Result<Taxonomy, AvError> {
     let (found, expected) = (future.len(), scenario.length().future);
     if found != expected {

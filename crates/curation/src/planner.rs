@@ -18,8 +18,8 @@ pub struct PlannerSource {
 }
 
 impl PlannerSource {
-    /// Creates a source of this network, whose weights are on this device. `temperature` is the standard deviation of
-    /// the noise that sampling starts from.
+    /// Creates a source of this network, whose weights are on this device. `temperature` is the standard
+    /// deviation of the noise that sampling starts from.
     pub fn new(policy: PlannerPolicy, temperature: f64, device: Device) -> Self {
         Self { policy, temperature, device }
     }

@@ -112,7 +112,8 @@ pub enum Decision {
     Reject,
     /// To be reviewed again.
     Flag,
-    /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a file.
+    /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a
+    /// file.
     Clear,
 }
 

@@ -25,7 +25,8 @@ fn mend(path: &Path) -> &'static str {
     }
 }
 
-/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`] instead.
+/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`]
+/// instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
@@ -291,8 +292,8 @@ pub enum EvaluationError {
     },
     /// A run with other current frames is compared with recordings.
     #[error(
-        "{path} was run with `current-frame`, `window-step`, `history` or `future`, and recordings are scored at \
-         the current frame that they state, with 80 steps: run without these keys"
+        "{path} was run with `current-frame`, `window-step`, `history` or `future`, and recordings are \
+         scored at the current frame that they state, with 80 steps: run without these keys"
     )]
     OtherCurrentFrames {
         /// The folder.

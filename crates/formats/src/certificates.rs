@@ -190,8 +190,8 @@ pub fn parallel_ranges(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>,
     Ok(ranges)
 }
 
-/// Reads the states at the steps from 0 on from one list of each column. Velocities may be unknown, positions and
-/// headings may not.
+/// Reads the states at the steps from 0 on from one list of each column. Velocities may be unknown, positions
+/// and headings may not.
 pub fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<AgentState>, Cause> {
     let ranges: Vec<Range<usize>> = views.iter().map(&list).collect();
     let count = ranges.first().map_or(0, Range::len);

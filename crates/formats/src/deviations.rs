@@ -72,8 +72,8 @@ pub struct DeviationRecord {
     /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
     /// origin.
     pub origin: Option<Vec2>,
-    /// State at the current frame, if the file contains it: entry 0 of trajectories of curations, and of those
-    /// with 81 entries, one more than the steps of the benchmark.
+    /// State at the current frame, if the file contains it: entry 0 of trajectories of curations, and of
+    /// those with 81 entries, one more than the steps of the benchmark.
     pub now: Option<AgentState>,
     /// States at the steps after the current frame, without gaps.
     pub track: Vec<AgentState>,
@@ -106,7 +106,8 @@ impl DeviationRecord {
 ///
 /// # Errors
 /// [`FormatError`] names the scenario and the step: gaps, values that are not finite, lists of
-/// different lengths, a scenario that occurs twice, an unknown category, missing columns, a file without chosen rows.
+/// different lengths, a scenario that occurs twice, an unknown category, missing columns, a file without
+/// chosen rows.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let mut records = BTreeMap::new();
     let mut take = |scenario: &str, record| match records.entry(scenario.to_owned()) {

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Cause;
 
-/// Most states of all agents of a scenario that a reader makes of a short description, such as agents that are
-/// seen once: those of a thousand agents over the longest time, with room to spare.
+/// Most states of all agents of a scenario that a reader makes of a short description, such as agents that
+/// are seen once: those of a thousand agents over the longest time, with room to spare.
 const MAX_STATES: usize = 20_000_000;
 /// Most agents of a scenario, however short it is.
 const MAX_AGENTS: usize = 10_000;
@@ -113,8 +113,8 @@ impl FutureChoice {
 /// Why a text is no [`FutureChoice`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is no future: expected steps of 0.1 s (`150`), seconds (`15s`), at most 600 s, or `log` for all that \
-     is recorded"
+    "`{0}` is no future: expected steps of 0.1 s (`150`), seconds (`15s`), at most 600 s, or `log` for all \
+     that is recorded"
 )]
 pub struct ParseFutureError(String);
 

@@ -86,6 +86,9 @@ fn recordings_are_cut_to_the_requested_length() {
         assert_eq!(scenario.start.light_history[0].len(), length.history);
         assert_eq!(scenario.log_future.lights[0].len(), length.future);
     }
+    assert!(!crate::sketch(&usual).contains("\"length\""));
+    let sketch = crate::sketch(&one(&path, Some(5), steps(150)).unwrap());
+    assert!(sketch.starts_with("{\"v\":1,\"length\":[4,155],\"agents\":["), "{}", &sketch[..60]);
     for (history, future, expected) in [
         (
             Some(12),
@@ -158,8 +161,8 @@ fn native_files_hold_scenarios_of_any_length() {
     let error = one(&native, None, steps(151)).unwrap_err();
     assert!(
         error.ends_with(
-            "record 0: scenario `made`: the number of frames of the future is 150, expected at least the 151 that \
-             are requested with `future`"
+            "record 0: scenario `made`: the number of frames of the future is 150, expected at least the 151 \
+             that are requested with `future`"
         ),
         "{error}"
     );
@@ -204,8 +207,8 @@ fn hand_written_scenarios_state_their_length() {
     let path = folder.path().join("a.json");
     let write = |more: &str| {
         let text = format!(
-            r#"{{"format": "reactsim-scenario-v1", "id": "a", "intent": "a test", {more} "agents": [{{"id": "av",
-            "length": 5, "width": 2, "motion": {{"at": [0, 0], "speed": 10,
+            r#"{{"format": "reactsim-scenario-v1", "id": "a", "intent": "a test", {more}
+            "agents": [{{"id": "av", "length": 5, "width": 2, "motion": {{"at": [0, 0], "speed": 10,
             "pieces": [{{"seconds": 12, "acceleration": 0}}]}}}}]}}"#
         );
         fs::write(&path, text).unwrap();

@@ -37,8 +37,8 @@ pub struct RolloutRecord {
     pub origin: Option<Vec2>,
     /// Ids of the agents, including the AV.
     pub agent_ids: Vec<String>,
-    /// States of each agent at the steps after the current frame, as many for each; `None` where absent. Unknown
-    /// velocities are NaN.
+    /// States of each agent at the steps after the current frame, as many for each; `None` where absent.
+    /// Unknown velocities are NaN.
     pub tracks: Vec<Vec<Frame>>,
 }
 

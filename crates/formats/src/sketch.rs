@@ -23,12 +23,12 @@ pub const SKETCH_VERSION: u32 = 1;
 
 /// Returns the JSON of a scenario: `agents` (the AV first, then the world agents), `context` (recorded
 /// agents that take no part), the map in the surroundings, and the lights with one character per frame
-/// (code 0 to 8, `-` if not observed). `length` has the current frame and the number of frames unless they
-/// are those of the benchmark.
+/// (code 0 to 8, `-` if not observed). Scenarios of another length than the benchmark have `length`: the
+/// index of the current frame, and the number of frames.
 pub fn sketch(scenario: &Scenario) -> String {
     let near = Near::new(scenario);
-    let mut out = format!("{{\"v\":{SKETCH_VERSION},");
     let length = scenario.length();
+    let mut out = format!("{{\"v\":{SKETCH_VERSION},");
     if length != Length::BENCHMARK {
         write!(out, "\"length\":[{},{}],", length.current(), length.frames()).ok();
     }

@@ -182,8 +182,8 @@ fn select_agents(recording: &Recording, av: usize) -> Vec<usize> {
     [vec![av], now, later].concat()
 }
 
-/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but logs with
-/// accidents cannot serve as a reference.
+/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but
+/// logs with accidents cannot serve as a reference.
 fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
     let agents: Vec<_> = selected.iter().map(|&i| &recording.agents[i]).collect();
     let is_still = |track: &[Frame]| track[0].is_some() && track[0] == track[track.len() - 1];

@@ -27,6 +27,7 @@ Examples:
   reactsim generate --preset bench --count 150 --out bench.parquet
   reactsim run bench.parquet
   reactsim curate stats bench.deviations.parquet
+  reactsim generate --preset train --count 50 --future 20s --out long.parquet
 
 The manifest entry of the files is printed to stdout (TOML): command, settings and digests.";
 

@@ -144,7 +144,7 @@ fn what_can_not_be_meant_is_refused_and_named() {
         (with(&|d| d["y"][6] = json!(1e9)), "candidate 1 of planned.json: y at step 7 is"),
         (
             with(&|d| ["x", "y", "heading"].into_iter().for_each(|key| d[key] = json!(vec![0.0; 79]))),
-            "candidate 1 of planned.json: the number of steps is 79, expected 80, as many as the scenario has",
+            "candidate 1 of planned.json: the number of steps is 79, expected 80, as many as",
         ),
         (with(&|d| d["vx"] = json!(vec![5000.0; 80])), "candidate 1 of planned.json: vx at step 1 is 5000"),
         (

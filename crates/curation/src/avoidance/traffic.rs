@@ -228,8 +228,8 @@ pub(super) fn reaction_steps(settings: &AvoidanceSettings) -> usize {
     (settings.reaction / DT).round().max(0.0) as usize
 }
 
-/// Returns the last step up to which an observer of a deviation of so many steps moves as in the log: the first
-/// step at which it is visible plus the reaction time. `None` if it is never visible.
+/// Returns the last step up to which an observer of a deviation of so many steps moves as in the log: the
+/// first step at which it is visible plus the reaction time. `None` if it is never visible.
 pub(super) fn reaction_step(
     settings: &AvoidanceSettings,
     steps: usize,

@@ -1,8 +1,9 @@
 //! Draws of the logged path at another speed.
 //!
 //! Every kind of speed profile is a function with the ranges that it draws from: `DELAY`, the time until the
-//! speed differs from the log, s; `LATE`, the delay of what the log does, s; `GAIN` and `BRAKING`, acceleration
-//! and deceleration, m/s²; `FACTOR`, a factor of the logged speed. Candidates depend on the order of draws.
+//! speed differs from the log, s; `LATE`, the delay of what the log does, s; `GAIN` and `BRAKING`,
+//! acceleration and deceleration, m/s²; `FACTOR`, a factor of the logged speed. Candidates depend on the
+//! order of draws.
 
 use std::ops::Range;
 

@@ -145,8 +145,8 @@ impl FileRecord {
         LengthChoice { history: self.history, future: self.future }
     }
 
-    /// Returns the digest of everything that determines the scenarios: the content, and the current frame, the
-    /// length and companions if there are any.
+    /// Returns the digest of everything that determines the scenarios: the content, and the current frame,
+    /// the length and companions if there are any.
     pub fn digest(&self) -> String {
         if self.is_plain() && self.companions.is_empty() {
             return self.blake3.clone();

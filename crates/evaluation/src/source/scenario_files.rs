@@ -76,7 +76,8 @@ impl ScenarioFiles {
                 }
             }
             ScenarioFile::Native(_) => None,
-            // The run may have read the file with other current frames, or another length, than it was added with.
+            // The run may have read the file with other current frames, or another length, than it was added
+            // with.
             ScenarioFile::Stream { input: Some(input), .. }
                 if (file.frames(), file.length()) != (input.frames, input.length) =>
             {

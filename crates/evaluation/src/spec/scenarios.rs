@@ -63,11 +63,12 @@ pub struct ReadingSpec {
     /// frame, such as ID@60
     #[arg(long, value_name = "N")]
     pub window_step: Option<NonZeroUsize>,
-    /// Frames up to and including the current one, 2 to 100 [default: 11; of native and JSON files, their own]
+    /// Frames up to and including the current one, 2 to 100 [default: 11; of native and JSON files, their
+    /// own]
     #[arg(long, value_name = "N", value_parser = history)]
     pub history: Option<usize>,
-    /// Frames after the current one: seconds (`15s`), steps of 0.1 s (`150`), at most 6000, or `log`, all that
-    /// are recorded; scenarios with fewer fail [default: 80; of native and JSON files, their own]
+    /// Frames after the current one: seconds (`15s`), steps of 0.1 s (`150`), at most 6000, or `log`, all
+    /// that are recorded; scenarios with fewer fail [default: 80; of native and JSON files, their own]
     #[arg(long, value_name = "TIME")]
     pub future: Option<FutureChoice>,
     /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
@@ -93,7 +94,8 @@ pub struct NuplanSpec {
     /// Logs of nuPlan (`.db`), or folders that hold some; may be repeated
     #[arg(long, value_name = "LOGS")]
     pub nuplan: Vec<PathBuf>,
-    /// Scenarios of --nuplan that a scenario_filter of nuPlan's devkit (YAML) selects, such as val14_split.yaml
+    /// Scenarios of --nuplan that a scenario_filter of nuPlan's devkit (YAML) selects, such as
+    /// val14_split.yaml
     #[arg(long, value_name = "FILE")]
     pub filter: Option<PathBuf>,
     /// Folder with the list of nuPlan's maps [default: the one above the logs]
@@ -123,8 +125,8 @@ impl ScenarioSpec {
         self.reading.is_shipped(&self.scenarios)
     }
 
-    /// Finds the files of scenarios and recognises their formats. The second value has the files that only look
-    /// like scenarios.
+    /// Finds the files of scenarios and recognises their formats. The second value has the files that only
+    /// look like scenarios.
     ///
     /// # Errors
     /// [`EvaluationError`] if a file cannot be read, or a key has no effect on the shipped scenarios.
@@ -201,7 +203,8 @@ impl ReadingSpec {
     /// Checks that the keys fit together.
     ///
     /// # Errors
-    /// [`EvaluationError`] names two keys of which one is too many or too few, or a length that no scenario has.
+    /// [`EvaluationError`] names two keys of which one is too many or too few, or a length that no scenario
+    /// has.
     pub fn check(&self) -> Result<(), EvaluationError> {
         if self.current_frame.is_some() && self.window_step.is_some() {
             return Err(EvaluationError::Exclude { key: "window-step", other: "current-frame" });
@@ -233,8 +236,8 @@ impl ReadingSpec {
         }
     }
 
-    /// Finds the scenario files at all paths and in the logs of nuPlan, and sets how they are read. The second
-    /// value has the files that only look like scenarios.
+    /// Finds the scenario files at all paths and in the logs of nuPlan, and sets how they are read. The
+    /// second value has the files that only look like scenarios.
     ///
     /// # Errors
     /// [`EvaluationError`] as for [`Self::check`], and if a file cannot be read.

@@ -79,9 +79,9 @@ impl ScenarioFormat for Argoverse2 {
     }
 }
 
-/// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current one:
-/// by default the latest frame up to [`CURRENT_FRAME`] with enough recorded frames of the AV after it. Missing
-/// frames after it are counted in the scenario's repairs.
+/// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current
+/// one: by default the latest frame up to [`CURRENT_FRAME`] with enough recorded frames of the AV after it.
+/// Missing frames after it are counted in the scenario's repairs.
 fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Scenario, FormatError> {
     let before = length.history() - 1;
     if let Some(current) = current.filter(|current| *current < before) {

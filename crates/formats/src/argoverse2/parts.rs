@@ -97,9 +97,9 @@ pub(super) fn unknown_types(tracks: &Tracks) -> BTreeMap<String, u32> {
     found
 }
 
-/// Returns the latest frame up to `default` at which the AV is present, enough frames come before it, and the AV
-/// is recorded at the frames after it, so that it can follow its log. Without the last condition if no frame
-/// meets it; `default` itself if the AV is at none.
+/// Returns the latest frame up to `default` at which the AV is present, enough frames come before it, and the
+/// AV is recorded at the frames after it, so that it can follow its log. Without the last condition if no
+/// frame meets it; `default` itself if the AV is at none.
 pub(super) fn latest_frame(tracks: &Tracks, default: usize, length: LengthChoice) -> usize {
     let av = tracks.tracks.iter().find(|track| track.id == AV);
     let is_present = |frame: usize| {

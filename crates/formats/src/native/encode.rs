@@ -97,8 +97,8 @@ pub(super) const HEIGHT_COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("drivable_area_z", Number, 2, false),
 ];
 
-/// Column of the number of frames up to and including the current one, of the same form as [`COLUMNS`]. In files
-/// without it this is the number of the benchmark.
+/// Column of the number of frames up to and including the current one, of the same form as [`COLUMNS`]. In
+/// files without it this is the number of the benchmark.
 pub(super) const HISTORY_COLUMN: (&str, Leaf, usize, bool) = ("history", Whole, 0, false);
 
 /// Returns the columns, empty.

@@ -122,7 +122,8 @@ impl Filter {
                     );
                     return Err(Cause::value(key, node, expected));
                 }
-                // The length of scenarios is an option here; the others apply only together with refused keys.
+                // The length of scenarios is an option here; the others apply only together with refused
+                // keys.
                 "_convert_"
                 | "expand_scenarios"
                 | "speed_noise_tolerance"

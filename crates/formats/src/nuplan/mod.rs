@@ -273,8 +273,8 @@ impl Reader {
         }
         let [before, after] = window::needed(self.choice.length);
         let expected = format!(
-            "a current frame with {before} rows of the 20 Hz clock before it and {after} after it, either tagged \
-             or in a scene with two scenes before it and two after it"
+            "a current frame with {before} rows of the 20 Hz clock before it and {after} after it, either \
+             tagged or in a scene with two scenes before it and two after it"
         );
         Some(FormatError::file(&self.path, Cause::value("the choice of windows", "empty", expected)))
     }

@@ -22,8 +22,8 @@ pub(super) fn fits(rows: usize, anchor: usize, length: LengthChoice) -> bool {
     anchor >= before && rows - anchor > after
 }
 
-/// Returns the rows of the frames around row `anchor`, counted without regard to time stamps, and the length of
-/// the scenario. If all that is recorded is wanted, it ends where time jumps.
+/// Returns the rows of the frames around row `anchor`, counted without regard to time stamps, and the length
+/// of the scenario. If all that is recorded is wanted, it ends where time jumps.
 ///
 /// # Errors
 /// [`Cause`] if there are not enough rows, or if time jumps between them.

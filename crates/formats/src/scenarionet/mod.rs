@@ -73,9 +73,9 @@ impl ScenarioFormat for ScenarioNet {
     }
 }
 
-/// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current one.
-/// `None` stands for the current frame stored in the file, or the first one with enough frames before it if
-/// there is none. Missing frames after it are counted in the scenario's repairs.
+/// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current
+/// one. `None` stands for the current frame stored in the file, or the first one with enough frames before it
+/// if there is none. Missing frames after it are counted in the scenario's repairs.
 fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Scenario, FormatError> {
     let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
     let pickle = Pickle::read(&file)

@@ -24,9 +24,9 @@ pub(super) enum Window {
 }
 
 impl Window {
-    /// Returns the windows of a message with a current frame every `step` frames, beginning with the first one
-    /// that has enough history (frame 10 by default). Only the fields of the message are counted. A message
-    /// that is too short for a window has one, so that the reason is reported.
+    /// Returns the windows of a message with a current frame every `step` frames, beginning with the first
+    /// one that has enough history (frame 10 by default). Only the fields of the message are counted. A
+    /// message that is too short for a window has one, so that the reason is reported.
     pub(super) fn every(
         step: usize,
         length: LengthChoice,

@@ -36,8 +36,8 @@ pub struct Recording {
 
 /// Simulates traffic on a map until it has settled, then records it.
 ///
-/// `density` multiplies the flows of the entries, at which vehicles arrive as long as it is recorded. The result
-/// depends only on the arguments; that of a longer future begins with that of a shorter one.
+/// `density` multiplies the flows of the entries, at which vehicles arrive as long as it is recorded. The
+/// result depends only on the arguments; that of a longer future begins with that of a shorter one.
 pub fn record(layout: &Layout, density: f64, manner: Manner, length: Length, rng: &mut Stream) -> Recording {
     let frames = length.frames();
     let warm_up = rng.uniform(WARM_UP_MIN, WARM_UP_MAX);
