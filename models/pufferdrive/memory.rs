@@ -1,6 +1,7 @@
 //! Memory of an episode: the pieces of the road, and the route and LSTM state of each vehicle.
 
-use reactsim_scene::{AgentKind, CURRENT, Start};
+use reactsim_rollout::Observation;
+use reactsim_scene::{AgentKind, AgentState, FUTURE, Road, Start};
 
 use super::Parameters;
 use super::network::HIDDEN;
@@ -15,6 +16,8 @@ pub(super) struct Vehicle {
     /// Length, metres.
     pub(super) length: f64,
     pub(super) route: Route,
+    /// Step of the episode at which the route began.
+    routed: usize,
     /// Speed limit, m/s.
     pub(super) limit: f64,
     /// Hidden state of the LSTM.
@@ -39,18 +42,39 @@ impl EpisodeMemory {
             if properties.kind != AgentKind::Vehicle {
                 return None;
             }
-            let now = start.now(agent);
-            let route = Route::from(&start.road(), now.position(), now.heading);
+            let (route, limit) = route(&start.road(), &start.now(agent), parameters);
             if agent > 0 && is_parked(start, agent, &route, parameters) {
                 return None;
             }
-            let speed = now.velocity().map_or(0.0, |v| v.norm());
-            let limit = route.limit.unwrap_or(parameters.speed_limit).max(speed);
-            let zeros = || vec![0.0; HIDDEN];
-            Some(Vehicle { agent, length: properties.length, route, limit, hidden: zeros(), cell: zeros() })
+            let (hidden, cell) = (vec![0.0; HIDDEN], vec![0.0; HIDDEN]);
+            Some(Vehicle { agent, length: properties.length, route, routed: 0, limit, hidden, cell })
         });
         Self { vehicles: vehicles.collect(), road: RoadPieces::of(&start.map) }
     }
+}
+
+impl Vehicle {
+    /// Begins a new route, and forgets the past, unless the route is long enough for a plan of `steps` steps.
+    /// Routes cover 8 s, and the network was trained in episodes of 9 s.
+    pub(super) fn renew(&mut self, seen: &Observation<'_>, steps: usize, parameters: &Parameters) {
+        let now = seen.step();
+        if now == self.routed || now + steps <= self.routed + FUTURE {
+            return;
+        }
+        let Some(state) = seen.state(self.agent) else { return };
+        self.routed = now;
+        (self.route, self.limit) = route(&seen.start().road(), &state, parameters);
+        self.hidden.fill(0.0);
+        self.cell.fill(0.0);
+    }
+}
+
+/// Returns the route of a vehicle and its speed limit, m/s, which is not below its speed.
+fn route(road: &Road<'_>, state: &AgentState, parameters: &Parameters) -> (Route, f64) {
+    let route = Route::from(road, state.position(), state.heading);
+    let speed = state.velocity().map_or(0.0, |v| v.norm());
+    let limit = route.limit.unwrap_or(parameters.speed_limit).max(speed);
+    (route, limit)
 }
 
 /// Returns whether a vehicle is parked: it has not moved in the history, and it is next to the lanes or
@@ -58,7 +82,7 @@ impl EpisodeMemory {
 fn is_parked(start: &Start, agent: usize, route: &Route, parameters: &Parameters) -> bool {
     let bounds = &parameters.parked;
     let now = start.now(agent);
-    let seen = start.history[agent][..CURRENT].iter().flatten();
+    let seen = start.history[agent][..start.current()].iter().flatten();
     let moved = seen.map(|s| (s.position() - now.position()).norm()).fold(0.0, f64::max);
     if moved > bounds.travel || now.velocity().is_some_and(|v| v.norm() > bounds.speed) {
         return false;
