@@ -105,7 +105,16 @@ impl<M> LearningScene<M> {
     ) -> SceneView<'a> {
         let av_next = if blind { None } else { tracks[0].get(now + 1).copied().flatten() };
         // Training scenes keep no heights.
-        SceneView { agents: &self.agents[..tracks.len()], tracks, now, av_next, lights, start: None }
+        SceneView {
+            agents: &self.agents[..tracks.len()],
+            tracks,
+            now,
+            first: 0,
+            av_next,
+            lights,
+            start: None,
+            heights: None,
+        }
     }
 
     /// Returns whether an agent stays where it is first seen.
