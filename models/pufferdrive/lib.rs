@@ -119,6 +119,9 @@ impl Simulator for PufferDrive {
                 worlds.push(World::now(&seen, |_| true));
                 continue;
             };
+            for vehicle in &mut drive.vehicles {
+                vehicle.renew(&seen, episode.plan.steps(), &self.parameters);
+            }
             let vehicle = |agent: usize| drive.vehicles.binary_search_by_key(&agent, |v| v.agent).ok();
             let agents = &seen.start().agents;
             // Vehicles that are not driven are parked.
