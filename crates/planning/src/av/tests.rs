@@ -8,8 +8,8 @@ use reactsim_rollout::{
     RolloutError, Settings, roll_out,
 };
 use reactsim_scene::{
-    AgentKind, CURRENT, DT, FRAMES, Frame, HISTORY, LaneClass, LaneKind, LaneParts, Length, LightParts,
-    LightState as SceneLight, LoggedAgent,
+    AgentKind, CURRENT, DT, FRAMES, FUTURE, Frame, HISTORY, LaneClass, LaneKind, LaneParts, Length,
+    LightParts, LightState as SceneLight, LoggedAgent,
 };
 
 use super::*;
