@@ -89,7 +89,7 @@ impl Traffic {
     /// Returns this state with the agents that were in another one before: drivers keep their paths and
     /// intents. `kept`: their slots there.
     pub(super) fn resumed(mut self, before: Self, kept: &[Option<usize>]) -> Self {
-        let Self { behaviours, actors, av_paths, av_paths_age, av_curvature } = before;
+        let Self { behaviours, actors, av_paths, av_paths_age, av_curvature, lights } = before;
         let mut behaviours: Vec<Option<AgentBehaviour>> = behaviours.into_iter().map(Some).collect();
         for (slot, earlier) in kept.iter().enumerate() {
             let Some(earlier) = *earlier else { continue };
@@ -98,7 +98,7 @@ impl Traffic {
                 self.actors[slot] = actors[earlier];
             }
         }
-        Self { av_paths, av_paths_age, av_curvature, ..self }
+        Self { av_paths, av_paths_age, av_curvature, lights: lights.of_new_tracks(), ..self }
     }
 
     /// Plans all steps of an episode's plan.

@@ -32,6 +32,11 @@ impl KnownLights {
         self.frames = seen.frame() + 1;
     }
 
+    /// Returns the same states at the beginning of other tracks, whose frames are all to be considered.
+    pub(super) fn of_new_tracks(self) -> Self {
+        Self { frames: 0, ..self }
+    }
+
     /// Returns the state of the light of a lane.
     fn of_lane(&self, start: &Start, lane: usize) -> Option<LightState> {
         self.states[start.lights.iter().position(|l| l.lane == lane)?]
