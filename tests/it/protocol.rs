@@ -2,6 +2,7 @@
 //! input.
 
 mod conformance;
+mod entering;
 mod failures;
 mod long;
 mod planner;
