@@ -71,12 +71,34 @@ pub(crate) struct Coming {
     lost: Vec<Option<(usize, f64)>>,
     /// Whether each agent of the rollout has left.
     left: Vec<bool>,
-    /// Whether agents came or went since the views were made.
-    is_pending: bool,
-    /// Indices of the objects of the static context in the views.
+    /// Number of agents that entered or left so far.
+    pub(crate) events: usize,
+    /// What the simulator knows of it.
+    pub(crate) simulator: Changes,
+    /// What the AV policy knows of it.
+    pub(crate) av: Changes,
+}
+
+/// The changes that an observer has been shown.
+#[derive(Clone)]
+pub(crate) struct Changes {
+    /// Number of agents that had entered or left.
+    events: usize,
+    /// Indices of the objects of the static context.
     obstacles: Vec<usize>,
-    /// Number of times that the views were made.
-    pub(crate) changes: usize,
+    /// Number of times that anything had changed.
+    pub(crate) count: usize,
+}
+
+impl Changes {
+    /// Returns whether agents or objects of the static context came or went since the last call, and counts it.
+    pub(crate) fn has_changed(&mut self, events: usize, scenario: &Scenario, frame: usize) -> bool {
+        let obstacles: Vec<usize> = obstacles(scenario, frame).map(|(index, ..)| index).collect();
+        let has_changed = events != self.events || obstacles != self.obstacles;
+        (self.events, self.obstacles) = (events, obstacles);
+        self.count += usize::from(has_changed);
+        has_changed
+    }
 }
 
 /// An agent that has not entered.
@@ -99,15 +121,10 @@ impl Coming {
         waiting.sort_by_key(|agent| agent.first);
         let agents = scenario.start.agents.len();
         let lost = (0..agents).map(|slot| lost(scenario, |frame| scenario.logged_at(slot, frame))).collect();
-        Self {
-            waiting,
-            entered: Vec::new(),
-            lost,
-            left: vec![false; agents],
-            is_pending: false,
-            obstacles: obstacles(scenario, current).map(|(index, ..)| index).collect(),
-            changes: 0,
-        }
+        let obstacles = obstacles(scenario, current).map(|(index, ..)| index).collect();
+        let none = Changes { events: 0, obstacles, count: 0 };
+        let left = vec![false; agents];
+        Self { waiting, entered: Vec::new(), lost, left, events: 0, simulator: none.clone(), av: none }
     }
 
     /// Returns the number of agents that still wait for their place, although the log has shown them.
@@ -117,13 +134,13 @@ impl Coming {
 
     /// Lets agents enter at the latest realised frame, those nearest to the AV first, and adds their tracks.
     /// `waits`: whether an agent waits while another stands in its place; those of an oracle would jump when it
-    /// replays their log. Returns whether any entered.
-    pub(crate) fn admit(&mut self, scenario: &Scenario, tracks: &mut Vec<Vec<Frame>>, waits: bool) -> bool {
+    /// replays their log.
+    pub(crate) fn admit(&mut self, scenario: &Scenario, tracks: &mut Vec<Vec<Frame>>, waits: bool) {
         let frame = tracks[0].len() - 1;
         if self.waiting.first().is_none_or(|next| next.first > frame) {
-            return false;
+            return;
         }
-        let Some(av) = tracks[0][frame] else { return false };
+        let Some(av) = tracks[0][frame] else { return };
         let place = |agent: &Waiting| scenario.unselected[agent.logged].track[agent.first];
         let mut due: Vec<(f64, usize, AgentState)> = Vec::new();
         for (i, agent) in self.waiting.iter().enumerate().take_while(|(_, agent)| agent.first <= frame) {
@@ -159,17 +176,7 @@ impl Coming {
         }
         let mut index = 0..;
         self.waiting.retain(|_| index.next().is_some_and(|i: usize| !admitted.contains(&i)));
-        self.is_pending |= !admitted.is_empty();
-        !admitted.is_empty()
-    }
-
-    /// Returns whether agents or objects of the static context came or went since the last time, and counts it.
-    pub(crate) fn has_changed(&mut self, scenario: &Scenario, frame: usize) -> bool {
-        let obstacles: Vec<usize> = obstacles(scenario, frame).map(|(index, ..)| index).collect();
-        let has_changed = self.is_pending || obstacles != self.obstacles;
-        (self.is_pending, self.obstacles) = (false, obstacles);
-        self.changes += usize::from(has_changed);
-        has_changed
+        self.events += admitted.len();
     }
 
     /// Returns whether an agent has left.
@@ -177,10 +184,11 @@ impl Coming {
         self.left[slot]
     }
 
-    /// Returns the logged state at a frame of the agent that entered as this one.
-    pub(crate) fn logged(&self, scenario: &Scenario, entered: usize, frame: usize) -> Frame {
-        let logged = &scenario.unselected[self.entered[entered].logged];
-        logged.track.get(frame).copied().flatten()
+    /// Returns the logged state of the agent that entered as this one, after the frame `now`. The log of an agent
+    /// that waited is late by as much.
+    pub(crate) fn logged(&self, scenario: &Scenario, entered: usize, now: usize) -> Frame {
+        let Entered { logged, waited, .. } = self.entered[entered];
+        scenario.unselected[logged].track.get(now + 1 - waited).copied().flatten()
     }
 
     /// Returns the agents of the rollout, in the order of their slots.
@@ -199,7 +207,7 @@ impl Coming {
             let Some((last, distance)) = self.lost[slot] else { continue };
             let away = |state: AgentState| (state.position() - av.position()).norm() >= distance;
             *left = frame >= last && tracks[slot][frame].is_some_and(away);
-            self.is_pending |= *left;
+            self.events += usize::from(*left);
         }
     }
 }

@@ -151,9 +151,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     pub(crate) fn beginning(&self, simulator: &dyn Simulator, settings: &Settings) -> Beginning<'_> {
         let mut stream = stream(settings.seed, &self.scenario.id, self.rollout, Purpose::Begin);
         // Agents that enter get other draws than those that are there.
-        if let Some(changes) =
-            self.coming.as_ref().map(|coming| coming.changes).filter(|changes| *changes > 0)
-        {
+        let changes = self.coming.as_ref().map_or(0, |coming| coming.simulator.count);
+        if changes > 0 {
             stream.set_stream(FIRST_CHANGE_STREAM + changes as u64);
         }
         Beginning {
@@ -171,31 +170,49 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         }
     }
 
-    /// Makes new views if agents, or objects of the static context, have come or gone. Returns the slot that
-    /// each agent of the simulator's view had before, `None` for those that entered.
+    /// Makes a new view for the simulator if agents, or objects of the static context, have come or gone since
+    /// the last one. Returns the slot that each agent had in that, `None` for those that entered.
     pub(crate) fn regroup(&mut self, controller: &Controller) -> Option<Vec<Option<usize>>> {
         let coming = self.coming.as_mut()?;
         let now = self.tracks[0].len() - 1;
-        if self.tracks[0][now].is_none() || !coming.has_changed(&self.scenario, now) {
+        if self.tracks[0][now].is_none() || !coming.simulator.has_changed(coming.events, &self.scenario, now)
+        {
             return None;
         }
         let all = 0..self.scenario.start.agents.len();
         let before = self.view.as_ref().map_or_else(|| all.collect(), |view| view.slots().to_vec());
-        let view = |history| View::new(&self.scenario, Some(&*coming), &self.tracks, &self.lights, history);
-        let length = self.scenario.length().history;
-        let own = view(history_of(controller).unwrap_or(length));
-        let of_av = self.av.as_ref().and_then(|av| av.history());
-        self.av_view = Some(view(of_av.unwrap_or(length)));
+        let history = history_of(controller).unwrap_or(self.scenario.length().history);
+        let changes = coming.simulator.count;
+        let view =
+            View::new(&self.scenario, Some(&*coming), &self.tracks, &self.lights, history).after(changes);
         let slot_before = |slot: &usize| before.iter().position(|other| other == slot);
-        let kept = own.slots().iter().map(slot_before).collect();
-        self.view = Some(own);
+        let kept = view.slots().iter().map(slot_before).collect();
+        self.view = Some(view);
         Some(kept)
+    }
+
+    /// Makes a new view for the AV policy, as [`Self::regroup`] does at plans, whenever something has changed.
+    fn renew_av_view(&mut self) {
+        let Some(coming) = &mut self.coming else { return };
+        let now = self.tracks[0].len() - 1;
+        if self.tracks[0][now].is_none() || !coming.av.has_changed(coming.events, &self.scenario, now) {
+            return;
+        }
+        let of_av = self.av.as_ref().and_then(|av| av.history());
+        let history = of_av.unwrap_or(self.scenario.length().history);
+        let changes = coming.av.count;
+        let view = View::new(&self.scenario, Some(&*coming), &self.tracks, &self.lights, history);
+        self.av_view = Some(view.after(changes));
     }
 
     /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
     /// only.
     pub(crate) fn look_ahead(&mut self) -> Result<(), RolloutError> {
-        let Some(av) = self.av.as_mut().filter(|_| self.av_next.is_none()) else { return Ok(()) };
+        if self.av.is_none() || self.av_next.is_some() {
+            return Ok(());
+        }
+        self.renew_av_view();
+        let Some(av) = &mut self.av else { return Ok(()) };
         let seen = match &self.av_view {
             Some(view) => view.seen(None),
             None => Observation::new(&self.scenario.start, &self.tracks, &self.lights, None)
@@ -239,10 +256,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             if !self.replayed {
                 coming.let_go(&self.tracks);
             }
-            if coming.admit(&self.scenario, &mut self.tracks, !self.replayed) {
-                // The simulator moves them from now on.
-                self.plan_step = self.plan.steps();
-            }
+            coming.admit(&self.scenario, &mut self.tracks, !self.replayed);
         }
         for view in self.view.iter_mut().chain(&mut self.av_view) {
             view.push(&self.tracks, &self.lights);
@@ -250,16 +264,24 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         Ok(())
     }
 
-    /// Returns the state of an agent in a step of the plan. Oracles replay the log of agents that entered.
+    /// Returns the next state of an agent, which is `step` in the plan. Agents that entered since the plan was
+    /// made follow their log until the next plan; those of an oracle always do.
     fn planned(&self, agent: usize, step: usize) -> Frame {
         let of_beginning = self.scenario.start.agents.len();
-        match (&self.coming, &self.view) {
-            (Some(coming), _) if coming.has_left(agent) => None,
-            (Some(coming), _) if self.replayed && agent >= of_beginning => {
-                coming.logged(&self.scenario, agent - of_beginning, self.tracks[0].len() - 1)
+        let index = match &self.view {
+            Some(view) if !self.replayed => view.index(agent),
+            _ => Some(agent).filter(|agent| *agent < of_beginning),
+        };
+        match (index, &self.coming) {
+            (_, Some(coming)) if coming.has_left(agent) => None,
+            (Some(index), _) => self.plan.get(index, step),
+            (None, Some(coming)) if agent >= of_beginning => {
+                let next = coming.logged(&self.scenario, agent - of_beginning, self.tracks[0].len() - 1);
+                // Oracles replay gaps as well.
+                let on = || self.tracks[agent].last().copied().flatten().map(coasted);
+                if self.replayed { next } else { next.or_else(on) }
             }
-            (_, Some(view)) if !self.replayed => self.plan.get(view.index(agent)?, step),
-            _ => self.plan.get(agent, step),
+            (None, _) => None,
         }
     }
 
@@ -303,4 +325,10 @@ fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState
         Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
         None => state,
     }
+}
+
+/// Returns the state one step later at constant velocity.
+fn coasted(state: AgentState) -> AgentState {
+    let v = state.velocity().unwrap_or_default() * DT;
+    AgentState { x: state.x + v.x, y: state.y + v.y, ..state }
 }

@@ -70,16 +70,20 @@ impl View {
                 start.obstacle_heights.clear();
             }
         }
-        let changes = coming.map_or(0, |coming| coming.changes);
         Self {
             start,
             tracks: tracks_now,
             lights: light_history,
             slots,
             first_step: now - current,
-            changes,
+            changes: 0,
             heights: Mutex::default(),
         }
+    }
+
+    /// Returns the view as the one after agents entered or left this many times.
+    pub(crate) fn after(self, changes: usize) -> Self {
+        Self { changes, ..self }
     }
 
     /// Adds the latest realised frame.
