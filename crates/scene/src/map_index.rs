@@ -23,6 +23,9 @@ pub struct LaneHit {
 #[derive(Clone, Debug)]
 pub struct MapIndex {
     pieces: Vec<Piece>,
+    piece_bounds: Vec<Bounds>,
+    /// For each lane, its first piece; then the number of pieces.
+    first_pieces: Vec<usize>,
     piece_grid: Grid,
     polygon_lanes: Vec<usize>,
     polygon_grid: Grid,
@@ -54,7 +57,7 @@ const CELL_SIZE: f64 = 6.0;
 impl MapIndex {
     /// Builds the index.
     pub fn new(map: &RoadMap) -> Self {
-        let (mut pieces, mut bounds) = (Vec::new(), Vec::new());
+        let (mut pieces, mut bounds, mut first_pieces) = (Vec::new(), Vec::new(), vec![0]);
         let (mut polygon_lanes, mut polygon_bounds) = (Vec::new(), Vec::new());
         for (i, lane) in map.lanes.iter().enumerate() {
             let reach = match &lane.area {
@@ -72,6 +75,7 @@ impl MapIndex {
                 bounds.push(Bounds::of(lane.baseline.points()[first..=last].iter().copied()).inflated(reach));
                 first = last;
             }
+            first_pieces.push(pieces.len());
         }
         let area = map.drivable_area.iter().flatten();
         let intersections = map.intersections.iter();
@@ -79,6 +83,8 @@ impl MapIndex {
         Self {
             piece_grid: Grid::new(&bounds, CELL_SIZE),
             pieces,
+            piece_bounds: bounds,
+            first_pieces,
             lane_rings: vec![OnceLock::new(); map.lanes.len()],
             polygon_lanes,
             polygon_grid: Grid::new(&polygon_bounds, CELL_SIZE),
@@ -113,6 +119,14 @@ fn edge_heights(map: &RoadMap) -> Vec<[f64; 2]> {
         all.extend(pairs.map(|(k, _)| [height(k), height(k + 1)]));
     }
     all
+}
+
+/// Returns the squared distance from `p` to bounds, m²; 0 inside.
+fn distance2_to_bounds(bounds: &Bounds, p: Vec2) -> f64 {
+    let beyond = |min: f64, max: f64, at: f64| (min - at).max(at - max).max(0.0);
+    let x = beyond(bounds.min.x, bounds.max.x, p.x);
+    let y = beyond(bounds.min.y, bounds.max.y, p.y);
+    x * x + y * y
 }
 
 /// A map with its spatial index, which answers all map queries.
@@ -183,7 +197,7 @@ impl<'a> Road<'a> {
             if let LaneArea::Polygon(ring) = &self.map.lanes[lane].area
                 && self.is_in_lane(p, lane, ring)
             {
-                let projection = self.map.lanes[lane].baseline.project(p);
+                let projection = self.project_on(p, lane);
                 if !self.is_above_or_below(p, lane, &projection) {
                     hits.push(LaneHit { lane, projection });
                 }
@@ -203,9 +217,7 @@ impl<'a> Road<'a> {
                 let end = start + cell[start..].partition_point(|i| of(i) == lane);
                 self.in_corridor(p, lane, *half_width, &cell[start..end])
             }
-            LaneArea::Polygon(ring) => {
-                self.is_in_lane(p, lane, ring).then(|| self.map.lanes[lane].baseline.project(p))
-            }
+            LaneArea::Polygon(ring) => self.is_in_lane(p, lane, ring).then(|| self.project_on(p, lane)),
         };
         found.filter(|projection| !self.is_above_or_below(p, lane, projection))
     }
@@ -214,6 +226,39 @@ impl<'a> Road<'a> {
     fn is_in_lane(&self, p: Vec2, lane: usize, ring: &[Vec2]) -> bool {
         let index = self.index.lane_rings[lane].get_or_init(|| RingIndex::new(ring));
         index.locate(p) == Some(true)
+    }
+
+    /// Projects `p` onto the nearest point of the baseline of a lane, as [`Polyline::project`] does, but
+    /// examines only pieces of the baseline near that point.
+    ///
+    /// [`Polyline::project`]: reactsim_geometry::Polyline::project
+    fn project_on(&self, p: Vec2, lane: usize) -> Projection {
+        let line = &self.map.lanes[lane].baseline;
+        let pieces = self.index.first_pieces[lane]..self.index.first_pieces[lane + 1];
+        let distance2 = |piece: usize| distance2_to_bounds(&self.index.piece_bounds[piece], p);
+        let (mut closest, mut start) = (f64::INFINITY, pieces.start);
+        for piece in pieces.clone() {
+            let found = distance2(piece);
+            if found < closest {
+                (closest, start) = (found, piece);
+            }
+        }
+        let mut nearest = (f64::INFINITY, 0_usize);
+        for piece in std::iter::once(start).chain(pieces.filter(|&piece| piece != start)) {
+            // The slack is larger than the error of the distances.
+            if distance2(piece) > nearest.0 * (1.0 + 1e-9) + 1e-9 {
+                continue;
+            }
+            let Piece { first, last, .. } = self.index.pieces[piece];
+            for i in first as usize..last as usize {
+                let (a, b) = line.segment(i);
+                let (d2, _) = point_segment(p, a, b);
+                if d2 < nearest.0 || (d2 == nearest.0 && i < nearest.1) {
+                    nearest = (d2, i);
+                }
+            }
+        }
+        line.project_between(p, nearest.1, nearest.1 + 1)
     }
 
     /// Returns the projection of `p` if the corridor strictly contains it: within the half-width of the
@@ -347,9 +392,93 @@ impl<'a> Road<'a> {
         match &self.map.lanes[lane].area {
             LaneArea::Polygon(ring) if self.is_in_lane(p, lane, ring) => 0.0,
             LaneArea::Polygon(ring) => ring_distance(p, ring),
-            LaneArea::Corridor { half_width } => {
-                (self.map.lanes[lane].baseline.project(p).distance - half_width).max(0.0)
+            LaneArea::Corridor { half_width } => (self.project_on(p, lane).distance - half_width).max(0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use reactsim_geometry::Polyline;
+
+    use super::*;
+    use crate::{LaneClass, LaneKind};
+
+    /// Returns a lane through points that are `steps` apart, which begin at `start`.
+    fn lane(start: (f64, f64), steps: &[(f64, f64)], half_width: Option<f64>) -> Option<Lane> {
+        let mut at = Vec2::new(start.0, start.1);
+        let mut points = vec![at];
+        for step in steps {
+            at += Vec2::new(step.0, step.1);
+            points.push(at);
+        }
+        let baseline = Polyline::new(&points).ok()?;
+        let everywhere = [(-200.0, -200.0), (200.0, -200.0), (200.0, 200.0), (-200.0, 200.0)];
+        let area = match half_width {
+            Some(half_width) => LaneArea::Corridor { half_width },
+            None => LaneArea::Polygon(everywhere.map(|(x, y)| Vec2::new(x, y)).to_vec()),
+        };
+        Some(Lane {
+            id: String::new(),
+            kind: LaneKind::Lane,
+            class: LaneClass::Undefined,
+            speed_limit: None,
+            baseline,
+            area,
+            successors: Vec::new(),
+            predecessors: Vec::new(),
+            left: Vec::new(),
+            right: Vec::new(),
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn projections_are_those_onto_the_whole_baseline(
+            lanes in prop::collection::vec(
+                (
+                    (-60.0..60.0_f64, -60.0..60.0_f64),
+                    prop::collection::vec((-4.0..6.0_f64, -4.0..4.0_f64), 1..90),
+                    prop::option::of(0.5..3.0_f64),
+                ),
+                1..6,
+            ),
+            points in prop::collection::vec((-90.0..90.0_f64, -90.0..90.0_f64), 1..12),
+            is_whole in any::<bool>(),
+        ) {
+            // Whole metres, so that there are ties.
+            let rounded = |(x, y): &(f64, f64)| if is_whole { (x.round(), y.round()) } else { (*x, *y) };
+            let made = lanes.iter().filter_map(|(start, steps, half_width)| {
+                lane(rounded(start), &steps.iter().map(rounded).collect::<Vec<_>>(), *half_width)
+            });
+            let map = RoadMap { lanes: made.collect(), ..RoadMap::default() };
+            let index = MapIndex::new(&map);
+            let road = Road::new(&map, &index);
+            for (x, y) in points.iter().map(rounded) {
+                let p = Vec2::new(x, y);
+                for (i, lane) in map.lanes.iter().enumerate() {
+                    let whole = lane.baseline.project(p);
+                    prop_assert_eq!(road.project_on(p, i), whole);
+                    match lane.area {
+                        LaneArea::Polygon(_) => prop_assert_eq!(road.lane_at(p, i), Some(whole)),
+                        LaneArea::Corridor { half_width } => {
+                            let distance = (whole.distance - half_width).max(0.0);
+                            prop_assert_eq!(road.distance_to_lane(p, i), distance);
+                        }
+                    }
+                }
             }
         }
+    }
+
+    #[test]
+    fn undefined_points_are_projected_onto_the_first_segment() {
+        let lanes = vec![lane((0.0, 0.0), &[(1.0, 0.0); 40], Some(2.0)).unwrap()];
+        let map = RoadMap { lanes, ..RoadMap::default() };
+        let index = MapIndex::new(&map);
+        let p = Vec2::new(f64::NAN, 1.0);
+        let (found, whole) = (Road::new(&map, &index).project_on(p, 0), map.lanes[0].baseline.project(p));
+        assert_eq!((found.segment, found.distance.to_bits()), (whole.segment, whole.distance.to_bits()));
     }
 }
