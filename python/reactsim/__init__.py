@@ -19,6 +19,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from . import nuplan as nuplan
 from .adaptation import Adaptation, train_adapt
 from .client import (
     DT,
@@ -39,6 +40,7 @@ from .client import (
     Scene,
     Scenes,
     Simulator,
+    Trajectory,
     serve,
 )
 from .command import command
@@ -97,6 +99,7 @@ __all__ = [
     "Simulator",
     "StatesScores",
     "Svg",
+    "Trajectory",
     "WosacRollouts",
     "WosacScores",
     "command",

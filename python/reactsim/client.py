@@ -70,6 +70,7 @@ __all__ = [
     "Scene",
     "Scenes",
     "Simulator",
+    "Trajectory",
     "serve",
 ]
 
@@ -852,7 +853,14 @@ class PlannerObservation:
     Arrays are read-only and cover frames 0 to `frame`. Agent 0 is the AV.
     """
 
-    def __init__(self, scene: Scene, route: List[int], memory: Any, seen: Observation) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        route: List[int],
+        memory: Any,
+        seen: Observation,
+        ego: Optional[Array] = None,
+    ) -> None:
         self.scene = scene
         """Agents and map."""
         self.route = route
@@ -870,12 +878,28 @@ class PlannerObservation:
         """Whether each agent is present, bool [n, frame + 1]."""
         self.light_states: Array = seen.light_states
         """States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`."""
+        self.ego = ego
+        """Present motion of the rear axle of the AV, f64 [7]: velocity along and to the left of
+        the heading, m/s, acceleration, m/s^2, steering angle, rad, yaw rate, rad/s, yaw
+        acceleration, rad/s^2; None if the program does not send it."""
 
     @property
     def av(self) -> Array:
         """Present state of the AV, f64 [5]: x, y, heading, vx, vy."""
         state: Array = self.states[0, -1]
         return state
+
+
+class Trajectory:
+    """Poses that a planner returns, with the pose of its plan at present.
+
+    `poses` is [P, 3] as `Planner.plan` returns it; `present` is [3]: x, y, heading of the centre of
+    the AV, where the AV is by default. A tracker corrects the difference between both.
+    """
+
+    def __init__(self, poses: Any, present: Any = None) -> None:
+        self.poses = poses
+        self.present = present
 
 
 class Planner:
@@ -899,7 +923,8 @@ class Planner:
         """Returns poses of the centre of the AV after 1, 2, ... steps, f64 or f32 [P, 3].
 
         A pose is x, y, heading; P is at least `seen.steps` and at most 80. The tracker of the run
-        follows the poses until the next plan.
+        follows the poses until the next plan. A plan that does not begin at the AV is a
+        `Trajectory`.
         """
         raise NotImplementedError("a planner needs a method `plan`")
 
@@ -1038,11 +1063,26 @@ class _Drive:
 
     def observe(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> PlannerObservation:
         seen = self.batch.observe(metadata, tensors)
-        return PlannerObservation(self.scene, self.route, self.memory, seen)
+        ego = _Tensors(tensors).take("ego", "F64", 1, 7)[0] if "ego" in tensors else None
+        return PlannerObservation(self.scene, self.route, self.memory, seen, ego)
+
+    @classmethod
+    def check(cls, returned: Any, steps: int, place: str) -> Dict[str, Array]:
+        """Checks what `plan` returned, and returns the tensors of the answer."""
+        if not (hasattr(returned, "poses") and hasattr(returned, "present")):
+            return {"trajectory": cls._poses(returned, steps, place)[None]}
+        answer = {"trajectory": cls._poses(returned.poses, steps, place)[None]}
+        if returned.present is not None:
+            present = as_array(returned.present)
+            if present.shape != (3,):
+                text = "%s returned a present pose of shape %s, expected (3,): x, y, heading"
+                raise _UserError(text % (place, present.shape))
+            answer["present"] = cls._poses(present[None], 1, place + " (present pose)")
+        return answer
 
     @staticmethod
-    def check(returned: Any, steps: int, place: str) -> Array:
-        """Checks the poses that `plan` returned, and returns them as an array [P, 3]."""
+    def _poses(returned: Any, steps: int, place: str) -> Array:
+        """Checks poses, and returns them as an array [P, 3]."""
         expected = "an array of shape [%d to %d, 3]" % (steps, FRAMES - HISTORY)
         if returned is None:
             raise _UserError("%s returned None, expected %s" % (place, expected))
@@ -1201,8 +1241,7 @@ class Session:
                 raise ProtocolError("`plan` without `begin`")
             seen = self.drives[handle].observe(metadata, tensors)
             place = self.title + ".plan"
-            poses = _Drive.check(self.simulator.plan(seen), seen.steps, place)
-            return "planned", {}, {"trajectory": poses[None]}
+            return "planned", {}, _Drive.check(self.simulator.plan(seen), seen.steps, place)
         if kind == "end":
             if self.drives.pop(handle, None) is not None and self.on_end is not None:
                 self.on_end(1)

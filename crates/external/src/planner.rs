@@ -4,13 +4,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use parking_lot::Mutex;
-use reactsim_rollout::Observation;
+use reactsim_geometry::Vec2;
+use reactsim_rollout::{Identity, Observation};
 use reactsim_scene::{FUTURE, HISTORY};
 
 use super::connection::RequestError;
 use super::document::{Frame, FrameWriter, Values};
 use super::processes::Processes;
-use super::replies::{self, Description, Role};
+use super::replies::{self, Description, PlannedPoses, Role};
 use super::settings::{ExternalSettings, RunOutline};
 use super::workers::Worker;
 use super::{Command, ExternalError, realised, scenes};
@@ -44,9 +45,34 @@ pub struct PlannerEpisode {
     planner: ExternalPlanner,
     slot: usize,
     seed: u64,
-    /// Frames at which the planner has planned, with the number of steps until the next plan.
-    planned: Vec<(usize, usize)>,
+    names: Option<EpisodeNames>,
+    planned: Vec<PlanRequest>,
     open: Option<Open>,
+}
+
+/// Names of an episode, which planners normally do not receive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EpisodeNames {
+    /// Id of the scenario.
+    pub scenario: String,
+    /// World point that is the origin of the coordinates of the scenario, metres.
+    pub origin: Vec2,
+    /// Index among the rollouts of the scenario.
+    pub rollout: u32,
+}
+
+/// Motion of the rear axle of the AV: velocity along and to the left of the heading, m/s; acceleration along
+/// and to the left of it, m/s²; steering angle, radians; yaw rate, rad/s; yaw acceleration, rad/s².
+pub type EgoMotion = [f64; 7];
+
+/// A request for a plan.
+#[derive(Clone, Copy, Debug)]
+struct PlanRequest {
+    /// The present frame.
+    frame: usize,
+    /// Number of steps until the next plan.
+    steps: usize,
+    ego: EgoMotion,
 }
 
 /// An episode that a process holds.
@@ -88,10 +114,15 @@ impl ExternalPlanner {
         &self.processes
     }
 
-    /// Creates an episode. `seed`: seed of all random choices in it.
-    pub fn begin(&self, seed: u64) -> PlannerEpisode {
+    /// Returns whether it receives the names of episodes.
+    pub fn reveals_ids(&self) -> bool {
+        self.settings.reveal_ids
+    }
+
+    /// Creates an episode. `seed`: seed of all random choices in it; `names`: sent to the planner.
+    pub fn begin(&self, seed: u64, names: Option<EpisodeNames>) -> PlannerEpisode {
         let slot = self.episodes.fetch_add(1, Ordering::Relaxed) % self.slots.len();
-        PlannerEpisode { planner: self.clone(), slot, seed, planned: Vec::new(), open: None }
+        PlannerEpisode { planner: self.clone(), slot, seed, names, planned: Vec::new(), open: None }
     }
 }
 
@@ -108,10 +139,9 @@ impl Drop for ExternalPlanner {
 }
 
 impl PlannerEpisode {
-    /// Returns the trajectory from the present on: x and y (m, frame of the scenario) of the centre of the
-    /// AV, and heading (rad), after 1, 2, … steps. There are at least `steps`, the number until the next
-    /// plan, and no more than 80. `route`: indices into the lanes of the map, in driving order; it is sent
-    /// once.
+    /// Returns the trajectory from the present on, with at least `steps` poses, the number of steps until
+    /// the next plan, and no more than 80. `route`: indices into the lanes of the map, in driving order; it
+    /// is sent once. `ego`: present motion of the AV.
     ///
     /// # Errors
     /// The reason, if the planner fails or answers something else.
@@ -120,14 +150,16 @@ impl PlannerEpisode {
         seen: &Observation<'_>,
         steps: usize,
         route: &[usize],
-    ) -> Result<Vec<[f64; 3]>, String> {
+        ego: EgoMotion,
+    ) -> Result<PlannedPoses, String> {
         let slots = Arc::clone(&self.planner.slots);
         let mut slot = slots[self.slot].lock();
-        let mut result = self.attempt(&mut slot, seen, steps, route);
+        let now = PlanRequest { frame: seen.frame(), steps, ego };
+        let mut result = self.attempt(&mut slot, seen, now, route);
         if matches!(result, Err(RequestError::Broken(_))) {
-            result = self.attempt(&mut slot, seen, steps, route);
+            result = self.attempt(&mut slot, seen, now, route);
         }
-        self.planned.push((seen.frame(), steps));
+        self.planned.push(now);
         result.map_err(RequestError::text)
     }
 
@@ -136,18 +168,18 @@ impl PlannerEpisode {
         &mut self,
         slot: &mut Slot,
         seen: &Observation<'_>,
-        steps: usize,
+        now: PlanRequest,
         route: &[usize],
-    ) -> Result<Vec<[f64; 3]>, RequestError> {
+    ) -> Result<PlannedPoses, RequestError> {
         let is_held = |open: &Open| open.generation == slot.generation && slot.worker.is_some();
         if !self.open.as_ref().is_some_and(is_held) {
             self.open = Some(self.begun(slot, seen, route)?);
-            for (frame, steps) in self.planned.clone() {
-                self.planned_at(slot, seen, frame, steps)?;
+            for earlier in self.planned.clone() {
+                self.planned_at(slot, seen, earlier)?;
             }
         }
-        let reply = self.planned_at(slot, seen, seen.frame(), steps)?;
-        let planned = replies::trajectory(&reply, steps);
+        let reply = self.planned_at(slot, seen, now)?;
+        let planned = replies::trajectory(&reply, now.steps);
         let planned =
             planned.map_err(|e| format!("`planned` cannot be used: {e}")).and_then(|planned| planned);
         planned.map_err(|text| {
@@ -173,6 +205,10 @@ impl PlannerEpisode {
             .tensor("seed", Values::u64(&[1], [self.seed]))
             .tensor("route", Values::i32(&[route.len()], route.iter().map(|lane| *lane as i32)));
         scenes::add_scenes(&mut request, &[seen.start()]);
+        if let Some(EpisodeNames { scenario, origin, rollout }) = &self.names {
+            let identity = Identity { scenario, origin: *origin, rollout: *rollout };
+            scenes::add_identities(&mut request, &[identity], &[seen.start()]);
+        }
         self.request(slot, request, "begun", 0)?;
         Ok(Open { generation: slot.generation, handle, frames: HISTORY })
     }
@@ -182,14 +218,14 @@ impl PlannerEpisode {
         &mut self,
         slot: &mut Slot,
         seen: &Observation<'_>,
-        frame: usize,
-        steps: usize,
+        at: PlanRequest,
     ) -> Result<Frame, RequestError> {
         let Some(open) = &mut self.open else { unreachable!("the episode was begun") };
-        let new = open.frames..frame + 1;
-        open.frames = frame + 1;
+        let new = open.frames..at.frame + 1;
+        open.frames = at.frame + 1;
         let (agents, lights) = (seen.tracks().len(), [seen.start().lights.len()]);
-        let request = realised::request(&[open.handle], agents, &lights, new, &[Some(*seen)], steps);
+        let mut request = realised::request(&[open.handle], agents, &lights, new, &[Some(*seen)], at.steps);
+        request.tensor("ego", Values::f64(&[1, at.ego.len()], at.ego));
         let reply = self.request(slot, request, "planned", FUTURE * 3 * size_of::<f64>())?;
         if let Some(worker) = &mut slot.worker {
             worker.has_planned = true;
