@@ -105,11 +105,13 @@ def wrap(
 
     - ego states: rear axle, m and rad; its velocity (m/s) and acceleration (m/s²) in the frame of
       the vehicle, of the tracker at present, by differences of positions before. The vehicle is the
-      Pacifica, scaled to the recorded box of the AV.
+      Pacifica, scaled to the recorded box of the AV; planners that name the Pacifica itself plan
+      for its box.
     - tracked objects without the AV: boxes with centres in m, velocities in m/s along the axes of
       the map. Heights of boxes are NaN. Road users of kind "other" and obstacles are generic
       objects.
-    - lights of lanes that were observed.
+    - lights of lanes, as far as they are observed.
+    - the route: roadblocks in driving order; the only roadblock of a route is named twice.
     - a history of up to 22 samples at 0.1 s. A scenario begins 1 s before the first plan, at which
       the planner receives 11 samples.
 
@@ -262,8 +264,9 @@ class _Place:
         self.map_api = map_api
         self.origin = np.array(origin)
         """Coordinates in the map of the origin of the scene, metres."""
-        self.route = route
-        """Ids of roadblocks."""
+        # Routes of nuPlan have two roadblocks or more, which planners of the devkit assert.
+        self.route = route if len(route) > 1 else route * 2
+        """Ids of roadblocks; the only one twice."""
         self.goal = goal
         self.connectors = connectors
         """Ids of the connectors that each light of the scene controls."""
