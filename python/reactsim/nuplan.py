@@ -109,7 +109,7 @@ def wrap(
       for its box.
     - tracked objects without the AV: boxes with centres in m, velocities in m/s along the axes of
       the map. Heights of boxes are NaN. Road users of kind "other" and obstacles are generic
-      objects.
+      objects. Objects on roads above or below are included, since planners receive no heights.
     - lights of lanes, as far as they are observed.
     - the route: roadblocks in driving order; the only roadblock of a route is named twice.
     - a history of up to 22 samples at 0.1 s. A scenario begins 1 s before the first plan, at which
@@ -136,7 +136,8 @@ def wrap(
 
     Raises:
         ImportError: The devkit is missing.
-        TypeError: `planner` is no planner of the devkit, or cannot be copied.
+        TypeError: `planner` is no planner of the devkit, or cannot be copied; or `maps` is none of
+            the above.
         ValueError: It needs the recorded scenario, or sensor data.
 
     A plan fails with a text if the trajectory is missing, begins after the present, ends before the
@@ -175,6 +176,12 @@ class _NuplanPlanner(Planner):
             raise TypeError(
                 f"{planner!r} is no planner of nuPlan's devkit: it has no method"
                 " `compute_planner_trajectory`"
+            )
+        is_map = isinstance(maps, self.devkit.AbstractMap) or hasattr(maps, "build_map_from_name")
+        if not (maps is None or is_map or callable(maps)):
+            raise TypeError(
+                f"`maps` is {maps!r}, expected an AbstractMap of nuPlan's devkit, a factory of maps"
+                " or a function"
             )
         first = self._new()
         plain = re.sub(r"[^A-Za-z0-9._@-]+", "-", str(first.name()))[:64]

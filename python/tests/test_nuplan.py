@@ -408,6 +408,8 @@ def test_wrong_planners_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     ]:
         with pytest.raises(error, match=text):
             nuplan.wrap(planner)
+    with pytest.raises(TypeError, match=r"`maps` is 'maps/', expected an AbstractMap"):
+        nuplan.wrap(devkit.Planner, maps="maps/")
     monkeypatch.setitem(sys.modules, "nuplan.common.actor_state.agent", None)
     with pytest.raises(ImportError, match=r"needs nuPlan's devkit.*github.com/motional"):
         nuplan.wrap(devkit.Planner)
