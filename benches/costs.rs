@@ -65,7 +65,7 @@ fn all_rollouts(scenarios: &[Scenario], controller: &Controller) -> Result<Vec<R
     let mut done = Vec::new();
     for scenario in scenarios {
         let av: Arc<dyn Av> = match &scenario.deviation {
-            Some(deviation) => Arc::new(DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?),
+            Some(deviation) => Arc::new(DeviatedAv::new(scenario, deviation.track.clone())?),
             None => Arc::new(ScriptedAv::new(scenario, "brake:4".parse()?)?),
         };
         let request = Request { scenario, av: Some(av), rollout: 0 };

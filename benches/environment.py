@@ -7,7 +7,7 @@ Both step the same scenarios of the shipped benchmark with constant actions (acc
 curvature of a bicycle) of the AV, an intelligent driver model as traffic, the observation of the AV
 and a reward from contacts and the road. Waymax runs its `PlanningAgentEnvironment` with
 `IDMRoutePolicy` and `sdc_observation_from_state`, compiled for the batch; compilation is not timed.
-A state step is one step of one present agent; Waymax pads every scenario to 128 objects and 20,000
+A decision is one step of one AV, and a state step one step of one present agent; Waymax pads every scenario to 128 objects and 20,000
 points of the map, as for its datasets. Without `--waymax`, only this program is measured.
 
 Needs gymnasium; for Waymax a checkout of github.com/waymo-research/waymax, jax, chex, dm_env, flax.
@@ -202,14 +202,16 @@ def main() -> None:
     scenes = list(reactsim.scenarios(limit=max(options.envs), future=True))
     if options.waymax is not None:
         load_waymax(options.waymax)
-    print("| scenarios | agents | state steps per second | Waymax | ratio |\n|--:|--:|--:|--:|--:|")
+    names = ["scenarios", "agents", "decisions per second", "state steps per second"]
+    print(f"| {' | '.join([*names, 'Waymax', 'ratio'])} |\n|{'--:|' * 6}")
     for count in options.envs:
         some = scenes[:count]
         agents = sum(scene.n_agents for scene in some)
         own = ours(count, [scene.id for scene in some], agents, options.steps)
         other = waymax(some, agents, options.waymax_steps) if options.waymax is not None else None
         compared = f"{other:,.0f} | {own / other:.1f}" if other is not None else "- | -"
-        print(f"| {count} | {agents} | {own:,.0f} | {compared} |", flush=True)
+        decisions = own * count / agents
+        print(f"| {count} | {agents} | {decisions:,.0f} | {own:,.0f} | {compared} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ use crate::models::nn::Backend;
 use crate::planning::planner::Planner;
 use crate::planning::tracking::Controller as PlanTracking;
 use crate::report::{self, Run, TableStyle};
-use crate::rollout::{Controller, Oracle, Protocol, Replan, Simulator};
+use crate::rollout::{Controller, Entering, Oracle, Protocol, Replan, Simulator};
 use crate::scene::Scenario;
 use crate::work::available_threads;
 
@@ -292,6 +292,12 @@ impl Benchmark {
     /// Whether agents at t + 1 observe the AV at t + 1 [default: true].
     pub fn av_lookahead(mut self, lookahead: bool) -> Self {
         self.spec.rollout.av_lookahead = u8::from(lookahead);
+        self
+    }
+
+    /// Whether agents of the log that appear later enter [default: if a planner drives on logs].
+    pub fn entering(mut self, entering: Entering) -> Self {
+        self.spec.rollout.entering = Some(entering);
         self
     }
 

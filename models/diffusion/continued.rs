@@ -7,7 +7,7 @@ use super::inverse::actions;
 /// Time in seconds for which acceleration and yaw rate are kept; then both are 0.
 const KEPT_DURATION: f64 = 3.0;
 /// Number of frames over which these are measured.
-const MEASURED_FRAMES: usize = 5;
+pub(crate) const MEASURED_FRAMES: usize = 5;
 
 /// Returns acceleration (m/s²) and yaw rate (rad/s) over the last half second of a track; 0 where unknown.
 pub fn latest_motion(track: &[Frame]) -> [f64; 2] {

@@ -76,6 +76,10 @@ pub(super) struct PathFollower {
     pub(super) path: DrivenPath,
     /// Reference line of the path if no agent is in the way.
     pub(super) home: Polyline,
+    /// Route that the line follows; without lanes off the lanes.
+    route: Route,
+    /// Step of the episode at which the path was planned; it covers [`FUTURE`] steps.
+    planned: usize,
     /// Offset from the home line, metres, while the driver evades an agent, and the number of decisions
     /// since the evasion was last needed.
     pub(super) aside: Option<(f64, usize)>,
@@ -120,6 +124,8 @@ const MAX_REVERSE_SPEED: f64 = 4.0;
 const APPROACH_DECELERATION: f64 = 1.6;
 /// Lateral acceleration of a swerve, m/s².
 const SWERVE_ACCELERATION: f64 = 4.0;
+/// Length of path with which an evasion goes on at standstill, metres; at speed it is that of 5 s more.
+const EVASION_LENGTH: f64 = 20.0;
 /// Smallest speed in curves, m/s.
 const MIN_CURVE_SPEED: f64 = 2.0;
 
@@ -163,7 +169,7 @@ impl AgentBehaviour {
                 }
                 let variation = parameters.styles.as_ref().map(|styles| styles.draw(&own));
                 let style = Style::of(class, headway, speed, variation.unwrap_or_default());
-                Self::OnPath(Box::new(PathFollower::plan(sight, &motion, class, style, cyclist, &mut own)))
+                Self::OnPath(Box::new(PathFollower::plan(sight, &motion, class, style, None, &mut own)))
             }
             AgentKind::Other => Self::Parked,
         }
@@ -242,28 +248,33 @@ fn curvature_now(track: &[Frame]) -> f64 {
 }
 
 impl PathFollower {
+    /// Plans a path, along a route that is kept as far as it leads.
     fn plan(
         sight: &Sight<'_>,
         motion: &Motion,
         class: &Class,
         style: Style,
-        cyclist: bool,
+        kept: Option<&Route>,
         stream: &mut Stream,
     ) -> Self {
-        let road = sight.road();
+        let (road, cyclist) = (sight.road(), sight.properties().kind == AgentKind::Cyclist);
         let pose = Pose { position: motion.position, heading: motion.heading };
         let free = (class.speed_freeway * style.haste).max(motion.speed);
         // Cover the distance that the vehicle can travel within the horizon, and its look-ahead.
         let horizon = DT * FUTURE as f64;
         let coming = motion.speed * horizon + 0.5 * style.acceleration * horizon * horizon;
         let length = coming.min(free * horizon) + 40.0;
-        let route = route::choose(route::alternatives(&road, motion, cyclist), stream);
-        let Some(mut route) = route else {
-            return Self::off_lane(&road, motion, pose, class, style);
+        let mut alternatives = route::alternatives(&road, motion, cyclist);
+        if let Some(kept) = kept {
+            route::keep_to(kept, &mut alternatives);
+        }
+        let planned = sight.seen.step();
+        let Some(mut route) = route::choose(alternatives, stream) else {
+            return Self::off_lane(&road, motion, pose, class, style, planned);
         };
         route::extend(&road, &mut route, length, cyclist, stream);
         let Some((line, starts)) = route::center_line(&road, &route, length) else {
-            return Self::off_lane(&road, motion, pose, class, style);
+            return Self::off_lane(&road, motion, pose, class, style, planned);
         };
         let agent = sight.properties();
         let line = around_obstacles(sight, &line, 0.5 * agent.width, motion.speed);
@@ -277,6 +288,8 @@ impl PathFollower {
         Self {
             path,
             home: line,
+            route,
+            planned,
             aside: None,
             desired,
             ceiling,
@@ -291,7 +304,14 @@ impl PathFollower {
 
     /// Plans a path for a vehicle off the lanes: it goes on slowly with its present curvature, and
     /// stops before it leaves the drivable area.
-    fn off_lane(road: &Road<'_>, motion: &Motion, pose: Pose, class: &Class, style: Style) -> Self {
+    fn off_lane(
+        road: &Road<'_>,
+        motion: &Motion,
+        pose: Pose,
+        class: &Class,
+        style: Style,
+        planned: usize,
+    ) -> Self {
         let length = motion.speed * DT * FUTURE as f64 + 30.0;
         let path = DrivenPath::fade(pose, motion.curvature, 8.0, length);
         let desired = vec![motion.speed.max(MIN_CURVE_SPEED); path.points().len()];
@@ -308,6 +328,8 @@ impl PathFollower {
         Self {
             path,
             home,
+            route: Route::default(),
+            planned,
             aside: None,
             desired,
             ceiling,
@@ -318,6 +340,28 @@ impl PathFollower {
             waits: false,
             heights: PathHeights::default(),
         }
+    }
+
+    /// Returns whether the path has to be planned on before a plan of `steps` steps, which begins at step
+    /// `now` of the episode. An evasion is ended first, if the path is long enough for it.
+    pub(super) fn needs_path(&self, own: &Actor, now: usize, steps: usize) -> bool {
+        let evades = self.aside.is_some() && self.path.length() - self.s > EVASION_LENGTH + 5.0 * own.speed;
+        now > self.planned && now + steps > self.planned + FUTURE && !evades
+    }
+
+    /// Plans the path on from where the vehicle is now, along its route as far as that leads.
+    pub(super) fn renew(&mut self, sight: &Sight<'_>, own: &Actor, class: &Class, stream: &mut Stream) {
+        let motion = Motion {
+            position: own.pose.position,
+            heading: own.pose.heading,
+            speed: own.speed,
+            curvature: self.path.point_at(self.s).curvature,
+        };
+        let mut next = Self::plan(sight, &motion, class, self.style, Some(&self.route), stream);
+        for stop in &mut next.stops {
+            stop.done = self.stops.iter().any(|before| before.done && before.lane == stop.lane);
+        }
+        *self = next;
     }
 
     /// Continues from where the vehicle is now, towards its home line. Returns false, and changes nothing, if

@@ -74,6 +74,10 @@ impl SingleEpisode for Idm {
         Traffic::begin(start, &self.parameters, stream)
     }
 
+    fn resume(&self, before: Traffic, kept: &[Option<usize>], start: &Start, stream: &mut Stream) -> Traffic {
+        Traffic::begin(start, &self.parameters, stream).resumed(before, kept)
+    }
+
     fn plan_one(&self, traffic: &mut Traffic, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         traffic.plan(&self.parameters, episode);
         Ok(())

@@ -14,7 +14,7 @@ use super::forecast::{Forecast, forecast_all};
 use super::heights::{self, PathHeights};
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
-use super::signals::{self, RequiredStop};
+use super::signals::{self, KnownLights, RequiredStop};
 
 /// Steps between two decisions. A shorter plan makes one decision.
 const DECISION_INTERVAL: usize = 5;
@@ -47,6 +47,7 @@ pub struct Traffic {
     av_paths: Vec<DrivenPath>,
     av_paths_age: usize,
     av_curvature: f64,
+    lights: KnownLights,
 }
 
 /// Intent of a driver until the next decision.
@@ -81,7 +82,23 @@ impl Traffic {
             half_width: o.half_width,
             height: start.obstacle_height(i),
         }));
-        Self { behaviours, actors, av_paths: Vec::new(), av_paths_age: 0, av_curvature: 0.0 }
+        let lights = KnownLights::default();
+        Self { behaviours, actors, av_paths: Vec::new(), av_paths_age: 0, av_curvature: 0.0, lights }
+    }
+
+    /// Returns this state with the agents that were in another one before: drivers keep their paths and
+    /// intents. `kept`: their slots there.
+    pub(super) fn resumed(mut self, before: Self, kept: &[Option<usize>]) -> Self {
+        let Self { behaviours, actors, av_paths, av_paths_age, av_curvature, lights } = before;
+        let mut behaviours: Vec<Option<AgentBehaviour>> = behaviours.into_iter().map(Some).collect();
+        for (slot, earlier) in kept.iter().enumerate() {
+            let Some(earlier) = *earlier else { continue };
+            if let Some(behaviour) = behaviours[earlier].take() {
+                self.behaviours[slot] = behaviour;
+                self.actors[slot] = actors[earlier];
+            }
+        }
+        Self { av_paths, av_paths_age, av_curvature, lights: lights.of_new_tracks(), ..self }
     }
 
     /// Plans all steps of an episode's plan.
@@ -93,6 +110,8 @@ impl Traffic {
         if !episode.moves_av {
             self.observe_av(&seen, parameters);
         }
+        self.lights.follow(&seen);
+        self.renew_paths(parameters, episode);
         let agents = seen.start().agents.len();
         let mut intents: Vec<Intent> = vec![Intent::default(); agents];
         let mut walks = vec![true; agents];
@@ -148,6 +167,20 @@ impl Traffic {
                 *behaviour = AgentBehaviour::begin(&sight, parameters, episode.stream);
             }
             self.actors[agent] = present(&sight, behaviour);
+        }
+    }
+
+    /// Plans the paths of drivers on that are not long enough for this plan.
+    fn renew_paths(&mut self, parameters: &Parameters, episode: &mut Planning<'_, '_>) {
+        let (seen, steps) = (episode.seen, episode.plan.steps());
+        let heights: Vec<f64> = self.actors.iter().map(|a| a.height).collect();
+        for (agent, behaviour) in self.behaviours.iter_mut().enumerate() {
+            let AgentBehaviour::OnPath(driver) = behaviour else { continue };
+            let own = &self.actors[agent];
+            if driver.needs_path(own, seen.step(), steps) {
+                let sight = Sight { seen, agent, heights: &heights };
+                driver.renew(&sight, own, parameters.class(own.kind), episode.stream);
+            }
         }
     }
 
@@ -308,7 +341,7 @@ impl Traffic {
                 }
             }
         }
-        let stop = signals::next_stop(seen, &own, driver);
+        let stop = signals::next_stop(seen.start(), &self.lights, &own, driver);
         let strip = corridor::strip(&own, driver, CONTACT_HORIZON);
         around.strip = strip;
         let view = View { strip: strip.as_ref(), heights: &around.heights, road: &road };

@@ -17,7 +17,7 @@ pub(super) struct Motion {
 }
 
 /// A sequence of lanes, entered at arc length `s0` of the first one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Route {
     pub(super) lanes: Vec<usize>,
     pub(super) s0: f64,
@@ -141,6 +141,17 @@ fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
         total += best + 3.0 * angle;
     }
     total / times.len() as f64
+}
+
+/// Leaves only the alternatives along a route and beyond its end, if there are any.
+pub(super) fn keep_to(route: &Route, alternatives: &mut Vec<(f64, Route)>) {
+    let follows = |other: &Route| {
+        let from = route.lanes.iter().position(|lane| other.lanes.first() == Some(lane));
+        from.is_some_and(|from| route.lanes[from..].iter().zip(&other.lanes).all(|(a, b)| a == b))
+    };
+    if alternatives.iter().any(|(_, other)| follows(other)) {
+        alternatives.retain(|(_, other)| follows(other));
+    }
 }
 
 /// Draws one of the alternatives; the lower its cost, the likelier it is.

@@ -1,7 +1,7 @@
 //! Traffic lights and stop signs on a path.
 
 use reactsim_rollout::Observation;
-use reactsim_scene::{LightState, StopKind};
+use reactsim_scene::{LightState, Start, StopKind};
 
 use super::actor::Actor;
 use super::driver::PathFollower;
@@ -13,11 +13,34 @@ const STOPPED_SPEED: f64 = 0.3;
 /// Distance in metres to a line within which a stop counts.
 const STOP_DISTANCE: f64 = 3.0;
 
-/// Returns the last known state of the light of a lane: lights out of sight keep their state.
-fn last_state(seen: &Observation<'_>, lane: usize) -> Option<LightState> {
-    let start = seen.start();
-    let light = start.lights.iter().position(|l| l.lane == lane)?;
-    seen.light(light).iter().rev().flatten().find(|s| **s != LightState::Unknown).copied()
+/// Last known states of the lights: lights out of sight keep their state.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KnownLights {
+    /// Number of frames that are considered.
+    frames: usize,
+    states: Vec<Option<LightState>>,
+}
+
+impl KnownLights {
+    /// Considers the frames that are new.
+    pub(super) fn follow(&mut self, seen: &Observation<'_>) {
+        self.states.resize(seen.start().lights.len(), None);
+        for (light, state) in self.states.iter_mut().enumerate() {
+            let new = seen.light(light).get(self.frames..).unwrap_or_default();
+            *state = new.iter().rev().flatten().find(|s| **s != LightState::Unknown).copied().or(*state);
+        }
+        self.frames = seen.frame() + 1;
+    }
+
+    /// Returns the same states at the beginning of other tracks, whose frames are all to be considered.
+    pub(super) fn of_new_tracks(self) -> Self {
+        Self { frames: 0, ..self }
+    }
+
+    /// Returns the state of the light of a lane.
+    fn of_lane(&self, start: &Start, lane: usize) -> Option<LightState> {
+        self.states[start.lights.iter().position(|l| l.lane == lane)?]
+    }
 }
 
 /// Position at which the front must stop.
@@ -32,7 +55,8 @@ pub(super) struct RequiredStop {
 
 /// Returns the next required stop, if any, and marks stop signs at which the vehicle has stopped.
 pub(super) fn next_stop(
-    seen: &Observation<'_>,
+    start: &Start,
+    lights: &KnownLights,
     own: &Actor,
     driver: &mut PathFollower,
 ) -> Option<RequiredStop> {
@@ -46,7 +70,7 @@ pub(super) fn next_stop(
         }
         let needed = own.speed * own.speed / (2.0 * gap.max(0.1));
         let obliged = match stop.kind {
-            StopKind::Light => match last_state(seen, stop.lane) {
+            StopKind::Light => match lights.of_lane(start, stop.lane) {
                 Some(s) if s.is_red() => needed < 5.5,
                 Some(s) if s.is_yellow() => needed < YELLOW_DECELERATION,
                 Some(LightState::FlashingStop) => !stop.done && needed < 5.5,

@@ -29,31 +29,58 @@ const REVERSING_MARGIN: f64 = 1.0;
 /// Deceleration with which an agent halts before an AV that reverses or has reversed, m/s².
 const HALTING_DECELERATION: f64 = 4.5;
 
+/// Whether the AV has reversed, followed from one plan to the next.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Reversals {
+    /// Number of frames that are known.
+    frames: usize,
+    found: bool,
+}
+
+impl Reversals {
+    /// Considers the frames of the AV, whose track begins with that of the episode, that are new.
+    pub(crate) fn follow(&mut self, track: &[Frame]) {
+        self.found |= reverses(&track[self.frames.saturating_sub(1)..]);
+        self.frames = track.len();
+    }
+}
+
+/// Returns whether an agent reverses somewhere in these frames.
+fn reverses(track: &[Frame]) -> bool {
+    track.windows(2).any(|pair| match *pair {
+        [Some(from), Some(to)] => backs(from, step(from, to)),
+        _ => false,
+    })
+}
+
+/// Returns the velocity between two consecutive states, m/s.
+fn step(from: AgentState, to: AgentState) -> Vec2 {
+    (to.position() - from.position()) / DT
+}
+
+/// Returns whether an agent reverses at this velocity, m/s.
+fn backs(state: AgentState, velocity: Vec2) -> bool {
+    velocity.dot(&direction(state.heading)) < -REVERSING_SPEED
+}
+
 impl Traffic {
-    /// Builds the traffic at `frame` of the tracks. `av_next` is the AV one frame later, if the protocol
-    /// shows it; slot 0 is the AV.
+    /// Builds the traffic at `frame` of the latest frames of an episode. `av_next` is the AV one frame later,
+    /// if the protocol shows it; slot 0 is the AV, which may have reversed earlier.
     pub(crate) fn at(
         agents: &[Agent],
         tracks: &[Vec<Frame>],
         frame: usize,
         av_next: Option<AgentState>,
+        earlier: Reversals,
     ) -> Self {
         let boxes = agents.iter().zip(tracks).enumerate().map(|(slot, (agent, track))| {
             let state = track.get(frame).copied().flatten()?;
             let before = frame.checked_sub(1).and_then(|f| track[f]);
-            let step = |from: AgentState, to: AgentState| (to.position() - from.position()) / DT;
             let shown = av_next.filter(|_| slot == 0).map(|next| step(state, next));
             let velocity = shown.or(before.map(|b| step(b, state))).or(state.velocity());
             let (footprint, velocity) = (state.footprint(agent), velocity.unwrap_or_default());
-            let backs = |state: AgentState, velocity: Vec2| {
-                velocity.dot(&direction(state.heading)) < -REVERSING_SPEED
-            };
-            let has_backed = slot == 0
-                && (backs(state, velocity)
-                    || track[..=frame].windows(2).any(|pair| match *pair {
-                        [Some(from), Some(to)] => backs(from, step(from, to)),
-                        _ => false,
-                    }));
+            let has_backed =
+                slot == 0 && (earlier.found || backs(state, velocity) || reverses(&track[..=frame]));
             Some(MovingBox { footprint, velocity, has_backed })
         });
         Self { boxes: boxes.collect() }
@@ -153,7 +180,7 @@ mod tests {
     /// regard to the first car.
     fn driven(tracks: &[Vec<Frame>], av_next: Option<AgentState>, lengths: &[f64], clear: bool) -> f64 {
         let agents = [car("a"), car("b")];
-        let traffic = clear.then(|| Traffic::at(&agents, tracks, NOW, av_next));
+        let traffic = clear.then(|| Traffic::at(&agents, tracks, NOW, av_next, Reversals::default()));
         let tokens: Vec<TokenPoses> = lengths.iter().map(|length| straight(*length)).collect();
         let mut own = tracks[1].clone();
         let from = own[NOW].unwrap().x;

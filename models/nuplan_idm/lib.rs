@@ -64,6 +64,16 @@ impl SingleEpisode for NuplanIdm {
         Traffic::begin(start)
     }
 
+    fn resume(
+        &self,
+        before: Traffic,
+        kept: &[Option<usize>],
+        start: &Start,
+        _stream: &mut Stream,
+    ) -> Traffic {
+        before.resumed(kept, start)
+    }
+
     fn plan_one(&self, traffic: &mut Traffic, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         traffic.plan(&self.parameters, episode)
     }

@@ -89,7 +89,7 @@ fn every(steps: usize) -> Settings {
 
 /// Rolls out with an AV that keeps its velocity.
 fn rolled(scenario: &Scenario, settings: &Settings) -> Rollout {
-    let av = DeviatedAv::new(&scenario.start.now(0), av_states(scenario)[1..].to_vec()).unwrap();
+    let av = DeviatedAv::new(scenario, av_states(scenario)[1..].to_vec()).unwrap();
     let request = Request { scenario, av: Some(Arc::new(av)), rollout: 0 };
     roll_out(vec![request], &simulator(), settings).remove(0).unwrap()
 }

@@ -24,6 +24,8 @@ pub struct Traffic {
     vehicles: Option<IdmAgents>,
     /// State per slot after the last executed step of the last plan.
     states: Vec<Frame>,
+    /// Slots of the agents that entered since then.
+    entered: Vec<usize>,
 }
 
 /// A plan in the making.
@@ -42,7 +44,25 @@ struct Moving<'a> {
 impl Traffic {
     pub(super) fn begin(start: &Start) -> Self {
         let states = vec![None; start.agents.len()];
-        Self { roads: SceneRoads::new(start), ids: ObjectIds::new(start), vehicles: None, states }
+        Self {
+            roads: SceneRoads::new(start),
+            ids: ObjectIds::new(start),
+            vehicles: None,
+            states,
+            entered: Vec::new(),
+        }
+    }
+
+    /// Returns the state with other agents. `kept`: the slots that they had before; the others are put on the
+    /// lanes at the next plan.
+    pub(super) fn resumed(mut self, kept: &[Option<usize>], start: &Start) -> Self {
+        if let Some(vehicles) = &mut self.vehicles {
+            let is_gone = |slot: &usize| !kept.contains(&Some(*slot));
+            (0..self.states.len()).filter(is_gone).for_each(|slot| vehicles.remove(self.ids.agent(slot)));
+        }
+        let states = kept.iter().map(|slot| self.states[(*slot)?]).collect();
+        let entered = (0..kept.len()).filter(|slot| kept[*slot].is_none()).collect();
+        Self { ids: ObjectIds::new(start), states, entered, ..self }
     }
 
     /// Plans all steps of an episode's plan.
@@ -66,6 +86,9 @@ impl Traffic {
                     None => vehicles.remove(self.ids.agent(slot)),
                 }
             }
+            let entered: Vec<TrackedObject> =
+                std::mem::take(&mut self.entered).into_iter().filter_map(object).collect();
+            vehicles.add(&entered, av.first());
             vehicles
         } else {
             let objects: Vec<TrackedObject> =
@@ -179,7 +202,9 @@ fn av_at(seen: &Observation<'_>, steps: usize) -> Vec<SeenEgo> {
         return Vec::new();
     }
     let shape = EgoShape::from_box(av.length, av.width);
-    let at = |frames: &[Frame]| ego_state_now(frames, &shape).map(|state| SeenEgo::new(&state, &shape));
+    let at = |frames: &[Frame]| {
+        ego_state_now(frames, seen.start().current(), &shape).map(|state| SeenEgo::new(&state, &shape))
+    };
     let recent = &track[track.len().saturating_sub(RECENT)..];
     let next = seen.av_next().and_then(|next| at(&[recent, &[Some(next)]].concat()));
     let mut all: Vec<SeenEgo> = at(recent).into_iter().collect();

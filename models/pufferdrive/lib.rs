@@ -18,7 +18,7 @@ use rand::RngExt;
 use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_geometry::{direction, math};
 use reactsim_nn::{Initializer, Tensors, device_of};
-use reactsim_rollout::{Controller, Episode, Memory, PlanError, Simulator, Stream};
+use reactsim_rollout::{Continuation, Controller, Episode, Memory, PlanError, Simulator, Stream};
 use reactsim_scene::dynamics::{MotionLimits, Pose, Tracker, VehicleMotion};
 use reactsim_scene::{AgentKind, Start};
 use serde::Deserialize;
@@ -98,6 +98,17 @@ impl Simulator for PufferDrive {
         Memory::new(EpisodeMemory::begin(start, &self.parameters))
     }
 
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        for Continuation { before, kept, beginning } in batch {
+            let Some(before) = before.take::<EpisodeMemory>() else {
+                return Err(PlanError::ForeignMemory(ENTRY.id));
+            };
+            let begun = EpisodeMemory::begin(beginning.start, &self.parameters);
+            beginning.memory = Memory::new(begun.resumed(before, kept));
+        }
+        Ok(())
+    }
+
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
         let mut worlds = Vec::with_capacity(batch.len());
         let mut driven = Vec::new();
@@ -108,6 +119,9 @@ impl Simulator for PufferDrive {
                 worlds.push(World::now(&seen, |_| true));
                 continue;
             };
+            for vehicle in &mut drive.vehicles {
+                vehicle.renew(&seen, episode.plan.steps(), &self.parameters);
+            }
             let vehicle = |agent: usize| drive.vehicles.binary_search_by_key(&agent, |v| v.agent).ok();
             let agents = &seen.start().agents;
             // Vehicles that are not driven are parked.

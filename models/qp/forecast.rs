@@ -90,14 +90,15 @@ struct AvMotion<'a> {
 
 impl<'a> AvMotion<'a> {
     fn observed(seen: &Observation<'a>) -> Option<Self> {
-        let mut known: Vec<Frame> = seen.track(0).to_vec();
+        let track = seen.track(0);
+        let mut known: Vec<Frame> = track[track.len().saturating_sub(TURN_FRAMES + 1)..].to_vec();
         known.extend(seen.av_next().map(Some));
         let (acceleration, curvature) = motion(&known);
         Some(Self {
             agent: &seen.start().agents[0],
             now: seen.state(0)?,
             last: known.last().copied().flatten()?,
-            first: known.len() - seen.track(0).len(),
+            first: usize::from(seen.av_next().is_some()),
             acceleration,
             curvature,
         })

@@ -1,7 +1,9 @@
 //! A simulator followed by the stage.
 
 use reactsim_baseline::{ModelError, Setup};
-use reactsim_rollout::{Beginning, Controller, Episode, JointPlan, Memory, PlanError, Simulator};
+use reactsim_rollout::{
+    Beginning, Continuation, Controller, Episode, JointPlan, Memory, PlanError, Simulator,
+};
 use reactsim_scene::AgentState;
 
 use super::guard::GuardSettings;
@@ -110,17 +112,32 @@ struct EpisodeMemory {
     stage: Option<Stage>,
 }
 
+impl Smoothed {
+    /// Puts the memory of the inner simulator together with a new stage.
+    fn add_stage(&self, memory: &mut Memory) {
+        let inner = std::mem::replace(memory, Memory::NONE);
+        let stage = match self.follow {
+            Follow::Plans(keep_clear) => Stage::new(&self.settings, keep_clear),
+            Follow::Guarded(guard) => Stage::guarded(&self.settings, guard),
+        };
+        *memory = Memory::new(EpisodeMemory { inner, stage });
+    }
+}
+
 impl Simulator for Smoothed {
     fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
         self.inner.begin_batch(batch)?;
-        for episode in batch {
-            let inner = std::mem::replace(&mut episode.memory, Memory::NONE);
-            let stage = match self.follow {
-                Follow::Plans(keep_clear) => Stage::new(&self.settings, keep_clear),
-                Follow::Guarded(guard) => Stage::guarded(&self.settings, guard),
-            };
-            episode.memory = Memory::new(EpisodeMemory { inner, stage });
+        batch.iter_mut().for_each(|episode| self.add_stage(&mut episode.memory));
+        Ok(())
+    }
+
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        for episode in batch.iter_mut() {
+            let before = episode.before.take::<EpisodeMemory>();
+            episode.before = before.map_or(Memory::NONE, |memory| memory.inner);
         }
+        self.inner.continue_batch(batch)?;
+        batch.iter_mut().for_each(|episode| self.add_stage(&mut episode.beginning.memory));
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use reactsim_geometry::{Bounds, OrientedBox, direction, math};
 use reactsim_rollout::Observation;
 use reactsim_scene::dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, Road};
+use reactsim_scene::{Agent, AgentKind, AgentState, Road};
 
 use super::drive::halt;
 use super::ending::{Ending, Endings};
@@ -287,7 +287,7 @@ impl Stage {
     ) -> PlannedVehicle<'a> {
         let agent = &seen.start().agents[slot];
         // Vehicles driven here move smoothly; the headings of logs jitter.
-        let driven = seen.frame() >= CURRENT + DRIVEN_FRAMES;
+        let driven = seen.step() >= DRIVEN_FRAMES;
         let frames = if driven { DRIVEN_FRAMES } else { LOGGED_FRAMES };
         let least = if driven { CRAWLING_SPEED * 0.1 * DRIVEN_FRAMES as f64 } else { 1.0 };
         let limit = self.planner.settings.curvature;

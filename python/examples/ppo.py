@@ -1,7 +1,8 @@
 """A driving policy by PPO: trained among `idm` agents for four minutes, then compared with braking.
 
 `python ppo.py` generates scenarios to train on; `python ppo.py SCENARIOS` trains on your own. Both
-save the policy in the current folder, and drive the scenarios of the benchmark, which it never saw.
+save the policy in the current folder, and drive the scenarios of the benchmark, which it never saw;
+`ppo.gif` shows the last one.
 
 The AV follows its route: the action is the acceleration of the next half second, and the tracker
 steers. An emergency brake replaces the action, of scripts too, when a collision is near. The
@@ -28,6 +29,7 @@ except ImportError:
     sys.exit("this example needs gymnasium and Stable-Baselines3: pip install stable-baselines3")
 
 POLICY = Path("ppo.zip")
+VIDEO = Path("ppo.gif")
 SECONDS = 210.0  # time limit of the training
 STEPS = 90_000  # decisions of the training
 ENVS = 8
@@ -206,4 +208,6 @@ if __name__ == "__main__":
     }.items():
         progress, contacts, score = drive(env, choose)
         print(f"{name:16}  {progress:12.1f}  {contacts:17.0f}  {score:5.3f}")
+        if name == "ppo":
+            env.unwrapped.save_gif(VIDEO)
     env.close()

@@ -10,8 +10,9 @@
     results.table()
 
 `import reactsim` needs only numpy. pandas, pyarrow and matplotlib are used where they are
-installed. The environments for reinforcement learning, `Env`, `VectorEnv` and `ParallelEnv`, need
-gymnasium and pettingzoo.
+installed. The environments for reinforcement learning need gymnasium (`Env` and `VectorEnv`, which
+`gymnasium.make` and `make_vec` make of the id "reactsim/Drive-v0"), pettingzoo (`ParallelEnv`) and
+Stable-Baselines3 (`reactsim.sb3.VecEnv`).
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ from .display import Gif, Markdown, Svg
 from .metric import Case, Metric
 from .plot import plot_rollout, plot_scene
 from .program import Output, ReactsimError, find_program
+from .registration import register as _register
 from .results import Results, Rollout
 from .run import run
 from .scenarios import Scenario, scenarios
@@ -60,7 +62,7 @@ from .scoring import (
     score,
     score_states,
 )
-from .wosac import WosacRollouts, WosacScores, wosac
+from .wosac import WosacRollouts, WosacScores, WosacShares, wosac
 
 __all__ = [
     "DT",
@@ -102,6 +104,7 @@ __all__ = [
     "Trajectory",
     "WosacRollouts",
     "WosacScores",
+    "WosacShares",
     "command",
     "compare",
     "curate",
@@ -117,6 +120,8 @@ __all__ = [
     "wosac",
 ]
 
+__version__ = "0.1.0"
+
 # They need packages that may be missing, so that they are imported when they are first used.
 if TYPE_CHECKING:
     from .environment import Env as Env
@@ -124,6 +129,9 @@ if TYPE_CHECKING:
     from .parallel import ParallelEnv as ParallelEnv
 
 _LAZY = {"Env": ".environment", "ParallelEnv": ".parallel", "VectorEnv": ".environment"}
+
+
+_register()
 
 
 def __getattr__(name: str) -> Any:

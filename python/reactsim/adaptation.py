@@ -45,6 +45,8 @@ def train_adapt(
     jobs: int | None = None,
     current_frame: int | None = None,
     window_step: int | None = None,
+    history: int | None = None,
+    future: int | str | None = None,
     all_agents: bool = False,
     progress: bool = True,
 ) -> Adaptation:
@@ -61,6 +63,8 @@ def train_adapt(
         jobs: Number of threads; one per core by default.
         current_frame: Index of the current frame, for formats that leave it open.
         window_step: Frames between the scenarios of one recording of 20 s.
+        history: Number of frames up to and including the current one.
+        future: Number of frames after the current one, or a time such as "15s", or "log".
         all_agents: Simulate all agents that are present at the current frame.
         progress: Show the messages of the program.
 
@@ -76,7 +80,7 @@ def train_adapt(
         *each("--exclude", exclude),
         ("--resume", resume),
         ("--jobs", jobs),
-        *reading(current_frame, window_step, all_agents),
+        *reading(current_frame, window_step, history, future, all_agents),
     ]
     folder = Path(local_folder(out))
     produce(["train", "adapt", *arguments(given, paths(logs))], folder / "realism", show=progress)

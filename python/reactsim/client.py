@@ -9,7 +9,8 @@ all agents. A `Planner` drives the AV. `serve` answers the program until it clos
 
 Units are metres, seconds, radians (counter-clockwise from the x axis) and m/s. Positions are box
 centres in the local frame of the scenario, whose origin is the position of the AV at the current
-frame. Frames are 0.1 s apart: frames 0 to 10 are the history, frame 10 is the current frame.
+frame. Frames are 0.1 s apart. Unless scenarios have another length (`Scenes.n_history` and
+`Scenes.n_steps`), frames 0 to 10 are the history, frame 10 is the current frame, and 80 follow.
 
 In shapes, B is the number of episodes of a batch, N the largest number of agents of an episode, T
 the number of frames, S of planned steps, P of points, L of lines, E of links, K of traffic lights,
@@ -21,9 +22,11 @@ from __future__ import annotations
 import copy
 import dataclasses
 import enum
+import functools
 import json
 import math
 import os
+import re
 import sys
 import traceback
 from typing import (
@@ -76,10 +79,12 @@ __all__ = [
 
 PROTOCOL = "1"
 DT = 0.1  # seconds between two frames
-HISTORY = 11  # frames 0 to 10
-FRAMES = 91  # frames of a scenario
+HISTORY = 11  # frames up to and including the current one, unless scenarios state another number
+STEPS = 80  # frames after the current one, unless scenarios state another number
+MAX_HISTORY, MAX_STEPS = 100, 6000
 MAX_COORDINATE = 100_000.0  # metres; positions farther from the origin are refused
 MAX_HEADER = 64 << 20  # bytes of a safetensors header
+MAX_KEPT = 4096  # bytes of a header whose layout is kept for the next frames
 MAX_FRAME = 64 << 30  # bytes of a frame
 MAX_TEXT = 100_000  # characters of all error texts of an answer, of which 1 MiB is accepted
 
@@ -197,17 +202,56 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
         raise ProtocolError(
             "safetensors: a header of %d bytes in a document of %d" % (length, len(view))
         )
-    try:
-        header = json.loads(bytes(view[8 : 8 + length]).decode("utf-8"), object_pairs_hook=_unique)
-    except (ValueError, RecursionError) as error:
-        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
-    if not isinstance(header, dict):
-        raise ProtocolError("safetensors: the header is not a JSON object")
-    metadata = header.pop("__metadata__", {})
+    text = bytes(view[8 : 8 + length])
+    # Frames of one kind differ in their metadata only: what follows is read once.
+    first = _METADATA.match(text)
+    found: List[Any] = []
+    if first is not None:
+        found, text = [_json_of(first[1])], b"{" + text[first.end() :]
+    layout_of = _layout if len(text) <= MAX_KEPT else _layout.__wrapped__
+    further, layout = layout_of(text, len(view) - 8 - length)
+    found += further
+    if len(found) > 1:
+        raise ProtocolError("safetensors: the header is not valid JSON: a key occurs twice")
+    metadata: Any = found[0] if found else {}
     if not isinstance(metadata, dict) or not all(isinstance(v, str) for v in metadata.values()):
         raise ProtocolError("safetensors: metadata values must be strings")
-    data = view[8 + length :]
     tensors: Dict[str, Array] = {}
+    for name, dtype, shape, offset, count in layout:
+        start = 8 + length + offset
+        try:
+            tensors[name] = (
+                np.ndarray(shape, dtype, view, start) if count else np.empty(shape, dtype)
+            )
+        except ValueError as error:
+            raise ProtocolError(
+                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
+            ) from None
+    return dict(metadata), tensors
+
+
+# Metadata at the start of a header, which contain no other object.
+_METADATA = re.compile(rb'\{"__metadata__":(\{[^{}]*\}),(?=")')
+
+
+def _json_of(text: bytes) -> Any:
+    try:
+        return json.loads(text.decode("utf-8"), object_pairs_hook=_unique)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError("safetensors: the header is not valid JSON: %s" % error) from None
+
+
+@functools.lru_cache(maxsize=64)
+def _layout(text: bytes, size: int) -> Tuple[List[Any], List[Tuple[str, Any, List[int], int, int]]]:
+    """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
+
+    Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
+    """
+    header = _json_of(text)
+    if not isinstance(header, dict):
+        raise ProtocolError("safetensors: the header is not a JSON object")
+    metadata = [header.pop("__metadata__")] if "__metadata__" in header else []
+    layout: List[Tuple[str, Any, List[int], int, int]] = []
     spans: List[Tuple[int, int, str]] = []
     for name, entry in header.items():
         if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
@@ -231,26 +275,18 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
                 "safetensors: tensor `%s` of shape %s does not fit its offsets %s"
                 % (name, shape, offsets)
             )
-        if offsets[1] > len(data):
+        if offsets[1] > size:
             raise ProtocolError("safetensors: tensor `%s` ends after the document" % name)
         spans.append((offsets[0], offsets[1], name))
-        try:
-            flat = (
-                np.frombuffer(data[offsets[0] : offsets[1]], dtype) if count else np.empty(0, dtype)
-            )
-            tensors[name] = flat.reshape(shape)
-        except ValueError as error:
-            raise ProtocolError(
-                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
-            ) from None
+        layout.append((name, dtype, shape, offsets[0], count))
     end = 0
     for first, last, name in sorted(spans):
         if first != end:
             raise ProtocolError("safetensors: gap or overlap before tensor `%s`" % name)
         end = last
-    if end != len(data):
-        raise ProtocolError("safetensors: %d bytes after the last tensor" % (len(data) - end))
-    return metadata, tensors
+    if end != size:
+        raise ProtocolError("safetensors: %d bytes after the last tensor" % (size - end))
+    return metadata, layout
 
 
 def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array]) -> List[Any]:
@@ -378,26 +414,34 @@ class _Tensors:
 
 
 class Line(NamedTuple):
-    """A line of the map of one scene."""
+    """A line of the map of one scene.
+
+    Attributes:
+        points: Points, f64 [P, 2], metres.
+        category: Class of the line as in the protocol: kind of a road edge or stop line, paint of a
+            painted line.
+        lane: Index in `Scene.lanes` of the lane that the line belongs to, or -1.
+        value: Arc length along the lane for stop lines, metres; NaN if unknown.
+        heights: Height of each point, f64 [P], metres, NaN if unknown; None for simulators.
+
+    """
 
     points: Array
-    """Points, f64 [P, 2], metres."""
     category: int
-    """Class of the line as in the protocol: kind of a road edge or stop line, paint of a painted
-    line."""
     lane: int
-    """Index in `Scene.lanes` of the lane that the line belongs to, or -1."""
     value: float
-    """Arc length along the lane for stop lines, metres; NaN if unknown."""
     heights: Optional[Array] = None
-    """Height of each point, f64 [P], metres, NaN if unknown; None for simulators."""
 
 
 class Neighbor(NamedTuple):
-    """An adjacent lane in the same direction, and the adjacent sections as point indices."""
+    """An adjacent lane in the same direction, and the adjacent sections as point indices.
+
+    Attributes:
+        lane: Index in `Scene.lanes`.
+
+    """
 
     lane: int
-    """Index in `Scene.lanes`."""
     self_start: int
     self_end: int
     other_start: int
@@ -406,59 +450,67 @@ class Neighbor(NamedTuple):
 
 @dataclasses.dataclass
 class Lane:
-    """A lane, or a connector through a junction, of the map of one scene."""
+    """A lane, or a connector through a junction, of the map of one scene.
+
+    Attributes:
+        index: Index in `Scene.lanes`.
+        points: Centre line, f64 [P, 2], metres.
+        category: 0 undefined, 1 freeway, 2 surface street, 3 bike.
+        speed_limit: Speed limit, m/s; NaN if unknown.
+        outline: Outline, f64 [P, 2], metres; None if the map records a half-width or nothing.
+        half_width: Half-width around the centre line, metres; NaN if the map records an outline or
+            nothing.
+        heights: Height of each point of the centre line, f64 [P], metres, NaN if unknown; None for
+            simulators.
+
+    """
 
     index: int
-    """Index in `Scene.lanes`."""
     points: Array
-    """Centre line, f64 [P, 2], metres."""
     is_connector: bool
     category: int
-    """0 undefined, 1 freeway, 2 surface street, 3 bike."""
     speed_limit: float
-    """Speed limit, m/s; NaN if unknown."""
     outline: Optional[Array]
-    """Outline, f64 [P, 2], metres; None if the map records a half-width or nothing."""
     half_width: float
-    """Half-width around the centre line, metres; NaN if the map records an outline or nothing."""
     successors: List[int]
     predecessors: List[int]
     left: List[Neighbor]
     right: List[Neighbor]
     heights: Optional[Array] = None
-    """Height of each point of the centre line, f64 [P], metres, NaN if unknown; None for
-    simulators."""
 
 
 class Lines:
     """Lines of the maps of all episodes of a batch, as flat arrays.
 
     Line i has the points `points[start[i]:start[i + 1]]`; `lines[i]` returns them.
+
+    Attributes:
+        points: Points of all lines, f64 [P, 2], metres.
+        heights: Height of each point, f64 [P], metres, NaN if unknown; None for simulators.
+        type: Type of each line, u8 [L]; see `LineType`.
+        start: Index of the first point of each line, and the number of points at the end, i64 [L +
+            1].
+        episode: Index of the episode in the batch of each line, i32 [L].
+        category: Class of each line, u8 [L]; its meaning depends on the type.
+        lane: Line index of the lane that a line belongs to, or -1, i32 [L].
+        value: Speed limit of lanes (m/s), half-width of outlines or arc length of stop lines (m),
+            f64 [L].
+        links: Links between lanes, i32 [E, 7]: from, to (line indices), relation, self start, self
+            end, other start, other end; see `Relation`.
+
     """
 
     def __init__(self, tensors: _Tensors, episodes: int) -> None:
         self.points: Array = tensors.take("points", "F64", "P", 2)
-        """Points of all lines, f64 [P, 2], metres."""
         self.heights: Optional[Array] = None
-        """Height of each point, f64 [P], metres, NaN if unknown; None for simulators."""
         self.type: Array = tensors.take("line_type", "U8", "L")
-        """Type of each line, u8 [L]; see `LineType`."""
         count = len(self.type)
         self.start: Array = tensors.take("line_start", "I64", count + 1)
-        """Index of the first point of each line, and the number of points at the end, i64 [L +
-        1]."""
         self.episode: Array = tensors.take_index("line_episode", episodes, 0, count)
-        """Index of the episode in the batch of each line, i32 [L]."""
         self.category: Array = tensors.take("line_class", "U8", count)
-        """Class of each line, u8 [L]; its meaning depends on the type."""
         self.lane: Array = tensors.take_index("line_lane", count, -1, count)
-        """Line index of the lane that a line belongs to, or -1, i32 [L]."""
         self.value: Array = tensors.take("line_value", "F64", count)
-        """Speed limit of lanes (m/s), half-width of outlines or arc length of stop lines (m), f64
-        [L]."""
         self.links: Array = tensors.take("link", "I32", "E", 7)
-        """Links between lanes, i32 [E, 7]: from, to (line indices), relation, self start, self end,
-        other start, other end; see `Relation`."""
         start = self.start
         if start[0] != 0 or start[-1] != len(self.points) or (np.diff(start) < 0).any():
             raise ProtocolError(
@@ -495,73 +547,102 @@ class Lines:
 
 
 class Lights:
-    """Traffic lights: of all episodes of a batch, or of one scene."""
+    """Traffic lights: of all episodes of a batch, or of one scene.
+
+    Attributes:
+        episode: Index of the episode in the batch, i32 [K].
+        lane: Controlled lane, i32 [K]: a line index in a batch, an index in `Scene.lanes` in a
+            scene.
+        stop: Stop points, f64 [K, 2], metres.
+        states: States up to the current frame, u8 [K, n_history]; see `Light`.
+
+    """
 
     def __init__(self, episode: Array, lane: Array, stop: Array, states: Array) -> None:
         self.episode = episode
-        """Index of the episode in the batch, i32 [K]."""
         self.lane = lane
-        """Controlled lane, i32 [K]: a line index in a batch, an index in `Scene.lanes` in a
-        scene."""
         self.stop = stop
-        """Stop points, f64 [K, 2], metres."""
         self.states = states
-        """States during the history, u8 [K, 11]; see `Light`."""
 
     def __len__(self) -> int:
         return len(self.lane)
+
+
+class Continuation:
+    """The episode of a planner that another one continues, as agents have entered or left.
+
+    Attributes:
+        memory: The value that `Planner.begin` returned for it.
+        frame: Its frame at which the history of the new episode ends.
+        slots: Its slot of each agent of the new episode, i32 [n]; -1 for agents that enter.
+
+    """
+
+    def __init__(self, memory: Any, frame: int, slots: Array) -> None:
+        self.memory = memory
+        self.frame = frame
+        self.slots = slots
 
 
 class Scenes:
     """Agents, histories and maps of a batch of episodes. All arrays are read-only.
 
     `len(scenes)` is the number of episodes B; `scenes[i]` is one of them without padding.
+
+    Attributes:
+        n_history: Number of frames up to and including the current one, 11 in the benchmark. All
+            episodes of a batch have the same.
+        n_steps: Number of steps after the current frame, 80 in the benchmark, as `n_history`.
+        episodes: Handle of each episode, unique in the process, u64 [B].
+        seeds: Seed of all random choices in each episode, u64 [B]; see `rng`.
+        kinds: Kind of each agent, u8 [B, N]; slot 0 is the AV; see `Kind`.
+        n_agents: Number of agents of each episode, i32 [B]; later slots are padding.
+        sizes: Length and width of each agent, f64 [B, N, 2], metres.
+        history: States up to the current frame, f64 [B, N, n_history, 5]: x, y, heading, vx, vy in
+            metres, radians and m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [B, N, n_history].
+        lines: Lines of the maps.
+        lights: Traffic lights.
+        obstacle_episode: Index of the episode of each obstacle, i32 [O].
+        obstacles: Static obstacles, f64 [O, 5]: x, y, heading, length, width; metres and radians.
+        moves_av: Whether slot 0 of the plan is executed (realism protocol).
+        steps: Replan interval, steps; 0 if there is none.
+        scenario_ids: Ids of the scenarios, only with `--reveal-ids`.
+        agent_ids: Ids of the agents of each episode, only with `--reveal-ids`.
+        origins: World coordinates of the local origins, metres, only with `--reveal-ids`.
+        rollouts: Indices of the rollouts, only with `--reveal-ids`.
+        continues: The episode that this one continues, within `Planner.begin`; None if it is new.
+
     """
 
     def __init__(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> None:
         take = _Tensors(tensors)
+        self.n_history, self.n_steps = _length(metadata)
         self.episodes: Array = take.take("episode", "U64", "B")
-        """Handle of each episode, unique in the process, u64 [B]."""
         batch = len(self.episodes)
         self.seeds: Array = take.take("seed", "U64", batch)
-        """Seed of all random choices in each episode, u64 [B]; see `rng`."""
         self.kinds: Array = take.take("kind", "U8", batch, "N")
-        """Kind of each agent, u8 [B, N]; slot 0 is the AV; see `Kind`."""
         agents = self.kinds.shape[1]
         self.n_agents: Array = take.take_index("n_agents", agents + 1, 1, batch)
-        """Number of agents of each episode, i32 [B]; later slots are padding."""
         self.sizes: Array = take.take("size", "F64", batch, agents, 2)
-        """Length and width of each agent, f64 [B, N, 2], metres."""
-        self.history: Array = take.take("history", "F64", batch, agents, HISTORY, 5)
-        """States at frames 0 to 10, f64 [B, N, 11, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-        velocity where unknown."""
-        self.valid: Array = take.take("valid", "BOOL", batch, agents, HISTORY)
-        """Whether each agent is present, bool [B, N, 11]."""
+        self.history: Array = take.take("history", "F64", batch, agents, self.n_history, 5)
+        self.valid: Array = take.take("valid", "BOOL", batch, agents, self.n_history)
         self.lines = Lines(take, batch)
-        """Lines of the maps."""
         self.lights = Lights(
             take.take_index("light_episode", batch, 0, "K"),
             take.take_index("light_lane", len(self.lines), -1, "K"),
             take.take("light_stop", "F64", "K", 2),
-            take.take("light_state", "U8", "K", HISTORY),
+            take.take("light_state", "U8", "K", self.n_history),
         )
-        """Traffic lights."""
         self.obstacle_episode: Array = take.take_index("obstacle_episode", batch, 0, "O")
-        """Index of the episode of each obstacle, i32 [O]."""
         self.obstacles: Array = take.take("obstacle", "F64", "O", 5)
-        """Static obstacles, f64 [O, 5]: x, y, heading, length, width."""
         self.moves_av = metadata.get("moves_av") == "1"
-        """Whether slot 0 of the plan is executed (realism protocol)."""
-        self.steps = _integer(metadata, "steps", 1, FRAMES) if "steps" in metadata else 0
-        """Replan interval, steps; 0 if there is none."""
+        self.steps = _integer(metadata, "steps", 1, MAX_STEPS) if "steps" in metadata else 0
         self.scenario_ids: Optional[List[str]] = _json_list(metadata, "scenario_ids", batch)
-        """Ids of the scenarios, only with `--reveal-ids`."""
         self.agent_ids: Optional[List[List[str]]] = _json_list(metadata, "agent_ids", batch)
-        """Ids of the agents of each episode, only with `--reveal-ids`."""
         self.origins: Optional[List[List[float]]] = _json_list(metadata, "origins", batch)
-        """World coordinates of the local origins, metres, only with `--reveal-ids`."""
         self.rollouts: Optional[List[int]] = _json_list(metadata, "rollouts", batch)
-        """Indices of the rollouts, only with `--reveal-ids`."""
+        self.continues: Optional[Continuation] = None
         self._generators: Dict[int, np.random.Generator] = {}
 
     def __len__(self) -> int:
@@ -586,14 +667,21 @@ class Scene:
     """One episode of a batch, as a view without padding.
 
     Lines of the map are prepared on first use.
+
+    Attributes:
+        index: Index of the episode in the batch.
+        n_agents: Number of agents n; agent 0 is the AV.
+        n_history: Number of frames up to and including the current one, 11 in the benchmark.
+        n_steps: Number of steps after the current frame, 80 in the benchmark.
+
     """
 
     def __init__(self, scenes: Scenes, index: int) -> None:
         self.scenes = scenes
         self.index = index
-        """Index of the episode in the batch."""
         self.n_agents = int(scenes.n_agents[index])
-        """Number of agents n; agent 0 is the AV."""
+        self.n_history = scenes.n_history
+        self.n_steps = scenes.n_steps
         self._lanes: Optional[List[Lane]] = None
         self._lane_index: Dict[int, int] = {}
         self._own: Dict[int, Array] = {}
@@ -610,12 +698,15 @@ class Scene:
 
     @property
     def history(self) -> Array:
-        """States at frames 0 to 10, f64 [n, 11, 5]: x, y, heading, vx, vy; 0 where absent."""
+        """States up to now, f64 [n, n_history, 5]: x, y, heading, vx, vy; 0 where absent.
+
+        Metres, radians and m/s.
+        """
         return self.scenes.history[self.index, : self.n_agents]
 
     @property
     def valid(self) -> Array:
-        """Whether each agent is present, bool [n, 11]."""
+        """Whether each agent is present, bool [n, n_history]."""
         return self.scenes.valid[self.index, : self.n_agents]
 
     @property
@@ -765,6 +856,19 @@ class Observation:
     """Everything that a simulator observes at a plan.
 
     Arrays are read-only, cover frames 0 to `frame`, and share memory with later observations.
+
+    Attributes:
+        scenes: Agents and maps, as in `begin`.
+        frame: Latest realised frame, 10 to 89 in the benchmark.
+        steps: Number of steps S to plan.
+        n_new: Number of frames since the previous plan; all of the history at the first plan.
+        states: Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy in metres, radians
+            and m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [B, N, frame + 1].
+        light_states: States of the traffic lights, u8 [K, frame + 1]; see `Light`.
+        active: False for episodes that have failed and are only padding, bool [B].
+        av_next: State of the AV at frame + 1, f64 [B, 5]; NaN if it is not known.
+
     """
 
     def __init__(
@@ -781,24 +885,14 @@ class Observation:
         av_next: Array,
     ) -> None:
         self.scenes = scenes
-        """Agents and maps, as in `begin`."""
         self.frame = frame
-        """Latest realised frame, 10 to 89."""
         self.steps = steps
-        """Number of steps S to plan."""
         self.n_new = n_new
-        """Number of frames since the previous plan; 11 at the first plan."""
         self.states = states
-        """Realised states, f64 [B, N, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-        velocity where unknown."""
         self.valid = valid
-        """Whether each agent is present, bool [B, N, frame + 1]."""
         self.light_states = light_states
-        """States of the traffic lights, u8 [K, frame + 1]; see `Light`."""
         self.active = active
-        """False for episodes that have failed and are only padding, bool [B]."""
         self.av_next = av_next
-        """State of the AV at frame + 1, f64 [B, 5]; NaN if it is not known."""
 
     @property
     def episodes(self) -> Array:
@@ -824,17 +918,24 @@ class Plan:
 
 
 class Simulator:
-    """Base class of simulators. Any object with a method `plan` will do."""
+    """Base class of simulators. Any object with a method `plan` will do.
+
+    Attributes:
+        name: Name of the simulator; the name of the class by default.
+        weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
+        intervals: Replan intervals that are supported, steps; empty for any.
+        batch: Number of episodes per batch, 1 to 1024; None leaves it to the program.
+        any_length: Whether scenarios of other lengths than 11 frames of history and 80 steps are
+            supported; False refuses them.
+
+    """
 
     name: str = ""
-    """Name of the simulator; the name of the class by default."""
     version: str = ""
     weights_sha256: str = ""
-    """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
     intervals: Sequence[int] = ()
-    """Replan intervals that are supported, steps; empty for any."""
     batch: Optional[int] = None
-    """Number of episodes per batch, 1 to 1024; None leaves it to the program."""
+    any_length: bool = True
 
     def begin(self, scenes: Scenes) -> None:
         """Receives the scenes of a new batch of episodes."""
@@ -851,6 +952,21 @@ class PlannerObservation:
     """Everything that a planner of the AV observes at a plan.
 
     Arrays are read-only and cover frames 0 to `frame`. Agent 0 is the AV.
+
+    Attributes:
+        scene: Agents and map.
+        route: Lanes of the route in driving order, as indices in `scene.lanes`.
+        memory: The value that `Planner.begin` returned for this episode.
+        frame: Present frame, 10 to 89 in the benchmark.
+        steps: Number of steps until the next plan.
+        states: Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy in metres, radians and
+            m/s; 0 where absent, NaN velocity where unknown.
+        valid: Whether each agent is present, bool [n, frame + 1].
+        light_states: States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`.
+        ego: Present motion of the rear axle of the AV, f64 [7]: velocity along and to the left of
+            the heading, m/s, acceleration, m/s^2, steering angle, rad, yaw rate, rad/s, yaw
+            acceleration, rad/s^2; None if the program does not send it.
+
     """
 
     def __init__(
@@ -862,30 +978,18 @@ class PlannerObservation:
         ego: Optional[Array] = None,
     ) -> None:
         self.scene = scene
-        """Agents and map."""
         self.route = route
-        """Lanes of the route in driving order, as indices in `scene.lanes`."""
         self.memory = memory
-        """The value that `Planner.begin` returned for this episode."""
         self.frame = seen.frame
-        """Present frame, 10 to 89."""
         self.steps = seen.steps
-        """Number of steps until the next plan."""
         self.states: Array = seen.states[0]
-        """Realised states, f64 [n, frame + 1, 5]: x, y, heading, vx, vy; 0 where absent, NaN
-        velocity where unknown."""
         self.valid: Array = seen.valid[0]
-        """Whether each agent is present, bool [n, frame + 1]."""
         self.light_states: Array = seen.light_states
-        """States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`."""
         self.ego = ego
-        """Present motion of the rear axle of the AV, f64 [7]: velocity along and to the left of
-        the heading, m/s, acceleration, m/s^2, steering angle, rad, yaw rate, rad/s, yaw
-        acceleration, rad/s^2; None if the program does not send it."""
 
     @property
     def av(self) -> Array:
-        """Present state of the AV, f64 [5]: x, y, heading, vx, vy."""
+        """Present state of the AV, f64 [5]: x, y, heading, vx, vy; metres, radians and m/s."""
         state: Array = self.states[0, -1]
         return state
 
@@ -902,29 +1006,43 @@ class Trajectory:
         self.present = present
 
 
+def most_poses(scene: Scene, frame: int) -> int:
+    """Returns the largest number of poses of a plan at a frame."""
+    return max(STEPS, scene.n_history + scene.n_steps - 1 - frame)
+
+
 class Planner:
     """Base class of planners, which drive the AV.
 
     One planner plans for many episodes at the same time: what it remembers of an episode goes into
     the value that `begin` returns.
+
+    Attributes:
+        name: Name of the planner; the name of the class by default.
+        weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
+        any_length: As of `Simulator`.
+
     """
 
     role = "planner"
     name: str = ""
-    """Name of the planner; the name of the class by default."""
     version: str = ""
     weights_sha256: str = ""
-    """SHA-256 of the weights, 64 hexadecimal digits, or empty."""
+    any_length: bool = True
 
     def begin(self, scene: Scene) -> Any:
-        """Receives the scene of a new episode. The returned value is `memory` at its plans."""
+        """Receives the scene of a new episode. The returned value is `memory` at its plans.
+
+        When agents enter or leave, an episode ends and another one continues it, with the agents
+        that are present: `scene.scenes.continues` then describes the former, otherwise it is None.
+        """
 
     def plan(self, seen: PlannerObservation) -> Any:
         """Returns poses of the centre of the AV after 1, 2, ... steps, f64 or f32 [P, 3].
 
-        A pose is x, y, heading; P is at least `seen.steps` and at most 80. The tracker of the run
-        follows the poses until the next plan. A plan that does not begin at the AV is a
-        `Trajectory`.
+        A pose is x, y, heading; P is at least `seen.steps` and at most 80, or the steps that are
+        left if they are more. The tracker of the run follows the poses until the next plan. A plan
+        that does not begin at the AV is a `Trajectory`.
         """
         raise NotImplementedError("a planner needs a method `plan`")
 
@@ -942,15 +1060,16 @@ class _Batch:
 
     def __init__(self, scenes: Scenes) -> None:
         self.scenes = scenes
-        self.frame = HISTORY - 1
+        history, frames = scenes.n_history, scenes.n_history + scenes.n_steps
+        self.frame = history - 1
         self.is_first = True
         shape = scenes.kinds.shape
-        self.states = np.zeros((*shape, FRAMES, 5))
-        self.states[:, :, :HISTORY] = scenes.history
-        self.valid = np.zeros((*shape, FRAMES), np.bool_)
-        self.valid[:, :, :HISTORY] = scenes.valid
-        self.lights = np.zeros((len(scenes.lights), FRAMES), np.uint8)
-        self.lights[:, :HISTORY] = scenes.lights.states
+        self.states = np.zeros((*shape, frames, 5))
+        self.states[:, :, :history] = scenes.history
+        self.valid = np.zeros((*shape, frames), np.bool_)
+        self.valid[:, :, :history] = scenes.valid
+        self.lights = np.zeros((len(scenes.lights), frames), np.uint8)
+        self.lights[:, :history] = scenes.lights.states
         present = np.arange(shape[1]) < scenes.n_agents[:, None]
         if not scenes.moves_av:
             present[:, 0] = False
@@ -969,8 +1088,9 @@ class _Batch:
         valid = take.take("valid", "BOOL", batch, agents, new)
         lights = take.take("light_state", "U8", len(self.scenes.lights), new)
         av_next = take.take("av_next", "F64", batch, 5)
-        frame = _integer(metadata, "frame", HISTORY - 1, FRAMES - 2)
-        steps = _integer(metadata, "steps", 1, FRAMES - 1)
+        history, frames = self.scenes.n_history, self.states.shape[2]
+        frame = _integer(metadata, "frame", history - 1, frames - 2)
+        steps = _integer(metadata, "steps", 1, frames - 1)
         if frame != self.frame + new:
             raise ProtocolError(
                 "frame %d does not follow frame %d by %d" % (frame, self.frame, new)
@@ -986,7 +1106,7 @@ class _Batch:
         ]
         for view in views:
             view.flags.writeable = False
-        n_new = HISTORY + new if self.is_first else new
+        n_new = history + new if self.is_first else new
         self.is_first = False
         return Observation(
             self.scenes,
@@ -1066,24 +1186,24 @@ class _Drive:
         ego = _Tensors(tensors).take("ego", "F64", 1, 7)[0] if "ego" in tensors else None
         return PlannerObservation(self.scene, self.route, self.memory, seen, ego)
 
-    @classmethod
-    def check(cls, returned: Any, steps: int, place: str) -> Dict[str, Array]:
+    def check(self, returned: Any, steps: int, place: str) -> Dict[str, Array]:
         """Checks what `plan` returned, and returns the tensors of the answer."""
+        most = most_poses(self.scene, self.batch.frame)
         if not (hasattr(returned, "poses") and hasattr(returned, "present")):
-            return {"trajectory": cls._poses(returned, steps, place)[None]}
-        answer = {"trajectory": cls._poses(returned.poses, steps, place)[None]}
+            return {"trajectory": self._poses(returned, steps, most, place)[None]}
+        answer = {"trajectory": self._poses(returned.poses, steps, most, place)[None]}
         if returned.present is not None:
             present = as_array(returned.present)
             if present.shape != (3,):
                 text = "%s returned a present pose of shape %s, expected (3,): x, y, heading"
                 raise _UserError(text % (place, present.shape))
-            answer["present"] = cls._poses(present[None], 1, place + " (present pose)")
+            answer["present"] = self._poses(present[None], 1, 1, place + " (present pose)")
         return answer
 
     @staticmethod
-    def _poses(returned: Any, steps: int, place: str) -> Array:
+    def _poses(returned: Any, steps: int, most: int, place: str) -> Array:
         """Checks poses, and returns them as an array [P, 3]."""
-        expected = "an array of shape [%d to %d, 3]" % (steps, FRAMES - HISTORY)
+        expected = "an array of shape [%d to %d, 3]" % (steps, most)
         if returned is None:
             raise _UserError("%s returned None, expected %s" % (place, expected))
         try:
@@ -1092,7 +1212,7 @@ class _Drive:
             text = "%s returned a %s that is no array: %s"
             raise _UserError(text % (place, type(returned).__name__, error)) from error
         is_shape = poses.ndim == 2 and poses.shape[1] == 3
-        if not is_shape or not steps <= poses.shape[0] <= FRAMES - HISTORY:
+        if not is_shape or not steps <= poses.shape[0] <= most:
             raise _UserError(
                 "%s returned an array of shape %s, expected %s: x, y, heading after each step"
                 % (place, poses.shape, expected)
@@ -1232,21 +1352,40 @@ class Session:
         if kind == "begin":
             scenes = Scenes(metadata, tensors)
             route = _Tensors(tensors).take_index("route", len(scenes[0].lanes), 0, "R")
+            scenes.continues = self._continued(metadata, tensors)
             begin = getattr(self.simulator, "begin", None)
             memory = begin(scenes[0]) if begin is not None else None
+            # Scenes that planners keep would otherwise keep all earlier ones.
+            scenes.continues = None
             self.drives[handle] = _Drive(scenes, route.tolist(), memory)
             return "begun", {}, {}
         if kind == "plan":
             if handle not in self.drives:
                 raise ProtocolError("`plan` without `begin`")
-            seen = self.drives[handle].observe(metadata, tensors)
-            place = self.title + ".plan"
-            return "planned", {}, _Drive.check(self.simulator.plan(seen), seen.steps, place)
+            drive, place = self.drives[handle], self.title + ".plan"
+            seen = drive.observe(metadata, tensors)
+            return "planned", {}, drive.check(self.simulator.plan(seen), seen.steps, place)
         if kind == "end":
             if self.drives.pop(handle, None) is not None and self.on_end is not None:
                 self.on_end(1)
             return "ended", {}, {}
         raise ProtocolError("unknown request `%s`" % kind)
+
+    def _continued(
+        self, metadata: Mapping[str, str], tensors: Dict[str, Array]
+    ) -> Optional[Continuation]:
+        """Returns the open episode that a new one continues, which is over for the planner."""
+        if "continues" not in metadata:
+            return None
+        text = metadata["continues"]
+        before = self.drives.get(int(text)) if text.isdigit() else None
+        if before is None:
+            raise ProtocolError("metadata `continues` is %r, which is no open episode" % text)
+        frame = _integer(metadata, "continued_frame", before.batch.frame, 2 * MAX_STEPS)
+        take, agents = _Tensors(tensors), len(tensors["kind"][0])
+        slots = take.take_index("continued_slot", before.scene.n_agents, -1, 1, agents)[0]
+        del self.drives[int(text)]
+        return Continuation(before.memory, frame, slots)
 
     def _welcome(self) -> Dict[str, str]:
         def text(name: str, default: str = "") -> str:
@@ -1261,7 +1400,7 @@ class Session:
                 "%s.weights_sha256 is %r, expected 64 hex digits" % (self.title, weights)
             )
         intervals = [int(n) for n in getattr(self.simulator, "intervals", None) or ()]
-        if not all(1 <= n < FRAMES for n in intervals):
+        if not all(1 <= n <= STEPS for n in intervals):
             raise _UserError("%s.intervals is %s, expected 1 to 80 steps" % (self.title, intervals))
         answer = {
             "role": self.role,
@@ -1270,6 +1409,8 @@ class Session:
             "weights_sha256": weights,
             "intervals": json.dumps(intervals),
         }
+        if getattr(self.simulator, "any_length", True):
+            answer["lengths"] = "any"
         size = self.size if self.size is not None else getattr(self.simulator, "batch", None)
         if size is not None:
             if not 1 <= int(size) <= 1024:
@@ -1300,6 +1441,19 @@ def _integer(metadata: Mapping[str, str], key: str, least: int, most: int) -> in
     if not text.isdigit() or len(text) > 9 or not least <= int(text) <= most:
         raise ProtocolError("metadata `%s` is %r, expected %d to %d" % (key, text, least, most))
     return int(text)
+
+
+def _length(metadata: Mapping[str, str]) -> Tuple[int, int]:
+    """Returns the numbers of frames of the history and of steps."""
+    length = _json_list(metadata, "length", 2)
+    if length is None:
+        return HISTORY, STEPS
+    history, steps = length
+    is_whole = type(history) is int and type(steps) is int
+    if not is_whole or not (2 <= history <= MAX_HISTORY and 1 <= steps <= MAX_STEPS):
+        text = "metadata `length` is %s, expected 2 to %d frames of history and 1 to %d steps"
+        raise ProtocolError(text % (length, MAX_HISTORY, MAX_STEPS))
+    return history, steps
 
 
 def _json_list(metadata: Mapping[str, str], key: str, length: int) -> Any:

@@ -71,6 +71,11 @@ class Comparisons(Sequence[Comparison]):
     """Comparisons of all pairs of simulators of two runs, in the order of the first run.
 
     Notebooks show the tables.
+
+    Attributes:
+        pairs: The comparisons.
+        exceeded: A message of the program for each bound of `worse` that a metric exceeded.
+
     """
 
     def __init__(
@@ -81,9 +86,7 @@ class Comparisons(Sequence[Comparison]):
         runs: list[str],
     ) -> None:
         self.pairs = tuple(pairs)
-        """The comparisons."""
         self.exceeded = tuple(exceeded)
-        """A message of the program for each bound of `worse` that a metric exceeded."""
         self._options = options
         self._runs = runs
 

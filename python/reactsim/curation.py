@@ -17,11 +17,14 @@ class Candidates:
 
     `reactsim.run(..., deviations=candidates.path)` runs simulators against the chosen ones.
     Notebooks show the statistics.
+
+    Attributes:
+        path: The file, Parquet.
+
     """
 
     def __init__(self, path: PathLike) -> None:
         self.path = local_folder(path)
-        """The file, Parquet."""
         if not self.path.is_file():
             raise FileNotFoundError(f"there is no file `{self.path}`")
 
@@ -64,6 +67,8 @@ def curate(
     comfort: bool = False,
     current_frame: int | None = None,
     window_step: int | None = None,
+    history: int | None = None,
+    future: int | str | None = None,
     all_agents: bool = False,
     progress: bool = True,
 ) -> Candidates:
@@ -92,6 +97,8 @@ def curate(
         comfort: Also reject candidates that exceed nuPlan's comfort bounds.
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
+        history: Number of frames up to and including the current one.
+        future: Number of frames after the current one, or a time such as "15s", or "log".
         all_agents: Simulate all agents that are present at the current frame, of all kinds.
         progress: Show the messages of the program.
 
@@ -115,7 +122,7 @@ def curate(
         ("--min-ade", min_ade),
         ("--drivable-tolerance", drivable_tolerance),
         ("--comfort", comfort),
-        *reading(current_frame, window_step, all_agents),
+        *reading(current_frame, window_step, history, future, all_agents),
     ]
     produce(["curate", *arguments(given, paths(scenarios))], out, show=progress)
     return Candidates(out)

@@ -3,16 +3,79 @@
 from __future__ import annotations
 
 import base64
+import html
+import re
+import shutil
+import sys
 from typing import Any
 
 __all__ = ["Gif", "Markdown", "Svg"]
 
+_RULE = re.compile(r"\|[-:| ]+\|")
+"""The line between the names of columns and the rows."""
+
 
 class Markdown(str):
-    """Markdown text that notebooks render."""
+    """Markdown text that notebooks render.
+
+    `print` divides tables that are wider than the terminal. The text itself is complete.
+    """
+
+    def __str__(self) -> str:
+        if sys.stdout is None or not sys.stdout.isatty():
+            return self[:]
+        width = shutil.get_terminal_size().columns
+        return "\n\n".join(_divided(block, width) for block in self.rstrip().split("\n\n")) + "\n"
 
     def _repr_markdown_(self) -> str:
-        return str(self)
+        return self[:]
+
+    def _repr_html_(self) -> str:
+        return "\n".join(_as_html(block) for block in self.rstrip().split("\n\n"))
+
+
+def _rows(block: str) -> list[list[str]]:
+    """Returns the cells of a table with their padding, or nothing for other texts."""
+    lines = block.split("\n")
+    if len(lines) < 2 or not _RULE.fullmatch(lines[1]):
+        return []
+    return [re.split(r"(?<!\\)\|", line)[1:-1] for line in lines]
+
+
+def _divided(block: str, width: int) -> str:
+    """Returns a table as several ones, each with the first column and as many as fit."""
+    rows = _rows(block)
+    sizes = [len(cell) + 1 for cell in rows[0]] if rows else []
+    if 1 + sum(sizes) <= width or len(sizes) < 2:
+        return block
+    groups: list[list[int]] = []
+    for column in range(1, len(sizes)):
+        if not groups or 1 + sizes[0] + sum(sizes[k] for k in [*groups[-1], column]) > width:
+            groups.append([])
+        groups[-1].append(column)
+    tables = (
+        "\n".join("|" + "|".join(row[k] for k in [0, *group]) + "|" for row in rows)
+        for group in groups
+    )
+    return "\n\n".join(tables)
+
+
+def _as_html(block: str) -> str:
+    rows = _rows(block)
+    if not rows:
+        return f"<p>{html.escape(block)}</p>".replace("\n", "<br>")
+    rule = rows.pop(1)
+
+    def line(row: list[str], tag: str) -> str:
+        cells = (
+            f'<{tag} style="text-align: {"right" if side.endswith(":") else "left"}">'
+            f"{html.escape(cell.strip())}</{tag}>"
+            for cell, side in zip(row, rule)
+        )
+        return f"<tr>{''.join(cells)}</tr>"
+
+    head, body = line(rows[0], "th"), "".join(line(row, "td") for row in rows[1:])
+    return f"<table><thead>{head}</thead><tbody>{body}</tbody></table>"
 
 
 class Svg(str):

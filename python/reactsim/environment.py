@@ -33,13 +33,16 @@ out of their bounds) and `speed` (m/s). NaN is unknown.
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Callable, Union
 
 import numpy as np
 
-from .client import Array, Session, as_array
-from .options import Sources, whole
+from .client import STEPS, Array, Session, as_array
+from .display import Gif
+from .options import PathLike, Sources, whole
+from .pictures import drawing, save_drawing
 from .process import ProgramProcess, own_session
 from .program import ReactsimError, text_of
 from .scenarios import Scenario, reading_of
@@ -73,10 +76,12 @@ MAX_CURVATURE = 0.3  # 1/m, the limit of the benchmark
 MAX_PLANNED = 400.0  # metres; no AV drives farther in 8 s
 ROLLOUTS = 1 << 31  # number of rollouts of a scenario with random streams of their own
 MAX_ROLLOUT = (1 << 32) - 1  # largest index of a rollout that can be given
+MIN_SHARE = 4  # episodes of a process, below which a further one is not worth its memory
+RENDER_FPS = 10  # steps per second
 
 
 class _Core:
-    """The process of an environment and the meaning of its arrays."""
+    """The processes of an environment, which share its episodes, and the meaning of its arrays."""
 
     def __init__(
         self,
@@ -86,6 +91,7 @@ class _Core:
         simulator: Any,
         /,
         *,
+        jobs: int | None = 1,
         ids: Sequence[str] = (),
         limit: int | None = None,
         action: str = "bicycle",
@@ -97,6 +103,9 @@ class _Core:
         points: int = 10,
         lights: int = 8,
         route: int = 20,
+        flat: bool = False,
+        normalized: bool = False,
+        render_mode: str | None = None,
         reward: Reward | None = None,
         end_at: str | Sequence[str] = (),
         scores: bool = True,
@@ -107,6 +116,7 @@ class _Core:
         **rolled_out: Any,
     ) -> None:
         check_names(owner, rolled_out)
+        check_render_mode(render_mode)
         kinds = ("bicycle", "plan", "state")
         if action not in kinds:
             raise ValueError(f"`action` is {action!r}, expected one of {', '.join(kinds)}")
@@ -114,6 +124,15 @@ class _Core:
         reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
         self.reward: Reward = REWARD if reward is None else reward
         self.action_space = action_space(action, poses)
+        self.scale: Array | None = None
+        if normalized:
+            if action == "state":
+                raise ValueError("`normalized` is for actions with bounds: bicycle or plan")
+            self.scale = bounds(action, poses)
+            self.action_space = spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
+        jobs = _jobs(jobs, batches, simulator, action)
+        self.firsts = [batches * k // jobs for k in range(jobs)]
+        """First episode of each process."""
         traffic, sessions = traffic_of(simulator, batches, **rolled_out)
         common = {
             "reading": reading,
@@ -134,20 +153,23 @@ class _Core:
         }
         conditions = [end_at] if isinstance(end_at, str) else list(end_at)
         arguments = {"common": common, "every": every, "end_at": conditions}
-        self.process = ProgramProcess(sessions)
+        self.processes: list[ProgramProcess] = []
         try:
-            description, _ = self.process.request("environment", arguments)
+            for _ in self.firsts:
+                self.processes.append(ProgramProcess(sessions))
+            description = self._all("environment", [arguments] * jobs)[0][0]
         except BaseException:
-            self.process.close()
+            self.close()
             raise
         self.scenarios: list[str] = description["scenarios"]
         self.measures: list[str] = description["measures"]
         self.arrays: list[str] = [name for name, _ in description["arrays"]]
-        self.observation_space = observation_space(description["arrays"])
+        self.flat = flat
+        self.observation_space = observation_space(description["arrays"], flat)
         if not callable(self.reward):
             unknown = set(self.reward) - set(self.measures)
             if unknown:
-                self.process.close()
+                self.close()
                 raise ValueError(
                     f"`reward` has weights of {sorted(unknown)}, expected some of {self.measures}"
                 )
@@ -166,15 +188,156 @@ class _Core:
             "rollout": drawn[1] if rollout is None else whole("rollout", rollout, most=MAX_ROLLOUT),
         }
 
-    def reset(self, episodes: list[dict[str, int]]) -> dict[str, Array]:
+    def reset(self, episodes: list[dict[str, int]]) -> Any:
         """Begins episodes in all slots; returns the observations."""
-        _, arrays = self.process.request("reset", {"episodes": episodes})
-        return {name: arrays[name] for name in self.arrays}
+        answers = self._all("reset", [{"episodes": own} for own in self._shares(episodes)])
+        return self._observed([arrays for _, arrays in answers])
+
+    def step(
+        self, actions: Any, shape: tuple[int, ...], episodes: list[dict[str, int]]
+    ) -> tuple[Any, dict[int, Any], dict[str, Array]]:
+        """Executes the actions, an array of this shape, and begins episodes in place of others.
+
+        Returns the observations, the ends by slot, and the other arrays of the answer.
+        """
+        values = checked(actions, shape, self.action_space.shape)
+        if self.scale is not None:
+            values = values * self.scale.reshape(-1)
+        if len(self.processes) > 1:
+            self._check_finite(values, episodes)
+        shares = [{"episodes": own} for own in self._shares(episodes)]
+        parts = np.split(values, self.firsts[1:])
+        answers = self._all("step", shares, [{"actions": part} for part in parts])
+        ends = {
+            first + int(slot): end
+            for first, (found, _) in zip(self.firsts, answers)
+            for slot, end in found.items()
+        }
+        all_arrays = [arrays for _, arrays in answers]
+        others = {
+            name: _joined(all_arrays, name) for name in ("measures", "terminated", "truncated")
+        }
+        return self._observed(all_arrays), ends, others
+
+    def begin(self, episodes: list[dict[str, int]]) -> Any:
+        """Begins episodes in place of those in their slots; returns their observations."""
+        shares = self._shares(episodes)
+        answers = self._all("begin", [{"episodes": own} if own else None for own in shares])
+        return self._observed([arrays for _, arrays in answers if arrays])
 
     def states(self, slot: int) -> Array:
         """Returns the realised states of a slot so far."""
-        _, arrays = self.process.request("tracks", {"slot": slot})
-        return arrays["states"]
+        return self._one("tracks", slot, {})["states"]
+
+    def picture(self, slot: int) -> Array:
+        """Returns a picture of a slot at present, u8 [height, width, 3]."""
+        return self._one("draw", slot, drawing(follow=True))["rgb"]
+
+    def save_gif(self, path: PathLike, slot: int, **options: Any) -> Gif:
+        """Writes an animation of a slot so far."""
+        return save_drawing(path, self._one("draw", slot, drawing(**{"every": 1, **options})))
+
+    def close(self) -> None:
+        """Ends the processes of the program."""
+        for process in self.processes:
+            process.close()
+
+    def _one(self, kind: str, slot: int, arguments: Mapping[str, Any]) -> dict[str, Array]:
+        """Sends a request about a slot to its process."""
+        index = sum(first <= slot for first in self.firsts[1:])
+        given = {**arguments, "slot": slot - self.firsts[index]}
+        return self.processes[index].request(kind, given)[1]
+
+    def _all(
+        self,
+        kind: str,
+        arguments: Sequence[Mapping[str, Any] | None],
+        tensors: Sequence[Mapping[str, Array]] = (),
+    ) -> list[tuple[Any, dict[str, Array]]]:
+        """Sends a request to each process that has arguments, and then waits for all answers."""
+        tensors = tensors or [{}] * len(self.processes)
+        if len(self.processes) == 1:
+            return [self.processes[0].request(kind, arguments[0] or {}, tensors[0])]
+        asked = [k for k, given in enumerate(arguments) if given is not None]
+        answers: list[tuple[Any, dict[str, Array]]] = [({}, {}) for _ in arguments]
+        errors: list[ReactsimError] = []
+        try:
+            for k in asked:
+                self.processes[k].send(kind, arguments[k] or {}, tensors[k])
+            for k in asked:
+                try:
+                    answers[k] = self.processes[k].receive()
+                except ReactsimError as error:
+                    errors.append(error)
+        except BaseException:
+            # The others would take the answers of this request for those of the next one.
+            self.close()
+            raise
+        if errors:
+            if kind in ("step", "begin"):
+                # Some episodes have moved, and others have not.
+                self.close()
+            raise errors[0]
+        return answers
+
+    def _shares(self, episodes: list[dict[str, int]]) -> list[list[dict[str, int]]]:
+        """Returns the episodes of each process, with the slots there."""
+        shares: list[list[dict[str, int]]] = [[] for _ in self.firsts]
+        for episode in episodes:
+            index = sum(first <= episode["slot"] for first in self.firsts[1:])
+            shares[index].append({**episode, "slot": episode["slot"] - self.firsts[index]})
+        return shares
+
+    def _observed(self, answers: Sequence[Mapping[str, Array]]) -> Any:
+        """Returns the observations of all processes."""
+        if not self.flat:
+            return {name: _joined(answers, name) for name in self.arrays}
+        rows = [
+            np.concatenate([arrays[n].reshape(len(arrays[n]), -1) for n in self.arrays], axis=1)
+            for arrays in answers
+        ]
+        return rows[0] if len(rows) == 1 else np.concatenate(rows)
+
+    def _check_finite(self, values: Array, episodes: Sequence[Mapping[str, int]]) -> None:
+        """Raises ReactsimError for an action that the program would refuse."""
+        if np.isfinite(values).all():
+            return
+        begun = {episode["slot"] for episode in episodes}
+        for slot, i in np.argwhere(~np.isfinite(values)).tolist():
+            if slot not in begun:
+                raise ReactsimError(
+                    f"value {i} of the action of slot {slot} is {values[slot, i]}, expected a"
+                    " finite number"
+                )
+
+
+def _joined(answers: Sequence[Mapping[str, Array]], name: str) -> Array:
+    if len(answers) == 1:
+        return answers[0][name]
+    return np.concatenate([arrays[name] for arrays in answers])
+
+
+def _jobs(jobs: int | None, episodes: int, simulator: Any, action: str) -> int:
+    """Returns the number of processes, by default one per core if each has several episodes."""
+    is_baseline = isinstance(simulator, str) and ("=" not in simulator or ":" in simulator)
+    single = None
+    if not is_baseline:
+        single = "of one's own"
+    elif action == "state":
+        single = "with states as actions"
+    if jobs is None:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        return 1 if single else max(1, min(cores or 1, episodes // MIN_SHARE))
+    jobs = whole("jobs", jobs, least=1, most=episodes)
+    if single and jobs > 1:
+        raise ValueError(f"`jobs` is {jobs}, expected 1 for simulators {single}")
+    return jobs
+
+
+def check_render_mode(render_mode: str | None) -> None:
+    """Raises ValueError for another mode than those of `metadata`."""
+    if render_mode not in (None, "rgb_array"):
+        raise ValueError(f"`render_mode` is {render_mode!r}, expected None or 'rgb_array'")
 
 
 def check_names(owner: str, rolled_out: Mapping[str, Any]) -> None:
@@ -242,9 +405,11 @@ def selected(
     return scenarios.reading(), [scenarios.id]
 
 
-def observation_space(shapes: Sequence[tuple[str, Sequence[int]]]) -> spaces.Dict:
-    """Returns the space of arrays with these names and shapes."""
+def observation_space(shapes: Sequence[tuple[str, Sequence[int]]], flat: bool = False) -> Any:
+    """Returns the space of arrays with these names and shapes, or of all of them as a vector."""
     box = functools.partial(spaces.Box, -np.inf, np.inf, dtype=np.float32)
+    if flat:
+        return box(shape=(sum(int(np.prod(shape)) for _, shape in shapes),))
     return spaces.Dict({name: box(shape=tuple(shape)) for name, shape in shapes})
 
 
@@ -262,23 +427,28 @@ def weighted(reward: Reward, names: Sequence[str], measures: Array) -> Array:
     """Returns the reward of each row of measures, f64."""
     if callable(reward):
         return np.array([float(reward(dict(zip(names, row)))) for row in measures.tolist()])
+    # Unknown measures neither reward nor cost anything.
+    known = np.where(np.isfinite(measures), measures, 0.0)
     rewards = np.zeros(len(measures))
     for name, weight in reward.items():
-        # Unknown measures neither reward nor cost anything.
-        rewards += weight * np.nan_to_num(measures[:, names.index(name)], posinf=0.0)
+        rewards += weight * known[:, names.index(name)]
     return rewards
 
 
 def action_space(action: str, poses: int) -> spaces.Box:
     """Returns the space of actions of a kind."""
-    if action == "bicycle":
-        high = np.array([MAX_ACCELERATION, MAX_CURVATURE], np.float32)
-    elif action == "plan":
-        pose = np.array([MAX_PLANNED, MAX_PLANNED, np.pi], np.float32)
-        high = np.tile(pose, (poses, 1))
-    else:
+    if action == "state":
         return spaces.Box(-np.inf, np.inf, (5,), np.float64)
+    high = bounds(action, poses).astype(np.float32)
     return spaces.Box(-high, high, dtype=np.float32)
+
+
+def bounds(action: str, poses: int) -> Array:
+    """Returns the largest values of actions other than states, f64 [2] or [poses, 3]."""
+    if action == "bicycle":
+        return np.array([MAX_ACCELERATION, MAX_CURVATURE])
+    metres = MAX_PLANNED * max(1.0, poses / STEPS)
+    return np.tile([metres, metres, np.pi], (poses, 1))
 
 
 def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
@@ -300,9 +470,10 @@ def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
 class Env(gymnasium.Env[dict[str, Array], Array]):
     """An environment in which actions drive the AV and a simulator moves all other agents.
 
-    An episode has 80 steps of 0.1 s. It is truncated after the last step, or if the simulator finds
-    no plan (`info["failure"]`); it terminates at a condition of `end_at`. Without a condition it
-    continues after contacts, as in the benchmark. A `Simulator` that raises is an error.
+    An episode has the steps of its scenario, 80 of 0.1 s in the benchmark. It is truncated after
+    the last step, or if the simulator finds no plan (`info["failure"]`); it terminates at a
+    condition of `end_at`. Without a condition it continues after contacts, as in the benchmark. A
+    `Simulator` that raises is an error.
     Observations and measures are described in `reactsim.environment`.
 
     `reset` chooses a scenario at random; `options={"scenario": id or index, "rollout": 0}` names
@@ -328,11 +499,16 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         every: Number of steps of 0.1 s per action. Measures are then sums of progress, flags that
             are 1 at any step, the smallest time to collision, and the last speed.
         agents: Number of the nearest agents that are observed.
-        history: Number of frames that are observed, 1 to 11.
+        history: Number of frames that are observed, 1 to 100; frames before the first one are
+            absent.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.
         route: Number of points of the route that are observed.
+        flat: Observe one vector, all arrays one after the other, instead of a dictionary.
+        normalized: Actions are from -1 to 1, in units of the bounds above (of a plan π and 400 m,
+            or 5 m per pose of more than 80).
+        render_mode: "rgb_array" for pictures by `render`.
         reward: Weights of measures, or a function of the measures; `REWARD` by default.
         end_at: Conditions that terminate an episode: "contact", "at-fault-contact", "off-road".
         scores: Score episodes after their end.
@@ -353,12 +529,23 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
 
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 # as gymnasium declares it
+    metadata: dict[str, Any] = {  # noqa: RUF012 # as gymnasium declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": RENDER_FPS,
+    }
 
     def __init__(
-        self, scenarios: Sources | Scenario = None, simulator: Any = "idm", **settings: Any
+        self,
+        scenarios: Sources | Scenario = None,
+        simulator: Any = "idm",
+        *,
+        render_mode: str | None = None,
+        **settings: Any,
     ) -> None:
-        self._core = _Core("Env", 1, scenarios, simulator, **settings)
+        self.render_mode = render_mode
+        if "jobs" in settings:
+            raise TypeError("Env() got an unexpected keyword argument 'jobs'")
+        self._core = _Core("Env", 1, scenarios, simulator, render_mode=render_mode, **settings)
         self.observation_space = self._core.observation_space
         self.action_space = self._core.action_space
         self._info: dict[str, Any] | None = None
@@ -372,13 +559,14 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
     def states(self) -> Array:
         """Realised states of the episode so far, f64 [agents, frames, 5]: x, y, heading, vx, vy.
 
-        Frame of the scenario; NaN where absent or unknown. Frames begin with the 11 of the history.
+        Frame of the scenario, metres, radians and m/s; NaN where absent or unknown. Frames begin
+        with those of the history.
         """
         return self._core.states(0)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, Array], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begins an episode; see the class for `options`."""
         super().reset(seed=seed)
         chosen = dict(options or {})
@@ -387,36 +575,70 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
             raise ValueError(f"`options` has {sorted(unknown)}, expected `scenario` and `rollout`")
         self._info = None
         episode = self._core.episode(0, self.np_random, **chosen)
-        arrays = self._core.reset([episode])
+        observations = self._core.reset([episode])
         scenario = self._core.scenarios[episode["scenario"]]
         self._info = {"scenario": scenario, "rollout": episode["rollout"]}
-        return {name: array[0] for name, array in arrays.items()}, dict(self._info)
+        return _first(observations), dict(self._info)
 
-    def step(self, action: Any) -> tuple[dict[str, Array], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Executes an action; returns observation, reward, terminated, truncated and `info`."""
         core = self._core
         if self._info is None:
             raise ReactsimError("no episode has begun, or it is over: call `reset` first")
-        shape = core.action_space.shape
-        values = checked(action, shape, shape)
-        ends, arrays = core.process.request("step", {"episodes": []}, {"actions": values})
+        observations, ends, arrays = core.step(action, core.action_space.shape, [])
         measures = arrays["measures"]
         reward = float(weighted(core.reward, core.measures, measures)[0])
         info = {**self._info, **dict(zip(core.measures, measures[0].tolist()))}
         terminated, truncated = bool(arrays["terminated"][0]), bool(arrays["truncated"][0])
         if terminated or truncated:
-            info.update(end_info(ends["0"]))
+            info.update(end_info(ends[0]))
             self._info = None
-        observation = {name: arrays[name][0] for name in core.arrays}
-        return observation, reward, terminated, truncated, info
+        return _first(observations), reward, terminated, truncated, info
+
+    def render(self) -> Array | None:
+        """Returns a picture of the present step, u8 [height, width, 3], as `Scenario.gif` draws it.
+
+        None without `render_mode="rgb_array"`.
+        """
+        return None if self.render_mode is None else self._core.picture(0)
+
+    def save_gif(
+        self,
+        path: PathLike,
+        *,
+        size: int = 480,
+        radius: float | None = None,
+        every: int = 1,
+        follow: bool = False,
+    ) -> Gif:
+        """Writes an animation of the episode so far and returns it; notebooks show it.
+
+        Args:
+            path: File to write, such as "episode.gif".
+            size: Side of the picture, pixels, 100 to 1200.
+            radius: Half of the side of the picture, metres; by default large enough for the path of
+                the AV, or 40 with `follow`.
+            every: Show only every Nth step of 0.1 s.
+            follow: Keep the AV in the middle, which makes larger files.
+
+        """
+        options = {"size": size, "radius": radius, "every": every, "follow": follow}
+        return self._core.save_gif(path, 0, **options)
 
     def close(self) -> None:
         """Ends the process of the program."""
-        self._core.process.close()
+        self._core.close()
+
+
+def _first(observations: Any) -> Any:
+    """Returns the first row of observations."""
+    if isinstance(observations, dict):
+        return {name: array[0] for name, array in observations.items()}
+    return observations[0]
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
-    """Many episodes in lockstep, in one process of the program.
+    """Many episodes in lockstep, shared among processes of the program.
 
     The interface follows gymnasium's vectorised environments with the mode NEXT_STEP: the first
     step after the end of an episode ignores its action and begins the next episode of its slot. A
@@ -430,12 +652,17 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         scenarios: As for `Env`.
         simulator: As for `Env`.
         num_envs: Number of episodes.
+        jobs: Number of processes, each of which keeps all scenarios in memory. By default one per
+            core with at least 4 episodes each, and one for simulators of one's own and for states
+            as actions. Results do not depend on it.
+        render_mode: As for `Env`.
         settings: The other arguments of `Env`.
 
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
-        "render_modes": [],
+        "render_modes": ["rgb_array"],
+        "render_fps": RENDER_FPS,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
@@ -445,11 +672,15 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         simulator: Any = "idm",
         *,
         num_envs: int = 16,
+        jobs: int | None = None,
+        render_mode: str | None = None,
         **settings: Any,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"`num_envs` is {num_envs}, expected at least 1")
-        self._core = _Core("VectorEnv", num_envs, scenarios, simulator, **settings)
+        self.render_mode = render_mode
+        given = {"jobs": jobs, "render_mode": render_mode, **settings}
+        self._core = _Core("VectorEnv", num_envs, scenarios, simulator, **given)
         self.num_envs = num_envs
         self.single_observation_space = self._core.observation_space
         self.single_action_space = self._core.action_space
@@ -470,7 +701,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[dict[str, Array], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begins all episodes.
 
         `options={"scenarios": [...], "rollouts": [...]}` has ids or indices of scenarios, and
@@ -497,18 +728,17 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         self._is_over[:] = False
         return observation, self._infos()
 
-    def step(self, actions: Any) -> tuple[dict[str, Array], Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
         """Executes an action per episode."""
         core = self._core
         if not self._episodes:
             raise ReactsimError("no episode has begun: call `reset` first")
-        shape = core.action_space.shape
-        values = checked(actions, (self.num_envs, *shape), shape)
         # A step that is refused and tried again begins the same episodes.
         if self._next is None:
             over = np.flatnonzero(self._is_over).tolist()
             self._next = [core.episode(slot, self.np_random) for slot in over]
-        ends, arrays = core.process.request("step", {"episodes": self._next}, {"actions": values})
+        shape = (self.num_envs, *core.action_space.shape)
+        observation, ends, arrays = core.step(actions, shape, self._next)
         for episode in self._next:
             self._episodes[episode["slot"]] = episode
         self._next = None
@@ -517,20 +747,45 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         rewards[self._is_over] = 0.0
         infos = self._infos()
         infos.update({name: measures[:, k].copy() for k, name in enumerate(core.measures)})
-        for name in core.measures:
-            infos[f"_{name}"] = ~self._is_over
+        was_running = ~self._is_over
+        infos.update({f"_{name}": was_running.copy() for name in core.measures})
         for slot, end in ends.items():
             for name, value in end_info(end).items():
                 if name not in infos:
                     infos[name] = np.full(self.num_envs, None, object)
                     infos[f"_{name}"] = np.zeros(self.num_envs, np.bool_)
-                infos[name][int(slot)] = value
-                infos[f"_{name}"][int(slot)] = True
+                infos[name][slot] = value
+                infos[f"_{name}"][slot] = True
         terminated = arrays["terminated"].astype(np.bool_)
         truncated = arrays["truncated"].astype(np.bool_)
         self._is_over = terminated | truncated
-        observation = {name: arrays[name] for name in core.arrays}
         return observation, rewards, terminated, truncated, infos
+
+    def restart(self) -> Any:
+        """Begins the next episode in place of each that is over, without a step of the others.
+
+        For libraries whose environments begin the next episode within the last step. Returns the
+        first observations of these episodes, in the order of their slots.
+        """
+        over = np.flatnonzero(self._is_over).tolist()
+        if not over:
+            raise ReactsimError("no episode is over")
+        episodes = [self._core.episode(slot, self.np_random) for slot in over]
+        observation = self._core.begin(episodes)
+        for episode in episodes:
+            self._episodes[episode["slot"]] = episode
+        self._is_over[:], self._next = False, None
+        return observation
+
+    def render(self) -> tuple[Array, ...] | None:
+        """Returns a picture of each episode at present, as `Env.render`."""
+        if self.render_mode is None:
+            return None
+        return tuple(self._core.picture(index) for index in range(self.num_envs))
+
+    def save_gif(self, path: PathLike, index: int, **options: Any) -> Gif:
+        """Writes an animation of an episode so far; `options` are those of `Env.save_gif`."""
+        return self._core.save_gif(path, index, **options)
 
     def _infos(self) -> dict[str, Any]:
         scenarios = [self._core.scenarios[episode["scenario"]] for episode in self._episodes]
@@ -540,5 +795,5 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         }
 
     def close_extras(self, **_: Any) -> None:
-        """Ends the process of the program."""
-        self._core.process.close()
+        """Ends the processes of the program."""
+        self._core.close()

@@ -41,26 +41,30 @@ class Case:
     """One rollout of a scenario, which a metric judges.
 
     Positions are metres in the local frame of the scenario, headings radians counter-clockwise,
-    velocities m/s. Frames are 0.1 s apart: frame 10 is the current frame, and step k is frame
-    10 + k. Poses are those of box centres.
+    velocities m/s. Frames are 0.1 s apart; step k is frame `scenario.n_history - 1 + k`, that is
+    10 + k in the benchmark. Poses are those of box centres.
+
+    Attributes:
+        scenario: The scenario: ids (`agents`), `kinds` and `sizes` [n, 2] of the n agents, of which
+            the first is the AV, `lanes` and other lines of the map, `lights`, and the log
+            (`states`, `present`).
+        simulator: Id of the simulator.
+        rollout: Index of the rollout.
+        states: Realised states at all frames (91 in the benchmark), f64 [n, frames, 5]: x, y,
+            heading, vx, vy in metres, radians and m/s; NaN where absent or unknown.
+        events: Occurrences that the metrics of the program counted in this rollout.
+
     """
 
     scenario: Scenario
-    """The scenario: ids (`agents`), `kinds` and `sizes` [n, 2] of the n agents, of which the first
-    is the AV, `lanes` and other lines of the map, `lights`, and the log (`states`, `present`)."""
     simulator: str
-    """Id of the simulator."""
     rollout: int
-    """Index of the rollout."""
     states: Array
-    """Realised states at all 91 frames, f64 [n, 91, 5]: x, y, heading, vx, vy; NaN where absent or
-    unknown."""
     events: list[Event]
-    """Occurrences that the metrics of the program counted in this rollout."""
 
     @property
     def present(self) -> Array:
-        """Whether each agent is present at each of the 91 frames, bool [n, 91]."""
+        """Whether each agent is present at each frame, bool [n, frames]."""
         present: Array = ~np.isnan(self.states[..., 0])
         return present
 
@@ -73,16 +77,20 @@ class Metric:
 
     `reactsim.run(..., metrics=[Mine()])` and `Results.add_metrics` compute it for every rollout.
     Several rollouts of a scenario are averaged.
+
+    Attributes:
+        id: Id in rows and files: lower-case letters, digits and hyphens, such as "mean-headway".
+        title: Title of the column in tables.
+        unit: Unit: "count", "rate" (a share, printed in percent), "m", "s" or any other; may be
+            empty.
+        direction: Better values: "lower" or "higher".
+
     """
 
     id: str = ""
-    """Id in rows and files: lower-case letters, digits and hyphens, such as "mean-headway"."""
     title: str = ""
-    """Title of the column in tables."""
     unit: str = ""
-    """Unit: "count", "rate" (a share, printed in percent), "m", "s" or any other; may be empty."""
     direction: str = "lower"
-    """Better values: "lower" or "higher"."""
 
     def score(self, case: Case) -> Score:
         """Returns the value of a rollout, or None where nothing can be judged.
@@ -103,7 +111,7 @@ class Metric:
         counted: bool = True,
         **values: float,
     ) -> Event:
-        """Returns an occurrence of an agent, by id, from `step` (1 to 80) to `last_step`.
+        """Returns an occurrence of an agent, by id, from `step` (at least 1) to `last_step`.
 
         Args:
             agent: Id of the agent.
@@ -229,7 +237,7 @@ def _pairs(results: Results, source: Sources, **as_read: Any) -> Iterator[tuple[
 
 
 def _states(scenario: Scenario, rollout: Rollout) -> Array:
-    """Returns history and realised states of a rollout, f64 [n, 91, 5]; NaN where absent."""
+    """Returns history and realised states of a rollout, f64 [n, frames, 5]; NaN where absent."""
     if rollout.agents != scenario.agents:
         raise ReactsimError(
             f"scenario `{scenario.id}` has other agents than its kept rollouts: give the scenarios"

@@ -21,14 +21,15 @@ import numpy as np
 
 from .client import (
     DT,
-    HISTORY,
     Array,
+    Continuation,
     Kind,
     Light,
     Planner,
     PlannerObservation,
     Scene,
     Trajectory,
+    most_poses,
 )
 
 __all__ = ["LOCATIONS", "wrap"]
@@ -44,7 +45,6 @@ LOCATIONS = (
 BUFFER = 22  # samples of a full history: 2 s and the present, and one more, as in the devkit
 STEP_US = 100_000  # microseconds between two frames
 LATE_US = 1_000  # microseconds by which times of planners may be rounded
-MOST_POSES = 80  # poses of a trajectory
 SAME_LANE = 1.0  # metres between the centre lines of a lane of the scene and that of nuPlan's map
 STANDSTILL = 0.5  # m/s: slower vehicles have no steering angle that their motion reveals
 
@@ -112,8 +112,12 @@ def wrap(
       objects. Objects on roads above or below are included, since planners receive no heights.
     - lights of lanes, as far as they are observed.
     - the route: roadblocks in driving order; the only roadblock of a route is named twice.
-    - a history of up to 22 samples at 0.1 s. A scenario begins 1 s before the first plan, at which
-      the planner receives 11 samples.
+    - a history of up to 22 samples at 0.1 s. A scenario of the benchmark begins 1 s before the
+      first plan, at which the planner receives 11 samples.
+
+    When agents enter or leave, the same planner goes on with its history, in which the others keep
+    their tokens; after an interval between plans that is longer than the history of the scenario,
+    the history begins anew.
 
     The mission goal is the end of the last lane of the route: that of the log is not revealed. The
     time is 0 at the first frame of the history. The returned trajectory is sampled every 0.1 s from
@@ -130,9 +134,9 @@ def wrap(
             the coordinates of the scene, whose origin is the AV at the current frame; see
             `reactsim.nuplan_map.SceneMap`.
         name: Name in tables; that of the planner by default.
-        extend_history: Fill the history of the first second before its first frame with motion at
-            constant velocity, for planners that need two seconds. Without it, such planners fail at
-            their first plans with an error of their own.
+        extend_history: Fill the history before its first frame with motion at constant velocity,
+            for planners that need two seconds. Without it, such planners fail at their first plans
+            with an error of their own, unless the scenario has a longer history.
 
     Raises:
         ImportError: The devkit is missing.
@@ -207,8 +211,13 @@ class _NuplanPlanner(Planner):
         return planner
 
     def begin(self, scene: Scene) -> _Episode:
-        """Makes a planner for the rollout; it is initialised at its first plan."""
-        return _Episode(self.devkit, self._new(), scene)
+        """Makes a planner for a new rollout; it is initialised at its first plan."""
+        before = scene.scenes.continues
+        if before is None:
+            return _Episode(self.devkit, self._new(), scene)
+        episode: _Episode = before.memory
+        episode.go_on(scene, before)
+        return episode
 
     def plan(self, seen: PlannerObservation) -> Trajectory:
         """Returns poses of the centre of the AV."""
@@ -375,13 +384,41 @@ class _Episode:
         self.planner = planner
         self.scene = scene
         self.is_open = False
-        self.frames = 0  # number of frames in the buffer
+        self.first = 0
+        """Frame of the rollout that is frame 0 of the scene; not 0 after agents entered or left."""
+        self.frames = 0
+        """Number of frames of the rollout that the planner has observed."""
         self.ego_states: list[Any] = []
         self.observations: list[Any] = []
+        self.numbers = list(range(scene.n_agents))
+        """Number of each agent, which is its token, throughout the rollout."""
+        self.obstacle_numbers = [scene.n_agents + k for k in range(len(scene.obstacles))]
+        self.next_number = scene.n_agents + len(scene.obstacles)
         length, width = scene.sizes[0].tolist()
         if not (length > 0.0 and width > 0.0):
             raise ValueError(f"the AV has a box of {length} m x {width} m, expected an extent")
         self.vehicle = _vehicle(devkit, length, width)
+
+    def go_on(self, scene: Scene, before: Continuation) -> None:
+        """Continues in a scene in which agents have entered or left."""
+        self.first += before.frame + 1 - scene.n_history
+        numbers, slots = self.numbers, before.slots.tolist()
+        self.numbers = [numbers[slot] if slot >= 0 else self._new_number() for slot in slots]
+        boxes = map(tuple, self.scene.obstacles.tolist())
+        known = dict(zip(boxes, self.obstacle_numbers))
+        self.obstacle_numbers = []
+        for box in map(tuple, scene.obstacles.tolist()):
+            number = known.pop(box, None)
+            self.obstacle_numbers.append(self._new_number() if number is None else number)
+        self.scene = scene
+        if self.first > self.frames:
+            # Frames are missing between the last plan and the history of the scene.
+            self.ego_states.clear()
+            self.observations.clear()
+
+    def _new_number(self) -> int:
+        self.next_number += 1
+        return self.next_number - 1
 
     def open(self, place: _Place, extend_history: bool) -> None:
         """Initialises the planner."""
@@ -397,29 +434,32 @@ class _Episode:
     def observe(self, seen: PlannerObservation) -> None:
         """Appends the frames since the plan before to the history."""
         last = seen.frame + 1
+        known = max(self.frames - self.first, 0)
         present = seen.valid[0, :last]
         absent = np.flatnonzero(~present)
         # The states of the AV without a gap, as far as differences need them.
-        start = max(int(absent[-1]) + 1 if len(absent) else 0, self.frames - 2)
+        start = max(int(absent[-1]) + 1 if len(absent) else 0, known - 2)
         motions = ego_motions(seen.states[0, start:last], self.vehicle)
         # Logs have no steering angles, and nuPlan begins simulations without any turn.
-        motions[: max(HISTORY - start, 0), 4] = 0.0
+        logged = self.scene.n_history - self.first
+        motions[: max(logged - start, 0), 4] = 0.0
         if seen.ego is not None:
             motions[-1] = seen.ego
-        elif seen.frame == HISTORY - 1:
+        elif last == logged:
             motions[-1, 4:] = 0.0
-        if self.frames == 0 and self.extend_history:
-            self._extend(seen, start, motions[0])
-        for frame in range(max(start, self.frames), last):
+        begin = max(start, known, last - BUFFER)
+        if not self.ego_states and self.extend_history:
+            self._extend(seen, begin, motions[begin - start])
+        for frame in range(begin, last):
             self._append(seen, frame, seen.states[:, frame], motions[frame - start])
-        self.frames = last
+        self.frames = self.first + last
 
     def _extend(self, seen: PlannerObservation, first: int, motion: Array) -> None:
         """Prepends frames before `first`, in which all road users keep their velocities."""
         states = seen.states[:, first]
         velocities = np.array([_velocity(seen, agent, first) for agent in range(len(states))])
         straight = np.array([motion[0], motion[1], *np.zeros(5)])
-        for frame in range(HISTORY - BUFFER, first):
+        for frame in range(seen.frame + 1 - BUFFER, first):
             before = states.copy()
             before[:, :2] += velocities * DT * (frame - first)
             self._append(seen, frame, before, straight, at=first)
@@ -440,7 +480,8 @@ class _Episode:
 
     def _time(self, frame: int) -> int:
         """Returns the time of a frame, µs: 0 at the first one that can be in a buffer."""
-        return (frame + (BUFFER - HISTORY if self.extend_history else 0)) * STEP_US
+        before = max(BUFFER - self.scene.n_history, 0) if self.extend_history else 0
+        return (self.first + frame + before) * STEP_US
 
     def _ego(self, state: Array, motion: Array, time: int) -> Any:
         devkit = self.devkit
@@ -470,7 +511,7 @@ class _Episode:
             length, width = sizes[agent].tolist()
             if not (seen.valid[agent, frame] and length > 0.0 and width > 0.0):
                 continue
-            metadata = self._metadata(agent, time)
+            metadata = self._metadata(self.numbers[agent], time)
             box = self._box(states[agent, :3], length, width)
             kind = _AGENTS.get(kinds[agent])
             if kind is None:
@@ -485,9 +526,9 @@ class _Episode:
                     metadata=metadata,
                 )
             )
-        for k, obstacle in enumerate(self.scene.obstacles):
+        for number, obstacle in zip(self.obstacle_numbers, self.scene.obstacles):
             box = self._box(obstacle[:3], *obstacle[3:].tolist())
-            metadata = self._metadata(len(states) + k, time)
+            metadata = self._metadata(number, time)
             tracked.append(devkit.StaticObject(types.GENERIC_OBJECT, box, metadata))
         return devkit.DetectionsTracks(tracked_objects=devkit.TrackedObjects(tracked))
 
@@ -520,7 +561,8 @@ class _Episode:
             BUFFER, list(self.ego_states), list(self.observations), DT
         )
         now = devkit.SimulationIteration(
-            time_point=devkit.TimePoint(self._time(seen.frame)), index=seen.frame - HISTORY + 1
+            time_point=devkit.TimePoint(self._time(seen.frame)),
+            index=self.first + seen.frame + 1 - self.scene.n_history,
         )
         current = devkit.PlannerInput(
             iteration=now, history=history, traffic_light_data=self._lights(seen)
@@ -544,7 +586,7 @@ class _Episode:
                 f" {(end - now) * 1e-6:g} s after the present, expected one from 0 s to at least"
                 f" {seen.steps * DT:g} s, the time of the next plan"
             )
-        count = min((end - now + LATE_US) // STEP_US, MOST_POSES)
+        count = min((end - now + LATE_US) // STEP_US, most_poses(self.scene, seen.frame))
         times = [min(max(now + k * STEP_US, start), end) for k in range(count + 1)]
         poses = np.array([self._center(trajectory, time, place) for time in times])
         if not np.isfinite(poses).all():

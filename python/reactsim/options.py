@@ -95,10 +95,18 @@ def selection(ids: Sequence[str], categories: Sequence[str]) -> Options:
     return [*each("--id", ids), *each("--category", categories)]
 
 
-def reading(current_frame: int | None, window_step: int | None, all_agents: bool) -> Options:
+def reading(
+    current_frame: int | None,
+    window_step: int | None,
+    history: int | None,
+    future: int | str | None,
+    all_agents: bool,
+) -> Options:
     """Returns the options that determine how recordings become scenarios."""
     return [
         ("--current-frame", current_frame),
         ("--window-step", window_step),
+        ("--history", history),
+        ("--future", future),
         ("--all-agents", all_agents),
     ]

@@ -20,12 +20,15 @@ from typing import Any
 import numpy as np
 
 from .client import Array
+from .display import Gif
 from .environment import (
     MAX_ROLLOUT,
+    RENDER_FPS,
     ROLLOUTS,
     Reward,
     action_space,
     check_names,
+    check_render_mode,
     checked,
     end_info,
     index_of,
@@ -35,6 +38,7 @@ from .environment import (
     weighted,
 )
 from .options import PathLike, Sources, whole
+from .pictures import drawing, save_drawing
 from .process import ProgramProcess
 from .program import ReactsimError, text_of
 from .scenarios import Scenario
@@ -60,8 +64,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     Agents are `agent_1`, `agent_2`, ...: those that are present at the current frame, by their
     distance to the AV. Actions move all of them, or the nearest ones (`controlled`) among others
     that `simulator` moves. `infos` has the id of each agent in its recording. An episode is
-    truncated after 80 steps of 0.1 s; `scores` of every `info` then has the metrics of the
-    benchmark.
+    truncated after the steps of its scenario, 80 of 0.1 s in the benchmark; `scores` of every
+    `info` then has the metrics of the benchmark.
 
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
@@ -75,10 +79,11 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         limit: Only the first `limit` scenarios of every file.
         action: "bicycle" or "state", as for `Env`.
         agents: Number of the nearest agents, the AV included, that each agent observes.
-        history: Number of frames that are observed, 1 to 11.
+        history: Number of frames that are observed, 1 to 100, as for `Env`.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.
+        render_mode: "rgb_array" for pictures by `render`.
         reward: Weights of measures, or a function of the measures; `AGENT_REWARD` by default.
         scores: Score episodes after their last step.
         metric_options: Variants of the metrics.
@@ -94,7 +99,11 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
 
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "name": "reactsim"}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": RENDER_FPS,
+        "name": "reactsim",
+    }
 
     def __init__(
         self,
@@ -112,6 +121,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         lanes: int = 64,
         points: int = 10,
         lights: int = 8,
+        render_mode: str | None = None,
         reward: Reward | None = None,
         scores: bool = True,
         metric_options: Mapping[str, Any] | None = None,
@@ -120,6 +130,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         all_agents: bool = False,
         **rolled_out: Any,
     ) -> None:
+        check_render_mode(render_mode)
+        self.render_mode = render_mode
         if action not in ("bicycle", "state"):
             raise ValueError(f"`action` is {action!r}, expected bicycle or state")
         if isinstance(scenarios, Scenario) and deviations is None:
@@ -184,7 +196,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     def states(self) -> Array:
         """Realised states so far, f64 [1 + agents, frames, 5]: the AV, then the agents.
 
-        x, y, heading, vx, vy in the frame of the scenario; NaN where absent or unknown.
+        x, y, heading, vx, vy in the frame of the scenario, in metres, radians and m/s; NaN where
+        absent or unknown.
         """
         _, arrays = self._process.request("world-tracks", {})
         return arrays["states"]
@@ -276,6 +289,17 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             agent: {name: arrays[name][k] for name in self._arrays}
             for k, agent in enumerate(self.agents)
         }
+
+    def render(self) -> Array | None:
+        """Returns a picture of the present step, as `Env.render`."""
+        if self.render_mode is None:
+            return None
+        return self._process.request("world-draw", drawing(follow=True))[1]["rgb"]
+
+    def save_gif(self, path: PathLike, **options: Any) -> Gif:
+        """Writes an animation of the episode so far; `options` are those of `Env.save_gif`."""
+        given = drawing(**{"every": 1, **options})
+        return save_drawing(path, self._process.request("world-draw", given)[1])
 
     def close(self) -> None:
         """Ends the process of the program."""

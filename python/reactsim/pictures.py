@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import shlex
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .options import PathLike, of_keywords, paths
+from .client import Array
+from .display import Gif
+from .options import PathLike, of_keywords, paths, whole
 from .program import ReactsimError, arguments, invoke
 
-__all__ = ["picture"]
+__all__ = ["drawing", "picture", "save_drawing"]
 
 
 def picture(kind: str, source: PathLike | None, **options: Any) -> bytes:
@@ -26,3 +29,27 @@ def picture(kind: str, source: PathLike | None, **options: Any) -> bytes:
         if not path.is_file():
             raise ReactsimError(f"`reactsim {shlex.join(command)}` wrote no picture")
         return path.read_bytes()
+
+
+def drawing(
+    *,
+    size: int = 480,
+    radius: float | None = None,
+    every: int | None = None,
+    follow: bool = False,
+) -> dict[str, Any]:
+    """Returns the arguments of a request for a picture, or with `every` for an animation."""
+    return {
+        "size": whole("size", size, least=100, most=1200),
+        "radius": None if radius is None else float(radius),
+        "follow": bool(follow),
+        "every": None if every is None else whole("every", every, least=1),
+        "slot": 0,
+    }
+
+
+def save_drawing(path: PathLike, answer: Mapping[str, Array]) -> Gif:
+    """Writes the animation of an answer."""
+    gif = Gif(answer["gif"].tobytes())
+    Path(path).write_bytes(gif)
+    return gif

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .client import HISTORY, Array, Kind, Scene
+from .client import Array, Kind, Scene
 from .results import Rollout
 
 __all__ = ["plot_rollout", "plot_scene"]
@@ -17,17 +17,21 @@ AGENT_COLORS = {Kind.VEHICLE: "#4a7ab5", Kind.PEDESTRIAN: "#8e44ad", Kind.CYCLIS
 LINE_COLORS = {"centre": "#dddddd", "edge": "#555555", "paint": "#c9c9c9", "stop": "#c0392b"}
 
 
-def plot_scene(scene: Scene, ax: Any = None, frame: int = HISTORY - 1, radius: float = 60.0) -> Any:
+def plot_scene(scene: Scene, ax: Any = None, frame: int | None = None, radius: float = 60.0) -> Any:
     """Draws the map and the agents of a scene or scenario at a frame; returns the axes.
 
-    Frames after 10 need a scenario that was read with its future. `radius` is half of the side of
-    the picture, metres; the AV at the current frame is in the middle.
+    The frame is the current one by default; later ones need a scenario that was read with its
+    future. `radius` is half of the side of the picture, metres; the AV at the current frame is in
+    the middle.
     """
-    states = scene.history if frame < HISTORY else getattr(scene, "states", None)
-    valid = scene.valid if frame < HISTORY else getattr(scene, "present", None)
+    now, last = scene.n_history - 1, scene.n_history + scene.n_steps - 1
+    frame = now if frame is None else frame
+    states = scene.history if frame <= now else getattr(scene, "states", None)
+    valid = scene.valid if frame <= now else getattr(scene, "present", None)
     if states is None or valid is None or not 0 <= frame < states.shape[1]:
         raise ValueError(
-            f"frame {frame} is not known: it must be 0 to 10, or 0 to 90 with the logged future"
+            f"frame {frame} is not known: it must be 0 to {now}, or 0 to {last} with the logged"
+            " future"
         )
     ax = _prepare(scene, ax, radius)
     _boxes(ax, scene, states[:, frame], valid[:, frame])
@@ -43,8 +47,8 @@ def plot_rollout(
 ) -> Any:
     """Draws a rollout on its scenario and returns the axes.
 
-    The picture has the paths of all agents, and their boxes at a step (1 to 80). `rollout` is
-    one of `Results.rollouts`, or states [n, 80, 3 or more] of the agents of the scene.
+    The picture has the paths of all agents, and their boxes at a step, from 1. `rollout` is one of
+    `Results.rollouts`, or states [n, steps, 3 or more] of the agents of the scene.
     """
     if isinstance(rollout, Rollout):
         order: Sequence[str] = getattr(scene, "agents", ())

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import collections
+import contextlib
 import json
 import os
 import signal
 import subprocess
+import sys
 import threading
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,6 +32,7 @@ from .program import (
 
 __all__ = ["ProgramProcess", "attend", "first_errors", "own_session", "shared_request"]
 
+PIPE_SIZE = 1 << 20  # bytes; the largest one that Linux gives every user
 END_LIMIT = 2.0  # seconds that the process has to end after its input is closed
 
 
@@ -172,6 +175,7 @@ class ProgramProcess:
             cast("IO[bytes]", stream)
             for stream in (self._program.stdin, self._program.stdout, self._program.stderr)
         )
+        _enlarge(self._answers)
         self._last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
         self._messages = threading.Thread(
             target=_drain, args=(errors, self._last), daemon=True, name="reactsim session"
@@ -202,6 +206,13 @@ class ProgramProcess:
                 closed, has ended, belongs to another process, or answers another thread.
 
         """
+        self.send(kind, arguments, tensors)
+        return self.receive()
+
+    def send(
+        self, kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array] | None = None
+    ) -> None:
+        """Sends a request as `request` does; `receive` must follow."""
         if self._owner != os.getpid():
             raise ReactsimError(
                 f"the process of the program belongs to process {self._owner}, and this is process"
@@ -215,19 +226,32 @@ class ProgramProcess:
                 " at a time, or create one per thread"
             )
         try:
-            return self._exchange(kind, arguments, tensors or {})
+            # Headers of frames are bounded: texts of any length are arrays, in both directions.
+            text = np.frombuffer(json.dumps(arguments, default=_plain).encode(), np.uint8)
+            self._seq += 1
+            self._programs.raised = None
+            sent = {**(tensors or {}), "arguments": text}
+            write_frame(self._requests, kind, str(self._seq), None, sent)
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # The end of the answers follows.
+        except TypeError:
+            self._lock.release()
+            raise
+        except BaseException:
+            self.close()
+            self._lock.release()
+            raise
+
+    def receive(self) -> tuple[Any, dict[str, Array]]:
+        """Waits for the answer to the request that was sent, and returns it as `request` does."""
+        try:
+            return self._receive()
         finally:
             self._lock.release()
 
-    def _exchange(
-        self, kind: str, arguments: Mapping[str, Any], tensors: Mapping[str, Array]
-    ) -> tuple[Any, dict[str, Array]]:
-        # Headers of frames are bounded: texts of any length are arrays, in both directions.
-        text = np.frombuffer(json.dumps(arguments, default=_plain).encode(), np.uint8)
-        self._seq += 1
-        seq, self._programs.raised = str(self._seq), None
+    def _receive(self) -> tuple[Any, dict[str, Array]]:
+        seq = str(self._seq)
         try:
-            write_frame(self._requests, kind, seq, None, {**tensors, "arguments": text})
             answer = read_frame(self._answers)
             while answer is not None and "to" in answer[0]:
                 self._programs.respond(answer, self._requests)
@@ -289,6 +313,16 @@ def shared_request(
         if not _shared or not _shared[0].is_open:
             _shared[:] = [ProgramProcess()]
         return _shared[0].request(kind, arguments, tensors)
+
+
+def _enlarge(pipe: IO[bytes]) -> None:
+    """Lets a whole answer fit into a pipe, so that the program does not wait for its reader."""
+    if sys.platform == "linux":
+        import fcntl
+
+        with contextlib.suppress(OSError):  # a lower limit
+            # `F_SETPIPE_SZ`, which Python 3.9 does not name
+            fcntl.fcntl(pipe, 1031, PIPE_SIZE)
 
 
 def _plain(value: Any) -> Any:

@@ -50,10 +50,14 @@ INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to wri
 
 
 class ReactsimError(RuntimeError):
-    """The program cannot be started, or it has failed."""
+    """The program cannot be started, or it has failed.
+
+    Attributes:
+        results: The finished run, if `reactsim.run` failed in a metric of your own after it.
+
+    """
 
     results: Any = None
-    """The finished run, if `reactsim.run` failed in a metric of your own after it."""
 
 
 def find_program() -> str:
@@ -133,16 +137,20 @@ def start(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
 
 
 class Output(NamedTuple):
-    """What a command of the program wrote. Notebooks show its text, or its page."""
+    """What a command of the program wrote. Notebooks show its text, or its page.
+
+    Attributes:
+        code: Exit code.
+        text: Standard output.
+        messages: Last lines of standard error.
+        path: File or folder of the option `--out`.
+
+    """
 
     code: int
-    """Exit code."""
     text: str
-    """Standard output."""
     messages: list[str]
-    """Last lines of standard error."""
     path: Path | None
-    """File or folder of the option `--out`."""
 
     def __str__(self) -> str:
         return self.text

@@ -25,23 +25,32 @@ __all__ = ["Results", "Rollout", "frame_of", "value_of"]
 
 
 class Rollout(NamedTuple):
-    """Realised tracks of one scenario: steps 1 to 80, n agents."""
+    """Realised tracks of one scenario: all its steps, 80 in the benchmark, and n agents.
+
+    Attributes:
+        scenario: Id of the scenario.
+        simulator: Id of the simulator.
+        rollout: Index of the rollout.
+        agents: Ids of the agents.
+        states: States, f64 [n, steps, 5]: x, y, heading, vx, vy in the local frame, in metres,
+            radians and m/s; NaN where absent or unknown.
+        origin: World coordinates of the local origin, metres; NaN if unknown.
+        n_history: Number of frames before the first step, 11 in the benchmark.
+
+    """
 
     scenario: str
     simulator: str
     rollout: int
     agents: list[str]
-    """Ids of the agents."""
     states: Array
-    """States, f64 [n, 80, 5]: x, y, heading, vx, vy; NaN where absent or unknown. Metres, local
-    frame."""
     origin: tuple[float, float]
-    """World coordinates of the local origin, metres; NaN if unknown."""
+    n_history: int = HISTORY
 
     @property
     def frames(self) -> range:
-        """Frames of the states: 11 to 90."""
-        return range(HISTORY, HISTORY + self.states.shape[1])
+        """Frames of the states: 11 to 90 in the benchmark."""
+        return range(self.n_history, self.n_history + self.states.shape[1])
 
 
 class Results:
@@ -49,11 +58,14 @@ class Results:
 
     `rows`, `events` and `failures` are pandas data frames where pandas is installed, and lists of
     dictionaries otherwise.
+
+    Attributes:
+        folder: The run folder.
+
     """
 
     def __init__(self, folder: PathLike) -> None:
         self.folder = local_folder(folder)
-        """The run folder."""
         if not (self.folder / "provenance.json").is_file():
             raise FileNotFoundError(f"`{self.folder}` is no run folder: it has no provenance.json")
 
@@ -64,19 +76,23 @@ class Results:
         return str(self.folder)
 
     def _repr_markdown_(self) -> str:
-        return str(self.table())
+        return self.table()._repr_markdown_()
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
 
     def table(self, details: bool = False) -> Markdown:
         """Returns the results as a Markdown table, and that of the AV if a planner drives it.
 
-        With `details` the tables per kind of deviation and the notes follow.
+        The legend follows, with `details` after the tables per kind of deviation and the notes.
         """
         text = self._text("summary.md")
         if details:
             return Markdown(text)
         blocks = text.split("\n\n")
         has_av = len(blocks) > 2 and blocks[1].startswith("The AV,")
-        return Markdown("\n\n".join(blocks[: 3 if has_av else 1]).rstrip() + "\n")
+        legend = [block for block in blocks if "\nMeans over scenarios" in f"\n{block}"]
+        return Markdown("\n\n".join([*blocks[: 3 if has_av else 1], *legend]).rstrip() + "\n")
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -143,13 +159,19 @@ class Results:
             raise ImportError(
                 "reading rollouts needs pyarrow: pip install 'reactsim[pandas]'"
             ) from None
+        histories = {
+            row["scenario"]: row["length"]["history"]
+            for row in self._lines("rows.jsonl")
+            if "length" in row
+        }
         with parquet.ParquetFile(path) as file:
             for batch in file.iter_batches(batch_size=16):
                 for row in batch.to_pylist():
                     if simulator not in (None, row["simulator"]):
                         continue
                     if scenario in (None, row["scenario_id"]):
-                        yield _rollout(row)
+                        history = histories.get(row["scenario_id"], HISTORY)
+                        yield _rollout(row)._replace(n_history=history)
 
     def svg(
         self, scenario: str, simulator: str, *, source: PathLike | None = None, step: int = 40
@@ -191,6 +213,8 @@ class Results:
         deviations: PathLike | None = None,
         current_frame: int | None = None,
         window_step: int | None = None,
+        history: int | None = None,
+        future: int | str | None = None,
         all_agents: bool = False,
     ) -> None:
         """Computes metrics of your own for the kept rollouts and adds them to the run folder.
@@ -203,8 +227,10 @@ class Results:
             scenarios: Files, folders or URLs of the scenarios of the run; the shipped benchmark by
                 default.
             deviations: File of deviated AVs of the run.
-            current_frame: As in the run, as the two following.
+            current_frame: As in the run, as the four following.
             window_step: Frames between scenarios of one recording of 20 s.
+            history: Number of frames up to and including the current one.
+            future: Number of frames after the current one, or a time, or "log".
             all_agents: All agents were simulated.
 
         Raises:
@@ -221,6 +247,8 @@ class Results:
             deviations=deviations,
             current_frame=current_frame,
             window_step=window_step,
+            history=history,
+            future=future,
             all_agents=all_agents,
         )
         for name in ("summary", "provenance", "rows", "events"):
@@ -296,6 +324,7 @@ def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
     metrics = {name: value_of(value) for name, value in row["metrics"].items()}
     notes = {name: note["count"] for name, note in row.get("notes", {}).items()}
     prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_", "notes": "note_"}
+    prefixes["length"] = "length_"
     return _flat({**row, "metrics": metrics, "notes": notes}, prefixes)
 
 

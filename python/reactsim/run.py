@@ -46,6 +46,8 @@ def run(
     categories: Sequence[str] = (),
     current_frame: int | None = None,
     window_step: int | None = None,
+    history: int | None = None,
+    future: int | str | None = None,
     all_agents: bool = False,
     batch: int | None = None,
     out: PathLike | None = None,
@@ -89,6 +91,8 @@ def run(
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
+        history: Number of frames up to and including the current one.
+        future: Number of frames after the current one, or a time such as "15s", or "log".
         all_agents: Simulate all agents that are present at the current frame, of all kinds and any
             number, as the Sim Agents challenge requires.
         batch: Number of episodes per batch; the simulator's `batch` by default.
@@ -159,7 +163,7 @@ def run(
         ("--limit", limit),
         ("--jobs", jobs),
         *selection(ids, categories),
-        *reading(current_frame, window_step, all_agents),
+        *reading(current_frame, window_step, history, future, all_agents),
         ("--resume", resume),
         ("--reveal-ids", reveal_ids),
     ]
@@ -193,6 +197,8 @@ def run(
             "deviations": deviations,
             "current_frame": current_frame,
             "window_step": window_step,
+            "history": history,
+            "future": future,
             "all_agents": all_agents,
         }
         try:
@@ -221,6 +227,8 @@ def _scenarios_of(results: Results) -> dict[str, Any]:
         "deviations": None if deviations is None else found(deviations),
         "current_frame": spec.get("current-frame"),
         "window_step": spec.get("window-step"),
+        "history": spec.get("history"),
+        "future": spec.get("future"),
         "all_agents": spec.get("all-agents", False),
     }
 

@@ -12,7 +12,7 @@ from typing import IO, Any, cast
 
 import numpy as np
 
-from .client import HISTORY, Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
+from .client import STEPS, Array, ProtocolError, Scene, Scenes, _Tensors, read_frame
 from .display import Gif, Svg
 from .options import PathLike, Sources, paths, reading, selection
 from .pictures import picture
@@ -20,11 +20,30 @@ from .program import CHECK, ReactsimError, arguments, find_program, start
 
 __all__ = ["STEPS", "Scenario", "reading_of", "scenarios"]
 
-STEPS = 80  # steps after the current frame
-
 
 class Scenario(Scene):
-    """A scenario with its logged future: agents, history, map, lights, and the deviated AV."""
+    """A scenario with its logged future: agents, history, map, lights, and the deviated AV.
+
+    Attributes:
+        id: Id of the scenario.
+        agents: Ids of the agents; the first one is the AV.
+        n_history: Number of frames up to and including the current one, 11 in the benchmark.
+        n_steps: Number of steps after the current frame, 80 in the benchmark.
+        origin: World coordinates of the local origin, metres.
+        source: File or folder that was read; None for the shipped benchmark.
+        deviations: File of deviated AVs with which it was read, if there was one.
+        obstacle_heights: Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown.
+        history_heights: Height of the bottom of each agent up to the current frame, f64 [n,
+            n_history], metres, NaN if unknown. Scenarios on one level have no heights.
+        future_heights: Heights after the current frame, f64 [n, n_steps].
+        future: Logged states after the current frame, f64 [n, n_steps, 5]: x, y, heading, vx, vy in
+            metres, radians and m/s; 0 where absent.
+        future_valid: Whether each agent is present after the current frame, bool [n, n_steps].
+        light_future: States of the traffic lights after the current frame, u8 [K, n_steps].
+        av: Deviated AV after the current frame, f64 [n_steps, 5], as `future`; None if the scenario
+            has none.
+
+    """
 
     def __init__(
         self,
@@ -40,43 +59,30 @@ class Scenario(Scene):
         if len(scenes) != 1:
             raise ProtocolError(f"{len(scenes)} scenarios in one message, expected 1")
         self.id: str = scenes.scenario_ids[0]
-        """Id of the scenario."""
         self.agents: list[str] = scenes.agent_ids[0]
-        """Ids of the agents; the first one is the AV."""
         self.origin: tuple[float, float] = (scenes.origins[0][0], scenes.origins[0][1])
-        """World coordinates of the local origin, metres."""
         self.source = source
-        """File or folder that was read; None for the shipped benchmark."""
         self.deviations = deviations
-        """File of deviated AVs with which it was read, if there was one."""
         self._reading = dict(reading or {})
         take = _Tensors(tensors)
         shape = scenes.kinds.shape
         n = self.n_agents
         scenes.lines.heights = take.take("point_heights", "F64", len(scenes.lines.points))
         self.obstacle_heights: Array = take.take("obstacle_heights", "F64", len(self.obstacles))
-        """Height of the bottom of each obstacle, f64 [O], metres, NaN if unknown."""
-        self.history_heights: Array = take.take("heights", "F64", *shape, HISTORY)[0, :n]
-        """Height of the bottom of each agent at frames 0 to 10, f64 [n, 11], metres, NaN if
-        unknown. Scenarios on one level have no heights."""
+        self.history_heights: Array = take.take("heights", "F64", *shape, self.n_history)[0, :n]
         self.future_heights: Array | None = None
-        """Heights at frames 11 to 90, f64 [n, 80]."""
         self.future: Array | None = None
-        """Logged states at frames 11 to 90, f64 [n, 80, 5]: x, y, heading, vx, vy; 0 where
-        absent."""
         self.future_valid: Array | None = None
-        """Whether each agent is present at frames 11 to 90, bool [n, 80]."""
         self.light_future: Array | None = None
-        """States of the traffic lights at frames 11 to 90, u8 [K, 80]."""
         self.av: Array | None = None
-        """Deviated AV at frames 11 to 90, f64 [80, 5]; None if the scenario has none."""
+        steps = self.n_steps
         if "future" in tensors:
-            self.future = take.take("future", "F64", *shape, STEPS, 5)[0, :n]
-            self.future_valid = take.take("future_valid", "BOOL", *shape, STEPS)[0, :n]
-            self.future_heights = take.take("future_heights", "F64", *shape, STEPS)[0, :n]
-            self.light_future = take.take("light_future", "U8", len(scenes.lights), STEPS)
+            self.future = take.take("future", "F64", *shape, steps, 5)[0, :n]
+            self.future_valid = take.take("future_valid", "BOOL", *shape, steps)[0, :n]
+            self.future_heights = take.take("future_heights", "F64", *shape, steps)[0, :n]
+            self.light_future = take.take("light_future", "U8", len(scenes.lights), steps)
         if "av" in tensors:
-            self.av = take.take("av", "F64", STEPS, 5)
+            self.av = take.take("av", "F64", steps, 5)
 
     def __repr__(self) -> str:
         return f"Scenario({self.id!r}, {self.n_agents} agents)"
@@ -87,21 +93,21 @@ class Scenario(Scene):
 
     @property
     def states(self) -> Array:
-        """Logged states at all 91 frames, f64 [n, 91, 5]."""
+        """Logged states at all frames, f64 [n, n_history + n_steps, 5], as `future`."""
         if self.future is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.history, self.future], axis=1)
 
     @property
     def present(self) -> Array:
-        """Whether each agent is present at each of the 91 frames, bool [n, 91]."""
+        """Whether each agent is present at each frame, bool [n, n_history + n_steps]."""
         if self.future_valid is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.valid, self.future_valid], axis=1)
 
     @property
     def heights(self) -> Array:
-        """Heights of the bottoms of agents at all 91 frames, f64 [n, 91], metres."""
+        """Heights of the bottoms of agents at all frames, f64 [n, n_history + n_steps], metres."""
         if self.future_heights is None:
             raise ValueError("read the scenario with `future=True`")
         return np.concatenate([self.history_heights, self.future_heights], axis=1)
@@ -117,7 +123,7 @@ class Scenario(Scene):
 
         Args:
             radius: Half of the side of the picture, metres; 60 by default.
-            steps: Steps to draw, 0 (current frame) to 80; 0 by default.
+            steps: Steps to draw, from 0 (current frame) to `n_steps`; 0 by default.
             simulator: Simulator that moves the agents, such as "idm"; the program runs it against
                 the deviated AV in the file of the scenario.
 
@@ -171,9 +177,10 @@ def scenarios(
     limit: int | None = None,
     ids: Sequence[str] = (),
     categories: Sequence[str] = (),
-    future: bool = True,
+    future: bool | int | str = True,
     current_frame: int | None = None,
     window_step: int | None = None,
+    history: int | None = None,
     all_agents: bool = False,
 ) -> Iterator[Scenario]:
     """Iterates over scenarios, one in memory at a time.
@@ -185,11 +192,13 @@ def scenarios(
         limit: Only the first `limit` scenarios of every file.
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
-        future: Read the logged future and the deviated AV too.
+        future: Read the logged future and the deviated AV too; also the number of frames after the
+            current one, a time such as "15s", or "log" for all that are recorded.
         current_frame: Index of the current frame, from 0, for formats that leave it open
             (Argoverse 2, ScenarioNet, Waymo files of more than 91 frames).
         window_step: Read several scenarios of each recording of Waymo files of 20 s: frame 10 and
             every `window_step` frames after it is a current frame.
+        history: Number of frames up to and including the current one.
         all_agents: Read all agents that are present at the current frame, of all kinds and any
             number, instead of the AV and the 63 nearest vehicles, pedestrians and cyclists.
 
@@ -197,17 +206,20 @@ def scenarios(
         ReactsimError: The program could not be started, or failed; the message is its own.
 
     """
+    length = None if isinstance(future, bool) else future
     as_read = {
         "current_frame": current_frame,
         "window_step": window_step,
+        "history": history,
+        "future": length,
         "all_agents": all_agents,
     }
     given = [
         ("--deviations", deviations),
         ("--limit", limit),
         *selection(ids, categories),
-        *reading(current_frame, window_step, all_agents),
-        ("--future", future),
+        *reading(current_frame, window_step, history, length, all_agents),
+        ("--with-future", future is not False),
     ]
     command = [find_program(), "export", "scenes", *arguments(given, paths(source))]
     given_as = (None if source is None else os.fspath(source), as_read)

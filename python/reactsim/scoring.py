@@ -14,7 +14,7 @@ from .options import PathLike, each, paths, settings
 from .process import shared_request
 from .program import arguments, produce, text_of
 from .results import Results, value_of
-from .scenarios import STEPS, Scenario
+from .scenarios import Scenario
 
 __all__ = ["Event", "RolloutScores", "StatesScores", "score", "score_states"]
 
@@ -66,52 +66,66 @@ def score(
 
 
 class Event(NamedTuple):
-    """An occurrence that a metric counted."""
+    """An occurrence that a metric counted.
+
+    Attributes:
+        metric: Id of the metric.
+        step: First step, from 1.
+        last_step: Last step.
+        agent: Id of the agent.
+        partner: Id of the other agent, if there is one.
+        reason: Reason why the event counts or not.
+        counted: Whether the event counts in the value of the metric.
+        values: Named values at the event.
+
+    """
 
     metric: str
-    """Id of the metric."""
     step: int
-    """First step, 1 to 80."""
     last_step: int
-    """Last step."""
     agent: str
-    """Id of the agent."""
     partner: str | None
-    """Id of the other agent, if there is one."""
     reason: str | None
-    """Reason why the event counts or not."""
     counted: bool
-    """Whether the event counts in the value of the metric."""
     values: dict[str, float]
-    """Named values at the event."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RolloutScores:
-    """Scores of one rollout."""
+    """Scores of one rollout.
+
+    Attributes:
+        metrics: Value by id of the metric, such as "aav-collision"; None where nothing could be
+            judged.
+        deviation: Deviation of the AV from the log, by name.
+        outcomes: Checks of the motion that the rollout failed and that were allowed, such as
+            "allowed-teleports".
+        events: Occurrences that the metrics counted.
+
+    """
 
     metrics: dict[str, float | None]
-    """Value by id of the metric, such as "aav-collision"; None where nothing could be judged."""
     deviation: dict[str, float]
-    """Deviation of the AV from the log, by name."""
     outcomes: dict[str, int]
-    """Checks of the motion that the rollout failed and that were allowed, such as
-    "allowed-teleports"."""
     events: list[Event]
-    """Occurrences that the metrics counted."""
 
 
 @dataclasses.dataclass(frozen=True)
 class StatesScores:
-    """Scores of the rollouts of a scenario."""
+    """Scores of the rollouts of a scenario.
+
+    Attributes:
+        scenario: Id of the scenario.
+        rollouts: Scores of each rollout.
+        metrics: Value by id of the metric: the mean over the rollouts where it is defined, and the
+            value over all rollouts for the metrics that compare them with the log, such as
+            "min-ade".
+
+    """
 
     scenario: str
-    """Id of the scenario."""
     rollouts: list[RolloutScores]
-    """Scores of each rollout."""
     metrics: dict[str, float | None]
-    """Value by id of the metric: the mean over the rollouts where it is defined, and the value over
-    all rollouts for the metrics that compare them with the log, such as "min-ade"."""
 
 
 def score_states(
@@ -133,11 +147,11 @@ def score_states(
         scenario: The scenario, from `reactsim.scenarios`. Its AV is the deviated one of the file of
             `deviations` with which it was read, or else of its own file: states of another AV are
             refused, or with `allow="other-av"` scored without the metrics of reactions to it.
-        states: States at steps 1 to 80, [rollouts, agents, 80, 3 or 5]: x, y, heading, and vx and
-            vy, which may be left out; NaN or masked where an agent is absent. Metres, radians and
-            m/s; box centres in the local frame of the scenario. Without the first dimension it is
-            one rollout. Or a mapping from ids of agents to arrays without the dimension of agents.
-            Agents of the scenario that are left out of the mapping are absent.
+        states: States at all steps, [rollouts, agents, `scenario.n_steps`, 3 or 5]: x, y, heading,
+            and vx and vy, which may be left out; NaN or masked where an agent is absent. Metres,
+            radians and m/s; box centres in the local frame of the scenario. Without the first
+            dimension it is one rollout. Or a mapping from ids of agents to arrays without the
+            dimension of agents. Agents of the scenario that are left out of the mapping are absent.
         agents: Ids of the agents of an array; `scenario.agents` by default.
         simulator: Name of the simulator in messages.
         allow: Checks that the motion may fail, such as "teleports".
@@ -156,8 +170,9 @@ def score_states(
                 "`agents` is given next to a mapping, whose keys are the ids: leave it out"
             )
         agents = list(states)
-        states = _stacked(states)
-    array = _checked(states, len(scenario.agents) if agents is None else len(agents))
+        states = _stacked(states, scenario.n_steps)
+    count = len(scenario.agents) if agents is None else len(agents)
+    array = _checked(states, count, scenario.n_steps)
     given = {
         "reading": {**scenario.reading(), "deviations": scenario.deviations},
         "scenario": scenario.id,
@@ -186,7 +201,7 @@ def read_scores(lines: Sequence[Mapping[str, Any]], events: Sequence[Any]) -> St
     return StatesScores(last["scenario"], results, {**_means(results), **_values(last)})
 
 
-def _stacked(states: Mapping[str, Any]) -> Array:
+def _stacked(states: Mapping[str, Any], steps: int) -> Array:
     """Returns the arrays of agents as one array."""
     arrays = [as_array(array) for array in states.values()]
     if not arrays:
@@ -196,23 +211,23 @@ def _stacked(states: Mapping[str, Any]) -> Array:
         raise ValueError(f"`states` has arrays of the shapes {sorted(shapes)}, expected one shape")
     if arrays[0].ndim not in (2, 3):
         raise ValueError(
-            f"`states` has arrays of the shape {arrays[0].shape}, expected [rollouts, {STEPS}, 3 or"
-            f" 5] or [{STEPS}, 3 or 5]"
+            f"`states` has arrays of the shape {arrays[0].shape}, expected [rollouts, {steps}, 3 or"
+            f" 5] or [{steps}, 3 or 5]"
         )
     return np.stack(arrays, axis=-3)
 
 
-def _checked(states: Any, agents: int) -> Array:
-    """Returns states as f64 [rollouts, agents, 80, 3 or 5]."""
+def _checked(states: Any, agents: int, steps: int) -> Array:
+    """Returns states as f64 [rollouts, agents, steps, 3 or 5]."""
     array = as_array(states)
     if array.dtype.kind not in "fiu":
         raise ValueError(f"`states` has the type {array.dtype}, expected numbers")
     if array.ndim == 3:
         array = array[None]
-    is_fit = array.ndim == 4 and array.shape[1:3] == (agents, STEPS) and array.shape[3] in (3, 5)
+    is_fit = array.ndim == 4 and array.shape[1:3] == (agents, steps) and array.shape[3] in (3, 5)
     if not is_fit or len(array) == 0:
         raise ValueError(
-            f"`states` has the shape {np.shape(states)}, expected [rollouts, {agents}, {STEPS}, 3"
+            f"`states` has the shape {np.shape(states)}, expected [rollouts, {agents}, {steps}, 3"
             f" or 5] for {agents} agents"
         )
     array = np.ascontiguousarray(array, np.float64)

@@ -18,7 +18,7 @@ from .process import shared_request
 from .program import arguments, invoke
 from .scenarios import STEPS, reading_of
 
-__all__ = ["WosacRollouts", "WosacScores", "score_run", "wosac"]
+__all__ = ["WosacRollouts", "WosacScores", "WosacShares", "score_run", "wosac"]
 
 CHUNK_BYTES = 64 << 20  # of states in a request
 
@@ -42,6 +42,28 @@ class WosacRollouts:
 
 
 @dataclasses.dataclass(frozen=True)
+class WosacShares:
+    """Shares of R rollouts in the metrics of their scenario, in one configuration.
+
+    The share of a rollout is the metric of all rollouts minus the metric of the other R - 1. It is
+    negative if the rollout lowers the metric, and NaN if R is 1.
+
+    Attributes:
+        scenario_id: Id of the scenario.
+        config: Configuration of the metrics.
+        metametric: Shares in the metametric, float64 [R].
+        likelihoods: Shares in the likelihoods of the features, float64 [R], by the field names of
+            `SimAgentMetrics`, such as `collision_indication_likelihood`.
+
+    """
+
+    scenario_id: str
+    config: str
+    metametric: Array
+    likelihoods: dict[str, Array]
+
+
+@dataclasses.dataclass(frozen=True)
 class WosacScores:
     """Realism metrics of a set of scenarios.
 
@@ -50,12 +72,14 @@ class WosacScores:
             (`SimAgentMetrics`, `SimAgentsBucketedMetrics`), as means over scenarios.
         rows: One dictionary per scenario and configuration.
         failures: What could not be scored, with the reason.
+        shares: Shares of the rollouts in the order of `rows`; empty without `shares=True`.
 
     """
 
     means: dict[str, dict[str, float]]
     rows: list[dict[str, Any]]
     failures: list[str]
+    shares: list[WosacShares]
 
 
 def wosac(
@@ -63,6 +87,7 @@ def wosac(
     rollouts: WosacRollouts | Iterable[WosacRollouts],
     *,
     configs: Sequence[str] = ("2025",),
+    shares: bool = False,
     jobs: int | None = None,
 ) -> WosacScores:
     """Computes the realism metrics of rollouts in memory.
@@ -76,6 +101,7 @@ def wosac(
         rollouts: Rollouts of any number of scenarios, 32 each for the metrics of the challenge.
             They are taken 64 MB at a time from a generator.
         configs: Configurations: "2025", "2024", "2023", "2024_challenge_code".
+        shares: Return the shares of every rollout in the metrics of its scenario.
         jobs: Number of threads; one per core by default.
 
     Raises:
@@ -87,6 +113,7 @@ def wosac(
     given = {
         "logs": reading_of(scenarios)["paths"],
         "configs": list(configs),
+        "shares": shares,
         "jobs": jobs or os.cpu_count() or 1,
     }
     scores, rows, repeated = "", "", list[str]()
@@ -110,6 +137,7 @@ def score_run(
     *,
     simulator: str | None = None,
     configs: Sequence[str] = ("2025",),
+    shares: bool = False,
     partial: bool = False,
     jobs: int | None = None,
 ) -> WosacScores:
@@ -122,6 +150,7 @@ def score_run(
         scenarios: Scenarios of the run; the shipped ones by default.
         simulator: Simulator, if the run has several.
         configs: Configurations: "2025", "2024", "2023", "2024_challenge_code".
+        shares: Return the shares of every rollout in the metrics of its scenario.
         partial: Accept another number of rollouts than 32, and runs without all scenarios.
         jobs: Number of threads; one per core by default.
 
@@ -141,7 +170,8 @@ def score_run(
             ("--jobs", jobs),
         ]
         output = invoke(["score", *arguments(given, paths(run))], codes=(0, 1))
-        return _read(output.document, Path(out, "wosac.jsonl").read_text(encoding="utf-8"))
+        rows = Path(out, "wosac.jsonl").read_text(encoding="utf-8")
+        return _read(output.document if shares else {**output.document, "shares": []}, rows)
 
 
 def _read(scores: Mapping[str, Any], rows: str) -> WosacScores:
@@ -150,7 +180,15 @@ def _read(scores: Mapping[str, Any], rows: str) -> WosacScores:
         name: {**config["metrics"], **config["buckets"]}
         for name, config in scores["configs"].items()
     }
-    return WosacScores(means, [json.loads(row) for row in rows.splitlines()], scores["failures"])
+    shares = [_shares(**line) for line in scores.get("shares", [])]
+    lines = [json.loads(row) for row in rows.splitlines()]
+    return WosacScores(means, lines, scores["failures"], shares)
+
+
+def _shares(scenario_id: str, config: str, **numbers: list[float | None]) -> WosacShares:
+    """Returns the shares of a scenario and configuration, where null is an undefined number."""
+    arrays = {name: np.array(values, np.float64) for name, values in numbers.items()}
+    return WosacShares(scenario_id, config, arrays.pop("metametric"), arrays)
 
 
 def _chunks(

@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 import reactsim
-from fakes import EXAMPLES, ROOT
+from fakes import EXAMPLES, IMPORTED, ROOT
 
 sys.path.insert(0, str(EXAMPLES))
 
@@ -59,5 +59,5 @@ def fake_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path.chmod(0o755)
     monkeypatch.setenv("REACTSIM_BINARY", str(path))
     monkeypatch.setenv("FAKE_NOTES", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", str(ROOT / "python"))
+    monkeypatch.setenv("PYTHONPATH", str(IMPORTED))
     return tmp_path

@@ -79,9 +79,8 @@ def run(arguments: list[str]) -> int:
     """Plays `reactsim run` with an external simulator over standard input and output."""
     folder = Path(value(arguments, "--out"))
     if "slow" in arguments:
-        sys.stderr.write("waiting\n")
-        sys.stderr.flush()
         try:
+            Path(os.environ["FAKE_NOTES"], "waiting").touch()
             time.sleep(60)
         except KeyboardInterrupt:
             Path(os.environ["FAKE_NOTES"], "interrupted").touch()
@@ -122,7 +121,7 @@ def scenes(arguments: list[str]) -> int:
         tensors["heights"] = np.full((1, 4, 11), np.nan)
         tensors["point_heights"] = np.full(len(tensors["points"]), np.nan)
         tensors["obstacle_heights"] = np.full(len(tensors["obstacle"]), np.nan)
-        if "--future" in arguments:
+        if "--with-future" in arguments:
             tensors["future_heights"] = np.full((1, 4, 80), np.nan)
             tensors["future"] = np.full((1, 4, 80, 5), float(k))
             tensors["future_valid"] = np.ones((1, 4, 80), np.uint8)

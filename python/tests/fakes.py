@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import subprocess
 import sys
@@ -10,26 +11,39 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
+import reactsim
 from reactsim.client import Array, Session, read_frame, write_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "python"
 EXAMPLES = PACKAGE / "examples"
+IMPORTED = Path(reactsim.__file__).resolve().parents[1]
+"""Folder from which the tests import the package: the checkout's, or that of an installed wheel."""
 
 Message = Tuple[Dict[str, str], Dict[str, Array]]
 
 
+def other_lengths(folder: Path) -> Dict[str, Tuple[int, int]]:
+    """Writes scenarios of other lengths than the benchmark's; returns history and steps by id."""
+    lengths = {"short": (5, 60), "long": (21, 150)}
+    for source, (name, (history, steps)) in zip(("cut-in", "platoon"), lengths.items()):
+        document = json.loads((ROOT / "scenarios" / "mini" / f"{source}.json").read_text("utf-8"))
+        document.update(id=name, history=history, future=steps)
+        (folder / f"{name}.json").write_text(json.dumps(document), "utf-8")
+    return lengths
+
+
 def make_scenes(
-    episodes: int = 3, agents: int = 5, seed: int = 0, points: int = 20
+    episodes: int = 3, agents: int = 5, seed: int = 0, points: int = 20, frames: int = 11
 ) -> Dict[str, Array]:
     """Returns the tensors of `begin`: episodes with fewer and fewer agents and two linked lanes
-    each."""
+    each. `frames`: number of frames of the history."""
     rng = np.random.Generator(np.random.PCG64(seed))
     n_agents = np.maximum(agents - np.arange(episodes), 1).astype(np.int32)
     used = np.arange(agents) < n_agents[:, None]
-    history = rng.normal(0.0, 20.0, (episodes, agents, 11, 5))
-    valid = used[:, :, None] & (rng.random((episodes, agents, 11)) < 0.9)
-    valid[:, :, 10] = used
+    history = rng.normal(0.0, 20.0, (episodes, agents, frames, 5))
+    valid = used[:, :, None] & (rng.random((episodes, agents, frames)) < 0.9)
+    valid[:, :, -1] = used
     history[~valid] = 0.0
     if agents > 1:
         history[:, 1, :, 3:] = np.nan
@@ -67,7 +81,7 @@ def make_scenes(
         "light_episode": np.arange(episodes, dtype=np.int32),
         "light_lane": base + np.int32(1),
         "light_stop": rng.normal(0.0, 50.0, (episodes, 2)),
-        "light_state": np.full((episodes, 11), 4, np.uint8),
+        "light_state": np.full((episodes, frames), 4, np.uint8),
         "obstacle_episode": np.zeros(1, np.int32),
         "obstacle": np.array([[1.0, 2.0, 0.5, 3.0, 1.0]]),
     }
@@ -116,9 +130,11 @@ class Parent:
         """Opens a batch."""
         self.scenes = tensors
         shape = tensors["kind"].shape
-        self.states = np.zeros((*shape, 91, 5))
-        self.states[:, :, :11] = tensors["history"]
-        self.frame = 10
+        history, future = json.loads(metadata.get("length", "[11, 80]"))
+        self.last = history + future - 1
+        self.states = np.zeros((*shape, self.last + 1, 5))
+        self.states[:, :, :history] = tensors["history"]
+        self.frame = history - 1
         self.new = 0
         self.moves_av = metadata.get("moves_av") == "1"
         return self.ask("begin", {"moves_av": "0", "steps": str(steps), **metadata}, tensors)
@@ -181,7 +197,7 @@ class Child(Parent):
     """Plays the program for a simulator in a child process."""
 
     def __init__(self, *command: str, env: Optional[Dict[str, str]] = None) -> None:
-        environment = {**os.environ, "PYTHONPATH": str(PACKAGE), **(env or {})}
+        environment = {**os.environ, "PYTHONPATH": str(IMPORTED), **(env or {})}
         self.process = subprocess.Popen(
             [sys.executable, *command],
             stdin=subprocess.PIPE,
@@ -206,12 +222,14 @@ class Child(Parent):
         self.process.communicate()
 
 
-def roll_out(parent: Parent, tensors: Dict[str, Array], steps: int = 5) -> List[Array]:
+def roll_out(
+    parent: Parent, tensors: Dict[str, Array], steps: int = 5, **metadata: str
+) -> List[Array]:
     """Plays a whole batch; returns all plans."""
-    assert parent.begin(tensors, steps)[0]["type"] == "begun"
+    assert parent.begin(tensors, steps, **metadata)[0]["type"] == "begun"
     plans = []
-    while parent.frame < 90:
-        metadata, answer = parent.plan(min(steps, 90 - parent.frame))
+    while parent.frame < parent.last:
+        metadata, answer = parent.plan(min(steps, parent.last - parent.frame))
         assert metadata["type"] == "planned", metadata
         plans.append(answer["states"])
     assert parent.end()[0]["type"] == "ended"

@@ -99,6 +99,37 @@ def tamper(**changes: Any) -> Dict[str, Array]:
     return tensors
 
 
+@pytest.mark.parametrize(("history", "future"), [(11, 150), (2, 60), (21, 600), (100, 1)])
+def test_batches_of_other_lengths(mine: Mine, parent: Local, history: int, future: int) -> None:
+    parent.hello()
+    tensors = make_scenes(frames=history)
+    plans = roll_out(parent, tensors, 30, length=json.dumps([history, future]))
+    assert sum(plan.shape[2] for plan in plans) == future
+    assert (mine.scenes.n_history, mine.scenes.n_steps) == (history, future)
+    assert (mine.scenes[0].n_history, mine.scenes[0].n_steps) == (history, future)
+    assert mine.scenes[1].history.shape == (4, history, 5)
+    assert mine.seen[0][:2] == (history - 1, history)
+    last = history + future - 1 - plans[-1].shape[2]
+    assert mine.seen[-1][0] == last and mine.last.light_states.shape == (3, last + 1)
+    np.testing.assert_array_equal(mine.last.states, parent.states[:, :, : last + 1])
+
+
+@pytest.mark.parametrize(
+    "length",
+    ["[11]", "[1, 80]", "[11, 0]", "[101, 80]", "[11, 6001]", "[11, true]", "[1.5, 8]", "x"],
+)
+def test_impossible_lengths_are_refused(mine: Mine, parent: Local, length: str) -> None:
+    parent.hello()
+    metadata = {"moves_av": "0", "steps": "5", "length": length}
+    answer, _ = parent.ask("begin", metadata, make_scenes())
+    assert answer["type"] == "failed" and "metadata `length` is" in answer["error"]
+
+
+def test_simulators_may_support_one_length_only(mine: Mine, parent: Local) -> None:
+    mine.any_length = False
+    assert "lengths" not in parent.hello()
+
+
 def test_a_batch(mine: Mine, parent: Local) -> None:
     assert parent.hello() == {
         "type": "welcome",
@@ -109,6 +140,7 @@ def test_a_batch(mine: Mine, parent: Local) -> None:
         "version": "2",
         "weights_sha256": "",
         "intervals": "[5, 10]",
+        "lengths": "any",
         "batch": "16",
     }
     tensors = make_scenes()

@@ -42,7 +42,13 @@ LEFT_OUT_OPTIONS: Dict[str, Dict[str, str]] = {
     "score": TABLES,
 }
 
-READING: Dict[str, Any] = {"current_frame": 20, "window_step": 10, "all_agents": True}
+READING: Dict[str, Any] = {
+    "current_frame": 20,
+    "window_step": 10,
+    "history": 21,
+    "future": "15s",
+    "all_agents": True,
+}
 SELECTION: Dict[str, Any] = {"limit": 1, "ids": ["a"], "categories": ["lateral"], **READING}
 
 # Options of `run` that callers give in `options`.
@@ -127,10 +133,8 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
                 exclude="x",
                 resume=True,
                 jobs=1,
-                current_frame=9,
-                window_step=10,
-                all_agents=True,
                 progress=False,
+                **READING,
             )
         ],
     }

@@ -16,7 +16,7 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import PACKAGE, ROOT
+from fakes import IMPORTED, ROOT, other_lengths
 from reactsim.process import ProgramProcess
 from stop import Stop
 
@@ -293,6 +293,151 @@ class TestEnv:
         env = closing(reactsim.Env(MINI, action=action, poses=5, **SMALL))
         check_env(env, skip_render_check=True)
 
+    def test_flat_observations_and_normalized_actions(self, closing: Any) -> None:
+        from gymnasium.utils.env_checker import check_env
+
+        plain = closing(reactsim.Env(MINI, **SMALL))
+        env = closing(reactsim.Env(MINI, flat=True, normalized=True, **SMALL))
+        check_env(env, skip_render_check=True)
+        one = {"scenario": 0, "rollout": 0}
+        seen, flat = plain.reset(options=one)[0], env.reset(options=one)[0]
+        for _ in range(5):
+            assert np.array_equal(flat, np.concatenate([seen[name].ravel() for name in seen]))
+            seen, flat = plain.step(np.array([3.0, -0.15]))[0], env.step(np.array([0.5, -0.5]))[0]
+        assert np.array_equal(plain.states, env.states, equal_nan=True)
+        with pytest.raises(ValueError, match="`normalized` is for actions with bounds"):
+            reactsim.Env(MINI, action="state", normalized=True)
+
+    def test_bounds_of_plans_grow_with_their_duration(self) -> None:
+        from reactsim.environment import bounds
+
+        for poses, metres in [(10, 400.0), (80, 400.0), (160, 800.0)]:
+            assert bounds("plan", poses).tolist() == [[metres, metres, np.pi]] * poses
+
+    def test_episodes_and_pictures_last_as_long_as_their_scenario(
+        self, closing: Any, tmp_path: Path
+    ) -> None:
+        lengths = other_lengths(tmp_path)
+        sizes = {**SMALL, "every": 30, "history": 12}
+        env = closing(reactsim.Env(tmp_path, render_mode="rgb_array", **sizes))
+        for name, (history, steps) in lengths.items():
+            seen, _ = env.reset(options={"scenario": name})
+            # Frames before the first one are absent.
+            present = min(history, 12)
+            assert seen["av"][:, 6].tolist() == [0.0] * (12 - present) + [1.0] * present
+            assert env.states.shape[1] == history
+            picture = env.render()
+            for decision in range(1, steps // 30 + 1):
+                truncated = env.step(np.zeros(2))[3]
+                assert truncated == (decision == steps // 30)
+                assert env.states.shape[1] == history + 30 * decision
+                before, picture = picture, env.render()
+                assert not np.array_equal(before, picture)
+            assert env.save_gif(tmp_path / "episode.gif", size=100)[:6] == b"GIF89a"
+
+    def test_stable_baselines_has_no_objections(
+        self, closing: Any, recwarn: pytest.WarningsRecorder
+    ) -> None:
+        checker = pytest.importorskip("stable_baselines3.common.env_checker")
+        env = closing(reactsim.Env(MINI, flat=True, normalized=True, **SMALL))
+        recwarn.clear()
+        checker.check_env(env)
+        assert [str(warning.message) for warning in recwarn] == []
+
+    def test_pictures_show_the_episode(self, closing: Any, tmp_path: Path) -> None:
+        env = closing(reactsim.Env(MINI, render_mode="rgb_array", **SMALL))
+        env.reset(seed=1)
+        first = env.render()
+        assert first.shape == (480 + 46, 480, 3) and first.dtype == np.uint8
+        env.step(np.array([1.0, 0.0]))
+        assert not np.array_equal(env.render(), first)
+        gif = env.save_gif(tmp_path / "episode.gif", size=100, every=2)
+        assert gif[:6] == b"GIF89a" and gif == (tmp_path / "episode.gif").read_bytes()
+        several = closing(
+            reactsim.VectorEnv(MINI, num_envs=2, jobs=2, render_mode="rgb_array", **SMALL)
+        )
+        several.reset(seed=1, options={"scenarios": [0, 1]})
+        pictures = several.render()
+        assert len(pictures) == 2 and not np.array_equal(*pictures)
+        assert several.save_gif(tmp_path / "second.gif", 1)[:6] == b"GIF89a"
+        silent = closing(reactsim.Env(MINI, **SMALL))
+        assert silent.render() is None
+        with pytest.raises(ValueError, match="expected None or 'rgb_array'"):
+            reactsim.Env(MINI, render_mode="human")
+        with pytest.raises(ValueError, match="`size` is 9, expected a whole number, 100 to 1200"):
+            env.save_gif(tmp_path / "small.gif", size=9)
+
+    def test_gymnasium_makes_environments(self, closing: Any) -> None:
+        import gymnasium
+
+        env = closing(
+            gymnasium.make("reactsim/Drive-v0", scenarios=MINI, simulator="stop", **SMALL)
+        )
+        assert isinstance(env.unwrapped, reactsim.Env)
+        assert env.reset(seed=1)[1]["scenario"] in env.unwrapped.scenarios
+        envs = closing(gymnasium.make_vec("reactsim/Drive-v0", 3, scenarios=MINI, **SMALL))
+        assert isinstance(envs, reactsim.VectorEnv) and envs.num_envs == 3
+
+    def test_processes_share_the_episodes(self, closing: Any) -> None:
+        settings: Dict[str, Any] = {"num_envs": 5, "end_at": "off-road", "every": 4, **SMALL}
+        one = closing(reactsim.VectorEnv(MINI, jobs=1, **settings))
+        three = closing(reactsim.VectorEnv(MINI, jobs=3, **settings))
+        assert [len(env._core.processes) for env in (one, three)] == [1, 3]
+        one.reset(seed=1), three.reset(seed=1)
+        actions = np.tile(np.array([1.0, 0.02]), (5, 1))
+        ended = 0
+        for _ in range(25):
+            first, second = one.step(actions), three.step(actions)
+            assert all(np.array_equal(first[0][name], second[0][name]) for name in first[0])
+            for k in (1, 2, 3):
+                assert np.array_equal(first[k], second[k])
+            assert list(first[4]) == list(second[4])
+            for name, values in first[4].items():
+                if name in ("scores", "scenario"):
+                    assert values.tolist() == second[4][name].tolist()
+                else:
+                    assert np.array_equal(values, second[4][name], equal_nan=True), name
+            ended += int(first[2].sum() + first[3].sum())
+        assert ended > 3
+        for index in range(5):
+            assert np.array_equal(one.states(index), three.states(index), equal_nan=True)
+        wrong = actions.copy()
+        wrong[4, 1] = np.nan
+        running = np.flatnonzero(~three._is_over)
+        wrong[running[-1], 1] = np.nan
+        before = [three.states(index).shape for index in range(5)]
+        with pytest.raises(reactsim.ReactsimError, match=f"slot {running[-1]} is nan, expected"):
+            three.step(wrong)
+        assert [three.states(index).shape for index in range(5)] == before
+        three.step(actions)
+        for given, text in [
+            ({"simulator": Stop()}, "expected 1 for simulators of one's own"),
+            ({"action": "state"}, "expected 1 for simulators with states as actions"),
+            ({"jobs": 3}, "`jobs` is 3, expected a whole number, 1 to 2"),
+        ]:
+            with pytest.raises(ValueError, match=text):
+                reactsim.VectorEnv(MINI, **{"num_envs": 2, "jobs": 2, **given, **SMALL})
+
+    @pytest.mark.parametrize("jobs", [1, 2])
+    def test_restarted_episodes_take_no_step(self, jobs: int, closing: Any) -> None:
+        envs = closing(reactsim.VectorEnv(MINI, num_envs=3, jobs=jobs, every=40, **SMALL))
+        single = closing(reactsim.Env(MINI, every=40, **SMALL))
+        envs.reset(seed=1)
+        with pytest.raises(reactsim.ReactsimError, match="no episode is over"):
+            envs.restart()
+        actions = np.zeros((3, 2))
+        envs.step(actions)
+        assert envs.step(actions)[3].all()
+        seen = envs.restart()
+        episode = {name: envs._episodes[1][name] for name in ("scenario", "rollout")}
+        expected, _ = single.reset(options=episode)
+        assert all(np.array_equal(seen[name][1], expected[name]) for name in seen)
+        assert [envs.states(index).shape[1] for index in range(3)] == [11, 11, 11]
+        seen, _, _, truncated, infos = envs.step(actions)
+        assert not truncated.any() and infos["_speed"].all()
+        expected = single.step(actions[0])[0]
+        assert all(np.array_equal(seen[name][1], expected[name]) for name in seen)
+
     def test_the_traffic_is_that_of_run(self, results: Any, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))
         rows = results.rows.to_dict("records")
@@ -330,7 +475,7 @@ class TestEnv:
         tmp_path: Path,
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+        monkeypatch.setenv("PYTHONPATH", str(IMPORTED))
         script = tmp_path / "mine.py"
         script.write_text(SCRIPT)
         sources = [Careful(), Careful, f"command={sys.executable} {script}"]
@@ -375,7 +520,7 @@ class TestEnv:
     def test_own_simulators_that_fail_are_errors(
         self, closing: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+        monkeypatch.setenv("PYTHONPATH", str(IMPORTED))
 
         class Raising(Stop):  # type: ignore[misc]
             name = "raising"
@@ -651,6 +796,12 @@ class TestParallelEnv:
 
         env = closing(reactsim.ParallelEnv(MINI, **self.SIZES))
         parallel_api_test(env, num_cycles=100)
+
+    def test_pictures_show_the_episode(self, closing: Any, tmp_path: Path) -> None:
+        env = closing(reactsim.ParallelEnv(MINI, render_mode="rgb_array", **self.SIZES))
+        env.reset(seed=1)
+        assert env.render().shape == (480 + 46, 480, 3)
+        assert env.save_gif(tmp_path / "episode.gif", size=100)[:6] == b"GIF89a"
 
     def test_agents_that_repeat_a_run_have_its_states_and_metrics(
         self, results: Any, closing: Any

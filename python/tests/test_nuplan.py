@@ -113,17 +113,17 @@ STARTS = [
 ]
 
 
-def history() -> Tuple[Array, Array]:
-    """Returns states at frames 0 to 10, which keep their velocities; the pedestrian walks along y.
+def history(frames: int = 11) -> Tuple[Array, Array]:
+    """Returns states up to the current frame, which keep their velocities.
 
-    The cyclist is absent until frame 5.
+    The pedestrian walks along y. The cyclist is absent until frame 5.
     """
-    states = np.repeat(np.array(STARTS)[:, None], 11, axis=1)
+    states = np.repeat(np.array(STARTS)[:, None], frames, axis=1)
     velocity = np.nan_to_num(states[:, :, 3:])
     velocity[2] = [0.0, 1.2]
-    states[:, :, :2] += velocity * 0.1 * (np.arange(11) - 10)[:, None]
-    valid = np.ones((len(STARTS), 11), bool)
-    valid[3, :5] = False
+    states[:, :, :2] += velocity * 0.1 * (np.arange(frames) + 1 - frames)[:, None]
+    valid = np.ones((len(STARTS), frames), bool)
+    valid[3, : min(5, frames - 1)] = False
     states[~valid] = 0.0
     return states, valid
 
@@ -136,14 +136,18 @@ class Program(Loopback):
         road: Optional[Road] = None,
         route: Sequence[str] = ("right", "ahead", "out"),
         length: float = 5.176,
+        *,
         metadata: Optional[Dict[str, str]] = None,
+        frames: int = 11,
+        future: int = 80,
     ) -> Message:
         road = road or two_lane_road()
-        states, valid = history()
+        states, valid = history(frames)
         sizes = np.array(SIZES)
         sizes[0, 0] = length
-        self.agents = len(KINDS)
-        tensors = {
+        self.agents, self.handle, self.frames = len(KINDS), 1, frames
+        self.states = states
+        self.tensors = tensors = {
             **road.tensors(),
             "episode": np.ones(1, np.uint64),
             "seed": np.ones(1, np.uint64),
@@ -155,13 +159,56 @@ class Program(Loopback):
             "light_episode": np.zeros(3, np.int32),
             "light_lane": np.array([2, 3, 5], np.int32),
             "light_stop": np.zeros((3, 2)),
-            "light_state": np.repeat(np.array([[4], [6], [4]], np.uint8), 11, axis=1),
+            "light_state": np.repeat(np.array([[4], [6], [4]], np.uint8), frames, axis=1),
             "obstacle_episode": np.zeros(1, np.int32),
             "obstacle": np.array([[12.0, 3.0, 0.5, 3.0, 1.0]]),
             "route": np.array([road.names.index(name) for name in route], np.int32),
         }
-        self.frame, self.last = 10, states[:, -1]
-        return self.ask("begin", {"moves_av": "1", "steps": "80", **(metadata or {})}, tensors)
+        self.frame = frames - 1
+        self.metadata = {"moves_av": "1", "steps": "80", "length": f"[{frames}, {future}]"}
+        self.metadata.update(metadata or {})
+        return self.ask("begin", self.metadata, tensors)
+
+    def change(
+        self, slots: Sequence[int], new: int = 0, obstacles: Optional[Array] = None
+    ) -> Message:
+        """Continues with the agents in these slots after `new` steps; -1: one enters."""
+        self.advance(new)
+        frame, recent = self.frame, self.states[:, -self.frames :]
+        entering = np.zeros((1, self.frames, 5))
+        entering[:, -1] = [50.0, 3.5, 0.0, 6.0, 0.0]
+        valid = np.ones((len(slots), self.frames), np.uint8)
+        valid[[slot < 0 for slot in slots], :-1] = 0
+        self.states = np.concatenate([recent, entering])[list(slots)]
+        kinds, sizes = (self.tensors[name][0] for name in ("kind", "size"))
+        self.handle, self.frame, self.agents = self.handle + 1, self.frames - 1, len(slots)
+        self.tensors.update(
+            {
+                "episode": np.full(1, self.handle, np.uint64),
+                "n_agents": np.array([self.agents], np.int32),
+                "kind": np.append(kinds, np.uint8(0))[None, list(slots)],
+                "size": np.concatenate([sizes, [[4.0, 2.0]]])[None, list(slots)],
+                "history": self.states[None],
+                "valid": valid[None],
+                "continued_slot": np.array([slots], np.int32),
+            }
+        )
+        if obstacles is not None:
+            self.tensors["obstacle"] = obstacles
+            self.tensors["obstacle_episode"] = np.zeros(len(obstacles), np.int32)
+        before = {"continues": str(self.handle - 1), "continued_frame": str(frame)}
+        answer = self.ask("begin", {**self.metadata, **before}, self.tensors)
+        self.ask("end", {}, {"episode": np.full(1, self.handle - 1, np.uint64)})
+        return answer
+
+    def advance(self, new: int) -> None:
+        """Moves all agents by `new` steps, in which they keep their velocities."""
+        ahead = 0.1 * np.arange(1, new + 1)[:, None]
+        last = self.states[:, -1]
+        states = np.repeat(last[:, None], new, axis=1)
+        states[:, :, :2] += np.nan_to_num(last[:, None, 3:]) * ahead
+        self.states = np.concatenate([self.states, states], axis=1)
+        self.frame += new
 
     def drive(
         self,
@@ -171,15 +218,11 @@ class Program(Loopback):
         lights: Sequence[int] = (4, 6, 4),
     ) -> Message:
         """Asks for a plan after `new` steps, in which all agents keep their velocities."""
-        ahead = 0.1 * np.arange(1, new + 1)[:, None]
-        states = np.repeat(self.last[:, None], new, axis=1)
-        states[:, :, :2] += np.nan_to_num(self.last[:, None, 3:]) * ahead
-        self.frame += new
-        self.last = states[:, -1] if new else self.last
+        self.advance(new)
         tensors: Dict[str, Array] = {
-            "episode": np.ones(1, np.uint64),
+            "episode": np.full(1, self.handle, np.uint64),
             "active": np.ones(1, np.uint8),
-            "states": states[None],
+            "states": self.states[None, :, self.states.shape[1] - new :],
             "valid": np.ones((1, self.agents, new), np.uint8),
             "light_state": np.repeat(np.array(lights, np.uint8)[:, None], new, axis=1),
             "av_next": np.full((1, 5), np.nan),
@@ -280,6 +323,86 @@ def test_the_history_has_two_seconds_at_most() -> None:
         assert len(seen.history.observations) == len(times)
     assert [seen.iteration.index for seen in planner.inputs] == [0, 5, 10, 15]
     assert planner.inputs[0].history.sample_interval == 0.1
+
+
+def tokens(history: Any, sample: int = -1) -> Dict[int, float]:
+    """Returns the number and the position along x of each object at a sample."""
+    tracked = history.observations[sample].tracked_objects
+    return {o.metadata.track_id: o.box.center.x for o in tracked}
+
+
+def test_a_planner_goes_on_when_agents_enter_or_leave() -> None:
+    program, planner = started()
+    planned(program.drive(steps=5))
+    # The car (1) and the agent of another kind (4) have left 3 steps later, and a car has entered.
+    moved = np.array([[12.0, 3.0, 0.5, 3.0, 1.0], [60.0, 3.0, 0.0, 2.0, 2.0]])
+    assert program.change([0, 2, 3, 5, -1], new=3, obstacles=moved)[0]["type"] == "begun"
+    planned(program.drive(2, steps=5))
+    planned(program.drive(5, steps=5))
+    assert len(planner.inputs) == 3, "one planner drives in the whole rollout"
+    assert [seen.iteration.index for seen in planner.inputs] == [0, 5, 10]
+    for seen, now in zip(planner.inputs, (1_000_000, 1_500_000, 2_000_000)):
+        times = [state.time_us for state in seen.history.ego_states]
+        assert times == list(range(0, now + 1, 100_000))
+        x = [state.rear_axle.x for state in seen.history.ego_states]
+        np.testing.assert_allclose(np.diff(x), 0.1 * SPEED, atol=1e-9)
+    first, second = planner.inputs[0].history, planner.inputs[1].history
+    # Agents 0 to 5 are the first ones, 6 is the obstacle.
+    assert sorted(tokens(first)) == [1, 2, 3, 4, 6]
+    assert tokens(second, 10) == tokens(first)
+    assert sorted(tokens(second)) == [2, 3, 6, 7, 8]
+    assert tokens(second)[3] == pytest.approx(-15.0 + 0.5 * 4.0)
+    assert tokens(second)[7] == pytest.approx(51.2)
+    assert tokens(second)[8] == 60.0
+    # The car enters at frame 13; nobody appears before it was seen.
+    assert 7 not in tokens(second, 12) and 7 in tokens(second, 13)
+    # Only the cyclist and the car that entered stay.
+    program.change([0, 2, 4], new=5)
+    planned(program.drive())
+    third = planner.inputs[3]
+    assert (third.iteration.index, sorted(tokens(third.history))) == (15, [3, 6, 7, 8])
+    assert tokens(third.history)[3] == pytest.approx(-15.0 + 1.5 * 4.0)
+
+
+@pytest.mark.parametrize(("extend_history", "samples"), [(False, 13), (True, 22)])
+def test_a_history_begins_anew_after_a_gap(extend_history: bool, samples: int) -> None:
+    program, planner = started(extend_history=extend_history)
+    planned(program.drive(steps=30))
+    program.change([0, 1, 2, 3, 4, 5], new=28)
+    planned(program.drive(2, steps=30))
+    states = planner.inputs[1].history.ego_states
+    assert len(states) == samples
+    times = [state.time_us for state in states]
+    assert set(np.diff(times)) == {100_000}
+    assert times[-1] == planner.inputs[0].history.ego_states[-1].time_us + 3_000_000
+    assert planner.inputs[1].iteration.index == 30
+    assert states[-1].rear_axle.x == pytest.approx(3.0 * SPEED - 1.461)
+
+
+@pytest.mark.parametrize(
+    ("frames", "extend_history", "samples"),
+    [(2, False, 2), (2, True, 22), (21, False, 21), (100, False, 22), (100, True, 22)],
+)
+def test_scenarios_of_other_lengths_are_driven(
+    frames: int, extend_history: bool, samples: int
+) -> None:
+    pytest.importorskip("shapely")
+    planner = devkit.Planner()
+    program = Program(nuplan.wrap(lambda: planner, extend_history=extend_history))
+    program.hello()
+    assert program.start(frames=frames, future=150)[0]["type"] == "begun"
+    planner.answer = lambda ego: devkit.Trajectory(
+        [ego.time_us, ego.time_us + 60_000_000], [[0.0, 0.0, 0.0], [60.0 * SPEED, 0.0, 0.0]]
+    )
+    assert planned(program.drive(steps=10))["trajectory"].shape == (1, 150, 3)
+    assert planned(program.drive(10, steps=10))["trajectory"].shape == (1, 140, 3)
+    history = planner.inputs[0].history
+    times = [state.time_us for state in history.ego_states]
+    assert len(times) == samples and times[0] >= 0
+    assert set(np.diff(times)) == {100_000}
+    assert history.ego_states[-1].rear_axle.x == pytest.approx(-1.461)
+    assert history.ego_states[-1].tire_steering_angle == 0.0
+    assert [seen.iteration.index for seen in planner.inputs] == [0, 10]
 
 
 def test_a_history_can_be_extended() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ class Straight(Planner):
         self.ego: List[Any] = []
 
     def begin(self, scene: Scene) -> Dict[str, Any]:
+        self.continues = scene.scenes.continues
         return {"plans": 0, "agents": scene.n_agents}
 
     def plan(self, seen: PlannerObservation) -> Any:
@@ -40,11 +41,20 @@ class Straight(Planner):
 class Program(Loopback):
     """Plays the program for a planner: episodes of one scene each."""
 
-    def start(self, handle: int, agents: int, route: List[int]) -> Message:
+    def start(
+        self,
+        handle: int,
+        agents: int,
+        route: List[int],
+        continues: Optional[Dict[str, str]] = None,
+        slots: Sequence[int] = (),
+    ) -> Message:
         tensors = make_scenes(1, agents, seed=handle)
         tensors["episode"] = np.array([handle], np.uint64)
         tensors["route"] = np.array(route, np.int32)
-        return self.ask("begin", {"moves_av": "1", "steps": "80"}, tensors)
+        if continues:
+            tensors["continued_slot"] = np.array([slots], np.int32)
+        return self.ask("begin", {"moves_av": "1", "steps": "80", **(continues or {})}, tensors)
 
     def drive(self, handle: int, agents: int, frame: int, new: int, steps: int) -> Message:
         tensors: Dict[str, Array] = {
@@ -130,6 +140,70 @@ def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
         assert "present" not in tensors
     else:
         np.testing.assert_array_equal(tensors["present"], [present])
+
+
+def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
+    planner = Straight()
+    ended: List[int] = []
+    program = Program(planner)
+    program.session.on_end = ended.append
+    program.hello()
+    program.start(1, 3, [0])
+    assert planner.continues is None
+    program.drive(1, 3, 10, 0, 5)
+    memory = planner.last.memory
+    continues = {"continues": "1", "continued_frame": "14"}
+    assert program.start(2, 3, [0], continues, [0, 2, -1])[0]["type"] == "begun"
+    before = planner.continues
+    assert before is not None and before.memory is memory
+    assert (before.frame, before.slots.tolist()) == (14, [0, 2, -1])
+    # Both are one rollout.
+    assert program.ask("end", {}, {"episode": np.array([1], np.uint64)})[0]["type"] == "ended"
+    assert ended == []
+    assert program.drive(2, 3, 11, 1, 5)[0]["type"] == "planned"
+    assert planner.last.scene.scenes.continues is None
+    program.ask("end", {}, {"episode": np.array([2], np.uint64)})
+    assert ended == [1]
+
+
+@pytest.mark.parametrize(
+    ("changed", "slots", "part"),
+    [
+        ({"continues": "7"}, [0, 1, 2], "metadata `continues` is '7', which is no open episode"),
+        ({"continues": "-1"}, [0, 1, 2], "metadata `continues` is '-1', which is no open episode"),
+        ({"continued_frame": "9"}, [0, 1, 2], "metadata `continued_frame` is '9', expected 10 to"),
+        ({}, [0, 1, 3], "tensor `continued_slot` has an index outside -1 to 2"),
+        ({}, [0, 1], "tensor `continued_slot` has shape (1, 2), expected (1, 3)"),
+    ],
+)
+def test_wrong_continuations_are_refused(
+    changed: Dict[str, str], slots: List[int], part: str
+) -> None:
+    program = Program(Straight())
+    program.hello()
+    program.start(1, 3, [0])
+    continues = {"continues": "1", "continued_frame": "14", **changed}
+    text, _ = program.start(2, 3, [0], continues, slots)
+    assert text["type"] == "failed" and part in text["error"], text
+
+
+def test_long_scenarios_may_be_planned_to_their_end() -> None:
+    planner = Straight()
+    program = Program(planner)
+    assert program.hello()["lengths"] == "any"
+    tensors = {**make_scenes(1, 2), "route": np.array([0], np.int32)}
+    metadata = {"moves_av": "1", "steps": "150", "length": "[11, 150]"}
+    assert program.ask("begin", metadata, tensors)[0]["type"] == "begun"
+    handle = int(tensors["episode"][0])
+    planner.answer = np.zeros((150, 3))
+    assert program.drive(handle, 2, 10, 0, 5)[1]["trajectory"].shape == (1, 150, 3)
+    assert planner.last.scene.n_steps == 150
+    # As many poses as in the benchmark are possible up to the last step.
+    planner.answer = np.zeros((80, 3))
+    assert program.drive(handle, 2, 155, 145, 5)[1]["trajectory"].shape == (1, 80, 3)
+    planner.answer = np.zeros((81, 3))
+    text, _ = program.drive(handle, 2, 155, 0, 5)
+    assert "shape (81, 3), expected an array of shape [5 to 80, 3]" in text["error"]
 
 
 def test_wrong_programs_are_refused() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fakes import EXAMPLES, PACKAGE, Child, make_scenes, roll_out
+from fakes import EXAMPLES, IMPORTED, Child, make_scenes, roll_out
 
 NOISY = """
 import os
@@ -108,7 +108,7 @@ def test_prints_do_not_break_the_protocol(how: str, tmp_path: Path) -> None:
         text = text.replace('os.write(1, b"raw write at import\\n")', "")
         assert "raw write at import" not in text
     (tmp_path / "noisy.py").write_text(text)
-    env = {"PYTHONPATH": os.pathsep.join([str(PACKAGE), str(tmp_path)]), "PYTHONUNBUFFERED": ""}
+    env = {"PYTHONPATH": os.pathsep.join([str(IMPORTED), str(tmp_path)]), "PYTHONUNBUFFERED": ""}
     if how == "variable":
         env["REACTSIM_EXTERNAL"] = "1"
     command = {
@@ -142,7 +142,7 @@ def test_prints_do_not_break_the_protocol(how: str, tmp_path: Path) -> None:
 
 def test_copied_client(tmp_path: Path) -> None:
     """The client works as a single file in another repository."""
-    shutil.copy(PACKAGE / "reactsim" / "client.py", tmp_path / "client.py")
+    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path / "client.py")
     text = (EXAMPLES / "stop.py").read_text()
     text = text.replace("import reactsim", "import client as reactsim")
     (tmp_path / "mine.py").write_text(text)
@@ -155,7 +155,7 @@ def test_copied_client(tmp_path: Path) -> None:
 
 def test_two_copies_of_the_client(tmp_path: Path) -> None:
     """A copy of the client that did not claim the streams uses those of the copy that did."""
-    shutil.copy(PACKAGE / "reactsim" / "client.py", tmp_path / "client.py")
+    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path / "client.py")
     text = "import client\n" + (EXAMPLES / "stop.py").read_text()
     (tmp_path / "mine.py").write_text(text)
     with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
@@ -192,7 +192,7 @@ def test_interrupt() -> None:
     ],
 )
 def test_wrong_targets(target: str, message: str) -> None:
-    env = {"PYTHONPATH": os.pathsep.join([str(PACKAGE), str(EXAMPLES)])}
+    env = {"PYTHONPATH": os.pathsep.join([str(IMPORTED), str(EXAMPLES)])}
     with Child("-m", "reactsim.serve", target, env=env) as child:
         code, errors = child.wait()
         assert code == 1

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import reactsim
 from constant_velocity import ConstantVelocity
-from fakes import EXAMPLES, PACKAGE, ROOT
+from fakes import EXAMPLES, IMPORTED, ROOT
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
@@ -52,7 +52,7 @@ def test_child_process(program: str, tmp_path: Path) -> None:
         [program, "run", str(MINI), "--external", f"mine={command}", "--out", str(out)],
         capture_output=True,
         check=False,
-        env={"PYTHONPATH": str(PACKAGE)},
+        env={"PYTHONPATH": str(IMPORTED)},
     )
     assert done.returncode == 0, done.stderr.decode()
     assert metrics(reactsim.Results(out), "mine")
@@ -152,6 +152,6 @@ def test_notebook() -> None:
     pytest.importorskip("pandas")
     pytest.importorskip("matplotlib")
     notebook = nbformat.read(EXAMPLES / "quick_start.ipynb", as_version=4)
-    path = f"import sys; sys.path.insert(0, {str(PACKAGE)!r})"
+    path = f"import sys; sys.path.insert(0, {str(IMPORTED)!r})"
     notebook.cells.insert(0, nbformat.v4.new_code_cell(path))
     nbclient.NotebookClient(notebook, timeout=300).execute()

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import reactsim
 import reactsim.ray
-from fakes import EXAMPLES, PACKAGE, ROOT
+from fakes import EXAMPLES, IMPORTED, ROOT
 from reactsim.program import call
 from reactsim.ray import run_partitions
 
@@ -137,7 +137,7 @@ class TestProcesses:
         driver = subprocess.Popen(
             [*command, "--processes", "2", "--", *arguments(out)],
             stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONPATH": str(PACKAGE)},
+            env={**os.environ, "PYTHONPATH": str(IMPORTED)},
             # Tests in the background of a shell ignore interrupts, and so would the driver.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )

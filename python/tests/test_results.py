@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Any, Dict, List
@@ -68,6 +69,26 @@ def test_texts(folder: Path) -> None:
         (folder / "spec.toml").write_text('models = ["idm"]\nseed = 3\n')
         assert reactsim.Results(folder).spec == {"models": ["idm"], "seed": 3}
     assert repr(results) == f"Results({str(folder)!r})"
+
+
+def test_printed_tables_fit_the_terminal(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    legend = "† is shown the log's future.\nMeans over scenarios ± <half>.\n"
+    wide = "| M  | one | two | three |\n|----|----:|----:|------:|\n| a | 1 | 2 | 3 |\n"
+    (folder / "summary.md").write_text(f"{wide}\nLateral (1):\n\n{wide}\n{legend}", "utf-8")
+    table = reactsim.Results(folder).table()
+    assert table == f"{wide}\n{legend}" == str(table)
+    html = reactsim.Results(folder)._repr_html_()
+    assert html.count("<tr>") == 2 and '<td style="text-align: right">1</td>' in html
+    assert "future.<br>Means over scenarios ± &lt;half&gt;." in html
+    monkeypatch.setattr("sys.stdout", io.StringIO())
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "18")
+    first, second, end = str(table).split("\n\n")
+    assert first == "| M  | one | two |\n|----|----:|----:|\n| a | 1 | 2 |"
+    assert second == "| M  | three |\n|----|------:|\n| a | 3 |"
+    assert end == legend
+    monkeypatch.setenv("COLUMNS", "80")
+    assert str(table) == table
 
 
 def test_missing_files(folder: Path) -> None:

@@ -102,7 +102,13 @@ class Interrupted(Stop):  # type: ignore[misc]
 def test_interrupts(fake_program: Path, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         reactsim.run(Interrupted(), out=tmp_path / "out", progress=False)
-    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+
+    def interrupt() -> None:
+        while not (fake_program / "waiting").exists():
+            time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
     start = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         reactsim.run(Stop(), options=["slow"], progress=False)
@@ -193,7 +199,7 @@ def test_program_as_module(fake_program: Path) -> None:
 
 def test_scenarios(fake_program: Path) -> None:
     scenarios = list(reactsim.scenarios())
-    assert arguments(fake_program) == ["export", "scenes", "--future"]
+    assert arguments(fake_program) == ["export", "scenes", "--with-future"]
     assert [s.id for s in scenarios] == ["scenario-0", "scenario-1", "scenario-2"]
     first, second, _ = scenarios
     assert first.agents == ["av", "b", "c", "d"]

@@ -39,4 +39,19 @@ def test_both_ways_to_install_have_the_same_requirements() -> None:
     )
     for key in ("name", "requires-python", "license", "dependencies", "optional-dependencies"):
         assert whole["project"][key] == alone["project"][key], key
-    assert alone["project"]["version"] == cargo["workspace"]["package"]["version"]
+    version = cargo["workspace"]["package"]["version"]
+    assert alone["project"]["version"] == reactsim.__version__ == version
+
+
+def test_help_has_the_attributes() -> None:
+    for kind, names in {
+        reactsim.Observation: ("states", "av_next"),
+        reactsim.Scenario: ("future", "av", "n_history", "n_steps"),
+        reactsim.Scenes: ("history", "n_history", "n_steps"),
+        reactsim.Simulator: ("batch", "any_length"),
+        reactsim.Planner: ("name", "any_length"),
+        reactsim.Event: ("metric", "last_step"),
+        reactsim.Rollout: ("agents", "states", "n_history"),
+    }.items():
+        attributes = (kind.__doc__ or "").split("Attributes:")[1]
+        assert all(f"\n        {name}: " in attributes for name in names), kind

@@ -102,6 +102,51 @@ def fields(message: bytes) -> dict[int, list[Any]]:
     return found
 
 
+def check_shares(scenario: Path, rollouts: reactsim.WosacRollouts) -> None:
+    """Compares shares with scores of the other rollouts."""
+    configs = ["2025", "2023"]
+    sideways = np.zeros_like(rollouts.states)
+    sideways[..., 1] = 0.1 * np.arange(len(sideways))[:, None, None]
+    states = rollouts.states + sideways
+
+    def scored(states: Any) -> reactsim.WosacScores:
+        given = dataclasses.replace(rollouts, states=states)
+        return reactsim.wosac(scenario, given, configs=configs, shares=True)
+
+    scores = scored(states)
+    assert [share.config for share in scores.shares] == configs
+    for left_out in (0, 17, 31):
+        others = scored(np.delete(states, left_out, axis=0))
+        for share, row, other in zip(scores.shares, scores.rows, others.rows, strict=True):
+            assert (share.scenario_id, share.config) == (row["scenario_id"], row["config"])
+            assert {len(values) for values in share.likelihoods.values()} == {len(states)}
+            assert share.metametric[left_out] == row["metametric"] - other["metametric"]
+            for name, values in share.likelihoods.items():
+                assert values[left_out] == row[name] - other[name]
+    assert np.isnan(scored(states[:1]).shares[0].metametric).tolist() == [True]
+
+
+@pytest.mark.program
+@pytest.mark.usefixtures("with_program")
+def test_runs_have_shares_of_their_rollouts() -> None:
+    run = reactsim.run(
+        baselines=["mix:idm=0.5+stop=0.5"],
+        protocol="realism",
+        rollouts=3,
+        limit=2,
+        progress=False,
+    )
+    assert run.wosac().shares == []
+    scores = run.wosac(shares=True)
+    assert [share.scenario_id for share in scores.shares] == [
+        row["scenario_id"] for row in scores.rows
+    ]
+    for share in scores.shares:
+        assert share.metametric.shape == (3,)
+        assert len(share.likelihoods) == 10
+        assert np.isfinite([share.metametric, *share.likelihoods.values()]).all()
+
+
 @pytest.mark.program
 @pytest.mark.usefixtures("with_program")
 def test_runs_arrays_and_submissions_have_the_same_scores(
@@ -138,6 +183,7 @@ def test_runs_arrays_and_submissions_have_the_same_scores(
     arrays = next(rollouts_of(archive))
     in_memory = reactsim.wosac(scenario, arrays)
     assert (in_memory.means, in_memory.rows[0]["rollouts"]) == (submission.means, 32)
+    check_shares(scenario, arrays)
     with pytest.raises(reactsim.ReactsimError, match="unknown configuration `2020`"):
         reactsim.wosac(scenario, arrays, configs=["2020"])
     monkeypatch.setattr(sys.modules["reactsim.wosac"], "CHUNK_BYTES", 1)

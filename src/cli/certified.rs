@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 
 use super::futures::replace_future;
 use crate::evaluation::Deviations;
-use crate::scene::{AgentState, Certificate, FUTURE, Frame, Scenario};
+use crate::scene::{AgentState, Certificate, Frame, Scenario};
 
 /// Name that takes the place of a simulator in the ids of the scenarios.
 const NAME: &str = "certificate";
@@ -51,9 +51,10 @@ pub(super) fn put(
     certificate: &Certificate,
 ) -> anyhow::Result<()> {
     let mut futures = scenario.log_future.tracks.clone();
+    let steps = scenario.length().future;
     let mut replace = |slot: usize, states: &[AgentState]| -> anyhow::Result<()> {
-        if states.len() != FUTURE {
-            bail!("a track has {} steps, expected {FUTURE}", states.len());
+        if states.len() != steps {
+            bail!("a track has {} steps, expected {steps}", states.len());
         }
         futures[slot] = states.iter().map(|s| Some(*s)).collect::<Vec<Frame>>();
         Ok(())

@@ -21,7 +21,7 @@ Bounds are in the units of the tables (percent for rates). The last command exit
 a metric got worse by more than its bound in any comparison.
 
 Runs are refused if they differ in a setting on which the numbers depend, unless --despite names \
-it: protocol, av, av-lookahead, deviations, replan, rollouts, metric-options.";
+it: protocol, av, av-lookahead, entering, deviations, replan, rollouts, metric-options.";
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 
 use crate::evaluation::ROLLOUTS;
 use crate::formats::rollouts::{self, Reader, RolloutRecord};
-use crate::scene::{FUTURE, Frame, Scenario, limits};
+use crate::scene::{Frame, Scenario, limits};
 
 /// Rollouts of one simulator, read on demand.
 pub(super) struct Futures {
@@ -53,8 +53,9 @@ impl Futures {
                 let (file, scenario, agent) = (self.path.display(), &scenario.id, &agent.id);
                 format!("{file}: the rollout of `{scenario}` lacks its agent `{agent}`")
             })?;
-            if track.len() != FUTURE {
-                bail!("{}: `{}`: {} steps, expected {FUTURE}", self.path.display(), scenario.id, track.len());
+            let steps = scenario.length().future;
+            if track.len() != steps {
+                bail!("{}: `{}`: {} steps, expected {steps}", self.path.display(), scenario.id, track.len());
             }
             let center = scenario.start.now(0).position();
             if let Some((_, name, value, expected)) = limits::first_beyond(track, center) {

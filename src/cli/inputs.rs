@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::output::say;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{Deviations, Opening, ReadingSpec, ScenarioSpec, Selection, Source};
-use crate::formats::{CurrentFrames, Input, PassedOver};
+use crate::formats::{Input, PassedOver};
 use crate::scene::Scenario;
 
 /// Finds the scenario files at all paths and recognises their formats. Warns of files that have the
@@ -115,9 +115,9 @@ pub(super) fn recorded_logs(paths: &[PathBuf]) -> anyhow::Result<Vec<LogSource>>
 }
 
 /// Returns the sources of logs with the agents that a run simulates: recordings as they are if these are all,
-/// at the current frame that they state.
+/// at the current frame that they state and with the length of the benchmark.
 pub(super) fn simulated_logs(paths: &[PathBuf], reading: &ReadingSpec) -> anyhow::Result<Vec<LogSource>> {
-    let as_recorded = reading.has_all_agents() && reading.frames() == CurrentFrames::Stated;
+    let as_recorded = reading.has_all_agents() && reading.has_stated_frames();
     if reading.is_shipped(paths) || as_recorded && reading.nuplan.filter.is_none() {
         return recorded_logs(paths);
     }

@@ -53,10 +53,10 @@ pub(super) struct InspectArgs {
     /// Draw stills to this file
     #[arg(long, value_name = "FILE", group = "picture")]
     svg: Option<PathBuf>,
-    /// Steps of the stills, 0 (current frame) to 80, separated by commas
+    /// Steps of the stills, from 0 (current frame), separated by commas
     #[arg(long, value_delimiter = ',', default_value = "0", value_name = "STEPS", requires = "svg",
-          value_parser = clap::value_parser!(u8).range(0..=80))]
-    steps: Vec<u8>,
+          value_parser = clap::value_parser!(u16).range(0..=6000))]
+    steps: Vec<u16>,
     /// Draw an animation to this file
     #[arg(long, value_name = "FILE", group = "picture")]
     gif: Option<PathBuf>,

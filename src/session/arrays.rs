@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Polyline, Vec2, direction, left};
 use crate::rollout::Observation;
-use crate::scene::{AgentKind, AgentState, FUTURE, HISTORY, LaneKind, LightState, Scenario};
+use crate::scene::{AgentKind, AgentState, LaneKind, Length, LightState, Scenario};
 
 /// Distance between points of lanes, metres.
 const LANE_SPACING: f64 = 2.0;
@@ -22,7 +22,7 @@ const MIN_POINT_SPACING: f64 = 0.5;
 pub struct Sizes {
     /// Number of the nearest other agents.
     pub agents: usize,
-    /// Number of frames up to now, 1 to 11.
+    /// Number of frames up to now, 1 to 100; those before the first frame are absent.
     pub history: usize,
     /// Number of the nearest pieces of lanes.
     pub lanes: usize,
@@ -55,7 +55,7 @@ impl Sizes {
     pub(super) fn fault(&self) -> Option<String> {
         let limits = [
             ("agents", self.agents, 0, 1024),
-            ("history", self.history, 1, HISTORY),
+            ("history", self.history, 1, Length::MAX_HISTORY),
             ("lanes", self.lanes, 0, 4096),
             ("points", self.points, 2, 1024),
             ("lights", self.lights, 0, 1024),
@@ -81,8 +81,17 @@ impl Sizes {
 }
 
 /// Arrays of a batch of observations, each with all its rows one after the other.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Arrays(pub [Vec<f32>; ARRAYS]);
+
+impl Arrays {
+    /// Creates arrays without rows, with room for this number of observations.
+    pub(super) fn with_capacity(sizes: &Sizes, observations: usize) -> Self {
+        let room =
+            |(_, shape): (_, Vec<usize>)| Vec::with_capacity(observations * shape.iter().product::<usize>());
+        Self(sizes.shapes().map(room))
+    }
+}
 
 /// A piece of a lane.
 #[derive(Clone, Debug)]
@@ -218,7 +227,7 @@ impl SceneArrays {
 /// Returns the path of the logged AV from its first recorded position on; `None` if it does not move.
 fn logged_path(scenario: &Scenario) -> Option<Polyline> {
     let mut points: Vec<Vec2> = Vec::new();
-    for frame in 0..HISTORY + FUTURE {
+    for frame in 0..scenario.length().frames() {
         let Some(p) = scenario.logged_at(0, frame).map(|state| state.position()) else { continue };
         if points.last().is_none_or(|last| (p - last).norm() >= MIN_POINT_SPACING) {
             points.push(p);
@@ -258,10 +267,11 @@ fn nearest(most: usize, count: usize, distance: impl Fn(usize) -> Option<f64>) -
     found.into_iter().map(|(_, i)| i).collect()
 }
 
-/// Writes the last `frames` frames of an agent, oldest first.
+/// Writes the last `frames` frames of an agent, oldest first; those before its first frame stay 0.
 fn write_track(values: &mut [f32], seen: &Observation<'_>, agent: usize, frames: usize, frame: &LocalFrame) {
     let track = seen.track(agent);
-    for (state, values) in track[track.len() - frames..].iter().zip(values.chunks_mut(STATE)) {
+    let (first, absent) = (track.len().saturating_sub(frames), frames.saturating_sub(track.len()));
+    for (state, values) in track[first..].iter().zip(values.chunks_mut(STATE).skip(absent)) {
         let Some(state) = state else { continue };
         let ([x, y], [cos, sin]) = (frame.point(state.position()), frame.vector(direction(state.heading)));
         let [vx, vy] = frame.vector(AgentState::velocity(state).unwrap_or_default());

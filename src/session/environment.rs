@@ -14,7 +14,7 @@ use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_state
 use crate::planning::metrics::SampleJudge;
 use crate::planning::{EgoShape, PlanningMap};
 use crate::rollout::{AvError, AvPolicy, Lockstep, Observation, Rollout, RolloutBeginning};
-use crate::scene::{AgentState, CURRENT, FRAMES, FUTURE, Frame, Scenario};
+use crate::scene::{AgentState, FUTURE, Frame, Scenario};
 
 /// Slot of the AV among the agents.
 const AV: usize = 0;
@@ -98,7 +98,7 @@ struct Slot {
 pub enum End {
     /// A condition of the environment is met.
     Condition,
-    /// All 80 steps are over.
+    /// All steps of the scenario are over.
     LastStep,
     /// The rollout failed, with the reason.
     Failed(String),
@@ -134,9 +134,10 @@ impl Environment {
         if let Some(fault) = settings.sizes.fault() {
             return refused(fault);
         }
+        let longest = scenarios.iter().map(|scenario| scenario.length().future).max().unwrap_or(FUTURE);
         match (settings.action, settings.every) {
-            (_, every) if !(1..=FUTURE).contains(&every) => {
-                return refused(format_args!("`every` is {every}, expected 1 to 80 steps"));
+            (_, every) if !(1..=longest).contains(&every) => {
+                return refused(format_args!("`every` is {every}, expected 1 to {longest} steps"));
             }
             (ActionKind::State, 2..) => {
                 return refused(format_args!(
@@ -144,9 +145,9 @@ impl Environment {
                     settings.every
                 ));
             }
-            (ActionKind::Plan { poses }, every) if !(every..=FUTURE).contains(&poses) => {
+            (ActionKind::Plan { poses }, every) if !(every..=longest).contains(&poses) => {
                 return refused(format_args!(
-                    "a plan has {poses} poses, expected {every} to {FUTURE}: at least `every`"
+                    "a plan has {poses} poses, expected {every} to {longest}: at least `every`"
                 ));
             }
             _ => {}
@@ -203,9 +204,7 @@ impl Environment {
         restarted: &[EpisodeBeginning],
     ) -> Result<Vec<Stepped>, RequestError> {
         let values = self.settings.action.values();
-        if let Some(episode) = restarted.iter().find(|episode| episode.slot >= self.slots.len()) {
-            return Err(missing("slot", episode.slot, self.slots.len()));
-        }
+        self.check_slots(restarted)?;
         let is_restarted = |slot: usize| restarted.iter().any(|episode| episode.slot == slot);
         let name = |slot: usize| (!is_restarted(slot)).then(|| format!("slot {slot}"));
         self.settings.action.check(actions, &(0..self.slots.len()).map(name).collect::<Vec<_>>())?;
@@ -213,8 +212,7 @@ impl Environment {
             return refused(format_args!("the episode in slot {slot} is over: reset it"));
         }
         // Everything that can be refused is computed before anything moves.
-        let begun: Vec<Slot> =
-            restarted.iter().map(|episode| self.slot(episode)).collect::<Result<_, RequestError>>()?;
+        let begun = self.new_slots(restarted)?;
         let mut moved = Vec::with_capacity(self.slots.len());
         for i in (0..self.slots.len()).filter(|i| !is_restarted(*i)) {
             moved.push((i, self.motion(i, &actions[i * values..(i + 1) * values])?));
@@ -240,6 +238,30 @@ impl Environment {
         }
         self.restart(restarted, begun, &mut stepped)?;
         Ok(stepped)
+    }
+
+    /// Begins episodes in place of those in the same slots; no other one takes a step.
+    ///
+    /// # Errors
+    /// If a scenario cannot be used; no episode has changed then. Or if the simulator cannot begin.
+    pub fn begin(&mut self, episodes: &[EpisodeBeginning]) -> Result<(), RequestError> {
+        self.check_slots(episodes)?;
+        let begun = self.new_slots(episodes)?;
+        let mut stepped: Vec<Stepped> = self.slots.iter().map(|_| Stepped::new()).collect();
+        self.restart(episodes, begun, &mut stepped)?;
+        match stepped.into_iter().find_map(|one| one.end) {
+            Some(End::Failed(reason)) => refused(reason),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_slots(&self, episodes: &[EpisodeBeginning]) -> Result<(), RequestError> {
+        let missing_slot = episodes.iter().find(|episode| episode.slot >= self.slots.len());
+        missing_slot.map_or(Ok(()), |episode| Err(missing("slot", episode.slot, self.slots.len())))
+    }
+
+    fn new_slots(&mut self, episodes: &[EpisodeBeginning]) -> Result<Vec<Slot>, RequestError> {
+        episodes.iter().map(|episode| self.slot(episode)).collect()
     }
 
     /// Begins episodes in place of those in the same slots.
@@ -290,7 +312,8 @@ impl Environment {
         let track = &self.lockstep.tracks(slot)[AV];
         let Some(mut now) = track.last().copied().flatten() else { return Ok(Vec::new()) };
         let mut mover = self.slots[slot].mover.clone();
-        let steps = self.settings.every.min(FRAMES.saturating_sub(track.len()));
+        let frames = self.slots[slot].scenario.length().frames();
+        let steps = self.settings.every.min(frames.saturating_sub(track.len()));
         let step = |k| {
             // The AV is where its policy says: the next state begins there.
             now = mover.advance(&now, action, k == 0)?;
@@ -300,11 +323,12 @@ impl Environment {
         (0..steps).map(step).collect::<Result<_, _>>().map_err(named)
     }
 
-    /// Returns the observation of each slot.
-    pub fn observe(&self) -> Arrays {
-        let mut arrays = Arrays::default();
-        for (i, slot) in self.slots.iter().enumerate() {
-            slot.prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
+    /// Returns the observations of slots.
+    pub fn observe(&self, slots: impl ExactSizeIterator<Item = usize>) -> Arrays {
+        let mut arrays = Arrays::with_capacity(&self.settings.sizes, slots.len());
+        for i in slots {
+            let prepared = &self.slots[i].prepared;
+            prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
         }
         arrays
     }
@@ -323,10 +347,10 @@ impl Environment {
     /// not scored.
     pub fn scores(&self, slot: usize) -> Option<(Vec<Row>, Vec<Vec<Event>>)> {
         let options = self.settings.scores?;
-        let mut tracks = self.lockstep.tracks(slot).to_vec();
-        tracks.iter_mut().for_each(|track| track.resize(FRAMES, None));
-        let rollout = Rollout { tracks, outcomes: self.lockstep.outcomes(slot).clone() };
         let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.traffic.id);
+        let mut tracks = self.lockstep.tracks(slot).to_vec();
+        tracks.iter_mut().for_each(|track| track.resize(scenario.length().frames(), None));
+        let rollout = Rollout { tracks, entered: Vec::new(), outcomes: self.lockstep.outcomes(slot).clone() };
         Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, true))
     }
 
@@ -387,9 +411,11 @@ impl Slot {
         end_at: &[EndCondition],
         stepped: &mut Stepped,
     ) -> Option<End> {
-        let prepared = &self.prepared;
+        let (prepared, current) = (&self.prepared, self.scenario.start.current());
         let no_state = || End::Failed(format!("scenario `{}`: the AV has no finite state", self.scenario.id));
-        let Some(ego) = ego_state_now(seen.track(AV), &prepared.shape) else { return Some(no_state()) };
+        let Some(ego) = ego_state_now(seen.track(AV), current, &prepared.shape) else {
+            return Some(no_state());
+        };
         let objects = prepared.objects.objects_now(seen);
         let scores = self.judge.judge(&prepared.map, prepared.shape, ego, objects);
         let progress = prepared.arrays.progress(ego.center(&prepared.shape));
@@ -413,7 +439,7 @@ impl Slot {
         if end_at.iter().any(is_met) {
             return Some(End::Condition);
         }
-        (seen.frame() - CURRENT == FUTURE).then_some(End::LastStep)
+        (seen.step() == self.scenario.length().future).then_some(End::LastStep)
     }
 }
 
@@ -423,5 +449,68 @@ fn raise(flag: &mut f64, value: Option<bool>) {
         Some(true) => *flag = 1.0,
         Some(false) => {}
         None => *flag = f64::NAN,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenarios::of_length;
+    use crate::evaluation::Source;
+    use crate::rollout::Settings;
+
+    use super::*;
+
+    fn environment(scenarios: Vec<Arc<Scenario>>, every: usize) -> Result<Environment, RequestError> {
+        let id = "constant-velocity".to_owned();
+        let controller = crate::models::find(&id).unwrap().simulator().unwrap();
+        let sizes = Sizes { agents: 1, history: 30, lanes: 1, points: 2, lights: 0, route: 0 };
+        let settings = EnvironmentSettings {
+            traffic: Traffic { id, controller, settings: Settings::default() },
+            action: ActionKind::Bicycle,
+            every,
+            sizes,
+            end_at: Vec::new(),
+            scores: Some(Options::default()),
+        };
+        Environment::new(scenarios, settings)
+    }
+
+    fn begin(slot: usize) -> EpisodeBeginning {
+        EpisodeBeginning { slot, scenario: slot, rollout: 0 }
+    }
+
+    #[test]
+    fn episodes_have_the_steps_of_their_scenario() {
+        let shipped = Source::shipped(1).scenarios().unwrap().next().unwrap().unwrap();
+        let lengths = [60, 80, 150];
+        let scenarios: Vec<_> = lengths.map(|steps| Arc::new(of_length(&shipped, steps))).to_vec();
+        let mut environment = environment(scenarios.clone(), 7).unwrap();
+        environment.reset(&[begin(0), begin(1), begin(2)]).unwrap();
+        // Frames before the first one are absent: 30 are observed, and 11 are there.
+        let observed = environment.observe(0..3);
+        let rows: Vec<&[f32]> = observed.0[0].chunks(7).collect();
+        assert!(rows[..19].iter().all(|row| row.iter().all(|value| *value == 0.0)));
+        assert!(rows[19..30].iter().all(|row| row[6] == 1.0));
+        let mut ends = [None; 3];
+        for action in 1..=150_usize.div_ceil(7) {
+            // Slots that are over begin again.
+            let over: Vec<_> =
+                (0..3).filter(|&slot| environment.slots[slot].end.is_some()).map(begin).collect();
+            let stepped = environment.step(&[-1.0, 0.0, -1.0, 0.0, -1.0, 0.0], &over).unwrap();
+            for (slot, one) in stepped.iter().enumerate().filter(|(_, one)| one.end.is_some()) {
+                assert_eq!(one.end, Some(End::LastStep));
+                if ends[slot].is_none() {
+                    ends[slot] = Some(action);
+                    let (_, tracks) = environment.tracks(slot).unwrap();
+                    assert_eq!(tracks[0].len(), 11 + lengths[slot]);
+                    let (rows, _) = environment.scores(slot).unwrap();
+                    let stated = rows[0].length.map(|length| length.steps);
+                    assert_eq!(stated, (lengths[slot] != 80).then_some(lengths[slot]));
+                }
+            }
+        }
+        assert_eq!(ends, [60, 80, 150].map(|steps: usize| Some(steps.div_ceil(7))));
+        let refused = self::environment(scenarios, 151).err().unwrap().to_string();
+        assert_eq!(refused, "`every` is 151, expected 1 to 150 steps");
     }
 }

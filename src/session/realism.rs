@@ -8,7 +8,9 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::wire::{Answer, RequestError, answer, arguments, refused};
-use crate::evaluation::realism::{LogFiles, LogSource, RealismFailure, RealismScores, ScoredPair, score_all};
+use crate::evaluation::realism::{
+    LogFiles, LogSource, RealismFailure, RealismScores, RealismSettings, ScoredPair, score_all,
+};
 use crate::external::Frame;
 use crate::metrics::wosac::Config;
 use crate::scene::FUTURE;
@@ -27,6 +29,8 @@ struct ScoreArguments {
     /// Files with the logs.
     logs: Vec<PathBuf>,
     configs: Vec<String>,
+    /// Whether the shares of the rollouts are computed.
+    shares: bool,
     /// Number of threads.
     jobs: usize,
     scenarios: Vec<Simulated>,
@@ -115,7 +119,8 @@ pub(super) fn score(request: &Frame, logs: &mut LogCache) -> Answer {
             Err(error) => Err(RealismFailure { scenario_id: Some(scenario.id), error }),
         });
     }
-    let scores = score_all(pairs.into_iter(), &configs, given.jobs, &mut |_, _| ());
+    let settings = RealismSettings { configs: &configs, shares: given.shares, jobs: given.jobs };
+    let scores = score_all(pairs.into_iter(), &settings, &mut |_, _| ());
     let mut rows = Vec::new();
     scores.write_rows(&mut rows).map_err(RequestError::new)?;
     answer("wosac", &json!({ "scores": scores.to_text(), "rows": String::from_utf8_lossy(&rows) }))
@@ -161,7 +166,8 @@ struct SummaryArguments {
     configs: Vec<String>,
 }
 
-/// Answers with the means over the scenarios of several requests. The tensor `scores` has the bytes of the texts
+/// Answers with the means over the scenarios of several requests, and with the shares of all rollouts if they
+/// were computed. The tensor `scores` has the bytes of the texts
 /// that [`score`] returned, one per line.
 pub(super) fn summarise(request: &Frame) -> Answer {
     let given: SummaryArguments = arguments(request)?;

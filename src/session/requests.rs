@@ -20,6 +20,8 @@ use super::world::{AGENT_MEASURES, World, WorldSettings};
 use crate::evaluation::{Row, RunParts, RunSpec};
 use crate::external::{Frame, FrameWriter, Parent, Values};
 use crate::metrics::{Event, Options};
+use crate::report::animation::{Animation, Panel};
+use crate::report::birdseye::marks_of;
 use crate::scene::{Frame as StateFrame, Scenario};
 
 /// What all environments have.
@@ -92,7 +94,17 @@ pub(super) fn reset(request: &Frame, environment: &mut Option<Environment>) -> A
     }
     environment.reset(&episodes)?;
     let mut answer = FrameWriter::new("observation");
-    put_arrays(&mut answer, &environment.settings().sizes, environment.slots(), environment.observe());
+    put_observations(&mut answer, environment, 0..environment.slots());
+    Ok(answer)
+}
+
+/// Begins episodes in place of those in their slots; answers with their observations, in the same order.
+pub(super) fn begin(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+    let environment = existing(environment)?;
+    let Episodes { episodes } = arguments(request)?;
+    environment.begin(&episodes)?;
+    let mut answer = FrameWriter::new("observation");
+    put_observations(&mut answer, environment, episodes.iter().map(|episode| episode.slot));
     Ok(answer)
 }
 
@@ -105,7 +117,7 @@ pub(super) fn step(request: &Frame, environment: &mut Option<Environment>) -> An
         request.floats("actions", &[environment.slots(), environment.settings().action.values()])?;
     let stepped = environment.step(&actions, &episodes)?;
     let mut answer = answer("stepped", &ends(environment, &stepped)?)?;
-    put_arrays(&mut answer, &environment.settings().sizes, environment.slots(), environment.observe());
+    put_observations(&mut answer, environment, 0..environment.slots());
     let measures = stepped.iter().flat_map(|one| one.measures);
     answer.tensor("measures", Values::f64(&[stepped.len(), MEASURES.len()], measures));
     let flag = |is_so: fn(&End) -> bool| {
@@ -142,6 +154,13 @@ pub(super) fn tracks(request: &Frame, environment: &mut Option<Environment>) -> 
     let SlotArguments { slot } = arguments(request)?;
     let (scenario, tracks) = existing(environment)?.tracks(slot)?;
     tracks_answer(scenario, tracks)
+}
+
+/// Answers with a picture of a slot.
+pub(super) fn draw(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+    let drawing: Drawing = arguments(request)?;
+    let (scenario, tracks) = existing(environment)?.tracks(drawing.slot)?;
+    drawing.answer(scenario, tracks)
 }
 
 #[derive(Deserialize)]
@@ -217,6 +236,57 @@ pub(super) fn world_tracks(world: &mut Option<World>) -> Answer {
     tracks_answer(scenario, tracks)
 }
 
+/// Answers with a picture.
+pub(super) fn draw_world(request: &Frame, world: &mut Option<World>) -> Answer {
+    let drawing: Drawing = arguments(request)?;
+    let (scenario, tracks) = existing(world)?.tracks()?;
+    drawing.answer(scenario, tracks)
+}
+
+/// A picture of an episode.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Drawing {
+    /// The slot; 0 in an environment whose agents are moved.
+    slot: usize,
+    /// Side of the picture, pixels.
+    size: u32,
+    /// Half of the side of the picture, metres.
+    radius: Option<f64>,
+    /// Whether the AV stays in the middle.
+    follow: bool,
+    /// Stride between the steps of an animation; without it, a picture of the present step.
+    every: Option<usize>,
+}
+
+impl Drawing {
+    /// Returns the present step as u8 [height, width, 3], or an animation of the steps so far as a GIF.
+    fn answer(&self, scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> Answer {
+        let length = scenario.length();
+        let until = tracks.first().map_or(0, Vec::len).saturating_sub(length.history);
+        let mut tracks = tracks.to_vec();
+        tracks.iter_mut().for_each(|track| track.resize(length.frames(), None));
+        let marks = marks_of(scenario, &tracks);
+        let panel = Panel { title: scenario.id.clone(), rollout: Some(&tracks), marks };
+        let animation = Animation {
+            radius: self.radius,
+            size: self.size,
+            every: self.every.unwrap_or(1),
+            until,
+            follow: self.follow,
+            ..Animation::new(scenario, vec![panel])
+        };
+        let mut answer = FrameWriter::new("picture");
+        if self.every.is_some() {
+            answer.tensor("gif", Values::bytes(animation.encode().map_err(RequestError::new)?));
+        } else {
+            let picture = animation.picture(until).map_err(RequestError::new)?;
+            answer.tensor("rgb", Values::u8(&[picture.height, picture.width, 3], picture.rgb));
+        }
+        Ok(answer)
+    }
+}
+
 /// Returns the environment of an earlier request.
 fn existing<T>(environment: &mut Option<T>) -> Result<&mut T, RequestError> {
     environment.as_mut().ok_or_else(|| RequestError::new("there is no environment: create one first"))
@@ -229,6 +299,16 @@ fn ids(scenarios: &[Arc<Scenario>]) -> Vec<&str> {
 /// Returns the names and shapes of arrays.
 fn shapes(sizes: &Sizes) -> Value {
     sizes.shapes().map(|(name, shape)| json!([name, shape])).to_vec().into()
+}
+
+/// Adds the observations of slots.
+fn put_observations(
+    answer: &mut FrameWriter,
+    environment: &Environment,
+    slots: impl ExactSizeIterator<Item = usize>,
+) {
+    let rows = slots.len();
+    put_arrays(answer, &environment.settings().sizes, rows, environment.observe(slots));
 }
 
 /// Adds arrays of observations with this number of rows.
@@ -255,4 +335,31 @@ fn tracks_answer(scenario: &Scenario, tracks: &[Vec<StateFrame>]) -> Answer {
     let mut answer = answer("tracks", &json!({ "scenario": scenario.id, "agents": ids }))?;
     answer.tensor("states", Values::f64(&shape, values));
     Ok(answer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scenarios::of_length;
+    use super::*;
+    use crate::evaluation::Source;
+
+    #[test]
+    fn pictures_show_the_present_step_of_scenarios_of_any_length() {
+        let shipped = Source::shipped(1).scenarios().unwrap().next().unwrap().unwrap();
+        for steps in [60, 150] {
+            let scenario = of_length(&shipped, steps);
+            let frames = scenario.length().frames();
+            let answer = |frames: usize, every: Option<usize>| {
+                let agents = 0..scenario.start.agents.len();
+                let tracks: Vec<_> = agents.map(|i| scenario.logged(i)[..frames].to_vec()).collect();
+                let drawing = Drawing { slot: 0, size: 100, radius: None, follow: true, every };
+                let mut answer = drawing.answer(&scenario, &tracks).unwrap();
+                answer.text("seq", "0");
+                Frame::read(answer.to_frame().unwrap()[8..].to_vec()).unwrap()
+            };
+            let rgb = |frames: usize| answer(frames, None).bytes("rgb").unwrap().to_vec();
+            assert_ne!(rgb(frames - 1), rgb(frames), "{steps} steps");
+            assert!(answer(frames, Some(steps)).bytes("gif").unwrap().starts_with(b"GIF89a"));
+        }
+    }
 }

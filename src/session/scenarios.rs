@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::wire::{RequestError, refused};
 use crate::evaluation::{Deviations, Selection, Source};
-use crate::formats::{self as formats, CurrentFrames, PendingScenarios};
+use crate::formats::{self as formats, CurrentFrames, FutureChoice, LengthChoice, PendingScenarios};
 use crate::scene::Scenario;
 
 /// Number of scenarios that are kept in memory.
@@ -25,6 +25,12 @@ pub(super) struct Reading {
     current_frame: Option<usize>,
     /// Frames between the scenarios of one recording.
     window_step: Option<NonZeroUsize>,
+    /// Frames up to and including the current one.
+    #[serde(default)]
+    history: Option<usize>,
+    /// Frames after the current one.
+    #[serde(default)]
+    future: Option<FutureChoice>,
     /// Whether all agents are read.
     #[serde(default)]
     all_agents: bool,
@@ -43,6 +49,8 @@ impl Reading {
             let given = [
                 (self.current_frame.is_some(), "`current_frame`", "have a fixed current frame"),
                 (self.window_step.is_some(), "`window_step`", "have one window each"),
+                (self.history.is_some(), "`history`", "have a fixed length"),
+                (self.future.is_some(), "`future`", "have a fixed length"),
                 (self.all_agents, "`all_agents`", "have all their agents"),
             ];
             return match given.into_iter().find(|(is_given, ..)| *is_given) {
@@ -60,12 +68,13 @@ impl Reading {
             (None, Some(step)) => CurrentFrames::Every(step),
             (None, None) => CurrentFrames::Stated,
         };
+        let length = LengthChoice { history: self.history, future: self.future };
         let mut inputs = Vec::new();
         for path in &self.paths {
             inputs.extend(formats::survey(path)?.inputs);
         }
         for input in &mut inputs {
-            (input.frames, input.all_agents) = (frames, self.all_agents);
+            (input.frames, input.length, input.all_agents) = (frames, length, self.all_agents);
         }
         Ok(Source::of_inputs(inputs, usize::MAX)?)
     }
@@ -195,4 +204,29 @@ impl Files {
         self.index = 0;
         Ok(None)
     }
+}
+
+/// Returns a scenario with this number of steps; the last states are repeated.
+#[cfg(test)]
+pub(super) fn of_length(scenario: &Scenario, steps: usize) -> Scenario {
+    fn resized<T: Copy>(values: &mut Vec<T>, count: usize) {
+        if let Some(last) = values.last().copied() {
+            values.resize(count, last);
+        }
+    }
+    let mut changed = scenario.clone();
+    let frames = changed.start.current() + 1 + steps;
+    changed.log_future.tracks.iter_mut().for_each(|track| resized(track, steps));
+    changed.log_future.heights.iter_mut().for_each(|heights| resized(heights, steps));
+    changed.log_future.lights.iter_mut().for_each(|states| resized(states, steps));
+    for agent in &mut changed.unselected {
+        resized(&mut agent.track, frames);
+        resized(&mut agent.heights, frames);
+    }
+    if let Some(deviation) = &mut changed.deviation {
+        resized(&mut deviation.track, steps);
+        deviation.certificate = None;
+    }
+    changed.timestamps.clear();
+    changed
 }

@@ -10,7 +10,7 @@ use crate::evaluation::{EventLine, Pose, RolloutCheck, Row, score_in_memory};
 use crate::external::Frame;
 use crate::formats::rollouts::RolloutRecord;
 use crate::metrics::{Event, Options};
-use crate::scene::{AgentState, FUTURE, Frame as StateFrame};
+use crate::scene::{AgentState, Frame as StateFrame};
 
 /// Values of a state: x, y, heading, and the velocities, which may be left out.
 const VALUES: [usize; 2] = [3, 5];
@@ -34,8 +34,8 @@ struct ScoreArguments {
     metric_options: BTreeMap<String, String>,
 }
 
-/// Scores the rollouts of a request: the tensor `states`, [rollouts, agents, 80, 3 or 5], NaN where an agent
-/// is absent.
+/// Scores the rollouts of a request: the tensor `states`, [rollouts, agents, steps of the scenario, 3 or 5],
+/// NaN where an agent is absent.
 pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
     let given: ScoreArguments = arguments(request)?;
     let options = metric_options(&given.metric_options)?;
@@ -45,7 +45,7 @@ pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
     let scenario = &known.scenario;
     let of_scenario = || scenario.start.agents.iter().map(|agent| agent.id.clone()).collect();
     let agents: Vec<String> = given.agents.unwrap_or_else(of_scenario);
-    let (count, tracks) = read_states(request, agents.len())?;
+    let (count, tracks) = read_states(request, agents.len(), scenario.length().future)?;
     let record = |(rollout, tracks): (u32, &[Vec<StateFrame>])| RolloutRecord {
         scenario_id: scenario.id.clone(),
         simulator: given.simulator.clone(),
@@ -95,13 +95,19 @@ fn allowance(name: &str) -> Result<RolloutCheck, RequestError> {
 }
 
 /// Returns the number of rollouts, and the tracks of their agents one after the other.
-fn read_states(request: &Frame, agents: usize) -> Result<(usize, Vec<Vec<StateFrame>>), RequestError> {
+fn read_states(
+    request: &Frame,
+    agents: usize,
+    steps: usize,
+) -> Result<(usize, Vec<Vec<StateFrame>>), RequestError> {
     let shape = request.shape("states")?;
     let (rollouts, values) = match shape {
-        &[rollouts, n, FUTURE, values] if n == agents && VALUES.contains(&values) => (rollouts, values),
+        &[rollouts, n, k, values] if (n, k) == (agents, steps) && VALUES.contains(&values) => {
+            (rollouts, values)
+        }
         found => {
             return refused(format_args!(
-                "`states` has the shape {found:?}, expected [rollouts, {agents}, {FUTURE}, 3 or 5] for the \
+                "`states` has the shape {found:?}, expected [rollouts, {agents}, {steps}, 3 or 5] for the \
                  {agents} agents"
             ));
         }
@@ -115,5 +121,5 @@ fn read_states(request: &Frame, agents: usize) -> Result<(usize, Vec<Vec<StateFr
         (!x.is_nan()).then_some(AgentState { x, y, heading, vx, vy })
     };
     let track = |numbers: &[f64]| numbers.chunks(values).map(state).collect();
-    Ok((rollouts, numbers.chunks(FUTURE * values).map(track).collect()))
+    Ok((rollouts, numbers.chunks(steps * values).map(track).collect()))
 }

@@ -54,14 +54,17 @@ impl Session {
             "environment" => requests::create(request, &mut self.environment, parent),
             "reset" => requests::reset(request, &mut self.environment),
             "step" => requests::step(request, &mut self.environment),
+            "begin" => requests::begin(request, &mut self.environment),
             "tracks" => requests::tracks(request, &mut self.environment),
+            "draw" => requests::draw(request, &mut self.environment),
             "world" => requests::create_world(request, &mut self.world, parent),
             "world-reset" => requests::reset_world(request, &mut self.world),
             "world-step" => requests::step_world(request, &mut self.world),
             "world-tracks" => requests::world_tracks(&mut self.world),
+            "world-draw" => requests::draw_world(request, &mut self.world),
             other => refused(format_args!(
                 "unknown request `{other}`: expected score, wosac, wosac-summary, environment, reset, step, \
-                 tracks, world, world-reset, world-step or world-tracks"
+                 begin, tracks, draw, world, world-reset, world-step, world-tracks or world-draw"
             )),
         }
     }
@@ -159,15 +162,15 @@ mod tests {
         let unknown = json!({ "reading": { "paths": [] }, "scenario": "x", "simulator": "s", "agents": ["a"],
             "allow": [], "pose": null, "metric_options": {} });
         let found = answers(&[
-            ("draw", json!({}), None),
+            ("paint", json!({}), None),
             ("step", none, None),
             ("score", json!({}), None),
             ("score", unknown, None),
         ]);
         assert_eq!(
             error(&found[0]),
-            "unknown request `draw`: expected score, wosac, wosac-summary, environment, reset, step, tracks, \
-             world, world-reset, world-step or world-tracks"
+            "unknown request `paint`: expected score, wosac, wosac-summary, environment, reset, step, begin, \
+             tracks, draw, world, world-reset, world-step, world-tracks or world-draw"
         );
         assert_eq!(error(&found[1]), "there is no environment: create one first");
         assert!(error(&found[2]).starts_with("the arguments of the request: missing field `reading`"));
@@ -196,6 +199,50 @@ mod tests {
         assert_eq!(error(&found[2 + FUTURE]), "the episode in slot 0 is over: reset it");
         assert_eq!(found[3 + FUTURE].text("type").unwrap(), "stepped");
         assert_eq!(found[4 + FUTURE].shape("states").unwrap()[1..], [11, 5]);
+    }
+
+    #[test]
+    fn episodes_begin_without_a_step_of_the_others() {
+        let both = json!({ "episodes": [begin(0, 0), begin(1, 1)] });
+        let actions = || Some(("actions", Values::f64(&[2, 2], [0.5, 0.0, -1.0, 0.01])));
+        let found = answers(&[
+            ("environment", environment(&json!("bicycle"), "idm"), None),
+            ("reset", both, None),
+            ("step", json!({ "episodes": [] }), actions()),
+            ("begin", json!({ "episodes": [begin(1, 0)] }), None),
+            ("tracks", json!({ "slot": 0 }), None),
+            ("tracks", json!({ "slot": 1 }), None),
+            ("step", json!({ "episodes": [] }), actions()),
+            ("begin", json!({ "episodes": [begin(2, 0)] }), None),
+        ]);
+        // The first observation of the same episode.
+        let rows = found[1].floats("agents", &[2, 3, 2, 7]).unwrap();
+        assert_eq!(found[3].floats("agents", &[1, 3, 2, 7]).unwrap(), rows[..3 * 2 * 7]);
+        assert_eq!(found[4].shape("states").unwrap()[1], 12);
+        assert_eq!(found[5].shape("states").unwrap()[1], 11);
+        assert_eq!(found[6].text("type").unwrap(), "stepped");
+        assert_eq!(error(&found[7]), "there is no slot 2, expected 0 to 1");
+    }
+
+    #[test]
+    fn episodes_are_drawn() {
+        let one = json!({ "episodes": [begin(0, 0)] });
+        let none = || json!({ "episodes": [] });
+        let actions = || Some(("actions", Values::f64(&[1, 2], [0.5, 0.0])));
+        let draw = |slot: usize, every: Option<usize>| json!({ "slot": slot, "size": 100, "radius": null, "follow": true, "every": every });
+        let found = answers(&[
+            ("environment", environment(&json!("bicycle"), "idm"), None),
+            ("reset", one, None),
+            ("draw", draw(0, None), None),
+            ("step", none(), actions()),
+            ("draw", draw(0, None), None),
+            ("draw", draw(0, Some(1)), None),
+            ("draw", draw(1, None), None),
+        ]);
+        assert_eq!(found[2].shape("rgb").unwrap(), [146, 100, 3]);
+        assert_ne!(found[2].bytes("rgb").unwrap(), found[4].bytes("rgb").unwrap());
+        assert!(found[5].bytes("gif").unwrap().starts_with(b"GIF89a"));
+        assert_eq!(error(&found[6]), "there is no slot 1, expected 0 to 0");
     }
 
     #[test]

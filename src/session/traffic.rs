@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::wire::{RequestError, refused};
 use crate::evaluation::{Adjustments, PlannedSimulator, Time, weights_file};
 use crate::external::{Command, ExternalSettings, ExternalSimulator, Parent, RunOutline, STDIO, TimeLimits};
-use crate::rollout::{Controller, PlanError, Protocol, RolloutError, Settings};
+use crate::rollout::{Controller, Entering, PlanError, Protocol, RolloutError, Settings};
 
 /// Largest number of processes of a command.
 const MOST_COMMANDS: usize = 256;
@@ -65,6 +65,7 @@ impl NamedTraffic {
             protocol: Protocol::Reactive,
             replan: self.replan.parse().map_err(RequestError::new)?,
             av_lookahead: self.av_lookahead,
+            entering: Entering::Off,
             seed: self.seed,
         };
         // The ids of mixes have `=` as well.

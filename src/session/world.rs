@@ -16,7 +16,7 @@ use crate::rollout::{
     Av, AvError, AvPolicy, Beginning, Controller, Episode, JointPlan, Lockstep, Memory, Observation,
     PlanError, Protocol, Replan, Rollout, RolloutBeginning, Settings, Simulator,
 };
-use crate::scene::{AgentKind, AgentState, CURRENT, FUTURE, Frame, Scenario};
+use crate::scene::{AgentKind, AgentState, Frame, Scenario};
 
 /// Slot of the AV among the agents.
 const AV: usize = 0;
@@ -70,7 +70,7 @@ struct WorldEpisode {
 pub struct WorldStepped {
     /// Values of [`AGENT_MEASURES`] per agent that actions move, NaN where unknown.
     pub measures: Vec<[f64; AGENT_MEASURES.len()]>,
-    /// Whether all 80 steps are over.
+    /// Whether all steps of the scenario are over.
     pub is_over: bool,
 }
 
@@ -85,6 +85,8 @@ struct Puppets {
 struct OthersMemory {
     memory: Memory,
     plan: JointPlan,
+    /// Number of steps of the episode.
+    future: usize,
 }
 
 impl Simulator for Puppets {
@@ -97,13 +99,15 @@ impl Simulator for Puppets {
                 stream: episode.stream.clone(),
                 moves_av: false,
                 steps: replan.steps(),
+                future: episode.future,
                 identity: None,
                 memory: Memory::NONE,
             });
         }
         let result = simulator.begin_batch(&mut begun);
         for (episode, Beginning { memory, .. }) in batch.iter_mut().zip(begun) {
-            episode.memory = Memory::new(OthersMemory { memory, plan: JointPlan::new(0, 0) });
+            let (plan, future) = (JointPlan::new(0, 0), episode.future);
+            episode.memory = Memory::new(OthersMemory { memory, plan, future });
         }
         result
     }
@@ -115,7 +119,7 @@ impl Simulator for Puppets {
                 plan.set(agent + 1, 0, *state);
             }
             let Some((simulator, replan)) = &self.others else { continue };
-            let Some(OthersMemory { memory, plan: latest }) = memory.get() else {
+            let Some(OthersMemory { memory, plan: latest, future }) = memory.get() else {
                 *error = Some(PlanError::ForeignMemory("puppets"));
                 continue;
             };
@@ -127,7 +131,7 @@ impl Simulator for Puppets {
                     stream,
                     moves_av: false,
                     shares_traffic: !next.is_empty(),
-                    plan: JointPlan::new(agents, replan.steps().min(FUTURE - step)),
+                    plan: JointPlan::new(agents, replan.steps().min(*future - step)),
                     outcomes: std::mem::take(outcomes),
                     error: None,
                 }];
@@ -140,6 +144,11 @@ impl Simulator for Puppets {
             }
         }
         Ok(())
+    }
+
+    fn history(&self) -> Option<usize> {
+        let (simulator, _) = self.others.as_ref()?;
+        simulator.history()
     }
 
     fn end_batch(&self, memories: Vec<Memory>) {
@@ -289,14 +298,13 @@ impl World {
         if let Some(error) = episode.lockstep.failure(0) {
             return refused(reason(&self.id, error));
         }
-        let seen = episode.lockstep.seen(0);
-        let is_over = seen.frame() - CURRENT == FUTURE;
+        let (seen, is_over) = (episode.lockstep.seen(0), episode.lockstep.is_over());
         Ok(WorldStepped { measures: measures(&seen, episode.movers.len()), is_over })
     }
 
     /// Returns the observation of each agent that actions move.
     pub fn observe(&self) -> Arrays {
-        let mut arrays = Arrays::default();
+        let mut arrays = Arrays::with_capacity(&self.sizes, self.actions()[0]);
         if let Some(episode) = &self.episode {
             let seen = episode.lockstep.seen(0);
             for agent in AV + 1..=episode.movers.len() {
@@ -321,7 +329,7 @@ impl World {
         let (options, episode) = (self.options?, self.episode.as_ref()?);
         let (_, deviation) = self.plan.av(&episode.scenario).ok()?;
         let tracks = episode.lockstep.tracks(0).to_vec();
-        let rollout = Rollout { tracks, outcomes: episode.lockstep.outcomes(0).clone() };
+        let rollout = Rollout { tracks, entered: Vec::new(), outcomes: episode.lockstep.outcomes(0).clone() };
         Some(judge_in_memory(&episode.scenario, &self.id, rollout, &deviation, options, false))
     }
 }
@@ -364,6 +372,7 @@ fn measures(seen: &Observation<'_>, count: usize) -> Vec<[f64; AGENT_MEASURES.le
 
 #[cfg(test)]
 mod tests {
+    use super::super::scenarios::of_length;
     use crate::evaluation::{AvChoice, RunParts, RunSpec, Source};
 
     use super::*;
@@ -389,7 +398,7 @@ mod tests {
         let [agents, values] = world.actions();
         assert_eq!((agents, values), (logged.start.agents.len() - 1, 5));
         let mut last = None;
-        for step in 0..FUTURE {
+        for step in 0..80 {
             let state = |agent: usize| {
                 // Agents that leave the log stay where they are.
                 let now = world.tracks().unwrap().1[agent].last().copied().flatten();
@@ -405,6 +414,28 @@ mod tests {
         let tracks = world.tracks().unwrap().1;
         assert_eq!(tracks[0][90].map(|state| state.x), logged.log_future.tracks[0][79].map(|state| state.x));
         assert!(world.step(&vec![0.0; agents * values]).is_err());
+    }
+
+    #[test]
+    fn episodes_have_the_steps_of_their_scenario() {
+        for steps in [60, 150] {
+            let mut world = world(AvChoice::Log, None, usize::MAX).unwrap();
+            world.scenarios[0] = Arc::new(of_length(&world.scenarios[0], steps));
+            let scenario = world.reset(0, 0).unwrap();
+            let length = scenario.length().frames();
+            let [agents, _] = world.actions();
+            for step in 1..=steps {
+                let state = |agent: usize| {
+                    let now = world.tracks().unwrap().1[agent].last().copied().flatten().unwrap();
+                    [now.x, now.y, now.heading, 0.0, 0.0]
+                };
+                let actions: Vec<f64> = (1..=agents).flat_map(state).collect();
+                assert_eq!(world.step(&actions).unwrap().is_over, step == steps, "{step} of {steps}");
+            }
+            assert!(world.tracks().unwrap().1.iter().all(|track| track.len() == length));
+            let (rows, _) = world.scores().unwrap();
+            assert_eq!(rows[0].length.map(|length| length.steps), Some(steps));
+        }
     }
 
     #[test]

@@ -232,6 +232,8 @@ fn simulators_that_cannot_start_are_refused_with_their_reason() {
     }
     let missing = refusal(ExternalSettings::new("mine", Command::Shell("no-such-program-here".to_owned())));
     assert!(missing.contains("it ended with exit code 127") && missing.contains("not found"), "{missing}");
+    let silent = refusal(ExternalSettings::new("mine", Command::Shell("exit 0".to_owned())));
+    assert!(silent.ends_with("exit code 0\na program in Python must call `reactsim.serve`"), "{silent}");
     let hanging = refusal(child.settings("hang hello", Duration::from_millis(300)));
     assert!(hanging.contains("no `welcome` within 0.3 s"), "{hanging}");
     for (settings, part) in [

@@ -23,7 +23,9 @@ use std::path::Path;
 
 use arrow_array::{ArrayRef, RecordBatch};
 use parquet::arrow::ArrowWriter;
-use reactsim::formats::{CurrentFrames, FormatError, Input, find_inputs, native, open};
+use reactsim::formats::{
+    CurrentFrames, FormatError, FutureChoice, Input, LengthChoice, find_inputs, native, open,
+};
 use reactsim::scene::{AgentKind, Lane, RoadMap, Scenario};
 
 use reactsim_test_support::proto::{self, Proto};
@@ -56,6 +58,17 @@ pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, For
         "on other threads too"
     );
     read
+}
+
+/// Returns the scenario of a file with these numbers of frames.
+pub(crate) fn read_length(
+    path: &Path,
+    history: Option<usize>,
+    future: Option<FutureChoice>,
+) -> Result<Scenario, String> {
+    let length = LengthChoice { history, future };
+    let input = Input { length, ..find_inputs(path).unwrap().remove(0) };
+    input.open().and_then(|mut scenarios| scenarios.next().unwrap()).map_err(|error| error.to_string())
 }
 
 /// Checks that two readings of one recording agree: the same agents, in any order, and the same logs to 1 cm.

@@ -27,7 +27,7 @@ fn constant_velocity() -> Box<dyn Simulator> {
 /// Rolls out a scene whose AV follows its deviation, or else its log.
 fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
     let av: Arc<dyn Av> = match &scenario.deviation {
-        Some(d) => Arc::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
+        Some(d) => Arc::new(DeviatedAv::new(scenario, d.track.clone()).unwrap()),
         None => Arc::new(LogAv::new(scenario).unwrap()),
     };
     let request = Request { scenario, av: Some(av), rollout: 0 };

@@ -101,6 +101,7 @@ fn planned(scenario: &Scenario, executed: usize) -> JointPlan {
         stream: stream(0, "outlook", 0, Purpose::Plan),
         moves_av: false,
         steps: 5,
+        future: 80,
         identity: None,
         memory: Memory::NONE,
     }];
@@ -268,7 +269,7 @@ pub(crate) fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario
         (state.x, state.y, state.vx, state.vy) = (p.x, p.y, v.x, v.y);
         state.heading += angle;
     }
-    let map = &mut scenario.start.map;
+    let map = scenario.start.map.edit();
     for lane in &mut map.lanes {
         let points: Vec<Vec2> = lane.baseline.points().iter().copied().map(turn).collect();
         lane.baseline = Polyline::new(&points).unwrap();

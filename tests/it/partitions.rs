@@ -177,7 +177,8 @@ fn realism_metrics_of_a_run() {
     said(&[&simulated[..], &["--protocol", "realism", "--keep-rollouts", "--out", &run]].concat(), 0);
     // Logs of the second file have no rollouts, except for one.
     let scored = ["score", &run, "--wosac", "--scenarios", &first, "--scenarios", &second];
-    let command = [&scored[..], &["--simulator", "stop", "--wosac-config", "2025,2023"]].concat();
+    let options = ["--simulator", "stop", "--wosac-config", "2025,2023", "--format", "json"];
+    let command = [&scored[..], &options].concat();
     Divided { home: home.path(), command: &command, out: "scores" }.is_the_same(&[1, 2, 4]);
 }
 

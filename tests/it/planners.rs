@@ -109,7 +109,7 @@ fn the_logged_av_is_judged_without_a_change_for_the_agents() {
 #[test]
 fn a_map_without_lanes_is_a_failure_with_its_reason() {
     let mut scenario = small_scenarios::deviating(0, false);
-    scenario.start.map.lanes.clear();
+    scenario.start.map.edit().lanes.clear();
     let av: AvChoice = "planner:idm".parse().unwrap();
     let error = Benchmark::scenarios([scenario]).baseline("stop").av(av).run().unwrap_err().to_string();
     let reason = "record 0: scenario `road-000`: the map has no lanes for motor vehicles";

@@ -3,6 +3,7 @@
 
 mod conformance;
 mod failures;
+mod long;
 mod planner;
 mod reversing;
 mod sight;

@@ -24,7 +24,7 @@ fn behind(smoothing: Smoothing, id: &str) -> Controller {
 
 fn run(controller: &Controller, scenario: &Scenario) -> Rollout {
     let av: Arc<dyn Av> = match &scenario.deviation {
-        Some(d) => Arc::new(DeviatedAv::new(&scenario.start.now(0), d.track.clone()).unwrap()),
+        Some(d) => Arc::new(DeviatedAv::new(scenario, d.track.clone()).unwrap()),
         None => Arc::new(ScriptedAv::new(scenario, "brake:4".parse().unwrap()).unwrap()),
     };
     let request = Request { scenario, av: Some(av), rollout: 0 };

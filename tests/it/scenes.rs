@@ -144,7 +144,7 @@ pub(crate) fn coasting(scenario: &Scenario) -> Vec<AgentState> {
 
 /// Returns a request with a given AV.
 pub(crate) fn request(scenario: &Scenario, av: Vec<AgentState>, rollout: u32) -> Request<'_> {
-    let av = DeviatedAv::new(&scenario.start.now(0), av).unwrap();
+    let av = DeviatedAv::new(scenario, av).unwrap();
     Request { scenario, av: Some(Arc::new(av)), rollout }
 }
 

@@ -139,6 +139,8 @@ pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Sc
             blake3: String::new(),
             current_frame: None,
             window_step: None,
+            history: None,
+            future: None,
             all_agents: false,
             trajectories: None,
             companions: Vec::new(),

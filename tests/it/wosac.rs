@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use reactsim::evaluation::realism::LogFiles;
 use reactsim::formats::wosac::{SubmissionReader, WosacLogs};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::program::{json_of, lines_of, refused, result, said, text, words};
 use crate::shared;
@@ -199,6 +199,45 @@ fn runs_on_shipped_scenarios_have_realism_scores() {
     assert!(replay["metametric"].as_f64() > constant["metametric"].as_f64(), "{replay} {constant}");
     let (_, error) = said(&["score", text(&run), "--wosac"], 2);
     assert!(error.contains("log-replay, constant-velocity: choose one"), "{error}");
+}
+
+#[test]
+fn shares_of_rollouts_are_differences_of_scores() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: String| home.path().join(name);
+    let simulated = ["run", "--models", "mix:idm=0.5+stop=0.5", "--protocol", "realism", "--limit", "2"];
+    let scored = |rollouts: &str| {
+        let (run, out) = (at(format!("run-{rollouts}")), at(format!("scores-{rollouts}")));
+        let rest = ["--rollouts", rollouts, "--keep-rollouts", "--out", text(&run)];
+        said(&[&simulated[..], &rest].concat(), 0);
+        let begin = ["score", text(&run), "--wosac", "--partial", "--out", text(&out)];
+        let found = result(&[&begin[..], &["--wosac-config", "2025,2024_challenge_code"]].concat());
+        assert_eq!(json_of(&out.join("wosac.json")), found);
+        (found["shares"].as_array().unwrap().clone(), lines_of(&out.join("wosac.jsonl")))
+    };
+    let [(_, two), (shares, three), (single, _)] = ["2", "3", "1"].map(scored);
+    assert_eq!((shares.len(), three.len(), two.len()), (4, 4, 4));
+    for ((shares, all), others) in shares.iter().zip(&three).zip(&two) {
+        assert_eq!((&shares["scenario_id"], &shares["config"]), (&all["scenario_id"], &all["config"]));
+        let metrics = all.as_object().unwrap().keys();
+        for metric in metrics.filter(|name| *name == "metametric" || name.ends_with("_likelihood")) {
+            let found = shares[metric].as_array().unwrap();
+            assert_eq!(found.len(), 3, "{metric}");
+            // The last of three rollouts is the one that the run of two lacks.
+            let difference = all[metric].as_f64().unwrap() - others[metric].as_f64().unwrap();
+            assert_eq!(found[2].as_f64(), Some(difference), "{metric}");
+        }
+        let has_lights = shares.get("traffic_light_violation_likelihood").is_some();
+        assert_eq!(has_lights, shares["config"] == "2025");
+    }
+    let differs = |shares: &Value| shares["metametric"][0] != shares["metametric"][1];
+    assert!(shares.iter().any(differs), "{shares:?}");
+    // Without the only rollout there is no score.
+    assert!(single.iter().all(|shares| shares["metametric"] == json!([null])), "{single:?}");
+
+    let (run, out) = (at("run-3".to_owned()), at("markdown".to_owned()));
+    said(&["score", text(&run), "--wosac", "--partial", "--out", text(&out)], 0);
+    assert_eq!(json_of(&out.join("wosac.json")).get("shares"), None);
 }
 
 #[test]

@@ -2,10 +2,7 @@
 
 use reactsim_formats::Cause;
 use reactsim_rollout::Stream;
-use reactsim_scene::{AgentState, Deviation, FUTURE, Scenario};
-
-/// Number of states of a candidate: steps 0 to 80.
-pub const CANDIDATE_STATES: usize = FUTURE + 1;
+use reactsim_scene::{AgentState, Deviation, Scenario};
 
 /// A trajectory that the AV might have driven.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,13 +15,13 @@ pub struct Candidate {
     pub intent: Option<Deviation>,
     /// Short description of the maneuver for reviewers, such as `stop: 3.1 m/s² after 0.8 s`.
     pub maneuver: String,
-    /// 81 states in the scenario frame: step 0 is the AV's recorded current state, the others are driven
-    /// from it.
+    /// States in the scenario frame, one more than the scenario has steps: step 0 is the AV's recorded
+    /// current state, the others are driven from it.
     pub track: Vec<AgentState>,
 }
 
 impl Candidate {
-    /// Returns the states at steps 1 to 80.
+    /// Returns the states at the steps from 1 on.
     pub fn future(&self) -> &[AgentState] {
         &self.track[1..]
     }
@@ -37,7 +34,7 @@ pub struct Proposal {
     pub intent: Option<Deviation>,
     /// Short description of the maneuver.
     pub maneuver: String,
-    /// States at steps 1 to 80, in the scenario frame.
+    /// States at the steps of the scenario from 1 on, in the scenario frame.
     pub future: Vec<AgentState>,
 }
 

@@ -28,7 +28,7 @@ pub struct CandidateFile {
 }
 
 impl CandidateFile {
-    /// Reads a file, Parquet or JSON, into memory: about 3 kB per candidate.
+    /// Reads a file, Parquet or JSON, into memory: about 40 bytes per state.
     ///
     /// # Errors
     /// [`FormatError`] names scenario and step; also if a scenario has more than [`MAX_CANDIDATES`].
@@ -72,6 +72,11 @@ impl CandidateSource for CandidateFile {
                 let expected =
                     format!("{digest}; the candidate was made for another version of the scenario");
                 return Err(Cause::value(field("scenario_digest"), other, expected));
+            }
+            let (found, steps) = (record.track.len(), scenario.length().future);
+            if found != steps {
+                let expected = format!("{steps}, as many as the scenario has");
+                return Err(Cause::value(field("the number of steps"), found, expected));
             }
             let track = record.track_in(scenario.origin);
             let beyond = track.iter().zip(1..).find_map(|(s, step)| Some((step, limits::beyond(s, center)?)));

@@ -45,13 +45,14 @@ const VARIETY_WEIGHT: f64 = 4.0;
 pub fn score(record: &CandidateRecord) -> f64 {
     let pressure = &record.pressure;
     let time_to_react = record.certificate.as_ref().and_then(Certificate::time_to_react);
-    let step = record.taxonomy.conflict_step.map_or(80.0, f64::from);
+    let steps = record.candidate.track.len().saturating_sub(1) as f64;
+    let step = record.taxonomy.conflict_step.map_or(steps, f64::from);
     let comfort = record.figures.iter().find(|f| f.filter == comfort::ID).and_then(|f| f.value);
     AT_FAULT_WEIGHT * f64::from(pressure.at_fault.min(1))
         + SEVERAL_WEIGHT * f64::from(u8::from(pressure.at_fault > 1))
         + CONTACT_WEIGHT * f64::from(pressure.overlaps.min(1))
         + URGENCY_WEIGHT * time_to_react.map_or(0.0, |t| (1.0 - t / EASY_TIME_TO_REACT).clamp(0.0, 1.0))
-        + EARLY_CONFLICT_WEIGHT * ((80.0 - step) / (80.0 - EARLY_CONFLICT_STEP)).clamp(0.0, 1.0)
+        + EARLY_CONFLICT_WEIGHT * ((steps - step) / (steps - EARLY_CONFLICT_STEP).max(1.0)).clamp(0.0, 1.0)
         + COMFORT_WEIGHT * comfort.map_or(0.0, |share| (1.0 - share / 2.0).clamp(0.0, 1.0))
         + DISTANCE_WEIGHT * (record.offsets.ade / FULL_DISTANCE).min(1.0)
 }

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use reactsim_geometry::Polyline;
 use reactsim_metrics::{Case, DeviationStats, Object, Options};
 use reactsim_rollout::{AvError, LoggedDrive};
-use reactsim_scene::{AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
+use reactsim_scene::{AgentState, DT, Frame, Scenario};
 
 use super::avoidance::{AvoidanceSettings, Unavoidable, certify_case};
 use super::ground::Ground;
@@ -93,7 +93,7 @@ pub struct FilterContext<'a> {
     pub(super) signals: Signals<'a>,
     /// Logged path of the AV's centre, extended beyond the end of the log.
     pub(super) logged_path: Polyline,
-    /// States of the logged AV at steps 0 to 80.
+    /// States of the logged AV from step 0 on.
     pub(super) log: Vec<AgentState>,
 }
 
@@ -149,7 +149,7 @@ impl<'a> Trial<'a> {
         let mut tracks: Vec<Vec<Frame>> =
             (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
         let states = candidate.future().iter().map(|s| Some(*s));
-        tracks[0].truncate(HISTORY);
+        tracks[0].truncate(scenario.length().history);
         tracks[0].extend(states);
         let av = Object { agent: &scenario.start.agents[0], track: tracks[0].clone().into() };
         // With an AV index beyond the objects the AV is absent, and the candidate is a vehicle like any
@@ -195,8 +195,8 @@ impl<'a> Trial<'a> {
             each.filter_map(|(i, a)| Some(((*a)?.risky?.0, i))).min()
         };
         let (step, agent) = at_fault.or_else(risky)?;
-        let objects = &self.replayed.objects;
-        let footprint = |i: usize| Some(objects[i].track[CURRENT + step]?.footprint(objects[i].agent));
+        let (objects, now) = (&self.replayed.objects, self.context.scenario.start.current());
+        let footprint = |i: usize| Some(objects[i].track[now + step]?.footprint(objects[i].agent));
         let touches = self.replayed.contacts()[agent].is_some_and(|c| c.step == step);
         Some(Conflict { step, touched: if touches { footprint(agent) } else { None } })
     }

@@ -29,7 +29,7 @@ pub mod store;
 mod taxonomy;
 
 pub use avoidance::{AvoidanceSettings, Unavoidable, certify, certify_case};
-pub use candidate::{CANDIDATE_STATES, Candidate, CandidateSource, NoProposal, Proposal};
+pub use candidate::{Candidate, CandidateSource, NoProposal, Proposal};
 pub use candidate_file::{CandidateFile, MAX_CANDIDATES};
 pub use choice::{Chooser, score};
 pub use decisions::candidate_digest;
@@ -48,3 +48,6 @@ pub use rules::{LaneRoutes, Rules};
 pub use taxonomy::{Conflict, classify};
 
 pub use reactsim_scene::{Certificate, Response};
+
+#[cfg(test)]
+mod length_tests;

@@ -9,8 +9,8 @@ use super::filter::{FilterContext, FilterSettings, Trial};
 use super::filters::FILTERS;
 use super::rules::Rules;
 use super::{
-    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, ScenarioRecord, Taxonomy, choice,
-    taxonomy,
+    Candidate, CandidateRecord, CandidateSource, Figure, Preselection, Proposal, ScenarioRecord, Taxonomy,
+    choice, taxonomy,
 };
 
 /// All sources of candidates apart from files ([`super::CandidateFile`]).
@@ -100,9 +100,14 @@ pub fn curate_scenario(
     };
     let name = |number| stream(settings.seed, &scenario.id, number, Purpose::Candidate);
     let mut streams: Vec<Stream> = (0..settings.candidates).map(name).collect();
+    let steps = scenario.length().future;
     let (mut candidates, mut unproposed) = (Vec::new(), BTreeMap::new());
     for (number, proposal) in (0_u32..).zip(source.propose(scenario, &mut streams)) {
         match proposal {
+            Ok(Proposal { future, .. }) if future.len() != steps => {
+                let reason = format!("{} steps where the scenario has {steps}", future.len());
+                *unproposed.entry(reason).or_default() += 1;
+            }
             Ok(proposal) => {
                 let mut track = vec![scenario.start.now(0)];
                 track.extend(proposal.future);
@@ -144,8 +149,13 @@ fn is_same(a: &[AgentState], b: &[AgentState]) -> bool {
 /// Determines the category of a trajectory that another program made.
 ///
 /// # Errors
-/// [`AvError`] when the logged AV is absent at a step, or jumps.
+/// [`AvError`] when the trajectory does not have a state for each step of the scenario, and when the logged
+/// AV is absent at a step, or jumps.
 pub fn taxonomy_of(scenario: &Scenario, future: &[AgentState]) -> Result<Taxonomy, AvError> {
+    let (found, expected) = (future.len(), scenario.length().future);
+    if found != expected {
+        return Err(AvError::Length { found, expected });
+    }
     let context = FilterContext::new(scenario)?;
     let track = std::iter::once(scenario.start.now(0)).chain(future.iter().copied()).collect();
     let (source, maneuver) = (String::new(), String::new());

@@ -18,8 +18,8 @@ pub struct PlannerSource {
 }
 
 impl PlannerSource {
-    /// Creates a source of this network, whose weights are on this device. `temperature` is the standard deviation of
-    /// the noise that sampling starts from.
+    /// Creates a source of this network, whose weights are on this device. `temperature` is the standard
+    /// deviation of the noise that sampling starts from.
     pub fn new(policy: PlannerPolicy, temperature: f64, device: Device) -> Self {
         Self { policy, temperature, device }
     }
@@ -41,7 +41,9 @@ impl CandidateSource for PlannerSource {
             }
             let maneuver = format!("sample at temperature {}", self.temperature);
             let driven = routes.as_ref().and_then(|routes| routes.drive(&plan));
-            Ok(Proposal { intent: None, maneuver, future: driven.unwrap_or(plan) })
+            let mut future = driven.unwrap_or(plan);
+            future.truncate(scenario.length().future);
+            Ok(Proposal { intent: None, maneuver, future })
         };
         plans.into_iter().map(propose).collect()
     }

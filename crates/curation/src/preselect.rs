@@ -1,12 +1,12 @@
 //! Step 1: scenarios in which vehicles surround the AV.
 
 use reactsim_geometry::{OrientedBox, Vec2, time_to_impact};
-use reactsim_scene::{AgentKind, CURRENT, FUTURE, Scenario};
+use reactsim_scene::{AgentKind, Scenario};
 
 /// Criteria for scenarios that candidates are proposed for.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Preselection {
-    /// Minimum number of vehicles that come within `radius` of the logged AV in steps 0 to 80.
+    /// Minimum number of vehicles that come within `radius` of the logged AV at some step.
     pub min_vehicles: u32,
     /// Largest distance between the centres that counts as near, metres.
     pub radius: f64,
@@ -50,14 +50,15 @@ impl Preselection {
 
 /// Returns whether the centre of an agent comes within `radius` of the logged AV's centre at some step.
 fn comes_within(scenario: &Scenario, agent: usize, radius: f64) -> bool {
-    (0..=FUTURE).any(|step| {
-        let (av, other) = (scenario.logged_at(0, CURRENT + step), scenario.logged_at(agent, CURRENT + step));
+    let length = scenario.length();
+    (length.current()..length.frames()).any(|frame| {
+        let (av, other) = (scenario.logged_at(0, frame), scenario.logged_at(agent, frame));
         av.zip(other).is_some_and(|(a, b)| (b.position() - a.position()).norm() <= radius)
     })
 }
 
 /// Returns whether a vehicle and the logged AV would meet within `most` seconds if both kept their
-/// velocities from one of the steps 0 to 80 on (boxes with sharp corners, without rotation).
+/// velocities from one of the steps on (boxes with sharp corners, without rotation).
 ///
 /// The rule is planar, because a crossing vehicle is an interaction too; the front-object rule of the
 /// metrics would miss it.
@@ -67,7 +68,8 @@ fn would_meet(scenario: &Scenario, agent: usize, most: f64) -> bool {
         let footprint = scenario.logged_at(i, frame)?.footprint(&agents[i]);
         Some((footprint, scenario.logged_velocity(i, frame)?))
     };
-    (CURRENT..=CURRENT + FUTURE).any(|frame| {
+    let length = scenario.length();
+    (length.current()..length.frames()).any(|frame| {
         let (Some((av, av_velocity)), Some((other, velocity))) = (body(0, frame), body(agent, frame)) else {
             return false;
         };

@@ -76,7 +76,7 @@ pub struct Pressure {
     pub risky: u32,
 }
 
-/// Distances between a candidate and the logged AV over steps 1 to 80 (ReactSim-Bench, "Data Analysis").
+/// Distances between a candidate and the logged AV over all steps (ReactSim-Bench, "Data Analysis").
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Offsets {
     /// Offset of the last position along the AV's current heading, metres.
@@ -112,7 +112,8 @@ pub enum Decision {
     Reject,
     /// To be reviewed again.
     Flag,
-    /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a file.
+    /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a
+    /// file.
     Clear,
 }
 
@@ -154,7 +155,7 @@ pub struct Taxonomy {
     /// Largest distance along the logged path between the AV and its logged position, metres, ahead
     /// positive.
     pub longitudinal_offset: f64,
-    /// Step of the first conflict under log replay, 1 to 80, if any: among several cues the one present
+    /// Step of the first conflict under log replay, from 1, if any: among several cues the one present
     /// at that step decides.
     pub conflict_step: Option<u32>,
 }

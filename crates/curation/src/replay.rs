@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use reactsim_geometry::{OrientedBox, math, rounded_distance, signed_angle_between};
 use reactsim_metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FUTURE, Frame, HISTORY, Scenario, Start};
+use reactsim_scene::{Agent, AgentKind, AgentState, Frame, Scenario, Start};
 
 /// Largest angle from the AV's heading at which a touched body is ahead of the AV, radians.
 const AHEAD_ANGLE: f64 = 0.5;
@@ -32,16 +32,16 @@ struct ReplayedBody {
     /// `None` for static obstacles.
     kind: Option<AgentKind>,
     radius: f64,
-    /// Box and speed (m/s, NaN if unknown) at steps 1 to 80.
+    /// Box and speed (m/s, NaN if unknown) at the steps from 1 on.
     steps: Vec<Option<(OrientedBox, f64)>>,
-    /// Height at steps 1 to 80, metres; empty in scenarios of one level.
+    /// Height at the steps from 1 on, metres; empty in scenarios of one level.
     heights: Vec<f64>,
 }
 
 /// First contact of the AV with another body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Touch {
-    /// Step, 1 to 80.
+    /// Step, from 1.
     pub(super) step: usize,
     /// Kind of the other body; `None` for a static obstacle.
     pub(super) kind: Option<AgentKind>,
@@ -94,28 +94,29 @@ impl Touch {
 
 impl<'a> LogReplay<'a> {
     pub(super) fn new(scenario: &'a Scenario) -> Self {
-        let start = &scenario.start;
+        let (start, length) = (&scenario.start, scenario.length());
         let mut others = Vec::with_capacity(start.agents.len() + start.obstacles.len());
         for (i, agent) in start.agents.iter().enumerate().skip(1) {
-            let speed = |k: usize| scenario.logged_velocity(i, HISTORY + k).map_or(f64::NAN, |v| v.norm());
+            let speed =
+                |k: usize| scenario.logged_velocity(i, length.history + k).map_or(f64::NAN, |v| v.norm());
             let future = scenario.log_future.tracks[i].iter().enumerate();
             let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
             let radius = math::hypot(0.5 * agent.length, 0.5 * agent.width);
-            let track: Vec<Frame> = scenario.logged(i)[CURRENT..].to_vec();
+            let track: Vec<Frame> = scenario.logged(i)[length.current()..].to_vec();
             let heights = start.heights_along(i, &track).get(1..).unwrap_or_default().to_vec();
             others.push(ReplayedBody { kind: Some(agent.kind), radius, steps, heights });
         }
         for (i, obstacle) in start.obstacles.iter().enumerate() {
-            let steps = vec![Some((*obstacle, 0.0)); FUTURE];
-            let heights =
-                if start.has_levels() { vec![start.obstacle_height(i); FUTURE] } else { Vec::new() };
+            let steps = vec![Some((*obstacle, 0.0)); length.future];
+            let known = if start.has_levels() { length.future } else { 0 };
+            let heights = vec![start.obstacle_height(i); known];
             others.push(ReplayedBody { kind: None, radius: obstacle.radius(), steps, heights });
         }
         Self { av: &start.agents[0], start, rounding: Options::default().corner_rounding, others }
     }
 
-    /// Returns the first contact with every body that the AV touches on `future` (states at steps 1 to
-    /// 80), in the order of the agents.
+    /// Returns the first contact with every body that the AV touches on `future` (states at the steps
+    /// from 1 on), in the order of the agents.
     pub(super) fn touches(&self, future: &[AgentState]) -> Vec<Touch> {
         let boxes: Vec<OrientedBox> = future.iter().map(|s| s.footprint(self.av)).collect();
         let radius = boxes.first().map_or(0.0, OrientedBox::radius);

@@ -1,7 +1,7 @@
 //! Detection of trajectories that run a red light.
 
 use reactsim_geometry::{Vec2, direction, wrap};
-use reactsim_scene::{AgentState, CURRENT, LightState, Road, Scenario};
+use reactsim_scene::{AgentState, LightState, Road, Scenario};
 
 /// Distance beyond the stopping point at which the lane taken is determined, metres.
 const LANE_CHECK_DISTANCE: f64 = 8.0;
@@ -16,7 +16,7 @@ const CROSSING_OFFSET: f64 = 2.5;
 /// Largest number of steps between crossings of stopping points that belong together.
 const JOINT_CROSSING_STEPS: usize = 10;
 
-/// The traffic lights of a scenario over all frames.
+/// The traffic lights of a scenario.
 pub(super) struct Signals<'a> {
     road: Road<'a>,
     half_length: f64,
@@ -28,6 +28,7 @@ struct Light {
     stop: Vec2,
     ahead: Vec2,
     heading: f64,
+    /// States from step 0 on.
     states: Vec<Option<LightState>>,
     /// Whether the logged AV runs this light on red too (a turn on red, or a wrong colour). Such a light
     /// is ignored for all candidates.
@@ -45,7 +46,7 @@ impl<'a> Signals<'a> {
                 stop: light.stop_point,
                 ahead: direction(heading),
                 heading,
-                states: scenario.light_states(i),
+                states: scenario.light_states(i).split_off(scenario.start.current()),
                 ignored: false,
             }
         });
@@ -67,7 +68,7 @@ impl<'a> Signals<'a> {
         let crossed: Vec<(usize, usize)> =
             (0..self.lights.len()).filter_map(|i| Some((i, self.crossing(i, now, future)?))).collect();
         let red = |&(i, step): &(usize, usize)| {
-            self.lights[i].states[CURRENT + step].is_some_and(LightState::is_red) && !self.lights[i].ignored
+            self.lights[i].states[step].is_some_and(LightState::is_red) && !self.lights[i].ignored
         };
         let first = crossed.iter().filter(|c| red(c)).map(|c| c.1).min()?;
         // For overlapping lanes that begin together, one green light suffices.
@@ -75,7 +76,7 @@ impl<'a> Signals<'a> {
         let free = |c: &(usize, usize)| {
             let light = &self.lights[c.0];
             !light.ignored
-                && light.states[CURRENT + c.1].is_some_and(open)
+                && light.states[c.1].is_some_and(open)
                 && c.1.abs_diff(first) <= JOINT_CROSSING_STEPS
         };
         (!crossed.iter().any(free)).then_some(first)
@@ -83,7 +84,7 @@ impl<'a> Signals<'a> {
 
     fn red_at(&self, light: usize, now: &AgentState, future: &[AgentState]) -> Option<usize> {
         let step = self.crossing(light, now, future)?;
-        self.lights[light].states[CURRENT + step].is_some_and(LightState::is_red).then_some(step)
+        self.lights[light].states[step].is_some_and(LightState::is_red).then_some(step)
     }
 
     /// Returns the step at which the AV's front passes the stopping point of a light and continues along

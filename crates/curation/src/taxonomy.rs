@@ -30,7 +30,7 @@ const ON_LANE_ANGLE: f64 = 0.3;
 /// The first conflict under log replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conflict {
-    /// Step, 1 to 80.
+    /// Step, from 1.
     pub step: usize,
     /// Box of the vehicle that the AV touches at this step; `None` if it only comes close.
     pub touched: Option<OrientedBox>,
@@ -39,7 +39,7 @@ pub struct Conflict {
 /// Determines the category of a trajectory of the AV `av`.
 ///
 /// `path` is the logged path of the box centre, extended beyond the end of the log; `log` and `track`
-/// have 81 states each; `conflict` is the first one under log replay.
+/// have as many states; `conflict` is the first one under log replay.
 ///
 /// Headings and offsets are relative to the nearest point of the logged path, so that an AV that stops
 /// in the middle of the logged turn has not taken another direction. If there are several cues, the one

@@ -177,12 +177,12 @@ impl Driver {
             }
             DriverKind::External(planner) => {
                 let (planner, id, steps) = (planner.as_ref().clone(), scenario.id.clone(), every.steps());
-                let origin = scenario.origin;
+                let (origin, length) = (scenario.origin, scenario.length());
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
                     let seed = stream(seed, &id, rollout, Purpose::AvBegin).next_u64();
                     let names = || EpisodeNames { scenario: id.clone(), origin, rollout };
-                    let episode = planner.begin(seed, planner.reveals_ids().then(names));
-                    let remote = RemotePlanner { episode, steps, route: None };
+                    let episode = planner.begin(seed, length, planner.reveals_ids().then(names));
+                    let remote = RemotePlanner::new(episode, steps, length.future);
                     given.keep(Box::new(remote), controller, rollout)
                 };
                 Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)

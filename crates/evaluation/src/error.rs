@@ -10,6 +10,7 @@ use reactsim_metrics::OptionError;
 use reactsim_models::diffusion_planner::PlannerPolicyError;
 
 use crate::layout::{PROVENANCE, STUDY, SUMMARY};
+use crate::row::RowLength;
 
 /// The choices, for help and error texts.
 pub const AV_CHOICES: &str = "deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, \
@@ -24,7 +25,8 @@ fn mend(path: &Path) -> &'static str {
     }
 }
 
-/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`] instead.
+/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`]
+/// instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {
@@ -290,8 +292,8 @@ pub enum EvaluationError {
     },
     /// A run with other current frames is compared with recordings.
     #[error(
-        "{path} was run with `current-frame` or `window-step`, and recordings are scored at the current frame \
-         that they state: run without these keys"
+        "{path} was run with `current-frame`, `window-step`, `history` or `future`, and recordings are \
+         scored at the current frame that they state, with 80 steps: run without these keys"
     )]
     OtherCurrentFrames {
         /// The folder.
@@ -425,6 +427,20 @@ pub enum EvaluationError {
         /// The id.
         id: String,
     },
+    /// An id names scenarios of different length in the two runs.
+    #[error(
+        "the scenario `{id}` has {} frames of history and {} steps in the first run, and {} and {} in the \
+         second: only runs on scenarios of the same length can be compared",
+        first.history, first.steps, second.history, second.steps
+    )]
+    OtherLength {
+        /// The id.
+        id: String,
+        /// Its length in the first run.
+        first: RowLength,
+        /// Its length in the second run.
+        second: RowLength,
+    },
     /// Two runs have no scenario in common.
     #[error("the runs have no scenario in common for which both have a result")]
     NothingInCommon,
@@ -496,12 +512,22 @@ pub enum ForeignRollout {
         agent: String,
         /// Name of the value.
         name: &'static str,
-        /// Step, 1 to 80.
+        /// Step, from 1.
         step: usize,
         /// The value, in the frame of the scenario.
         value: String,
         /// The expected value.
         expected: &'static str,
+    },
+    /// An agent has another number of steps than the scenario.
+    #[error("agent `{agent}` has {found} steps, expected the {expected} of the scenario")]
+    Steps {
+        /// Id of the agent.
+        agent: String,
+        /// Steps found.
+        found: usize,
+        /// Steps of the scenario.
+        expected: usize,
     },
     /// The AV is missing.
     #[error("the AV `{0}` is missing")]

@@ -2,6 +2,7 @@
 
 pub(crate) mod av_scores;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use reactsim_metrics::{Case, DeviationStats, Event, MetricSpec, Metrics, Options, Scope, Score, metric};
@@ -66,17 +67,21 @@ pub(super) fn judge(
     (metrics, options): (&Metrics, Options),
     judges_av: bool,
 ) -> PairScores {
+    let scenes: Vec<Cow<'_, Scenario>> =
+        rollouts.iter().map(|rollout| rolled_out(scenario, rollout)).collect();
+    let scenes: Vec<&Scenario> = scenes.iter().map(AsRef::as_ref).collect();
+    let parts = || rollouts.iter().zip(&scenes);
     let judged: Vec<_> =
-        rollouts.iter().map(|rollout| judges_av.then(|| judge_av(scenario, rollout))).collect();
+        parts().map(|(rollout, scene)| judges_av.then(|| judge_av(scene, rollout))).collect();
     let is_own = |scope| scope == Scope::Rollout || judges_av && scope == Scope::Av;
     let (mut last_case, mut not_finite) = (None, None);
-    let results = rollouts.iter().zip(&judged).map(|(rollout, judged)| {
+    let results = parts().zip(&judged).map(|((rollout, scene), judged)| {
         let (av_scores, said) = match judged {
             Some(Ok(JudgedAv { scores, outcomes })) => (Some(scores), outcomes.clone()),
             Some(Err(error)) => (None, [(format!("av not judged: {error}"), 1)].into()),
             None => (None, BTreeMap::new()),
         };
-        let case = Case::of_rollout(scenario, &rollout.tracks, options).with_certificate(certificate);
+        let case = Case::of_rollout(scene, &rollout.tracks, options).with_certificate(certificate);
         let case = last_case.insert(case.with_av_scores(av_scores));
         let scores = metrics.score_case(case);
         let own = scores.values.into_iter().filter(|(spec, _)| is_own(spec.scope));
@@ -89,10 +94,21 @@ pub(super) fn judge(
         }
     });
     let results = results.collect();
-    let tracks: Vec<_> = rollouts.iter().map(|r| r.tracks.as_slice()).collect();
+    // Agents that enter differ from rollout to rollout: metrics over all are about those of the beginning.
+    let agents = scenario.start.agents.len();
+    let tracks: Vec<_> = rollouts.iter().map(|r| &r.tracks[..agents]).collect();
+    if let Some(last) = rollouts.last().filter(|rollout| !rollout.entered.is_empty()) {
+        last_case = Some(Case::of_rollout(scenario, &last.tracks[..agents], options));
+    }
     let all = last_case.map(|case| metrics.score_rollouts(case, &tracks).values).unwrap_or_default();
     let over_all = all.into_iter().map(|value| finite(value, &mut not_finite)).collect();
     PairScores { rollouts: results, over_all, not_finite }
+}
+
+/// Returns the scenario with the agents that entered a rollout.
+fn rolled_out<'s>(scenario: &'s Scenario, rollout: &Rollout) -> Cow<'s, Scenario> {
+    let entered: Vec<usize> = rollout.entered.iter().map(|agent| agent.logged).collect();
+    if entered.is_empty() { Cow::Borrowed(scenario) } else { Cow::Owned(scenario.with_entered(&entered)) }
 }
 
 /// Converts a score for files, which cannot represent numbers that are not finite: `None` for metrics of the

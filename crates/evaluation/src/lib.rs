@@ -70,7 +70,7 @@ pub use plan::{Deviations, NoAv, Plan};
 pub use provenance::conditions::{Condition, ConditionDifference, changed_options};
 pub use provenance::leaves::differences;
 pub use provenance::{Provenance, SettingsRecord, program_commit, program_version, set_program_commit};
-pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, RowNote, Value};
+pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, RowLength, RowNote, Value};
 pub use runner::merge::{merge, unite};
 pub use runner::{Execution, Outcome, RunObserver, run};
 pub use scoring::Scoring;
@@ -99,5 +99,6 @@ pub use study::{
     is_study, read_study,
 };
 pub use summary::{
-    CategorySummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
+    CategorySummary, LengthSummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary,
+    SummaryProvenance,
 };

@@ -5,7 +5,6 @@ use std::fs;
 use std::path::Path;
 
 use reactsim_formats::rollouts::ByName;
-use reactsim_scene::FUTURE;
 use serde::Deserialize;
 
 use crate::error::EvaluationError;
@@ -127,12 +126,15 @@ impl AddedMetrics {
             for event in &of.events {
                 if !self.has(&event.metric)
                     || !(1..=event.last_step).contains(&event.step)
-                    || event.last_step > FUTURE
+                    || event.last_step > row.steps()
                 {
                     return Err(format!(
                         "{place}: an event of metric `{}` at steps {} to {}: expected an added metric, and \
-                         steps from 1 to {FUTURE}",
-                        event.metric, event.step, event.last_step
+                         steps from 1 to {}",
+                        event.metric,
+                        event.step,
+                        event.last_step,
+                        row.steps()
                     ));
                 }
                 let mut named = [Some(&event.agent), event.partner.as_ref()].into_iter().flatten();

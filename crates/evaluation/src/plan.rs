@@ -174,6 +174,7 @@ impl Plan {
                 av: self.policy().map_or_else(|| "simulator".to_owned(), ToString::to_string),
                 replan_steps: rollout.replan.steps(),
                 av_lookahead: rollout.av_lookahead == 1,
+                entering: SettingsRecord::entering(self.spec.settings().entering),
                 seed: subject.seed,
                 rollouts: rollout.rollouts,
                 limit,
@@ -318,7 +319,7 @@ impl Plan {
     fn deviated_av(&self, scenario: &Scenario) -> Result<(Arc<dyn Av>, DeviationLabels), NoAv> {
         let deviated = self.deviated(scenario)?;
         let known = DeviationLabels::of(&deviated);
-        let av = DeviatedAv::new(&scenario.start.now(0), deviated.track);
+        let av = DeviatedAv::new(scenario, deviated.track);
         let av = av.map_err(|source| match &self.deviations {
             Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
             None => NoAv::Refused(source),

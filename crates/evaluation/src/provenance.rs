@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 
 use reactsim_formats::Partition;
 use reactsim_metrics::Options;
+use reactsim_rollout::Entering;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::av::PLANNER;
@@ -85,6 +86,9 @@ pub struct SettingsRecord {
     pub replan_steps: usize,
     /// Whether agents at t+1 observe the AV at t+1.
     pub av_lookahead: bool,
+    /// `log` if agents of the log that appear after the current frame enter; absent if none do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub entering: Option<String>,
     /// Seed of all random streams.
     pub seed: u64,
     /// Number of rollouts per scenario and simulator.
@@ -108,6 +112,7 @@ impl SettingsRecord {
             av: RECORDED.to_owned(),
             replan_steps: 0,
             av_lookahead: false,
+            entering: None,
             seed: 0,
             rollouts,
             limit: None,
@@ -119,6 +124,11 @@ impl SettingsRecord {
     /// Returns whether the AV is judged by the metrics of planners.
     pub(super) fn judges_av(&self) -> bool {
         self.av.starts_with(PLANNER)
+    }
+
+    /// Returns the record of agents that enter; `None` if none do.
+    pub(super) fn entering(entering: Entering) -> Option<String> {
+        (entering != Entering::Off).then(|| entering.to_string())
     }
 
     /// Returns the record of a pose; `None` for box centres.

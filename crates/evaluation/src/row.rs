@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_metrics::{Event, REMOVED_METRICS, Score};
-use reactsim_scene::{Note, Scenario};
+use reactsim_scene::{FUTURE, HISTORY, Length, Note, Scenario};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::deviation::labels::DeviationLabels;
@@ -55,6 +55,29 @@ pub struct Row {
     /// Properties of the scenario that affect how the results are read, by id.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub notes: BTreeMap<String, RowNote>,
+    /// Length of the scenario; `None` for that of the benchmark.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<RowLength>,
+}
+
+/// The length of a scenario as stored in files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowLength {
+    /// Frames up to and including the current one.
+    pub history: usize,
+    /// Steps after the current frame.
+    pub steps: usize,
+}
+
+impl RowLength {
+    /// The length of the benchmark, which files do not state.
+    pub const BENCHMARK: Self = Self { history: HISTORY, steps: FUTURE };
+
+    /// Returns the length for files: `None` for that of the benchmark.
+    pub(super) fn stated(Length { history, future }: Length) -> Option<Self> {
+        Some(Self { history, steps: future }).filter(|length| *length != Self::BENCHMARK)
+    }
 }
 
 /// A property of a scenario ([`Scenario::notes`]) as stored in files.
@@ -98,7 +121,13 @@ impl Row {
             deviation: BTreeMap::new(),
             outcomes: BTreeMap::new(),
             notes: notes.map(|(id, note)| (id.to_string(), note)).collect(),
+            length: RowLength::stated(scenario.length()),
         }
+    }
+
+    /// Returns the number of steps of the scenario.
+    pub(super) fn steps(&self) -> usize {
+        self.length.unwrap_or(RowLength::BENCHMARK).steps
     }
 
     /// Sets category and difficulty of the deviation.
@@ -177,7 +206,7 @@ pub struct EventLine<'a> {
     pub rollout: u32,
     /// Id of the metric.
     pub metric: &'a str,
-    /// First step, 1 to 80.
+    /// First step, from 1.
     pub step: usize,
     /// Last step.
     pub last_step: usize,
@@ -240,7 +269,7 @@ pub struct EventRecord {
     pub rollout: u32,
     /// Id of the metric.
     pub metric: String,
-    /// First step, 1 to 80.
+    /// First step, from 1.
     pub step: usize,
     /// Last step.
     pub last_step: usize,

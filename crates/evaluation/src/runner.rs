@@ -12,7 +12,7 @@ use std::thread;
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_rollout::{Av, Request, Rollout, roll_out};
-use reactsim_scene::{HISTORY, Scenario};
+use reactsim_scene::Scenario;
 
 use crate::av::AvChoice;
 use crate::deviation::labels::DeviationLabels;
@@ -291,14 +291,19 @@ impl Runner<'_> {
             }
             let todo: Vec<&PreparedScenario> =
                 ready.iter().filter(|r| self.is_needed(r.place, simulator, &places)).collect();
+            // Scenarios of a batch have one length.
+            let is_alike =
+                |a: &PreparedScenario, b: &PreparedScenario| a.scenario.length() == b.scenario.length();
             match self.plan.simulators[simulator].batch() {
                 None => {
-                    for part in todo.chunks(self.execution.batch.max(1)) {
+                    let parts = todo.chunk_by(|a, b| is_alike(a, b));
+                    for part in parts.flat_map(|part| part.chunks(self.execution.batch.max(1))) {
                         self.simulate(part, simulator)?;
                     }
                 }
                 Some(size) => {
-                    let batches = todo.chunk_by(|a, b| a.place.record / size == b.place.record / size);
+                    let batches = todo
+                        .chunk_by(|a, b| a.place.record / size == b.place.record / size && is_alike(a, b));
                     batches.into_iter().try_for_each(|batch| self.simulate(batch, simulator))?;
                 }
             }
@@ -487,7 +492,7 @@ impl Runner<'_> {
         rollouts: &mut [Rollout],
     ) -> Result<(), EvaluationError> {
         let planned = &self.plan.simulators[simulator];
-        let without_av = self.plan.policy().is_some();
+        let (without_av, history) = (self.plan.policy().is_some(), ready.scenario.length().history);
         for (index, rollout) in (0..).zip(rollouts) {
             let mut failed = ready.allowed.clone();
             if planned.external.is_some() {
@@ -498,7 +503,7 @@ impl Runner<'_> {
             if let Some(driver) = self.plan.driver().filter(|driver| driver.is_foreign()) {
                 let plans = ready.given.take(index);
                 let mut found = CheckedScene::of_plans(&ready.scenario, &plans).plan_findings();
-                let driven = CheckedScene::of_av(&ready.scenario, None, &rollout.tracks[0][HISTORY..]);
+                let driven = CheckedScene::of_av(&ready.scenario, None, &rollout.tracks[0][history..]);
                 let of_plans: Vec<RolloutCheck> = found.iter().map(|finding| finding.check).collect();
                 found.extend(driven.findings().into_iter().filter(|f| !of_plans.contains(&f.check)));
                 let name = driver.driver().to_string();

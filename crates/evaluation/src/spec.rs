@@ -22,7 +22,7 @@ use reactsim_baseline::WeightsFile;
 use reactsim_metrics::Options;
 use reactsim_nn::Backend;
 use reactsim_qp::Smoothing;
-use reactsim_rollout::{Protocol, Replan, Settings};
+use reactsim_rollout::{Entering, Protocol, Replan, Settings};
 use reactsim_scene::Deviation;
 use serde::{Deserialize, Serialize};
 
@@ -81,6 +81,12 @@ pub struct RolloutSpec {
     /// For step t+1, agents see the AV up to t+1 (1) or only up to t (0) [default: 1]
     #[arg(long, value_name = "0|1", value_parser = clap::value_parser!(u8).range(0..=1))]
     pub av_lookahead: u8,
+    /// Agents of the log that appear after the current frame: off (they never exist, as in the benchmark) or log
+    /// (they enter where the log shows them first, and the simulator moves them) [default: log if a planner
+    /// drives on logs, else off]
+    #[arg(long, value_name = "off|log")]
+    #[serde(with = "text::option")]
+    pub entering: Option<Entering>,
     /// Rollouts per scenario and simulator [default: 1]
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=MOST_ROLLOUTS.into()))]
     pub rollouts: u32,
@@ -89,7 +95,8 @@ pub struct RolloutSpec {
 impl Default for RolloutSpec {
     fn default() -> Self {
         let Settings { protocol, replan, av_lookahead, .. } = Settings::default();
-        Self { smooth: Stage(None), protocol, replan, av_lookahead: u8::from(av_lookahead), rollouts: 1 }
+        let av_lookahead = u8::from(av_lookahead);
+        Self { smooth: Stage(None), protocol, replan, av_lookahead, entering: None, rollouts: 1 }
     }
 }
 
@@ -170,14 +177,18 @@ impl RunSpec {
         self.keep_rollouts == Some(true)
     }
 
-    /// Returns protocol, replan interval, lookahead and seed.
+    /// Returns protocol, replan interval, lookahead, entering agents and seed.
     pub fn settings(&self) -> Settings {
-        let rollout = &self.rollout;
+        let (rollout, subject) = (&self.rollout, &self.subject);
+        let is_planned = matches!(subject.av, Some(AvChoice::Planned(_)));
+        let by_default =
+            if is_planned && !subject.input.is_shipped() { Entering::Log } else { Entering::Off };
         Settings {
             protocol: rollout.protocol,
             replan: rollout.replan,
             av_lookahead: rollout.av_lookahead == 1,
-            seed: self.subject.seed,
+            entering: rollout.entering.unwrap_or(by_default),
+            seed: subject.seed,
         }
     }
 

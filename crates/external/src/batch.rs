@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use reactsim_rollout::{Beginning, Episode, Identity, PlanError};
-use reactsim_scene::HISTORY;
+use reactsim_scene::Length;
 
 use super::connection::RequestError;
 use super::document::{Frame, FrameWriter, Values};
 use super::settings::TimeLimits;
 use super::workers::{Worker, Workers};
-use super::{realised, replies, scenes};
+use super::{length, realised, replies, scenes};
 
 /// A batch that is open in a process. Its worker goes back when it is ended, or dropped.
 pub(super) struct OpenBatch {
@@ -32,30 +32,33 @@ pub(super) struct OpenBatch {
 }
 
 impl OpenBatch {
-    /// Begins a batch. `seeds` are the seeds of the episodes.
+    /// Begins a batch of episodes of one length. `seeds` are the seeds of the episodes; `waits`: whether to
+    /// wait for a process that is not free.
     ///
     /// # Errors
-    /// [`PlanError::BrokenOff`] if the process fails, [`PlanError::Failed`] if none can be started.
+    /// [`PlanError::BrokenOff`] if the process fails, or none can be started.
     pub(super) fn begin(
         workers: &Arc<Workers>,
         limits: TimeLimits,
-        batch: &[Beginning<'_>],
+        batch: &[&Beginning<'_>],
         seeds: &[u64],
+        waits: bool,
     ) -> Result<Self, PlanError> {
-        let mut worker = workers.take().map_err(|text| {
+        let mut worker = workers.take(waits).map_err(|text| {
             // A process that cannot be started says nothing about the episodes.
             workers.failed(seeds, &text, false);
             PlanError::BrokenOff(text)
         })?;
         let episodes = worker.handles(batch.len());
         let starts: Vec<_> = batch.iter().map(|e| e.start).collect();
+        let length = batch.first().map_or(Length::BENCHMARK, |episode| length::of(episode));
         let mut open = Self {
             workers: Arc::clone(workers),
             worker: Some(worker),
             limits,
             agents: starts.iter().map(|s| s.agents.len()).max().unwrap_or(0),
             lights: starts.iter().map(|s| s.lights.len()).collect(),
-            frames: HISTORY,
+            frames: length.history,
             has_ended: false,
             episodes,
             seeds: seeds.to_vec(),
@@ -66,6 +69,7 @@ impl OpenBatch {
             .text("steps", batch.first().map_or(0, |e| e.steps).to_string())
             .tensor("episode", Values::u64(&[batch.len()], open.episodes.iter().copied()))
             .tensor("seed", Values::u64(&[batch.len()], seeds.iter().copied()));
+        length::add(&mut request, length);
         scenes::add_scenes(&mut request, &starts);
         let identities: Option<Vec<Identity<'_>>> = batch.iter().map(|e| e.identity).collect();
         if let Some(identities) = identities {

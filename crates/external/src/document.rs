@@ -32,8 +32,7 @@ pub struct Values {
 
 impl Values {
     fn of<const N: usize>(dtype: Dtype, shape: &[usize], numbers: impl Iterator<Item = [u8; N]>) -> Self {
-        let mut bytes = Vec::with_capacity(shape.iter().product::<usize>() * N);
-        numbers.for_each(|number| bytes.extend_from_slice(&number));
+        let bytes = numbers.collect::<Vec<[u8; N]>>().into_flattened();
         Self { dtype, shape: shape.to_vec(), bytes }
     }
 

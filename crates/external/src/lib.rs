@@ -12,6 +12,7 @@ mod batch;
 mod connection;
 mod document;
 mod error;
+mod length;
 mod pipe;
 mod planner;
 mod process;

@@ -31,7 +31,7 @@ impl Processes {
         let name = settings.name.clone();
         let workers = Arc::new(Workers::new(settings.clone(), outline, role));
         let failed = |reason| ExternalError::Start { name: name.clone(), reason };
-        let worker = workers.take().map_err(failed)?;
+        let worker = workers.take(true).map_err(failed)?;
         workers.put_back(Some(worker));
         let description = workers.description().ok_or_else(|| failed("it stated nothing".to_owned()))?;
         Ok((Self { name, workers }, description))

@@ -49,6 +49,8 @@ pub struct Description {
     pub intervals: Vec<usize>,
     /// Wanted number of episodes per batch.
     pub batch: Option<usize>,
+    /// Whether it supports scenarios of any length, and not only of that of the benchmark.
+    pub any_length: bool,
 }
 
 impl Description {
@@ -96,8 +98,16 @@ impl Description {
                 Some(found.ok_or_else(wrong)?)
             }
         };
+        let any_length = match frame.optional_text("lengths") {
+            None | Some("") => false,
+            Some("any") => true,
+            Some(other) => {
+                let other = brief(other);
+                return Err(refuse(format!("`lengths` is {other:?} instead of `any`, or nothing")));
+            }
+        };
         let weights_sha256 = Some(digest).filter(|d| !d.is_empty());
-        Ok(Self { role, name, version: short("version")?, weights_sha256, intervals, batch })
+        Ok(Self { role, name, version: short("version")?, weights_sha256, intervals, batch, any_length })
     }
 }
 
@@ -124,23 +134,27 @@ pub struct PlannedPoses {
     pub present: Option<[f64; 3]>,
 }
 
-/// Returns the trajectory of `planned`, with at least `steps` poses after the present. `Err` inside if the
+/// Returns the trajectory of `planned`, with `steps` to `most` poses after the present. `Err` inside if the
 /// planner reports a failure.
 ///
 /// # Errors
 /// If the answer has not the shape that was asked for, or numbers that are no poses in metres and radians.
-pub(super) fn trajectory(frame: &Frame, steps: usize) -> Result<Result<PlannedPoses, String>, DocumentError> {
+pub(super) fn trajectory(
+    frame: &Frame,
+    steps: usize,
+    most: usize,
+) -> Result<Result<PlannedPoses, String>, DocumentError> {
     if let Some(text) = errors(frame, 1)?.remove(&0) {
         return Ok(Err(format!("the planner reports: {}", brief(text.trim_end()))));
     }
     let shape = frame.shape("trajectory")?;
     let &[1, poses, 3] = shape else {
-        let text = format!("`trajectory` has the shape {shape:?} instead of [1, {steps} to {FUTURE}, 3]");
+        let text = format!("`trajectory` has the shape {shape:?} instead of [1, {steps} to {most}, 3]");
         return Err(DocumentError(text));
     };
-    if !(steps..=FUTURE).contains(&poses) {
+    if !(steps..=most).contains(&poses) {
         return Err(DocumentError(format!(
-            "`trajectory` has {poses} poses; it needs {steps}, the steps until the next plan, to {FUTURE}"
+            "`trajectory` has {poses} poses; it needs {steps}, the steps until the next plan, to {most}"
         )));
     }
     let numbers = frame.floats("trajectory", &[1, poses, 3])?;

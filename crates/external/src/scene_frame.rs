@@ -1,8 +1,9 @@
 //! One scenario as a message, for programs that read scenarios instead of simulating them.
 
-use reactsim_scene::{AgentState, FUTURE, HISTORY, Scenario};
+use reactsim_scene::{AgentState, Length, Scenario};
 
 use super::document::{FrameWriter, Values};
+use super::length;
 use super::scenes::{add_scenes, frame_numbers, light_code, state_numbers};
 
 /// Content of a scene beyond the information known at the current frame.
@@ -10,9 +11,9 @@ use super::scenes::{add_scenes, frame_numbers, light_code, state_numbers};
 pub enum SceneExtras {
     /// Nothing.
     None,
-    /// The logged future, and the deviated AV at the steps 1 to 80 if there is one.
+    /// The logged future, and the deviated AV at every step if there is one.
     Future {
-        /// 80 states in the scenario frame.
+        /// One state per step, in the scenario frame.
         av: Option<Vec<AgentState>>,
     },
 }
@@ -28,11 +29,13 @@ pub fn scene_frame(scenario: &Scenario, number: u64, extras: SceneExtras) -> Fra
         .text("origins", json(serde_json::json!([[scenario.origin.x, scenario.origin.y]])))
         .tensor("episode", Values::u64(&[1], [number]))
         .tensor("seed", Values::u64(&[1], [0]));
+    length::add(&mut document, scenario.length());
+    let Length { history, future: steps } = scenario.length();
     let start = &scenario.start;
     let point_heights = add_scenes(&mut document, &[start]);
     let (n, obstacles) = (start.agents.len(), start.obstacles.len());
     document
-        .tensor("heights", agent_heights(&start.heights, n, HISTORY))
+        .tensor("heights", agent_heights(&start.heights, n, history))
         .tensor("point_heights", Values::f64(&[point_heights.len()], point_heights))
         .tensor("obstacle_heights", known_or_nan(&[obstacles], &start.obstacle_heights));
     if let SceneExtras::Future { av } = extras {
@@ -41,10 +44,10 @@ pub fn scene_frame(scenario: &Scenario, number: u64, extras: SceneExtras) -> Fra
         let (n, k) = (future.tracks.len(), future.lights.len());
         let lights = future.lights.iter().flatten().map(|light| light_code(*light));
         document
-            .tensor("future", Values::f64(&[1, n, FUTURE, 5], frames().copied().flat_map(frame_numbers)))
-            .tensor("future_valid", Values::u8(&[1, n, FUTURE], frames().map(|f| u8::from(f.is_some()))))
-            .tensor("future_heights", agent_heights(&future.heights, n, FUTURE))
-            .tensor("light_future", Values::u8(&[k, FUTURE], lights));
+            .tensor("future", Values::f64(&[1, n, steps, 5], frames().copied().flat_map(frame_numbers)))
+            .tensor("future_valid", Values::u8(&[1, n, steps], frames().map(|f| u8::from(f.is_some()))))
+            .tensor("future_heights", agent_heights(&future.heights, n, steps))
+            .tensor("light_future", Values::u8(&[k, steps], lights));
         if let Some(track) = av {
             document.tensor("av", Values::f64(&[track.len(), 5], track.into_iter().flat_map(state_numbers)));
         }

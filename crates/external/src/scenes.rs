@@ -28,10 +28,12 @@ pub const LINK_RELATIONS: [&str; 4] = ["successor", "predecessor", "left", "righ
 /// Code of a light that was not observed, and of padding in place of a kind.
 pub(super) const NONE: u8 = 255;
 
-/// Adds the tensors of a batch of scenes to a document. All coordinates are in the frames of the scenarios.
+/// Adds the tensors of a batch of scenes to a document. All coordinates are in the frames of the scenarios,
+/// whose histories have the same number of frames.
 /// Returns the height of each point, metres, NaN if unknown; simulators do not receive heights.
 pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
-    add_agents(document, starts);
+    let history = starts.first().map_or(HISTORY, |start| start.current() + 1);
+    add_agents(document, starts, history);
     let mut lines = Lines::default();
     let (mut links, mut lights, mut obstacles) = (Vec::new(), Lights::default(), Obstacles::default());
     for (episode, start) in starts.iter().enumerate() {
@@ -42,7 +44,7 @@ pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
             lights.episode.push(episode as i32);
             lights.lane.push((first + light.lane) as i32);
             lights.stop.extend([light.stop_point.x, light.stop_point.y]);
-            lights.states.extend((0..HISTORY).map(|frame| light_code(states.get(frame).copied().flatten())));
+            lights.states.extend((0..history).map(|frame| light_code(states.get(frame).copied().flatten())));
         }
         for obstacle in &start.obstacles {
             obstacles.episode.push(episode as i32);
@@ -64,7 +66,7 @@ pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
         .tensor("light_episode", Values::i32(&[lights.episode.len()], lights.episode.iter().copied()))
         .tensor("light_lane", Values::i32(&[lights.lane.len()], lights.lane))
         .tensor("light_stop", Values::f64(&[lights.stop.len() / 2, 2], lights.stop))
-        .tensor("light_state", Values::u8(&[lights.episode.len(), HISTORY], lights.states))
+        .tensor("light_state", Values::u8(&[lights.episode.len(), history], lights.states))
         .tensor("obstacle_episode", Values::i32(&[obstacles.episode.len()], obstacles.episode))
         .tensor("obstacle", Values::f64(&[obstacles.boxes.len() / 5, 5], obstacles.boxes));
     lines.heights
@@ -103,7 +105,7 @@ pub(super) fn light_code(state: Option<LightState>) -> u8 {
     state.map_or(NONE, LightState::code)
 }
 
-fn add_agents(document: &mut FrameWriter, starts: &[&Start]) {
+fn add_agents(document: &mut FrameWriter, starts: &[&Start], history: usize) {
     let (b, n) = (starts.len(), starts.iter().map(|s| s.agents.len()).max().unwrap_or(0));
     let slots = || starts.iter().flat_map(|start| (0..n).map(move |slot| (*start, slot)));
     let kind = |(start, slot): (&Start, usize)| match start.agents.get(slot).map(|a| a.kind) {
@@ -117,13 +119,13 @@ fn add_agents(document: &mut FrameWriter, starts: &[&Start]) {
         start.agents.get(slot).map_or([0.0; 2], |agent| [agent.length, agent.width])
     };
     let frame = |start: &Start, slot: usize, k: usize| start.history.get(slot).and_then(|track| track[k]);
-    let frames = || slots().flat_map(|(start, slot)| (0..HISTORY).map(move |k| frame(start, slot, k)));
+    let frames = || slots().flat_map(|(start, slot)| (0..history).map(move |k| frame(start, slot, k)));
     document
         .tensor("n_agents", Values::i32(&[b], starts.iter().map(|s| s.agents.len() as i32)))
         .tensor("kind", Values::u8(&[b, n], slots().map(kind)))
         .tensor("size", Values::f64(&[b, n, 2], slots().flat_map(size)))
-        .tensor("history", Values::f64(&[b, n, HISTORY, 5], frames().flat_map(frame_numbers)))
-        .tensor("valid", Values::u8(&[b, n, HISTORY], frames().map(|f| u8::from(f.is_some()))));
+        .tensor("history", Values::f64(&[b, n, history, 5], frames().flat_map(frame_numbers)))
+        .tensor("valid", Values::u8(&[b, n, history], frames().map(|f| u8::from(f.is_some()))));
 }
 
 /// Lines of all maps of a batch, one after the other.

@@ -7,8 +7,10 @@ use rand::Rng;
 use reactsim_rollout::{
     Beginning, Controller, Episode, Memory, PlanError, Request, Settings, Simulator, roll_out,
 };
+use reactsim_scene::Length;
 
 use super::batch::OpenBatch;
+use super::length;
 use super::processes::Processes;
 use super::replies::{Description, Role};
 use super::settings::{DEFAULT_BATCH, ExternalSettings, RunOutline};
@@ -94,7 +96,8 @@ impl ExternalSimulator {
     /// may give other last bits in another batch. Scenarios that fail are left out.
     pub fn compare_batches(&self, batch: &[Request<'_>], settings: &Settings) -> BatchDifference {
         let controller = Controller::Fair(Box::new(self.clone()));
-        let together = roll_out(batch.to_vec(), &controller, settings);
+        let parts = batch.chunk_by(|a, b| a.scenario.length() == b.scenario.length());
+        let together = parts.flat_map(|part| roll_out(part.to_vec(), &controller, settings));
         let mut difference = BatchDifference::default();
         for (request, together) in batch.iter().zip(together) {
             let alone = roll_out(vec![request.clone()], &controller, settings).pop();
@@ -124,16 +127,32 @@ impl Simulator for ExternalSimulator {
             return Ok(());
         }
         let seeds: Vec<u64> = batch.iter_mut().map(|episode| episode.stream.next_u64()).collect();
-        let open = OpenBatch::begin(&self.processes.workers, self.settings.limits, batch, &seeds)?;
-        let open = Arc::new(Mutex::new(open));
-        for (index, episode) in batch.iter_mut().enumerate() {
-            episode.memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });
+        // Arrays of a message have one length.
+        let mut lengths: Vec<Length> = Vec::new();
+        for length in batch.iter().map(|episode| length::of(episode)) {
+            length::check(&self.description, length).map_err(PlanError::Failed)?;
+            if !lengths.contains(&length) {
+                lengths.push(length);
+            }
+        }
+        for (opened, length) in lengths.into_iter().enumerate() {
+            let members: Vec<usize> = (0..batch.len()).filter(|&i| length::of(&batch[i]) == length).collect();
+            let (own, seeds): (Vec<_>, Vec<_>) = members.iter().map(|&i| (&batch[i], seeds[i])).unzip();
+            let (workers, limits) = (&self.processes.workers, self.settings.limits);
+            let open = Arc::new(Mutex::new(OpenBatch::begin(workers, limits, &own, &seeds, opened == 0)?));
+            for (index, member) in members.into_iter().enumerate() {
+                batch[member].memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });
+            }
         }
         Ok(())
     }
 
     fn wants_identity(&self) -> bool {
         self.settings.reveal_ids
+    }
+
+    fn history(&self) -> Option<usize> {
+        None
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {

@@ -18,6 +18,9 @@ const MOST_FAILED_STARTS: u32 = 3;
 /// further process is started. Each can cost two limits of time.
 const MOST_FAILED_EPISODES: usize = 3;
 
+/// Starts of the reasons why a program that never serves has not greeted.
+const NOT_SERVING: [&str; 2] = ["it ended with exit code 0", "no `welcome` within"];
+
 /// Time in which a process must end after `bye`.
 const TIME_TO_CLOSE: Duration = Duration::from_secs(5);
 
@@ -82,8 +85,8 @@ impl Workers {
         Self { settings, outline, role, stderr, state: Mutex::new(state), returned }
     }
 
-    /// Waits for a free worker and starts it if it is not running.
-    pub(super) fn take(&self) -> Result<Worker, String> {
+    /// Takes a free worker and starts it if it is not running. `waits`: whether to wait for one.
+    pub(super) fn take(&self, waits: bool) -> Result<Worker, String> {
         let mut state = self.state.lock();
         loop {
             if is_interrupted() {
@@ -101,6 +104,13 @@ impl Workers {
                     Some(worker) => Ok(worker),
                     None => self.start(),
                 };
+            }
+            if !waits {
+                let n = self.settings.workers;
+                return Err(format!(
+                    "episodes of several lengths that begin together need a process for each length, and \
+                     none of its {n} is free"
+                ));
             }
             self.returned.wait(&mut state);
         }
@@ -227,7 +237,11 @@ impl Workers {
             }
             Ok(description)
         };
+        let is_silent = |text: &str| NOT_SERVING.iter().any(|start| text.starts_with(start));
         let description = read(&mut connection).map_err(|error| match error {
+            RequestError::Broken(text) if is_silent(&text) => {
+                format!("{text}\na program in Python must call `reactsim.serve`")
+            }
             RequestError::Broken(text) => text,
             // Its process still runs, and its standard error may say more.
             RequestError::Refused(text) => format!("{text}{}", connection.last_lines()),

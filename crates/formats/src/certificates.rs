@@ -3,13 +3,11 @@
 use std::ops::Range;
 
 use arrow_array::RecordBatch;
-use reactsim_scene::{AgentState, Certificate, Effort, FUTURE, Response};
+use reactsim_scene::{AgentState, Certificate, Effort, Length, Response};
 
 use super::error::Cause;
 use super::table::{Column, Leaf, TableWriter, Value, View};
 
-/// Number of states of a response: steps 0 to 80.
-const STATE_COUNT: usize = FUTURE + 1;
 /// Columns of a response's states.
 const STATE_COLUMNS: [&str; 5] =
     ["response_x", "response_y", "response_heading", "response_vx", "response_vy"];
@@ -192,14 +190,19 @@ pub fn parallel_ranges(row: usize, views: &[&View]) -> Result<Vec<Range<usize>>,
     Ok(ranges)
 }
 
-/// Reads 81 states from one list of each column. Velocities may be unknown, positions and headings may not.
+/// Reads the states at the steps from 0 on from one list of each column. Velocities may be unknown, positions
+/// and headings may not.
 pub fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Vec<AgentState>, Cause> {
     let ranges: Vec<Range<usize>> = views.iter().map(&list).collect();
-    for (view, range) in views.iter().zip(&ranges) {
-        if range.len() != STATE_COUNT {
-            let (field, found) = (format!("`{}`", view.name()), format!("{} states", range.len()));
-            return Err(Cause::value(field, found, format!("{STATE_COUNT} states")));
-        }
+    let count = ranges.first().map_or(0, Range::len);
+    if let Some((view, range)) = views.iter().zip(&ranges).find(|(_, range)| range.len() != count) {
+        let (field, found) = (format!("`{}`", view.name()), format!("{} states", range.len()));
+        return Err(Cause::value(field, found, format!("{count} states, as many as `{}`", views[0].name())));
+    }
+    if !(2..=Length::MAX_FUTURE + 1).contains(&count) {
+        let (field, found) = (format!("`{}`", views[0].name()), format!("{count} states"));
+        let expected = format!("2 to {} states: the current one and those after it", Length::MAX_FUTURE + 1);
+        return Err(Cause::value(field, found, expected));
     }
     let state = |step: usize| {
         let value = |k: usize| {
@@ -211,5 +214,5 @@ pub fn states(views: &[View], list: impl Fn(&View) -> Range<usize>) -> Result<Ve
         };
         Ok(AgentState { x: value(0)?, y: value(1)?, heading: value(2)?, vx: value(3)?, vy: value(4)? })
     };
-    (0..STATE_COUNT).map(state).collect()
+    (0..count).map(state).collect()
 }

@@ -29,6 +29,7 @@ const COLUMNS: &[&str] = &[
     "maneuver",
     "scenario_digest",
     "chosen",
+    CURATED,
     "source",
     "origin_x",
     "origin_y",
@@ -52,6 +53,8 @@ const COLUMNS: &[&str] = &[
     READ_COLUMNS[12],
     READ_COLUMNS[13],
 ];
+/// Column that only files of curations have: their trajectories begin with the current frame.
+const CURATED: &str = "candidate";
 /// Maximum size of a JSON file in bytes.
 const MAX_JSON_SIZE: u64 = 1 << 30;
 
@@ -69,9 +72,10 @@ pub struct DeviationRecord {
     /// Origin of the coordinates in the world frame: (0, 0) for world coordinates, `None` for the scenario's
     /// origin.
     pub origin: Option<Vec2>,
-    /// State at the current frame, if the file contains it (entry 0 of 81).
+    /// State at the current frame, if the file contains it: entry 0 of trajectories of curations, and of
+    /// those with 81 entries, one more than the steps of the benchmark.
     pub now: Option<AgentState>,
-    /// States at steps 1 to 80, without gaps.
+    /// States at the steps after the current frame, without gaps.
     pub track: Vec<AgentState>,
     /// Responses of the agents that it disturbs, relative to the same origin; present in files of curations.
     pub certificate: Option<Certificate>,
@@ -101,8 +105,9 @@ impl DeviationRecord {
 /// curations), otherwise all.
 ///
 /// # Errors
-/// [`FormatError`] names the scenario and the step: gaps, values that are not finite, a wrong number of
-/// steps, a scenario that occurs twice, an unknown category, missing columns, a file without chosen rows.
+/// [`FormatError`] names the scenario and the step: gaps, values that are not finite, lists of
+/// different lengths, a scenario that occurs twice, an unknown category, missing columns, a file without
+/// chosen rows.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let mut records = BTreeMap::new();
     let mut take = |scenario: &str, record| match records.entry(scenario.to_owned()) {
@@ -232,18 +237,14 @@ impl Rows<'_> {
         let x = View::find(batch, "origin_x", Leaf::Number, 0).map_err(file)?;
         let y = View::find(batch, "origin_y", Leaf::Number, 0).map_err(file)?;
         let certificates = certificates::decode(batch).map_err(file)?;
+        let is_curated = View::find(batch, CURATED, Leaf::Whole, 0).map_err(file)?.is_some();
         let mut skipped = 0;
         for (row, certificate) in certificates.into_iter().enumerate() {
             if chosen.as_ref().is_some_and(|c| c.flag(row) != Some(true)) {
                 (self.next, skipped) = (self.next + 1, skipped + 1);
                 continue;
             }
-            let ranges = columns.ranges(|v| v.range(0, row));
-            let now = match current(&ranges) {
-                Some(current) => columns.frames("", &current, 1).map(|frames| frames[0]),
-                None => Ok(None),
-            };
-            let frames = columns.frames("", &future(ranges), FUTURE);
+            let (now, frames) = entries(&columns, columns.ranges(|v| v.range(0, row)), is_curated);
             let Some(scenario) = ids.text(row) else {
                 let cause = Cause::value("scenario_id", "null", "the id of a scenario");
                 return Err(FormatError::record(self.path, self.next, None, cause));
@@ -306,7 +307,12 @@ impl Texts<'_> {
         let frames = frames?;
         if let Some(gap) = frames.iter().position(Option::is_none) {
             let field = format!("the state at step {}", gap + 1);
-            return Err(Cause::value(field, "missing", "80 states without gaps"));
+            return Err(Cause::value(field, "missing", format!("{} states without gaps", frames.len())));
+        }
+        let responses = self.certificate.iter().flat_map(|certificate| &certificate.responses);
+        if let Some(other) = responses.map(|r| r.track.len()).find(|states| *states != frames.len() + 1) {
+            let expected = format!("{}, as many as the AV has", frames.len() + 1);
+            return Err(Cause::value("the number of states of a response", other, expected));
         }
         Ok(DeviationRecord {
             category,
@@ -321,18 +327,21 @@ impl Texts<'_> {
     }
 }
 
-/// Returns the entry of the current frame (step 0) of lists that begin with it.
-fn current(lists: &[Option<Range<usize>>; 5]) -> Option<[Option<Range<usize>>; 5]> {
-    let has_entry = lists.iter().flatten().all(|list| list.len() == FUTURE + 1);
-    has_entry.then(|| lists.clone().map(|list| list.map(|list| list.start..list.start + 1)))
-}
-
-/// Removes the state of the current frame (step 0) from lists that begin with it.
-fn future(mut lists: [Option<Range<usize>>; 5]) -> [Option<Range<usize>>; 5] {
-    if lists.iter().flatten().all(|list| list.len() == FUTURE + 1) {
+/// Reads the state at the current frame, if the lists begin with it, and those at the steps after it.
+fn entries(
+    columns: &StateColumns,
+    mut lists: [Option<Range<usize>>; 5],
+    is_curated: bool,
+) -> (Result<Frame, Cause>, Result<Vec<Frame>, Cause>) {
+    let is_one_more = || lists.iter().flatten().all(|list| list.len() == FUTURE + 1);
+    let mut now = Ok(None);
+    if is_curated && lists.iter().flatten().all(|list| !list.is_empty()) || is_one_more() {
+        let first = lists.clone().map(|list| list.map(|list| list.start..list.start + 1));
+        now = columns.frames("", &first, 1).map(|frames| frames[0]);
         lists.iter_mut().flatten().for_each(|list| list.start += 1);
     }
-    lists
+    let steps = states::steps(&lists);
+    (now, steps.and_then(|steps| columns.frames("", &lists, steps)))
 }
 
 #[derive(Deserialize)]
@@ -368,12 +377,13 @@ struct RawTrajectory {
 impl RawTrajectory {
     fn frames(&self) -> Result<Vec<Frame>, Cause> {
         let lists = [Some(&self.x), Some(&self.y), Some(&self.heading), self.vx.as_ref(), self.vy.as_ref()];
+        let steps = states::check_steps(self.x.len())?;
         for (name, list) in ["x", "y", "heading", "vx", "vy"].iter().zip(lists) {
-            if let Some(list) = list.filter(|l| l.len() != FUTURE) {
-                return Err(Cause::value(*name, format!("{} steps", list.len()), "80 steps"));
+            if let Some(list) = list.filter(|l| l.len() != steps) {
+                return Err(Cause::value(*name, format!("{} steps", list.len()), format!("{steps} steps")));
             }
         }
         let value = |list: Option<&Vec<Option<f64>>>, f: usize| list.and_then(|l| l[f]).unwrap_or(f64::NAN);
-        (0..FUTURE).map(|f| states::frame("", f, lists.map(|l| value(l, f)))).collect()
+        (0..steps).map(|f| states::frame("", f, lists.map(|l| value(l, f)))).collect()
     }
 }

@@ -8,6 +8,7 @@ use reactsim_files::{name_of, open_regular};
 use reactsim_scene::Scenario;
 
 use super::error::{Cause, FormatError};
+use super::frames::{CurrentFrames, LengthChoice};
 
 /// Iterator over scenarios in file order. An error with [`FormatError::ends_file`] ends the file; other
 /// errors concern one record.
@@ -28,19 +29,6 @@ pub type Opener = Box<dyn Fn(usize) -> Result<PendingScenarios, FormatError> + S
 /// be opened has one, so that whoever reads it reports the reason.
 pub fn count_records(open: &Opener) -> usize {
     open(0).map_or(1, Iterator::count)
-}
-
-/// Frames of a recording that become the current frame of a scenario.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CurrentFrames {
-    /// The frame that the recording states or the format defines.
-    #[default]
-    Stated,
-    /// This frame, counted from 0.
-    At(usize),
-    /// Frame 10 and every so many frames after it, as far as 80 frames follow: each gives a scenario, whose
-    /// id is that of the recording, `@` and the frame.
-    Every(NonZeroUsize),
 }
 
 /// Name of the repair that counts the frames after the last one of a recording; they are absent.
@@ -74,14 +62,23 @@ pub trait ScenarioFormat: Sync {
     /// # Errors
     /// [`FormatError`] if the file cannot be read at all.
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError>;
-    /// Opens one file for reading by several threads. Formats that are slow to decode leave decoding to the
-    /// threads.
+    /// Opens one file for reading by several threads, with these current frames and this length. Formats that
+    /// are slow to decode leave decoding to the threads.
+    ///
+    /// # Errors
+    /// Same as [`ScenarioFormat::open`], and if the format has other current frames.
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError>;
+    /// Opens one file for reading by several threads.
     ///
     /// # Errors
     /// Same as [`ScenarioFormat::open`].
     fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        let scenarios = self.open(path)?;
-        Ok(Box::new(scenarios.map(|scenario| scenario.map(decoded))))
+        self.open_at(path, CurrentFrames::Stated, LengthChoice::default())
     }
     /// Opens one file as [`ScenarioFormat::open_undecoded`] does, from the record with this index on. Earlier
     /// records need not be read, nor be readable.
@@ -95,25 +92,50 @@ pub trait ScenarioFormat: Sync {
     fn count(&self, _path: &Path) -> Option<usize> {
         None
     }
-    /// Opens one file with other current frames, if its format has files of several recordings that leave the
-    /// choice: `None` if not.
-    fn open_at(&self, _path: &Path, _frames: CurrentFrames) -> Option<Result<PendingScenarios, FormatError>> {
-        None
-    }
-    /// Reads the scenario of a single-scenario file with the given frame (counted from 0) as the current one.
-    /// Most formats fix the current frame and return an error.
-    ///
-    /// # Errors
-    /// Same as [`ScenarioFormat::open`], and if the format fixes the current frame.
-    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
-        let expected = format!("none: the format {} fixes the current frame", self.id());
-        Err(FormatError::file(path, Cause::value("the current frame", current_frame, expected)))
-    }
     /// Returns the other files that the scenarios of a file are read from, such as maps, in a fixed order.
     /// Files that cannot be determined are left out; opening the file reports the reason.
-    fn companions(&self, _path: &Path) -> Vec<PathBuf> {
+    fn companions(&self, _path: &Path, _length: LengthChoice) -> Vec<PathBuf> {
         Vec::new()
     }
+}
+
+/// Returns what reads the only scenario of a file with the given current frame, if it is chosen.
+pub(super) fn single(
+    format: &dyn ScenarioFormat,
+    path: &Path,
+    frames: CurrentFrames,
+    read: impl FnOnce(&Path, Option<usize>) -> Result<Scenario, FormatError> + Send + 'static,
+) -> Result<PendingScenarios, FormatError> {
+    let current = match frames {
+        CurrentFrames::Stated => None,
+        CurrentFrames::At(frame) => Some(frame),
+        CurrentFrames::Every(step) => return Err(has_one_window(format, path, step)),
+    };
+    let path = path.to_owned();
+    let decode: UndecodedScenario = Box::new(move || read(&path, current));
+    Ok(Box::new(std::iter::once(Ok(decode))))
+}
+
+/// Returns the errors for other current frames than those that a format defines; `None` for these.
+pub(super) fn refused_frames(
+    format: &dyn ScenarioFormat,
+    path: &Path,
+    frames: CurrentFrames,
+) -> Option<Result<PendingScenarios, FormatError>> {
+    match frames {
+        CurrentFrames::Stated => None,
+        CurrentFrames::At(frame) => {
+            let expected = format!("none: the format {} fixes the current frame", format.id());
+            let error = FormatError::file(path, Cause::value("the current frame", frame, expected));
+            Some(Ok(Box::new(std::iter::once(Err(error)))))
+        }
+        CurrentFrames::Every(step) => Some(Err(has_one_window(format, path, step))),
+    }
+}
+
+fn has_one_window(format: &dyn ScenarioFormat, path: &Path, step: NonZeroUsize) -> FormatError {
+    let expected = format!("none: the format {} has one window per recording", format.id());
+    FormatError::file(path, Cause::value("the number of frames between windows", step, expected))
 }
 
 /// First bytes of Parquet files.

@@ -8,7 +8,9 @@
 
 pub mod certificates;
 pub mod error;
+mod crop;
 mod format;
+mod frames;
 mod argoverse2;
 mod gpudrive;
 mod json;
@@ -29,14 +31,19 @@ pub mod reactsim_bench;
 pub mod rollouts;
 pub mod wosac;
 
+pub use crop::crop;
 pub use error::{Cause, FormatError};
 pub use format::{
-    CurrentFrames, Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records,
-    decoded, is_parquet,
+    Opener, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, count_records, decoded,
+    is_parquet,
 };
+pub use frames::{CurrentFrames, FutureChoice, LengthChoice, ParseFutureError};
 pub use json::parse as parse_json;
 pub use list::{FORMATS, Input, PassedOver, Survey, find_inputs, open, open_all, survey};
 pub use nuplan::nuplan_filter;
 pub use partition::Partition;
 pub use sketch::{SKETCH_VERSION, sketch};
 pub use womd::record::tf_record;
+
+#[cfg(test)]
+mod length_tests;

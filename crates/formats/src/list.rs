@@ -13,9 +13,9 @@ use reactsim_scene::Scenario;
 use super::argoverse2::Argoverse2;
 use super::error::{Cause, FormatError};
 use super::format::{
-    CurrentFrames, GZIP, Opener, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario,
-    ZSTD, head, named,
+    GZIP, Opener, PARQUET, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, ZSTD, head, named,
 };
+use super::frames::{CurrentFrames, LengthChoice};
 use super::gpudrive::GpuDrive;
 use super::json::Json;
 use super::native::Native;
@@ -36,20 +36,29 @@ pub struct Input {
     pub format: &'static dyn ScenarioFormat,
     /// Current frames of its recordings.
     pub frames: CurrentFrames,
+    /// Number of frames of its scenarios.
+    pub length: LengthChoice,
     /// Whether all agents that are present at the current frame are simulated, of all kinds and any number:
     /// [`Scenario::with_all_agents`].
     pub all_agents: bool,
 }
 
 impl Input {
+    /// A file that is read as its format defines it.
+    pub fn new(path: PathBuf, format: &'static dyn ScenarioFormat) -> Self {
+        let (frames, length) = (CurrentFrames::Stated, LengthChoice::default());
+        Self { path, format, frames, length, all_agents: false }
+    }
+
     /// Opens the file.
     ///
     /// # Errors
-    /// [`FormatError`] if the file cannot be read at all, or not with these current frames.
+    /// [`FormatError`] if the file cannot be read at all, or not with these current frames or this length.
     pub fn open(&self) -> Result<Scenarios, FormatError> {
-        let scenarios: Scenarios = match self.frames {
-            CurrentFrames::Stated => self.format.open(&self.path)?,
-            _ => Box::new(self.open_at_frames()?.map(|record| record.and_then(|decode| decode()))),
+        let scenarios: Scenarios = if self.is_plain() {
+            self.format.open(&self.path)?
+        } else {
+            Box::new(self.open_at()?.map(|record| record.and_then(|decode| decode())))
         };
         if !self.all_agents {
             return Ok(scenarios);
@@ -76,9 +85,10 @@ impl Input {
     /// # Errors
     /// Same as [`Self::open_undecoded`].
     pub fn open_from(&self, first: usize) -> Result<PendingScenarios, FormatError> {
-        let scenarios: PendingScenarios = match self.frames {
-            CurrentFrames::Stated => self.format.open_from(&self.path, first)?,
-            _ => Box::new(self.open_at_frames()?.skip(first)),
+        let scenarios: PendingScenarios = if self.is_plain() {
+            self.format.open_from(&self.path, first)?
+        } else {
+            Box::new(self.open_at()?.skip(first))
         };
         if !self.all_agents {
             return Ok(scenarios);
@@ -89,22 +99,19 @@ impl Input {
         Ok(Box::new(scenarios.map(move |decode| decode.map(with_all))))
     }
 
-    /// Opens the file with other current frames than those that its format defines.
-    fn open_at_frames(&self) -> Result<PendingScenarios, FormatError> {
-        let Self { path, format, frames, .. } = self.clone();
-        match (format.open_at(&path, frames), frames) {
-            (Some(opened), _) => opened,
-            (None, CurrentFrames::At(frame)) => {
-                let decode: UndecodedScenario = Box::new(move || format.read_at(&path, frame));
-                Ok(Box::new(std::iter::once(Ok(decode))))
-            }
-            (None, CurrentFrames::Every(step)) => {
-                let expected = format!("none: the format {} has one window per recording", format.id());
-                let cause = Cause::value("the number of frames between windows", step, expected);
-                Err(FormatError::file(&path, cause))
-            }
-            (None, CurrentFrames::Stated) => format.open_undecoded(&path),
-        }
+    /// Returns whether the scenarios have the current frames and the length that the format defines.
+    fn is_plain(&self) -> bool {
+        self.frames == CurrentFrames::Stated && self.length.is_default()
+    }
+
+    fn open_at(&self) -> Result<PendingScenarios, FormatError> {
+        self.length.check().map_err(|cause| FormatError::file(&self.path, cause))?;
+        self.format.open_at(&self.path, self.frames, self.length)
+    }
+
+    /// Returns the other files that the scenarios are read from: [`ScenarioFormat::companions`].
+    pub fn companions(&self) -> Vec<PathBuf> {
+        self.format.companions(&self.path, self.length)
     }
 
     /// Returns what opens the file, of which at most `most` records are read.
@@ -151,7 +158,7 @@ pub fn survey(path: &Path) -> Result<Survey, FormatError> {
                 refused.get_or_insert(error);
                 continue;
             }
-            inputs.push(Input { path, format, frames: CurrentFrames::Stated, all_agents: false });
+            inputs.push(Input::new(path, format));
         } else if SCENARIO_ENDINGS.iter().any(|ending| named(&path, ending) || zipped(&path, ending))
             && !FORMATS.iter().any(|f| f.accompanies(&path))
         {

@@ -14,7 +14,7 @@ use super::error::{Cause, FormatError};
 use super::states::{self, StateColumns};
 use super::table::{Column, Leaf, TableReader, TableWriter, Value, View};
 use reactsim_geometry::Vec2;
-use reactsim_scene::{FUTURE, Frame};
+use reactsim_scene::Frame;
 
 /// Value of `reactsim.format`.
 const KIND: &str = "reactsim-rollouts";
@@ -37,7 +37,8 @@ pub struct RolloutRecord {
     pub origin: Option<Vec2>,
     /// Ids of the agents, including the AV.
     pub agent_ids: Vec<String>,
-    /// States of each agent at steps 1 to 80; `None` where absent. Unknown velocities are NaN.
+    /// States of each agent at the steps after the current frame, as many for each; `None` where absent.
+    /// Unknown velocities are NaN.
     pub tracks: Vec<Vec<Frame>>,
 }
 
@@ -200,7 +201,9 @@ impl Rows {
         let mut tracks = Vec::with_capacity(ids.len());
         for (cell, ranges) in ids.clone().zip(self.states.inner(row, ids.len())?) {
             let id = self.agent_id.text(cell).unwrap_or_default();
-            tracks.push(self.states.frames(&format!("agent `{id}`: "), &ranges, FUTURE)?);
+            let steps =
+                tracks.first().map_or_else(|| states::steps(&ranges), |first: &Vec<Frame>| Ok(first.len()));
+            tracks.push(self.states.frames(&format!("agent `{id}`: "), &ranges, steps?)?);
             agent_ids.push(id.to_owned());
         }
         let origin = match &self.origin {

@@ -13,7 +13,7 @@ mod near;
 use std::fmt::Write;
 
 use reactsim_geometry::{Vec2, wrap};
-use reactsim_scene::{Agent, DT, Frame, LaneArea, LightState, RoadMap, Scenario};
+use reactsim_scene::{Agent, DT, Frame, LaneArea, Length, LightState, RoadMap, Scenario};
 
 use self::lines::{points, runs};
 use self::near::Near;
@@ -23,10 +23,16 @@ pub const SKETCH_VERSION: u32 = 1;
 
 /// Returns the JSON of a scenario: `agents` (the AV first, then the world agents), `context` (recorded
 /// agents that take no part), the map in the surroundings, and the lights with one character per frame
-/// (code 0 to 8, `-` if not observed).
+/// (code 0 to 8, `-` if not observed). Scenarios of another length than the benchmark have `length`: the
+/// index of the current frame, and the number of frames.
 pub fn sketch(scenario: &Scenario) -> String {
     let near = Near::new(scenario);
-    let mut out = format!("{{\"v\":{SKETCH_VERSION},\"agents\":[");
+    let length = scenario.length();
+    let mut out = format!("{{\"v\":{SKETCH_VERSION},");
+    if length != Length::BENCHMARK {
+        write!(out, "\"length\":[{},{}],", length.current(), length.frames()).ok();
+    }
+    out.push_str("\"agents\":[");
     let count = scenario.start.agents.len();
     let agents = (0..count).map(|i| (&scenario.start.agents[i], scenario.logged(i)));
     list(&mut out, agents, |out, (agent, track)| self::agent(out, agent, &track));

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentState, Frame};
+use reactsim_scene::{AgentState, Frame, Length};
 
 use super::error::Cause;
 use super::table::{FRAME, Leaf, TableReader, View};
@@ -112,6 +112,20 @@ impl StateColumns {
         }
         Ok(frames)
     }
+}
+
+/// Returns the number of steps of the lists of one track, which is that of the first one.
+pub(super) fn steps(ranges: &[Option<Range<usize>>; 5]) -> Result<usize, Cause> {
+    check_steps(ranges.iter().flatten().next().map_or(0, Range::len))
+}
+
+/// Refuses numbers of steps that no scenario has.
+pub(super) fn check_steps(count: usize) -> Result<usize, Cause> {
+    if (1..=Length::MAX_FUTURE).contains(&count) {
+        return Ok(count);
+    }
+    let expected = format!("1 to {} steps", Length::MAX_FUTURE);
+    Err(Cause::value("the length of `x`", format!("{count} steps"), expected))
 }
 
 /// Builds the frame at index `f` from x, y, heading, vx, vy.

@@ -19,7 +19,7 @@ pub use in_order::{Ending, in_order};
 pub use layout::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
 pub use settings::{GenerationSettings, Preset};
 
-use reactsim_scene::{Scenario, SceneError};
+use reactsim_scene::{Length, Scenario, SceneError};
 
 /// Version of the generator, raised whenever the same settings and numbers produce other scenarios, or
 /// other deviated AVs, than before.
@@ -39,10 +39,16 @@ pub enum GenerationError {
     /// Density outside the allowed range.
     #[error("density {0}: expected a number above 0 and at most 3")]
     Density(f64),
+    /// Length outside the limits of scenarios.
+    #[error(
+        "{} frames of history and {} after them: expected 2 to {}, and 1 to {}",
+        .0.history, .0.future, Length::MAX_HISTORY, Length::MAX_FUTURE
+    )]
+    Length(Length),
     /// No attempt produced a driver who can be the AV in traffic without accidents.
     #[error(
         "{id}: no accident-free traffic with a driver who can be the AV in {attempts} attempts; \
-         allow more map types or another density"
+         allow more map types, another density or fewer frames"
     )]
     AttemptsExhausted {
         /// Id of the scenario.
@@ -65,13 +71,17 @@ impl Generator {
     /// Checks the settings and creates a generator.
     ///
     /// # Errors
-    /// [`GenerationError`] if a map type does not exist or the density is not a positive number up to 3.
+    /// [`GenerationError`] if a map type does not exist, the density is not a positive number up to 3, or no
+    /// scenario may have this length.
     pub fn new(settings: GenerationSettings) -> Result<Self, GenerationError> {
         let known = || maps::all().map(|m| m.id).collect::<Vec<_>>().join(", ");
         for name in &settings.maps {
             if maps::find(name).is_none() {
                 return Err(GenerationError::UnknownMap { name: name.clone(), known: known() });
             }
+        }
+        if !settings.length.is_valid() {
+            return Err(GenerationError::Length(settings.length));
         }
         match settings.density {
             Some(density) if !(density > 0.0 && density <= 3.0) => Err(GenerationError::Density(density)),

@@ -3,9 +3,7 @@
 
 use reactsim_geometry::{rounded_distance, wrap};
 use reactsim_rollout::{Purpose, Stream, stream};
-use reactsim_scene::{
-    Agent, CURRENT, DT, FRAMES, Frame, HISTORY, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts,
-};
+use reactsim_scene::{Agent, DT, Frame, LightParts, LoggedAgent, MAX_AGENTS, Scenario, ScenarioParts};
 
 use super::heights::on_different_levels;
 use super::maps::MapType;
@@ -52,7 +50,8 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
         let (kind, layout) = draw_layout(settings, number, &mut rng);
         let density = settings.density.unwrap_or_else(|| draw_density(settings.preset, &mut rng));
         let mut rng = stream(settings.seed, &id, attempt, Purpose::Traffic);
-        let recording = traffic::record(&layout, density, settings.preset.manner(), &mut rng);
+        let recording =
+            traffic::record(&layout, density, settings.preset.manner(), settings.length, &mut rng);
         if let Some(av) = choose_av(settings.preset, &recording, &mut rng) {
             let selected = select_agents(&recording, av);
             let lawful = !selected.iter().any(|i| recording.offenders.contains(i));
@@ -109,12 +108,13 @@ fn draw_density(preset: Preset, rng: &mut Stream) -> f64 {
 /// drivers with others around them are more likely, since recordings are made where there is traffic. In
 /// benchmarks the AV always moves.
 fn choose_av(preset: Preset, recording: &Recording, rng: &mut Stream) -> Option<usize> {
+    let (current, end) = (recording.length.current(), recording.length.frames() - 1);
     let weight = |&i: &usize| {
         let track = &recording.agents[i].1;
-        let (Some(now), Some(last)) = (track[CURRENT], track[FRAMES - 1]) else { return 0.0 };
+        let (Some(now), Some(last)) = (track[current], track[end]) else { return 0.0 };
         let displacement = (last.position() - now.position()).norm();
         let near =
-            |t: &[Frame]| t[CURRENT].is_some_and(|s| (s.position() - now.position()).norm() < NEAR_DISTANCE);
+            |t: &[Frame]| t[current].is_some_and(|s| (s.position() - now.position()).norm() < NEAR_DISTANCE);
         let others = recording.agents.iter().filter(|(_, t)| near(t)).count().saturating_sub(1) as f64;
         let middle = 1.0
             / (1.0 + {
@@ -146,7 +146,8 @@ fn parts(
         id,
         source: kind.source(),
         origin: None,
-        timestamps: (0..FRAMES).map(|f| f as f64 * DT).collect(),
+        length: recording.length,
+        timestamps: (0..recording.length.frames()).map(|f| f as f64 * DT).collect(),
         av: 0,
         agents: selected.iter().map(|&i| logged(&recording.agents[i], &recording.heights[i])).collect(),
         lights: lights
@@ -164,26 +165,28 @@ fn parts(
 /// Selects the agents of the scenario: the AV, the nearest agents that are present at the current frame and
 /// can take part, and agents that appear later.
 fn select_agents(recording: &Recording, av: usize) -> Vec<usize> {
+    let (length, current) = (recording.length, recording.length.current());
     let position = |i: usize, f: usize| recording.agents[i].1[f].map(|s| s.position());
     let distance = |i: usize, f: usize| Some((position(i, f)? - position(av, f)?).norm());
-    let nearest = |i: usize| (0..FRAMES).filter_map(|f| distance(i, f)).fold(f64::INFINITY, f64::min);
+    let nearest =
+        |i: usize| (0..length.frames()).filter_map(|f| distance(i, f)).fold(f64::INFINITY, f64::min);
     let others = (0..recording.agents.len()).filter(|&i| i != av && nearest(i) <= SENSOR_RANGE);
     let (mut now, mut later): (Vec<usize>, Vec<usize>) =
-        others.partition(|&i| recording.agents[i].1[CURRENT].is_some());
+        others.partition(|&i| recording.agents[i].1[current].is_some());
     now.sort_by(|&a, &b| {
-        let key = |i| distance(i, CURRENT).unwrap_or(f64::INFINITY);
+        let key = |i| distance(i, current).unwrap_or(f64::INFINITY);
         key(a).total_cmp(&key(b)).then(a.cmp(&b))
     });
     now.truncate(MAX_AGENTS - 1);
-    later.retain(|&i| recording.agents[i].1[HISTORY..].iter().any(Option::is_some));
+    later.retain(|&i| recording.agents[i].1[length.history..].iter().any(Option::is_some));
     [vec![av], now, later].concat()
 }
 
-/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but logs with
-/// accidents cannot serve as a reference.
+/// Whether no agents on one level touch each other. Accidents occur in this traffic as in real traffic, but
+/// logs with accidents cannot serve as a reference.
 fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
     let agents: Vec<_> = selected.iter().map(|&i| &recording.agents[i]).collect();
-    let is_still = |track: &[Frame]| track[0].is_some() && track[0] == track[FRAMES - 1];
+    let is_still = |track: &[Frame]| track[0].is_some() && track[0] == track[track.len() - 1];
     let still: Vec<bool> = agents.iter().map(|a| is_still(&a.1)).collect();
     let height = |agent: usize, f: usize| recording.heights[selected[agent]].get(f).copied().flatten();
     for i in 0..agents.len() {
@@ -200,7 +203,7 @@ fn is_free_of_contacts(recording: &Recording, selected: &[usize]) -> bool {
                     ) <= CONTACT_DISTANCE
                     && !on_different_levels(height(i, f), height(j, f), (a.position() - b.position()).norm())
             };
-            let frames = if still[i] && still[j] { 1 } else { FRAMES };
+            let frames = if still[i] && still[j] { 1 } else { recording.length.frames() };
             if (0..frames).any(touch) {
                 return false;
             }

@@ -1,5 +1,7 @@
 //! Settings of the generator.
 
+use reactsim_scene::Length;
+
 use super::maps::{self, MAP_TYPES, MapType};
 use super::traffic::Manner;
 
@@ -44,7 +46,7 @@ impl Preset {
 }
 
 /// Settings that, together with its number, determine a generated scenario. Ids contain only preset, seed
-/// and number, so sets with other maps or densities should use other seeds.
+/// and number, so sets with other maps, densities or lengths should use other seeds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GenerationSettings {
     /// Preset, which also selects the seed space.
@@ -57,6 +59,8 @@ pub struct GenerationSettings {
     /// Traffic volume as a multiple of the usual one; `None` draws it per scenario, from nearly empty to
     /// congested.
     pub density: Option<f64>,
+    /// Number of frames that are recorded.
+    pub length: Length,
 }
 
 impl GenerationSettings {
@@ -77,6 +81,6 @@ impl GenerationSettings {
 
 impl Default for GenerationSettings {
     fn default() -> Self {
-        Self { preset: Preset::Bench, seed: 0, maps: Vec::new(), density: None }
+        Self { preset: Preset::Bench, seed: 0, maps: Vec::new(), density: None, length: Length::BENCHMARK }
     }
 }

@@ -3,9 +3,7 @@
 use std::borrow::Cow;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{
-    AgentKind, CURRENT, Certificate, FUTURE, Frame, HISTORY, LaneArea, Road, Scenario, Start,
-};
+use reactsim_scene::{AgentKind, Certificate, Frame, LaneArea, Length, Road, Scenario, Start};
 
 use super::av::AvScores;
 use super::cache::Cache;
@@ -46,10 +44,11 @@ pub struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// Creates a case with the usual time axis: 91 frames, of which frame 10 is now. An `av` beyond the
-    /// objects means that there is no AV.
+    /// Creates a case with the time axis of the benchmark: 91 frames, of which frame 10 is now. An `av`
+    /// beyond the objects means that there is no AV.
     pub fn new(road: Road<'a>, objects: Vec<Object<'a>>, av: usize, options: Options) -> Self {
-        Self::with_current(road, objects, av, CURRENT, HISTORY + FUTURE, options)
+        let length = Length::BENCHMARK;
+        Self::with_current(road, objects, av, length.current(), length.frames(), options)
     }
 
     /// Creates a case with another time axis: `frames` frames at 10 Hz, of which `current` is now.
@@ -85,8 +84,8 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Creates the case of one rollout of a scenario, with its log and lights. `tracks`: 91 frames per agent,
-    /// in the order of the scenario, borrowed or owned.
+    /// Creates the case of one rollout of a scenario, with its time axis, log and lights. `tracks`: the
+    /// frames of each agent, in the order of the scenario, borrowed or owned.
     pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
         scenario: &'a Scenario,
         tracks: impl IntoIterator<Item = T>,
@@ -98,8 +97,9 @@ impl<'a> Case<'a> {
         let log = start.history.iter().zip(&scenario.log_future.tracks);
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
         let lights = ObservedLight::all(scenario);
-        let case = Self::new(start.road(), objects, 0, options).with_log(log.collect());
-        case.with_lights(lights).with_heights(start)
+        let length = scenario.length();
+        let case = Self::with_current(start.road(), objects, 0, length.current(), length.frames(), options);
+        case.with_log(log.collect()).with_lights(lights).with_heights(start)
     }
 
     /// Adds the heights of the objects, which are the agents of `start`: in scenarios with several levels

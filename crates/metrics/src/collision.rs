@@ -52,7 +52,7 @@ impl Fault {
 /// The first contact of a vehicle with the AV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Step, 1 to 80.
+    /// Step, from 1.
     pub step: usize,
     /// Last step of the same overlap.
     pub last_step: usize,

@@ -32,7 +32,7 @@ pub struct WrongWay {
 /// An interval of driving against the lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrongWayInterval {
-    /// First step, 1 to 80.
+    /// First step, from 1.
     pub first: usize,
     /// Last step.
     pub last: usize,

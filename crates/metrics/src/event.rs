@@ -5,7 +5,7 @@
 pub struct Event {
     /// Id of the metric that counted the event.
     pub metric: &'static str,
-    /// First step of the event, 1 to 80.
+    /// First step of the event, from 1.
     pub step: usize,
     /// Last step of the event (the same for events of one step).
     pub last_step: usize,

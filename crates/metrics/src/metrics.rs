@@ -1,6 +1,6 @@
 //! The metrics of a run: those of the benchmark and those of the calling program.
 
-use reactsim_scene::{Frame, HISTORY};
+use reactsim_scene::Frame;
 
 use super::scores::{METRICS, REMOVED_METRICS, RolloutScores, Scores, metric};
 use super::{Case, Event, Metric, MetricSpec, Scope, ade, deviation, likelihood};
@@ -63,9 +63,10 @@ impl Metrics {
     /// of the calling program with [`Scope::Scenario`].
     ///
     /// `case`: the case of one of the rollouts; presence is decided at the current frame, which all share.
-    /// `rollouts`: 91 frames per rollout and agent, in the order of the scenario.
+    /// `rollouts`: the frames of each agent per rollout, in the order of the scenario.
     pub fn score_rollouts<'a>(&self, case: Case<'a>, rollouts: &[&'a [Vec<Frame>]]) -> RolloutScores {
-        let future = |track: &'a Vec<Frame>| &track[HISTORY.min(track.len())..];
+        let history = case.current + 1;
+        let future = |track: &'a Vec<Frame>| &track[history.min(track.len())..];
         let case = case.with_rollouts(rollouts.iter().map(|r| r.iter().map(future).collect()).collect());
         let score = |metric: &dyn Metric| (metric.spec(), metric.score(&case, &mut Vec::new()));
         RolloutScores {

@@ -23,7 +23,7 @@ pub struct Approach {
     /// Smallest time to collision over all steps, seconds; 5 if the vehicle never closes in, 0 if the boxes
     /// overlap.
     pub min_ttc: f64,
-    /// First step with that value, 1 to 80; `None` if it is 5.
+    /// First step with that value, from 1; `None` if it is 5.
     pub step: Option<usize>,
     /// First and last step with a risky time to collision.
     pub risky: Option<(usize, usize)>,

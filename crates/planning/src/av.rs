@@ -10,7 +10,7 @@ use std::fmt;
 
 use reactsim_geometry::{direction, left};
 use reactsim_rollout::{Av, AvError, AvPolicy, MAX_STEP_DISPLACEMENT, Observation, Replan};
-use reactsim_scene::{AgentState, CURRENT, FUTURE, Scenario, Start};
+use reactsim_scene::{AgentState, Scenario, Start};
 
 use crate::closed_loop::{ClosedLoopError, Episode, Now};
 use crate::from_scene::{
@@ -20,7 +20,7 @@ use crate::from_scene::{
 use crate::planner::{History, Light, Planner, Route, Sample};
 use crate::tracking::Controller;
 use crate::trajectory::Trajectory;
-use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningMap};
 
 pub use choice::PlannerChoice;
 
@@ -42,11 +42,12 @@ pub struct PlannerAv {
     new_planner: NewPlanner,
     controller: Controller,
     plan_every: Replan,
+    /// Steps of a rollout.
+    steps: usize,
     map: PlanningMap,
     shape: EgoShape,
     route: Route,
     lights: LightLanes,
-    objects: ObjectIds,
 }
 
 /// Reason why a planner cannot drive the AV of a scenario.
@@ -113,11 +114,11 @@ impl PlannerAv {
             new_planner: Box::new(new_planner),
             controller,
             plan_every,
+            steps: scenario.length().future,
             route: logged_route(scenario, &map, &shape).ok_or_else(no_route)?,
             map,
             shape,
             lights: LightLanes::new(&scenario.start),
-            objects: ObjectIds::new(&scenario.start),
         })
     }
 
@@ -153,6 +154,7 @@ impl Av for PlannerAv {
         Box::new(PlannerPolicy {
             av: self,
             planner: (self.new_planner)(rollout),
+            ids: None,
             samples: Vec::new(),
             next: None,
             iteration: 0,
@@ -165,6 +167,8 @@ impl Av for PlannerAv {
 struct PlannerPolicy<'a> {
     av: &'a PlannerAv,
     planner: Box<dyn Planner>,
+    /// Ids of the objects, with the number of times that agents had entered or left.
+    ids: Option<(usize, ObjectIds)>,
     /// The last two seconds.
     samples: Vec<Sample>,
     /// State of ego at the frame that is observed next; `None` before the first one. The states of the
@@ -202,7 +206,13 @@ impl AvPolicy for PlannerPolicy<'_> {
 impl PlannerPolicy<'_> {
     /// Adds the present sample to the history; at first, the samples of the recorded history.
     fn observe(&mut self, seen: &Observation<'_>) {
-        let objects = |frame: usize, heights: &[f64]| self.av.objects_at(seen, frame, heights);
+        let (start, tracks) = (seen.start(), seen.tracks());
+        let known = self.ids.take().filter(|(changes, _)| *changes == seen.changes());
+        let (_, ids) = self.ids.insert(known.unwrap_or_else(|| (seen.changes(), ObjectIds::new(start))));
+        // The objects at a frame up to the present one, as they were known at that frame.
+        let objects = |frame: usize, heights: &[f64]| {
+            ObjectFrame { start, ids, tracks, frame, heights }.objects(Differences::Backward).0
+        };
         match self.next {
             Some(ego) => {
                 let objects = objects(seen.frame(), &seen.heights());
@@ -212,10 +222,14 @@ impl PlannerPolicy<'_> {
             }
             None => {
                 let states = ego_states_until_now(seen.track(AV), &self.av.shape);
-                let first = CURRENT + 1 - states.len();
-                let sample = |(frame, ego): (usize, EgoState)| match frame {
-                    CURRENT => Sample { ego: at_start(ego), objects: objects(frame, &seen.heights()) },
-                    _ => Sample { ego, objects: objects(frame, &recorded_heights(seen.start(), frame)) },
+                let current = seen.start().current();
+                let first = current + 1 - states.len();
+                let sample = |(frame, ego): (usize, EgoState)| {
+                    if frame == current {
+                        Sample { ego: at_start(ego), objects: objects(frame, &seen.heights()) }
+                    } else {
+                        Sample { ego, objects: objects(frame, &recorded_heights(seen.start(), frame)) }
+                    }
                 };
                 self.samples = (first..).zip(states).map(sample).collect();
             }
@@ -230,7 +244,7 @@ impl PlannerPolicy<'_> {
             route: &av.route,
             shape: &av.shape,
             controller: av.controller,
-            steps: FUTURE,
+            steps: av.steps,
             replan_interval: av.plan_every.steps(),
         };
         let (iteration, samples) = (self.iteration, self.samples.as_slice());
@@ -240,14 +254,6 @@ impl PlannerPolicy<'_> {
         let next = episode.next_ego(iteration, START_TIME, &ego, &trajectory)?;
         self.trajectory = Some(trajectory);
         Ok(next)
-    }
-}
-
-impl PlannerAv {
-    /// Returns the objects at a frame up to the present one, as they were known at that frame.
-    fn objects_at(&self, seen: &Observation<'_>, frame: usize, heights: &[f64]) -> Vec<TrackedObject> {
-        let (start, tracks) = (seen.start(), seen.tracks());
-        ObjectFrame { start, ids: &self.objects, tracks, frame, heights }.objects(Differences::Backward).0
     }
 }
 

@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use color_quant::NeuQuant;
 use gif::{Encoder, Repeat};
-use reactsim_scene::{CURRENT, FUTURE, Frame, Scenario};
+use reactsim_scene::{Frame, Scenario};
 use resvg::usvg;
 
 use self::camera::Camera;
@@ -36,7 +36,7 @@ const PALETTE_STRIDE: usize = 8;
 pub struct Panel<'a> {
     /// Title. Other than Latin letters are shown as `?`.
     pub title: String,
-    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is shown.
+    /// Realised tracks: the frames of each agent, in the order of the scenario; the log without them.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout. They are shown from their step on.
     pub marks: Vec<Mark>,
@@ -54,10 +54,23 @@ pub struct Animation<'a> {
     pub radius: Option<f64>,
     /// Side of a panel, pixels, 100 to 1200.
     pub size: u32,
-    /// Stride between shown steps, at least 1. The last step is always shown.
+    /// Stride between shown steps, at least 1. The last one is always shown.
     pub every: usize,
+    /// Last shown step; larger ones than that of the scenario mean its last.
+    pub until: usize,
     /// Whether the camera follows the AV. A fixed camera gives far smaller files.
     pub follow: bool,
+}
+
+/// A drawn step.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Red, green and blue of each pixel, row by row from the top.
+    pub rgb: Vec<u8>,
 }
 
 /// Error of an animation.
@@ -98,13 +111,15 @@ pub enum AnimationError {
 impl<'a> Animation<'a> {
     /// Creates an animation of these panels: every step, 480 pixels, a fixed camera.
     pub fn new(scenario: &'a Scenario, panels: Vec<Panel<'a>>) -> Self {
-        Self { scenario, panels, radius: None, size: 480, every: 1, follow: false }
+        let until = scenario.length().future;
+        Self { scenario, panels, radius: None, size: 480, every: 1, until, follow: false }
     }
 
-    /// Returns the shown steps, 0 to 80.
+    /// Returns the shown steps, 0 to `until` or the last.
     fn steps(&self) -> Vec<usize> {
-        let mut steps: Vec<usize> = (0..FUTURE).step_by(self.every.max(1)).collect();
-        steps.push(FUTURE);
+        let last = self.until.min(self.scenario.length().future);
+        let mut steps: Vec<usize> = (0..last).step_by(self.every.max(1)).collect();
+        steps.push(last);
         steps
     }
 
@@ -113,6 +128,26 @@ impl<'a> Animation<'a> {
     /// # Errors
     /// [`AnimationError`] for too many pixels, or if the renderer or the encoder fails.
     pub fn encode(&self) -> Result<Vec<u8>, AnimationError> {
+        self.on_stage(|stage| self.encode_stage(stage))
+    }
+
+    /// Draws one step, 0 is the current frame; larger ones than the last step mean the last.
+    ///
+    /// # Errors
+    /// [`AnimationError`] for too many pixels, or if the renderer fails.
+    pub fn picture(&self, step: usize) -> Result<Picture, AnimationError> {
+        self.on_stage(|stage| {
+            let pixels = self.draw(stage, step.min(self.scenario.length().future))?;
+            let rgb = pixels.into_iter().flat_map(|[red, green, blue, _]| [red, green, blue]).collect();
+            Ok(Picture { width: stage.width(), height: stage.height(), rgb })
+        })
+    }
+
+    /// Creates the stage with all panels for `work`.
+    fn on_stage<T>(
+        &self,
+        work: impl FnOnce(&Stage<'_>) -> Result<T, AnimationError>,
+    ) -> Result<T, AnimationError> {
         let log = [Panel { title: self.scenario.id.clone(), ..Panel::default() }];
         let panels = if self.panels.is_empty() { &log[..] } else { &self.panels };
         let size = self.size.clamp(100, 1200);
@@ -129,19 +164,22 @@ impl<'a> Animation<'a> {
         views.iter_mut().for_each(|v| v.radius = camera.radius);
         let renderers = views.iter().map(|view| StepRenderer::new(self.scenario, view)).collect();
         let stage = Stage { panels, renderers, camera, size: size as usize };
+        work(&stage)
+    }
+
+    /// Draws a step: pixels in row-major order (red, green, blue, alpha).
+    fn draw(&self, stage: &Stage<'_>, step: usize) -> Result<Vec<[u8; 4]>, AnimationError> {
+        let failed = |source| AnimationError::Draw { scenario: self.scenario.id.clone(), step, source };
+        stage.draw(step).map_err(failed)
+    }
+
+    fn encode_stage(&self, stage: &Stage<'_>) -> Result<Vec<u8>, AnimationError> {
         let (width, height) = (stage.width(), stage.height());
         let (Ok(wide), Ok(high)) = (u16::try_from(width), u16::try_from(height)) else {
             return Err(AnimationError::TooLarge { width, height });
         };
-
         let steps = self.steps();
-        let draw = |step: usize| {
-            stage.draw(step).map_err(|source| AnimationError::Draw {
-                scenario: self.scenario.id.clone(),
-                step,
-                source,
-            })
-        };
+        let draw = |step: usize| self.draw(stage, step);
         let mut counts: BTreeMap<[u8; 4], u64> = BTreeMap::new();
         for (i, &step) in steps.iter().enumerate() {
             if i % PALETTE_STRIDE == 0
@@ -188,8 +226,8 @@ impl<'a> Animation<'a> {
     fn lights_change(&self, before: Option<usize>, step: usize) -> bool {
         let Some(before) = before else { return false };
         (0..self.scenario.start.lights.len()).any(|i| {
-            let states = self.scenario.light_states(i);
-            states.get(CURRENT + before) != states.get(CURRENT + step)
+            let (states, now) = (self.scenario.light_states(i), self.scenario.start.current());
+            states.get(now + before) != states.get(now + step)
         })
     }
 }

@@ -13,7 +13,8 @@ pub(super) mod moving;
 pub(super) mod palette;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{CURRENT, DT, FUTURE, Frame, Scenario};
+use reactsim_metrics::{Case, Event, Options, score_case};
+use reactsim_scene::{DT, Frame, Scenario};
 
 pub(crate) use self::canvas::escape;
 use self::canvas::{Canvas, Window};
@@ -41,7 +42,7 @@ pub enum Layout {
 pub struct Mark {
     /// Id of the agent; marks of unknown agents are ignored.
     pub agent: String,
-    /// Step of the event, 1 to 80.
+    /// Step of the event, from 1.
     pub step: usize,
     /// Kind of event.
     pub kind: MarkKind,
@@ -60,6 +61,30 @@ pub enum MarkKind {
     OffRoad,
 }
 
+impl MarkKind {
+    /// Returns the mark for events of a metric; `None` if pictures show none.
+    pub fn of_event(metric: &str, counted: bool) -> Option<Self> {
+        match metric {
+            "aav-collision" if counted => Some(Self::AtFault),
+            "aav-collision" | "aa-collision" => Some(Self::Contact),
+            "aav-ttc" => Some(Self::Risky),
+            "offroad" => Some(Self::OffRoad),
+            _ => None,
+        }
+    }
+}
+
+/// Computes the events of a rollout and returns the marks of those that pictures show. `tracks`: the frames
+/// of each agent, in the order of the scenario.
+pub fn marks_of(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Vec<Mark> {
+    let scores = score_case(&Case::of_rollout(scenario, tracks, Options::default()));
+    let mark = |event: Event| {
+        let kind = MarkKind::of_event(event.metric, event.counted)?;
+        Some(Mark { step: event.step, kind, agent: event.agent })
+    };
+    scores.events.into_iter().filter_map(mark).collect()
+}
+
 /// Settings of a picture.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
@@ -67,7 +92,7 @@ pub struct View<'a> {
     pub middle: Middle,
     /// Half of the side of a panel, metres; at least 5.
     pub radius: f64,
-    /// Steps to draw, 0 (the current frame) to 80; larger ones are clamped to 80. If empty, step 0.
+    /// Steps to draw, 0 is the current frame; larger ones than the last step mean the last. If empty, step 0.
     pub steps: Vec<usize>,
     /// Arrangement of the steps.
     pub layout: Layout,
@@ -77,7 +102,7 @@ pub struct View<'a> {
     pub title: Option<String>,
     /// Whether to write ids next to agents.
     pub ids: bool,
-    /// Realised tracks: 91 frames per agent, in the order of the scenario. Without them the log is drawn.
+    /// Realised tracks: the frames of each agent, in the order of the scenario; the log without them.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout.
     pub marks: Vec<Mark>,
@@ -112,14 +137,25 @@ const PANEL_GAP: f64 = 12.0;
 struct Scene<'a> {
     scenario: &'a Scenario,
     view: &'a View<'a>,
-    /// The 91 logged frames of each agent.
+    /// The logged frames of each agent.
     logged: Vec<Vec<Frame>>,
+    /// The current frame.
+    current: usize,
+    /// The last step.
+    last: usize,
 }
 
 impl<'a> Scene<'a> {
     fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
         let agents = scenario.start.agents.len();
-        Self { scenario, view, logged: (0..agents).map(|i| scenario.logged(i)).collect() }
+        let length = scenario.length();
+        Self {
+            scenario,
+            view,
+            logged: (0..agents).map(|i| scenario.logged(i)).collect(),
+            current: length.current(),
+            last: length.future,
+        }
     }
 
     /// Returns the tracks that are drawn solid.
@@ -129,7 +165,7 @@ impl<'a> Scene<'a> {
 
     /// Returns a state of a drawn track; `None` if it is absent or the track is too short.
     fn state(&self, agent: usize, step: usize) -> Frame {
-        let frame = self.tracks().get(agent)?.get(CURRENT + step).copied().flatten();
+        let frame = self.tracks().get(agent)?.get(self.current + step).copied().flatten();
         frame.filter(|s| s.is_finite())
     }
 }
@@ -137,7 +173,7 @@ impl<'a> Scene<'a> {
 /// Draws a scenario, or a rollout of it, as an SVG document.
 pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
     let scene = Scene::new(scenario, view);
-    let mut steps: Vec<usize> = view.steps.iter().map(|s| (*s).min(FUTURE)).collect();
+    let mut steps: Vec<usize> = view.steps.iter().map(|s| (*s).min(scene.last)).collect();
     if steps.is_empty() {
         steps.push(0);
     }
@@ -179,7 +215,7 @@ fn panel(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize], corner: Vec2, 
     };
     let radius = if scene.view.radius.is_finite() { scene.view.radius.max(5.0) } else { 60.0 };
     canvas.open_window(Window { middle, radius, corner, size }, number);
-    ground::draw(canvas, scene.scenario, CURRENT + last);
+    ground::draw(canvas, scene.scenario, scene.current + last);
     agents::draw(canvas, scene, steps);
     scale_bar(canvas, corner, size, radius);
     let time = last as f64 * DT;

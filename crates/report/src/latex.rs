@@ -1,8 +1,9 @@
 //! LaTeX with booktabs, in the layout of the paper's main table.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Access, Estimate, Mark, TableMarks};
+use reactsim_evaluation::{Access, Estimate, Mark, Summary, TableMarks};
 
 use super::table::{self, Column, Line};
 use super::terminal::is_unsafe;
@@ -25,7 +26,7 @@ impl Exporter for Latex {
         let lines = table::lines(runs);
         let best = table::best_of_columns(&columns, &lines);
         let several = runs.len() > 1;
-        let caption = style.caption.map_or_else(|| caption(&lines, style.bold), escape);
+        let caption = style.caption.map_or_else(|| caption(runs, &lines, style.bold), escape);
         begin_table(&table::provenances(runs), &caption, style.label, out)?;
         let texts = if several { "ll" } else { "l" };
         writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(columns.len()))?;
@@ -69,14 +70,22 @@ pub(super) fn column_head(column: &Column) -> String {
     format!("{} {arrow}{unit}", escape(column.title()))
 }
 
-/// Returns the usual caption, with the meaning of the marks that occur.
-fn caption(lines: &[Line<'_>], bold: bool) -> String {
+/// Returns the usual caption, with durations other than that of the benchmark and the meaning of the marks
+/// that occur.
+fn caption(runs: &[Run<'_>], lines: &[Line<'_>], bold: bool) -> String {
     let mut text = "Results with half widths of 95\\,\\% bootstrap intervals over scenarios.".to_owned();
     if bold {
         text.push_str(" Bold: the best simulator among comparable runs, oracles excepted.");
     }
+    text.push_str(&durations(runs.iter().map(|run| run.summary)));
     text.push_str(&meanings(lines.iter().map(|line| line.marks)));
     text
+}
+
+/// Returns the durations of the scenarios of runs that differ from that of the benchmark, as sentences.
+pub(super) fn durations<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
+    let durations: BTreeSet<String> = summaries.filter_map(|summary| summary.provenance.duration()).collect();
+    durations.iter().map(|duration| format!(" Scenarios of {}.", escape(duration))).collect()
 }
 
 /// Returns the meaning of the marks of these simulators, as sentences.

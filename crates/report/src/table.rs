@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_evaluation::{
     CategorySummary, Condition, Estimate, Mark, Provenance, SettingsRecord, SimulatorSummary, Summary,
-    TableMarks, changed_options,
+    SummaryProvenance, TableMarks, changed_options,
 };
 use reactsim_metrics as metrics;
 use reactsim_metrics::{METRICS, MetricSpec, Scope, Unit};
@@ -297,7 +297,7 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     let p = &run.summary.provenance;
     let s = &p.run.settings;
     let mut parts: Vec<String> = p.run.benchmark.iter().map(ToString::to_string).collect();
-    parts.push(count(p.scenarios, "scenario"));
+    parts.push(scenarios(p));
     if !p.failures.is_empty() {
         parts.push(count(p.failures.len(), "failure"));
     }
@@ -335,6 +335,12 @@ pub(super) fn provenance(run: &super::Run<'_>) -> String {
     }
     parts.push(program(&p.run));
     parts.join(", ")
+}
+
+/// Returns the number of scenarios of a run, with their duration unless it is that of the benchmark.
+pub(super) fn scenarios(run: &SummaryProvenance) -> String {
+    let duration = run.duration().map(|duration| format!(" of {duration}")).unwrap_or_default();
+    format!("{}{duration}", count(run.scenarios, "scenario"))
 }
 
 /// Returns version and commit of the program.

@@ -5,7 +5,7 @@ mod scripted;
 mod simulated;
 
 use super::Observation;
-use reactsim_scene::{AgentState, FUTURE, Scenario, estimate_av_velocities};
+use reactsim_scene::{AgentState, Scenario, estimate_av_velocities};
 
 pub use logged_drive::LoggedDrive;
 pub use scripted::{ParseScriptError, Script, ScriptedAv};
@@ -27,6 +27,12 @@ pub trait AvPolicy {
     /// [`AvError`] when there is no such state.
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError>;
 
+    /// Returns the number of frames up to the current one that the policy was built for, as
+    /// [`Simulator::history`](crate::Simulator::history). `None`: any number.
+    fn history(&self) -> Option<usize> {
+        None
+    }
+
     /// Returns whether the states come from a recording, so that their velocities were measured. For all
     /// other policies velocities are replaced by position differences.
     fn replays_recording(&self) -> bool {
@@ -34,7 +40,7 @@ pub trait AvPolicy {
     }
 }
 
-/// Policy that moves the AV along 80 fixed states.
+/// Policy that moves the AV along fixed states, one per step.
 struct FixedStates<'a> {
     track: &'a [AgentState],
     is_recording: bool,
@@ -60,19 +66,21 @@ pub enum AvError {
          `constant-velocity`, or an earlier current frame where the recording has one"
     )]
     Absent {
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
     },
-    /// The number of states of a trajectory differs from the 80 steps.
-    #[error("the AV trajectory has {found} states, expected 80 (steps 1 to 80 at 10 Hz)")]
+    /// The number of states of a trajectory differs from the steps of the scenario.
+    #[error("the AV trajectory has {found} states, expected {expected} (steps 1 to {expected} at 10 Hz)")]
     Length {
         /// States found.
         found: usize,
+        /// Steps of the scenario.
+        expected: usize,
     },
     /// A trajectory holds a value that is not finite.
     #[error("the AV trajectory is not finite at step {step}")]
     NotFinite {
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
     },
     /// A trajectory jumps.
@@ -81,7 +89,7 @@ pub enum AvError {
          more than {limit:.1} m in 0.1 s"
     )]
     Jump {
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
         /// The step before.
         before: usize,
@@ -93,7 +101,7 @@ pub enum AvError {
     /// A planner does not drive the AV to its next state.
     #[error("the planner does not drive the AV to step {step}: {reason}")]
     Planner {
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
         /// Reason.
         reason: String,
@@ -101,7 +109,7 @@ pub enum AvError {
     /// The simulator that moves the AV has no state for it.
     #[error("the simulator does not move the AV to step {step}: {reason}")]
     Simulator {
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
         /// Reason.
         reason: String,
@@ -118,18 +126,19 @@ pub struct DeviatedAv {
 }
 
 impl DeviatedAv {
-    /// Creates an AV from a trajectory of 80 states that continues from the AV's current state. Unknown
-    /// velocities become differences of positions.
+    /// Creates an AV of a scenario from a trajectory with a state for each of its steps. Unknown velocities
+    /// become differences of positions.
     ///
     /// # Errors
-    /// [`AvError`] when the trajectory does not have 80 states, holds values that are not finite, or
+    /// [`AvError`] when the trajectory has another number of states, holds values that are not finite, or
     /// jumps.
-    pub fn new(now: &AgentState, mut track: Vec<AgentState>) -> Result<Self, AvError> {
-        if track.len() != FUTURE {
-            return Err(AvError::Length { found: track.len() });
+    pub fn new(scenario: &Scenario, mut track: Vec<AgentState>) -> Result<Self, AvError> {
+        let (now, expected) = (scenario.start.now(0), scenario.length().future);
+        if track.len() != expected {
+            return Err(AvError::Length { found: track.len(), expected });
         }
-        check_steps(now, &track)?;
-        estimate_av_velocities(now, &mut track);
+        check_steps(&now, &track)?;
+        estimate_av_velocities(&now, &mut track);
         Ok(Self { track })
     }
 }

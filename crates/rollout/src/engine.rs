@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LightState, Scenario};
+use reactsim_scene::{Frame, Scenario};
 
-use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError};
-use super::{Av, AvError, AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
+use super::entering::Entered;
+use super::episode::{Beginning, Continuation, Controller, Episode, Memory, PlanError};
+use super::running::ScenarioRollout;
+use super::{Av, AvError, AvPolicy, Observation, Protocol, Settings};
 
 /// Request for one rollout.
 #[derive(Clone)]
@@ -20,15 +22,17 @@ pub struct Request<'a> {
     pub rollout: u32,
 }
 
-/// The realised states of one scenario: history, then 80 steps.
+/// The realised states of one scenario: history, then the steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
-    /// The 91 frames of each agent, in the order of the scenario.
+    /// The frames of each agent, in the order of the scenario, and then of those that entered.
     ///
     /// Velocities of the steps are position differences over 0.1 s, so that no simulator can state one
     /// speed and drive another. A replayed recording (an oracle, or the logged AV) keeps its recorded
     /// velocities where they are finite. The first state after a gap keeps its stated velocity.
     pub tracks: Vec<Vec<Frame>>,
+    /// Agents that entered after the beginning, in the order of their tracks.
+    pub entered: Vec<Entered>,
     /// Counts of how parts of the plans ended, by outcome.
     pub outcomes: BTreeMap<&'static str, u64>,
 }
@@ -54,7 +58,7 @@ pub enum RolloutError {
         scenario: String,
         /// Id of the agent.
         agent: String,
-        /// Step 1 to 80.
+        /// Step, from 1.
         step: usize,
     },
     /// The reactive protocol needs an AV.
@@ -76,34 +80,20 @@ pub enum RolloutError {
     },
 }
 
-/// State of one scenario of a batch during the rollout.
-struct ScenarioRollout<'a, S> {
-    scenario: S,
-    /// Index among the rollouts of the scenario.
-    rollout: u32,
-    /// Policy of the AV; `None` if the simulator moves it.
-    av: Option<Box<dyn AvPolicy + 'a>>,
-    /// Whether planned states come from a recording.
-    replayed: bool,
-    tracks: Vec<Vec<Frame>>,
-    lights: Vec<Vec<Option<LightState>>>,
-    memory: Memory,
-    stream: Stream,
-    outcomes: BTreeMap<&'static str, u64>,
-    av_next: Option<AgentState>,
-    plan: JointPlan,
-    /// Number of steps of the plan that are realised.
-    plan_step: usize,
-    /// Whether the rollout ended before its last step.
-    is_stopped: bool,
-    failed: Option<RolloutError>,
-}
-
 /// Outcome of an episode of a batch that the simulator broke off twice, so that it was rolled out alone.
 pub const PLANNED_ALONE: &str = "planned-alone";
 
 /// Outcome of an episode of a batch that the simulator broke off once and then completed.
 const PLANNED_AGAIN: &str = "planned-again";
+
+/// Outcome of an agent that entered.
+pub const ENTERED: &str = "agents-entered";
+
+/// Outcome of an agent that entered later than in the log, because another stood in its place.
+pub const ENTERED_LATE: &str = "agents-entered-late";
+
+/// Outcome of an agent that the log shows, but whose place was never free.
+pub const KEPT_OUT: &str = "agents-kept-out";
 
 /// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
 /// the batch, unless the simulator breaks off the whole batch ([`PlanError::BrokenOff`]): then the batch is
@@ -225,6 +215,7 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
             self.running.iter().filter_map(|rollout| rollout.due_plan(settings)).collect();
         lengths.sort_unstable();
         lengths.dedup();
+        regroup(&mut self.running, controller, settings);
         for steps in lengths {
             plan_all(&mut self.running, controller, settings, steps);
         }
@@ -256,13 +247,7 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
     /// Ends all rollouts and returns their realised states.
     pub fn finish(mut self, controller: &Controller) -> Vec<Result<Rollout, RolloutError>> {
         end_episodes(&mut self.running, controller);
-        self.running
-            .into_iter()
-            .map(|r| match r.failed {
-                Some(error) => Err(error),
-                None => Ok(Rollout { tracks: r.tracks, outcomes: r.outcomes }),
-            })
-            .collect()
+        self.running.into_iter().map(ScenarioRollout::finish).collect()
     }
 }
 
@@ -279,27 +264,51 @@ fn begin_episodes<S: Deref<Target = Scenario>>(
             return;
         }
     };
-    let mut episodes: Vec<Beginning<'_>> = running
-        .iter()
-        .map(|r| Beginning {
-            start: &r.scenario.start,
-            stream: stream(settings.seed, &r.scenario.id, r.rollout, Purpose::Begin),
-            moves_av: settings.protocol == Protocol::Realism,
-            steps: settings.replan.steps(),
-            identity: simulator.wants_identity().then_some(Identity {
-                scenario: &r.scenario.id,
-                origin: r.scenario.origin,
-                rollout: r.rollout,
-            }),
-            memory: Memory::NONE,
-        })
-        .collect();
+    let mut episodes: Vec<Beginning<'_>> =
+        running.iter().map(|r| r.beginning(simulator.as_ref(), settings)).collect();
     let begun = simulator.begin_batch(&mut episodes);
     let memories: Vec<Memory> = episodes.into_iter().map(|e| e.memory).collect();
     for (scenario, memory) in running.iter_mut().zip(memories) {
         scenario.memory = memory;
         if let Err(error) = &begun {
             scenario.failed = Some(scenario.plan_error(error.for_each_episode()));
+        }
+    }
+}
+
+/// Continues the episodes of the rollouts that need a plan now and in which agents have come or gone.
+fn regroup<S: Deref<Target = Scenario>>(
+    running: &mut [ScenarioRollout<'_, S>],
+    controller: &Controller,
+    settings: &Settings,
+) {
+    let (mut changed, mut kept) = (Vec::new(), Vec::new());
+    for rollout in running.iter_mut().filter(|rollout| rollout.due_plan(settings).is_some()) {
+        if let Some(slots) = rollout.regroup(controller) {
+            changed.push(rollout);
+            kept.push(slots);
+        }
+    }
+    let Controller::Fair(simulator) = controller else { return };
+    if changed.is_empty() {
+        return;
+    }
+    let before: Vec<Memory> =
+        changed.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect();
+    let parts = changed.iter().zip(before).zip(&kept);
+    let mut batch: Vec<Continuation<'_>> = parts
+        .map(|((rollout, before), kept)| Continuation {
+            before,
+            kept,
+            beginning: rollout.beginning(simulator.as_ref(), settings),
+        })
+        .collect();
+    let continued = simulator.continue_batch(&mut batch);
+    let memories: Vec<Memory> = batch.into_iter().map(|c| c.beginning.memory).collect();
+    for (rollout, memory) in changed.into_iter().zip(memories) {
+        rollout.memory = memory;
+        if let Err(error) = &continued {
+            rollout.failed = Some(rollout.plan_error(error.for_each_episode()));
         }
     }
 }
@@ -326,22 +335,7 @@ fn plan_all<S: Deref<Target = Scenario>>(
     let mut active: Vec<&mut ScenarioRollout<'_, S>> = running.iter_mut().filter(is_due).collect();
     let mut episodes: Vec<Episode<'_>> = Vec::with_capacity(active.len());
     for scenario in &mut active {
-        let agents = scenario.tracks.len();
-        episodes.push(Episode {
-            seen: Observation::new(
-                &scenario.scenario.start,
-                &scenario.tracks,
-                &scenario.lights,
-                if settings.av_lookahead { scenario.av_next } else { None },
-            ),
-            memory: &mut scenario.memory,
-            stream: &mut scenario.stream,
-            moves_av: settings.protocol == Protocol::Realism,
-            shares_traffic: false,
-            plan: JointPlan::new(agents, steps),
-            outcomes: std::mem::take(&mut scenario.outcomes),
-            error: None,
-        });
+        episodes.push(scenario.episode(settings, steps));
     }
     let batch_error = match controller {
         Controller::Fair(simulator) => simulator.plan(&mut episodes),
@@ -354,114 +348,5 @@ fn plan_all<S: Deref<Target = Scenario>>(
         let of_batch = batch_error.as_ref().err().map(PlanError::for_each_episode);
         // The failure of the batch decides whether it is repeated.
         scenario.failed = of_batch.or(error).map(|source| scenario.plan_error(source));
-    }
-}
-
-impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
-    fn new(beginning: RolloutBeginning<'a, S>, controller: &Controller, settings: &Settings) -> Self {
-        let RolloutBeginning { scenario, av, rollout } = beginning;
-        let with_room = |history: &Vec<Frame>| {
-            let mut track = Vec::with_capacity(FRAMES);
-            track.extend_from_slice(history);
-            track
-        };
-        let av = match settings.protocol {
-            Protocol::Reactive => av,
-            Protocol::Realism => None,
-        };
-        let lacks_av = settings.protocol == Protocol::Reactive && av.is_none();
-        Self {
-            tracks: scenario.start.history.iter().map(with_room).collect(),
-            lights: scenario.start.light_history.clone(),
-            memory: Memory::NONE,
-            stream: stream(settings.seed, &scenario.id, rollout, Purpose::Plan),
-            outcomes: BTreeMap::new(),
-            av_next: None,
-            plan: JointPlan::new(0, 0),
-            plan_step: 0,
-            is_stopped: false,
-            failed: lacks_av.then(|| RolloutError::NoAv { scenario: scenario.id.clone() }),
-            replayed: controller.is_oracle(),
-            rollout,
-            av,
-            scenario,
-        }
-    }
-
-    /// Returns the number of realised steps.
-    fn steps(&self) -> usize {
-        self.tracks[0].len() - 1 - CURRENT
-    }
-
-    /// Returns whether the rollout has steps left and has not failed.
-    fn is_active(&self) -> bool {
-        self.failed.is_none() && !self.is_stopped && self.steps() < FUTURE
-    }
-
-    /// Returns the number of steps of the plan that is needed now, if one is.
-    fn due_plan(&self, settings: &Settings) -> Option<usize> {
-        let is_due = self.is_active() && self.plan_step == self.plan.steps();
-        is_due.then(|| settings.replan.steps().min(FUTURE - self.steps()))
-    }
-
-    fn plan_error(&self, source: PlanError) -> RolloutError {
-        RolloutError::Plan { scenario: self.scenario.id.clone(), step: self.steps(), source }
-    }
-
-    /// Returns the observation of the AV policy: states up to the current time.
-    fn seen(&self) -> Observation<'_> {
-        Observation::new(&self.scenario.start, &self.tracks, &self.lights, None)
-    }
-
-    /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
-    /// only.
-    fn look_ahead(&mut self) -> Result<(), RolloutError> {
-        let Some(av) = self.av.as_mut().filter(|_| self.av_next.is_none()) else { return Ok(()) };
-        let seen = Observation::new(&self.scenario.start, &self.tracks, &self.lights, None);
-        let next = av.next(&seen);
-        let next = next.map_err(|source| RolloutError::Av { scenario: self.scenario.id.clone(), source })?;
-        self.av_next = Some(next);
-        Ok(())
-    }
-
-    /// Realises one step: the AV by its policy (or by the plan), the agents by the next step of the
-    /// plan.
-    fn advance(&mut self) -> Result<(), RolloutError> {
-        self.look_ahead()?;
-        let k = self.plan_step;
-        self.plan_step += 1;
-        let step = self.tracks[0].len() - CURRENT;
-        let external = self.av_next.take();
-        let replays_recording = self.av.as_ref().is_some_and(|av| av.replays_recording());
-        for agent in 0..self.tracks.len() {
-            let (planned, replayed) = if agent == 0 && external.is_some() {
-                (external, replays_recording)
-            } else {
-                (self.plan.get(agent, k), self.replayed)
-            };
-            if planned.is_some_and(|s| !s.is_finite()) {
-                return Err(RolloutError::NotFinite {
-                    scenario: self.scenario.id.clone(),
-                    agent: self.scenario.start.agents[agent].id.clone(),
-                    step,
-                });
-            }
-            let before = self.tracks[agent].last().copied().flatten();
-            self.tracks[agent].push(planned.map(|state| with_velocity(before, state, replayed)));
-        }
-        for (seen, future) in self.lights.iter_mut().zip(&self.scenario.log_future.lights) {
-            seen.push(future[step - 1]);
-        }
-        Ok(())
-    }
-}
-
-/// Returns the state with its realised velocity: the recorded one if a recording is replayed and its
-/// velocity is finite, else the position difference. After a gap the state keeps its own velocity.
-fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState {
-    match before {
-        Some(_) if replayed && state.velocity().is_some_and(|v| v.x.is_finite() && v.y.is_finite()) => state,
-        Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
-        None => state,
     }
 }

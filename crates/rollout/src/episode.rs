@@ -4,7 +4,7 @@ use std::any::Any;
 use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{Frame, Scenario, Start};
+use reactsim_scene::{Frame, HISTORY, Scenario, Start};
 
 use super::{Observation, Stream};
 
@@ -143,10 +143,37 @@ pub struct Beginning<'a> {
     pub moves_av: bool,
     /// Number of steps between two plans.
     pub steps: usize,
+    /// Number of steps of the rollout. An episode that continues with other agents has fewer left.
+    pub future: usize,
     /// Names of the episode, for simulators that ask for them with [`Simulator::wants_identity`].
     pub identity: Option<Identity<'a>>,
     /// The memory to fill in.
     pub memory: Memory,
+}
+
+impl<'a> Beginning<'a> {
+    /// Returns the same beginning without a memory.
+    pub fn again(&self) -> Beginning<'a> {
+        Beginning {
+            start: self.start,
+            stream: self.stream.clone(),
+            moves_av: self.moves_av,
+            steps: self.steps,
+            future: self.future,
+            identity: self.identity,
+            memory: Memory::NONE,
+        }
+    }
+}
+
+/// An episode that continues with other agents.
+pub struct Continuation<'a> {
+    /// The memory so far.
+    pub before: Memory,
+    /// Slot that each agent of the new start had before; `None` for those that entered.
+    pub kept: &'a [Option<usize>],
+    /// The beginning with the new start; its memory is to be filled in.
+    pub beginning: Beginning<'a>,
 }
 
 /// Names of an episode, which simulators normally do not receive.
@@ -184,6 +211,26 @@ pub trait Simulator: Send + Sync {
         false
     }
 
+    /// Returns the number of frames up to the current one that the simulator was built for: longer histories
+    /// are cut, and shorter ones begin with absent frames. `None`: any number.
+    fn history(&self) -> Option<usize> {
+        Some(HISTORY)
+    }
+
+    /// Continues episodes in which agents entered or left: fills in their memories for the new start, whose
+    /// current frame is the present one. By default they begin anew.
+    ///
+    /// # Errors
+    /// Only for failures of the whole batch.
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        self.end_batch(batch.iter_mut().map(|c| std::mem::replace(&mut c.before, Memory::NONE)).collect());
+        let mut begun: Vec<Beginning<'_>> = batch.iter().map(|c| c.beginning.again()).collect();
+        let result = self.begin_batch(&mut begun);
+        let memories: Vec<Memory> = begun.into_iter().map(|b| b.memory).collect();
+        batch.iter_mut().zip(memories).for_each(|(c, memory)| c.beginning.memory = memory);
+        result
+    }
+
     /// Takes the memories of a batch back when its episodes are over, however they ended.
     fn end_batch(&self, _memories: Vec<Memory>) {}
 
@@ -204,6 +251,18 @@ pub trait SingleEpisode: Send + Sync {
 
     /// Creates the memory of an episode; called once before its first plan.
     fn begin(&self, start: &Start, stream: &mut Stream) -> Self::Memory;
+
+    /// Creates the memory of an episode in which agents entered or left: `kept` has the slot that each agent
+    /// of the new start had before. By default the episode begins anew.
+    fn resume(
+        &self,
+        _before: Self::Memory,
+        _kept: &[Option<usize>],
+        start: &Start,
+        stream: &mut Stream,
+    ) -> Self::Memory {
+        self.begin(start, stream)
+    }
 
     /// Fills the plan of one episode.
     ///
@@ -241,6 +300,16 @@ impl Planning<'_, '_> {
 impl<S: SingleEpisode> Simulator for S {
     fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
         Memory::new(SingleEpisode::begin(self, start, stream))
+    }
+
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        for Continuation { before, kept, beginning } in batch {
+            let Some(before) = before.take::<S::Memory>() else {
+                return Err(PlanError::ForeignMemory(self.id()));
+            };
+            beginning.memory = Memory::new(self.resume(before, kept, beginning.start, &mut beginning.stream));
+        }
+        Ok(())
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {

@@ -5,20 +5,27 @@
 
 mod av;
 mod engine;
+mod entering;
 mod episode;
 mod mix;
 mod observation;
+mod running;
 mod settings;
 mod stream;
+mod view;
 
 pub use av::{
     Av, AvError, AvPolicy, DeviatedAv, LogAv, LoggedDrive, MAX_STEP_DISPLACEMENT, ParseScriptError, Script,
     ScriptedAv, SimulatedAv,
 };
-pub use engine::{Lockstep, PLANNED_ALONE, Request, Rollout, RolloutBeginning, RolloutError, roll_out};
+pub use engine::{
+    ENTERED, ENTERED_LATE, KEPT_OUT, Lockstep, PLANNED_ALONE, Request, Rollout, RolloutBeginning,
+    RolloutError, roll_out,
+};
+pub use entering::{Entered, Entering, MAX_PRESENT};
 pub use episode::{
-    Beginning, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError, Planning,
-    Simulator, SingleEpisode,
+    Beginning, Continuation, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError,
+    Planning, Simulator, SingleEpisode,
 };
 pub use mix::{Mix, MixMember};
 pub use observation::Observation;

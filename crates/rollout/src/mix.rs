@@ -3,7 +3,7 @@
 use rand_chacha::rand_core::Rng;
 use reactsim_scene::{Agent, AgentKind, Start};
 
-use super::episode::{Beginning, Episode, JointPlan, Memory, PlanError, Simulator};
+use super::episode::{Beginning, Continuation, Episode, JointPlan, Memory, PlanError, Simulator};
 use super::stream::Stream;
 
 /// A simulator of a [`Mix`].
@@ -28,9 +28,6 @@ pub struct Mix {
     total: f64,
 }
 
-/// Number of the ChaCha stream, under the key of the stream of the beginning, from which members are drawn.
-/// Simulators draw from number 0.
-const MEMBER_STREAM: u64 = 1;
 /// Id in messages.
 const ID: &str = "mix";
 
@@ -59,7 +56,8 @@ impl Mix {
     /// Returns the member that moves each agent.
     fn draw(&self, start: &Start, stream: &Stream) -> Vec<usize> {
         let mut stream = stream.clone();
-        stream.set_stream(MEMBER_STREAM);
+        // Simulators draw from number n itself; no two numbers 2n + 1 are equal, or numbers of changes.
+        stream.set_stream(2 * stream.get_stream() + 1);
         let draw = |agent: &Agent| {
             // Every agent draws a number, so that the class of one does not shift the draws of others.
             let drawn = (stream.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
@@ -96,12 +94,8 @@ impl Simulator for Mix {
             let mut own: Vec<Beginning<'_>> = Vec::with_capacity(batch.len());
             for episode in batch.iter() {
                 own.push(Beginning {
-                    start: episode.start,
-                    stream: episode.stream.clone(),
-                    moves_av: episode.moves_av,
-                    steps: episode.steps,
                     identity: episode.identity.filter(|_| simulator.wants_identity()),
-                    memory: Memory::NONE,
+                    ..episode.again()
                 });
             }
             // Memories are given back to all members, even if one cannot begin.
@@ -114,6 +108,47 @@ impl Simulator for Mix {
             episode.memory = Memory::new(memory);
         }
         begun
+    }
+
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        let mut memories: Vec<EpisodeMemory> = Vec::with_capacity(batch.len());
+        let mut before: Vec<Vec<Memory>> = self.members.iter().map(|_| Vec::new()).collect();
+        for episode in batch.iter_mut() {
+            let Some(old) = episode.before.take::<EpisodeMemory>() else {
+                return Err(PlanError::ForeignMemory(ID));
+            };
+            let drawn = self.draw(episode.beginning.start, &episode.beginning.stream);
+            let movers = episode.kept.iter().zip(drawn);
+            let movers = movers.map(|(kept, drawn)| kept.map_or(drawn, |slot| old.movers[slot])).collect();
+            let mut members = Vec::with_capacity(self.members.len());
+            for (before, MemberMemory { memory, stream }) in before.iter_mut().zip(old.members) {
+                before.push(memory);
+                members.push(MemberMemory { memory: Memory::NONE, stream });
+            }
+            memories.push(EpisodeMemory { movers, members });
+        }
+        let mut continued = Ok(());
+        for (index, (MixMember { simulator, .. }, before)) in self.members.iter().zip(before).enumerate() {
+            let parts = batch.iter().zip(before);
+            let mut own: Vec<Continuation<'_>> = parts
+                .map(|(episode, before)| Continuation {
+                    before,
+                    kept: episode.kept,
+                    beginning: Beginning {
+                        identity: episode.beginning.identity.filter(|_| simulator.wants_identity()),
+                        ..episode.beginning.again()
+                    },
+                })
+                .collect();
+            continued = continued.and(simulator.continue_batch(&mut own));
+            for (all, own) in memories.iter_mut().zip(own) {
+                all.members[index].memory = own.beginning.memory;
+            }
+        }
+        for (episode, memory) in batch.iter_mut().zip(memories) {
+            episode.beginning.memory = Memory::new(memory);
+        }
+        continued
     }
 
     fn wants_identity(&self) -> bool {

@@ -1,6 +1,9 @@
 //! The observations of simulators and AV policies.
 
-use reactsim_scene::{AgentState, CURRENT, Frame, LightState, Start};
+use std::sync::{Mutex, PoisonError};
+
+use reactsim_scene::levels::LatestHeights;
+use reactsim_scene::{AgentState, Frame, LightState, Start};
 
 /// Input of a simulator or an AV policy: the start, and realised states up to the current time. It gives
 /// no access to the log's future.
@@ -10,6 +13,11 @@ pub struct Observation<'a> {
     tracks: &'a [Vec<Frame>],
     lights: &'a [Vec<Option<LightState>>],
     av_next: Option<AgentState>,
+    /// Steps that were realised before the current frame of `start`.
+    first_step: usize,
+    changes: usize,
+    /// Heights of the agents up to an earlier time; `None`: they are looked up from the start on.
+    heights: Option<&'a Mutex<LatestHeights>>,
 }
 
 impl<'a> Observation<'a> {
@@ -20,24 +28,42 @@ impl<'a> Observation<'a> {
         lights: &'a [Vec<Option<LightState>>],
         av_next: Option<AgentState>,
     ) -> Self {
-        Self { start, tracks, lights, av_next }
+        Self { start, tracks, lights, av_next, first_step: 0, changes: 0, heights: None }
     }
 
-    /// Returns the initial information of the scenario: agents, map, history.
+    /// Returns the observation with the heights of the rollout so far.
+    pub(super) fn with_heights(self, heights: &'a Mutex<LatestHeights>) -> Self {
+        Self { heights: Some(heights), ..self }
+    }
+
+    /// Returns the observation of a rollout that had realised `first_step` steps at the current frame of
+    /// `start`, and in which agents had entered or left `changes` times.
+    pub(super) fn continued(self, first_step: usize, changes: usize) -> Self {
+        Self { first_step, changes, ..self }
+    }
+
+    /// Returns the initial information: agents, map, history. When agents enter or leave, their slots change,
+    /// and the current frame of the start is the one of the change.
     pub fn start(&self) -> &'a Start {
         self.start
     }
 
-    /// Returns the index of the latest realised frame, 10 to 89.
+    /// Returns the index of the latest realised frame; the current frame of the start at first.
     #[inline]
     pub fn frame(&self) -> usize {
-        self.tracks.first().map_or(CURRENT, |t| t.len() - 1)
+        self.tracks.first().map_or(self.start.current(), |t| t.len() - 1)
     }
 
-    /// Returns the number of realised steps, 0 to 79.
+    /// Returns the number of realised steps of the rollout.
     #[inline]
     pub fn step(&self) -> usize {
-        self.frame() - CURRENT
+        self.first_step + self.frame() - self.start.current()
+    }
+
+    /// Returns how often agents entered or left so far. While it stays the same, so does the start.
+    #[inline]
+    pub fn changes(&self) -> usize {
+        self.changes
     }
 
     /// Returns the realised frames of an agent, from frame 0 to now. Slot 0 is the AV.
@@ -60,7 +86,11 @@ impl<'a> Observation<'a> {
     /// Returns the present height of the road under each agent, metres; NaN if unknown. Empty in scenarios of
     /// one level.
     pub fn heights(&self) -> Vec<f64> {
-        self.start.heights_at_end(self.tracks.iter().map(Vec::as_slice))
+        let tracks = self.tracks.iter().map(Vec::as_slice);
+        match self.heights {
+            Some(known) => known.lock().unwrap_or_else(PoisonError::into_inner).follow(self.start, tracks),
+            None => self.start.heights_at_end(tracks),
+        }
     }
 
     /// Returns the state of the AV one step ahead, if the protocol provides it (Algorithm 1, line 4).

@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 use reactsim_scene::FUTURE;
 
+use super::entering::Entering;
+
 /// The two protocols of the benchmark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
@@ -109,13 +111,21 @@ pub struct Settings {
     /// Whether agents at t+1 see the AV at t+1 (Algorithm 1) or only up to t (the formula of section
     /// 3.1).
     pub av_lookahead: bool,
+    /// Whether agents of the log that appear later enter.
+    pub entering: Entering,
     /// Seed of all random streams.
     pub seed: u64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { protocol: Protocol::Reactive, replan: Replan::default(), av_lookahead: true, seed: 0 }
+        Self {
+            protocol: Protocol::Reactive,
+            replan: Replan::default(),
+            av_lookahead: true,
+            entering: Entering::Off,
+            seed: 0,
+        }
     }
 }
 

@@ -12,9 +12,9 @@ use self::lanes::LaneIndex;
 use super::headings::estimate_headings;
 use super::parts::{DeviationParts, LightParts, MapParts, ScenarioParts, StopLineParts};
 use super::{
-    AgentKind, AgentState, CURRENT, DeviatedTrack, FRAMES, FUTURE, HISTORY, LANE_HALF_WIDTH, Lane, LaneArea,
-    LightState, LogFuture, LoggedAgent, MAX_AGENTS, MapHeights, RoadMap, Scenario, SceneError, Start,
-    StopLine, TrafficLight,
+    AgentKind, AgentState, DeviatedTrack, LANE_HALF_WIDTH, Lane, LaneArea, LightState, LogFuture,
+    LoggedAgent, MAX_AGENTS, MapHeights, RoadMap, Scenario, SceneError, SharedMap, Start, StopLine,
+    TrafficLight,
 };
 
 /// Name of the repair that counts agents that are present at the current frame with a box of size zero.
@@ -50,7 +50,9 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::assemble`].
     pub fn assemble_as_stored(parts: ScenarioParts) -> Result<Self, SceneError> {
-        let mut builder = Builder::new(&parts.id);
+        let length = parts.length;
+        let mut builder = Builder::new(&parts.id, length);
+        builder.check_length()?;
         builder.check_name(|| "id".into(), &parts.id)?;
         builder.check_time(&parts.timestamps)?;
         builder.check_agents(&parts)?;
@@ -60,7 +62,7 @@ impl Scenario {
             if !agent.agent.has_extent() {
                 builder.drop_padding(&mut agent.track);
             }
-            estimate_headings(&mut agent.track);
+            estimate_headings(&mut agent.track, length.history);
             builder.shift_track(agent.track.iter_mut().map(Option::as_mut), &format!("agents[{i}].track"))?;
         }
         let mut map = parts.map;
@@ -73,24 +75,23 @@ impl Scenario {
         let deviation = parts.deviation.map(|d| builder.deviation(d, &agents)).transpose()?;
 
         let (selected, unselected) = select_agents(agents, parts.av, &mut builder);
-        let (obstacles, obstacle_heights) = obstacles(&unselected).unzip();
+        let (obstacles, obstacle_heights) = obstacles(&unselected, length.current()).unzip();
         let mut start = Start {
             agents: Vec::with_capacity(selected.len()),
             history: Vec::with_capacity(selected.len()),
             obstacles,
-            map,
+            map: SharedMap::new(map),
             heights: Vec::with_capacity(selected.len()),
             obstacle_heights,
             lights: lights.positions,
             light_history: lights.history,
-            index: OnceLock::new(),
         };
         let mut tracks = Vec::with_capacity(selected.len());
         let mut heights = Vec::with_capacity(selected.len());
         for mut logged in selected {
-            tracks.push(logged.track.split_off(HISTORY));
-            logged.heights.resize(FRAMES, None);
-            heights.push(logged.heights.split_off(HISTORY));
+            tracks.push(logged.track.split_off(length.history));
+            logged.heights.resize(length.frames(), None);
+            heights.push(logged.heights.split_off(length.history));
             start.heights.push(logged.heights);
             start.agents.push(logged.agent);
             start.history.push(logged.track);
@@ -119,12 +120,13 @@ impl Scenario {
 impl Scenario {
     /// Takes the heights of obstacles from those of the unselected agents.
     pub(super) fn find_obstacle_heights(&mut self) {
-        self.start.obstacle_heights = obstacles(&self.unselected).map(|o| o.1).collect();
+        self.start.obstacle_heights =
+            obstacles(&self.unselected, self.start.current()).map(|o| o.1).collect();
     }
 
     /// Drops all heights: on one level they have no meaning.
     pub(super) fn drop_heights(&mut self) {
-        self.start.map.heights = MapHeights::default();
+        self.start.map.edit().heights = MapHeights::default();
         self.start.heights.clear();
         self.start.obstacle_heights.clear();
         self.log_future.heights.clear();
@@ -148,10 +150,11 @@ fn select_agents(
     av: usize,
     builder: &mut Builder,
 ) -> (Vec<LoggedAgent>, Vec<LoggedAgent>) {
-    let av_now = agents[av].track[CURRENT].map(|s| s.position()).unwrap_or_default();
+    let current = builder.length.current();
+    let av_now = agents[av].track[current].map(|s| s.position()).unwrap_or_default();
     let mut candidates: Vec<(f64, usize)> = Vec::new();
     for (i, a) in agents.iter().enumerate() {
-        let Some(now) = a.track[CURRENT] else { continue };
+        let Some(now) = a.track[current] else { continue };
         if i == av || a.agent.kind == AgentKind::Other {
             continue;
         }
@@ -170,10 +173,10 @@ fn select_agents(
 }
 
 /// Returns the boxes of the objects that are static context, with their heights.
-fn obstacles(unselected: &[LoggedAgent]) -> impl Iterator<Item = (OrientedBox, Option<f64>)> {
+fn obstacles(unselected: &[LoggedAgent], current: usize) -> impl Iterator<Item = (OrientedBox, Option<f64>)> {
     let others = unselected.iter().filter(|a| a.agent.kind == AgentKind::Other && a.agent.has_extent());
-    let height_now = |a: &LoggedAgent| a.heights.get(CURRENT).copied().flatten();
-    others.filter_map(move |a| Some((a.track[CURRENT]?.footprint(&a.agent), height_now(a))))
+    let height_now = move |a: &LoggedAgent| a.heights.get(current).copied().flatten();
+    others.filter_map(move |a| Some((a.track[current]?.footprint(&a.agent), height_now(a))))
 }
 
 /// Lights on lanes of the map, their states split at the current frame.
@@ -189,9 +192,9 @@ impl Builder {
     fn lights(&mut self, parts: Vec<LightParts>, index: &LaneIndex) -> Result<Lights, SceneError> {
         let mut lights = Lights::default();
         for (i, mut light) in parts.into_iter().enumerate() {
-            if light.states.len() != FRAMES {
+            if light.states.len() != self.length.frames() {
                 let field = format!("lights[{i}].states");
-                return Err(self.error(field, format!("{} frames", light.states.len()), "91 frames"));
+                return Err(self.frames_error(field, light.states.len()));
             }
             let Some(&lane) = index.get(&light.lane) else {
                 self.repaired("lights on missing lanes");
@@ -199,7 +202,7 @@ impl Builder {
             };
             let stop_point = self.point(|| format!("lights[{i}].stop_point"), light.stop_point)?;
             lights.positions.push(TrafficLight { lane, stop_point });
-            lights.future.push(light.states.split_off(HISTORY));
+            lights.future.push(light.states.split_off(self.length.history));
             lights.history.push(light.states);
         }
         Ok(lights)
@@ -274,9 +277,11 @@ impl Builder {
     ) -> Result<DeviatedTrack, SceneError> {
         self.shift_track(parts.track.iter_mut().map(Option::as_mut), "deviation.track")?;
         let track: Vec<AgentState> = parts.track.iter().flatten().copied().collect();
-        if track.len() != FUTURE || parts.track.len() != FUTURE {
+        let steps = self.length.future;
+        if track.len() != steps || parts.track.len() != steps {
             let value = format!("{} states in {} frames", track.len(), parts.track.len());
-            return Err(self.error("deviation.track".into(), value, "80 states without gaps"));
+            let expected = format!("{steps} states without gaps");
+            return Err(self.error("deviation.track".into(), value, &expected));
         }
         if let Some(certificate) = &mut parts.certificate {
             self.certificate(certificate, agents)?;

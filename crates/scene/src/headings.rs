@@ -2,20 +2,20 @@
 
 use reactsim_geometry::math;
 
-use super::{AgentState, DT, Frame, HISTORY};
+use super::{AgentState, DT, Frame};
 
 /// Speed in m/s above which an agent moves along its heading. Slower motion is mostly noise of positions.
 const MOVING_SPEED: f64 = 0.5;
 
-/// Replaces unknown headings (NaN) in a track of 91 frames: by the direction of motion from the frame before
+/// Replaces unknown headings (NaN) in a track whose first `history` frames are those up to now: by the direction of motion from the frame before
 /// where the agent moves, else by the last known heading. Before the first known heading, the first one
 /// counts. Frames after the current one are never used for the history. Headings stay unknown if the track
 /// states none and does not move.
-pub(super) fn estimate_headings(track: &mut [Frame]) {
+pub(super) fn estimate_headings(track: &mut [Frame], history: usize) {
     if track.iter().flatten().all(|state| !state.heading.is_nan()) {
         return;
     }
-    let (history, future) = track.split_at_mut(HISTORY.min(track.len()));
+    let (history, future) = track.split_at_mut(history.min(track.len()));
     fill(history, None);
     fill(future, history.last().copied().flatten());
 }
@@ -48,12 +48,12 @@ fn direction_of_motion(from: &AgentState, to: &AgentState) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CURRENT, FRAMES};
+    use crate::{CURRENT, FRAMES, HISTORY};
 
     fn headings(x: impl Fn(usize) -> f64, heading: impl Fn(usize) -> f64) -> Vec<f64> {
         let state = |f: usize| AgentState { x: x(f), y: 0.0, heading: heading(f), vx: 0.0, vy: 0.0 };
         let mut track: Vec<Frame> = (0..FRAMES).map(|f| Some(state(f))).collect();
-        estimate_headings(&mut track);
+        estimate_headings(&mut track, HISTORY);
         track.iter().flatten().map(|state| state.heading).collect()
     }
 

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use reactsim_geometry::{Projection, Vec2};
 
-use super::{AgentKind, AgentState, CURRENT, Frame, Road, RoadMap, Scenario, Start};
+use super::{AgentKind, AgentState, Frame, Road, RoadMap, Scenario, Start};
 
 mod contradictions;
 mod ground;
@@ -256,11 +256,13 @@ impl Start {
     /// Returns the height of an agent at the current frame, metres: the recorded height, else that of the
     /// road if it has one level there, else NaN.
     pub fn height_now(&self, agent: usize) -> f64 {
-        let recorded = self.recorded_height(agent, CURRENT);
-        if recorded.is_nan() && self.has_levels() {
-            return self.road().ground_height(self.now(agent).position(), f64::NAN);
+        let recorded = self.recorded_height(agent, self.current());
+        match self.history[agent][self.current()] {
+            Some(now) if recorded.is_nan() && self.has_levels() => {
+                self.road().ground_height(now.position(), f64::NAN)
+            }
+            _ => recorded,
         }
-        recorded
     }
 
     /// Returns the height of an agent at each frame of its track, metres; NaN where unknown or absent. The
@@ -294,14 +296,37 @@ impl Start {
     /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown. The first
     /// frame of a track is frame 0. Without levels the result is empty.
     pub fn heights_at_end<'t>(&self, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
-        if !self.has_levels() {
+        LatestHeights::default().follow(self, tracks)
+    }
+}
+
+/// Heights of agents at the end of tracks that grow: each frame is looked up once.
+#[derive(Clone, Debug, Default)]
+pub struct LatestHeights {
+    /// Frames that are done, from frame 0 on, and the last known height, per agent.
+    agents: Vec<(usize, f64)>,
+}
+
+impl LatestHeights {
+    /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown or absent. The
+    /// tracks begin with those of the last call. Without levels the result is empty.
+    pub fn follow<'t>(&mut self, start: &Start, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
+        if !start.has_levels() {
             return Vec::new();
         }
-        let last = |(agent, track): (usize, &[Frame])| {
-            let moved = track.get(CURRENT..).unwrap_or_default();
-            self.heights_along(agent, moved).last().copied().unwrap_or(f64::NAN)
+        let (road, current) = (start.road(), start.current());
+        let mut follow = |(agent, track): (usize, &[Frame])| {
+            if agent == self.agents.len() {
+                self.agents.push((current + 1, start.height_now(agent)));
+            }
+            let (done, height) = &mut self.agents[agent];
+            for state in track.iter().skip(*done).flatten() {
+                *height = road.ground_height(state.position(), *height);
+            }
+            *done = track.len().max(*done);
+            if track.last().is_some_and(Option::is_some) { *height } else { f64::NAN }
         };
-        tracks.into_iter().enumerate().map(last).collect()
+        tracks.into_iter().enumerate().map(&mut follow).collect()
     }
 }
 
@@ -311,12 +336,12 @@ impl Scenario {
         if !self.start.has_levels() {
             return 1;
         }
-        let start = &self.start;
+        let (start, now) = (&self.start, self.start.current());
         let slots = 0..start.agents.len();
-        let chosen = slots.map(|i| (start.now(i).position(), start.recorded_height(i, CURRENT)));
+        let chosen = slots.map(|i| (start.now(i).position(), start.recorded_height(i, start.current())));
         let others = self.unselected.iter().filter(|a| a.agent.kind != AgentKind::Other);
-        let others = others
-            .filter_map(|a| Some((a.track[CURRENT]?.position(), a.heights.get(CURRENT).copied().flatten()?)));
+        let others =
+            others.filter_map(|a| Some((a.track[now]?.position(), a.heights.get(now).copied().flatten()?)));
         count(&start.map, &chosen.chain(others).collect::<Vec<_>>())
     }
 }

@@ -18,6 +18,7 @@ mod map_index;
 mod notes;
 mod parts;
 mod scenario;
+mod shared_map;
 mod time;
 mod undrivable_links;
 mod velocities;
@@ -42,5 +43,6 @@ pub use parts::{
     DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
 };
 pub use scenario::{DeviatedTrack, Deviation, LogFuture, MAX_AGENTS, Scenario, Start};
-pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY};
+pub use shared_map::SharedMap;
+pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY, Length};
 pub use velocities::estimate_av_velocities;

@@ -3,8 +3,8 @@
 use reactsim_geometry::{Polygon, Vec2};
 
 use super::{
-    Crosswalk, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LightState, LoggedAgent, MapHeights, RoadEdge,
-    RoadLine, StopKind, Surface,
+    Crosswalk, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, Length, LightState, LoggedAgent, MapHeights,
+    RoadEdge, RoadLine, StopKind, Surface,
 };
 use crate::{Certificate, Deviation, Frame};
 
@@ -19,11 +19,13 @@ pub struct ScenarioParts {
     /// World point of the origin. `None`: coordinates are world coordinates, and the AV's current position
     /// becomes the origin. `Some`: coordinates are already relative to this point.
     pub origin: Option<Vec2>,
+    /// Number of frames of every track, light and list of times.
+    pub length: Length,
     /// Time of each frame, seconds; empty if not recorded.
     pub timestamps: Vec<f64>,
     /// Index of the AV in `agents`.
     pub av: usize,
-    /// Every recorded agent, with 91 frames each.
+    /// Every recorded agent.
     pub agents: Vec<LoggedAgent>,
     /// Ids of the agents that the data set marks for prediction.
     pub tracks_to_predict: Vec<String>,

@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 use reactsim_geometry::{OrientedBox, Vec2};
 
 use super::{
-    Agent, AgentState, CURRENT, Certificate, DT, Frame, HISTORY, LightState, LoggedAgent, MapIndex, Notes,
-    Road, RoadMap, TrafficLight,
+    Agent, AgentState, Certificate, DT, Frame, Length, LightState, LoggedAgent, Notes, Road, SharedMap,
+    TrafficLight,
 };
 
 /// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
@@ -43,12 +43,12 @@ impl Deviation {
     }
 }
 
-/// A deviated AV: its category and its states at the steps 1 to 80, in the scenario frame.
+/// A deviated AV: its category and its states at the steps after the current frame, in the scenario frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviatedTrack {
     /// Dominant source of the deviation, if known.
     pub category: Option<Deviation>,
-    /// 80 states.
+    /// One state per step.
     pub track: Vec<AgentState>,
     /// Responses with which every agent that the deviation affects can avoid it, if known.
     pub certificate: Option<Certificate>,
@@ -90,56 +90,68 @@ pub struct Scenario {
 pub struct Start {
     /// The AV in slot 0, then the world agents by distance to it.
     pub agents: Vec<Agent>,
-    /// 11 frames per agent; the last one is now and never absent.
+    /// Frames per agent, as many for each; the last one is now and never absent.
     pub history: Vec<Vec<Frame>>,
     /// Boxes of the static context (kind `other`, present now).
     pub obstacles: Vec<OrientedBox>,
     /// The road map.
-    pub map: RoadMap,
-    /// Height of each agent at each of the 11 frames, metres, if known; empty if the scenario has one level.
+    pub map: SharedMap,
+    /// Height of each agent at each frame, metres, if known; empty if the scenario has one level.
     pub heights: Vec<Vec<Option<f64>>>,
     /// Height of each obstacle, metres, if known; empty if the scenario has one level.
     pub obstacle_heights: Vec<Option<f64>>,
     /// The lights of the map.
     pub lights: Vec<TrafficLight>,
-    /// 11 observed states per light; `None` if not observed.
+    /// Observed states per light, one per frame; `None` if not observed.
     pub light_history: Vec<Vec<Option<LightState>>>,
-    pub(super) index: OnceLock<MapIndex>,
 }
 
 impl Start {
     /// Returns the map with its spatial index, which is built at the first call.
     pub fn road(&self) -> Road<'_> {
-        Road::new(&self.map, self.index.get_or_init(|| MapIndex::new(&self.map)))
+        self.map.road()
     }
 
     /// Returns the state of an agent at the current frame.
     pub fn now(&self, agent: usize) -> AgentState {
-        self.history[agent][CURRENT].expect("selected agents are present now")
+        self.history[agent][self.current()].expect("selected agents are present now")
+    }
+
+    /// Returns the index of the current frame, the last one of the history.
+    #[inline]
+    pub fn current(&self) -> usize {
+        self.history[0].len() - 1
     }
 }
 
 /// The log after the current frame. Only oracles, metrics and logged AVs may look at it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogFuture {
-    /// 80 frames per agent, in the order of [`Start`].
+    /// Frames per agent, in the order of [`Start`].
     pub tracks: Vec<Vec<Frame>>,
-    /// 80 heights per agent, metres, if known; empty if the scenario has one level.
+    /// Heights per agent, metres, if known; empty if the scenario has one level.
     pub heights: Vec<Vec<Option<f64>>>,
-    /// 80 observed states per light.
+    /// Observed states per light.
     pub lights: Vec<Vec<Option<LightState>>>,
 }
 
 impl Scenario {
+    /// Returns the number of frames up to and after the current one.
+    #[inline]
+    pub fn length(&self) -> Length {
+        Length { history: self.start.history[0].len(), future: self.log_future.tracks[0].len() }
+    }
+
     /// Returns the scenario without anything after the current frame: logged futures, agents that appear
     /// later, deviated AV, and the marks of agents, which data sets choose by their later motion.
     pub fn without_future(mut self) -> Self {
         self.log_future.tracks.iter_mut().for_each(|track| track.fill(None));
         self.log_future.heights.iter_mut().for_each(|heights| heights.fill(None));
         self.log_future.lights.iter_mut().for_each(|states| states.fill(None));
+        let history = self.length().history;
         for agent in &mut self.unselected {
-            agent.track[HISTORY..].fill(None);
-            agent.heights.iter_mut().skip(HISTORY).for_each(|height| *height = None);
+            agent.track[history..].fill(None);
+            agent.heights.iter_mut().skip(history).for_each(|height| *height = None);
         }
         self.unselected.retain(|agent| agent.track.iter().any(Option::is_some));
         self.deviation = None;
@@ -148,14 +160,14 @@ impl Scenario {
         self
     }
 
-    /// Returns the whole logged track of an agent: 91 frames.
+    /// Returns the whole logged track of an agent.
     pub fn logged(&self, agent: usize) -> Vec<Frame> {
         self.start.history[agent].iter().chain(&self.log_future.tracks[agent]).copied().collect()
     }
 
     /// Returns the logged state of an agent at a frame; absent beyond the last frame.
     pub fn logged_at(&self, agent: usize, frame: usize) -> Frame {
-        match frame.checked_sub(HISTORY) {
+        match frame.checked_sub(self.start.history[agent].len()) {
             None => self.start.history[agent][frame],
             Some(k) => self.log_future.tracks[agent].get(k).copied().flatten(),
         }
@@ -173,7 +185,7 @@ impl Scenario {
         here.velocity().or_else(before).or_else(after)
     }
 
-    /// Returns the observed states of a light over all 91 frames.
+    /// Returns the observed states of a light over all frames.
     pub fn light_states(&self, light: usize) -> Vec<Option<LightState>> {
         self.start.light_history[light].iter().chain(&self.log_future.lights[light]).copied().collect()
     }

@@ -27,7 +27,7 @@ impl Scenario {
         if undrivable.is_empty() {
             return;
         }
-        for (i, lane) in self.start.map.lanes.iter_mut().enumerate() {
+        for (i, lane) in self.start.map.edit().lanes.iter_mut().enumerate() {
             lane.successors.retain(|next| !undrivable.contains(&(i, *next)));
             lane.predecessors.retain(|before| !undrivable.contains(&(*before, i)));
         }

@@ -3,9 +3,7 @@
 use reactsim_geometry::Vec2;
 
 use super::limits::MAX_VELOCITY;
-use super::{
-    AgentKind, AgentState, DT, FRAMES, Frame, HISTORY, LoggedAgent, Scenario, VelocityContradiction,
-};
+use super::{AgentKind, AgentState, DT, Frame, LoggedAgent, Scenario, VelocityContradiction};
 
 /// Beginning of the repair that counts agents whose velocities were replaced.
 pub(super) const REPLACED: &str = "velocities that contradict positions, ";
@@ -38,7 +36,7 @@ impl Scenario {
             let tracks = tracks.iter().map(|track| &track[..frames]);
             VelocityContradiction::find(tracks, |frame| seconds_before(&times, frame))
         };
-        let (past, whole) = (find(HISTORY), find(FRAMES));
+        let (past, whole) = (find(self.length().history), find(self.length().frames()));
         let wrong_past: Vec<Group> = past.iter().flat_map(|found| wrong_groups(found, &groups)).collect();
         let wrong_ever: Vec<Group> = whole.iter().flat_map(|found| wrong_groups(found, &groups)).collect();
         for (group, [history, future]) in self.split_tracks() {
@@ -64,13 +62,14 @@ impl Scenario {
 
     /// Returns all tracks, split after the current frame.
     fn split_tracks(&mut self) -> impl Iterator<Item = (Group, [&mut [Frame]; 2])> {
+        let now = self.length().history;
         let tracks = self.start.history.iter_mut().zip(&mut self.log_future.tracks);
         let selected =
             self.start.agents.iter().zip(tracks).enumerate().map(|(i, (agent, (past, future)))| {
                 (Group { is_av: i == 0, kind: agent.kind }, [past.as_mut_slice(), future.as_mut_slice()])
             });
-        let others = self.unselected.iter_mut().map(|LoggedAgent { agent, track, .. }| {
-            let (past, future) = track.split_at_mut(HISTORY);
+        let others = self.unselected.iter_mut().map(move |LoggedAgent { agent, track, .. }| {
+            let (past, future) = track.split_at_mut(now);
             (Group { is_av: false, kind: agent.kind }, [past, future])
         });
         selected.chain(others)
@@ -131,7 +130,7 @@ fn estimate_track(kind: AgentKind, history: &mut [Frame], future: &mut [Frame], 
     if !is_static(&[history, future]) {
         // The first future frame is compared with the current one.
         let now = history.last().copied().flatten();
-        fill(future, now, |i| step(HISTORY + i));
+        fill(future, now, |i| step(history.len() + i));
     }
 }
 
@@ -166,7 +165,7 @@ fn difference(from: &AgentState, to: &AgentState, seconds: f64) -> Option<Vec2> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CURRENT, FRAMES, ScenarioParts};
+    use crate::{CURRENT, FRAMES, HISTORY, ScenarioParts};
 
     /// Returns an agent with positions along the x axis and unknown velocities.
     fn unknown(id: &str, kind: AgentKind, x: impl Fn(usize) -> Option<f64>) -> LoggedAgent {

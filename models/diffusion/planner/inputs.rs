@@ -215,7 +215,8 @@ fn history(view: &SceneView<'_>, slot: usize, frame: &AxleFrame, config: &Planne
         [x, y, cos, sin, vx, vy, size[0], size[1], kind[0], kind[1], kind[2]]
     };
     // The last run of frames without a gap.
-    let first = (0..=view.now).rev().take_while(|at| track[*at].is_some()).last().unwrap_or(view.now);
+    let earliest = (view.now + 1).saturating_sub(config.history);
+    let first = (earliest..=view.now).rev().take_while(|at| track[*at].is_some()).last().unwrap_or(view.now);
     let back = |k: usize| (view.now + k + 1).saturating_sub(config.history).max(first);
     (0..config.history).flat_map(|k| row(back(k))).collect()
 }

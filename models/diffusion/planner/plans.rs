@@ -28,14 +28,7 @@ impl PlannerPolicy {
     ) -> Vec<Vec<AgentState>> {
         let (start, lights) = (seen.start(), seen.lights_now());
         let Some(av_now) = seen.state(0) else { return Vec::new() };
-        let view = SceneView {
-            agents: &start.agents,
-            tracks: seen.tracks(),
-            now: seen.frame(),
-            av_next: None,
-            lights: &lights,
-            start: Some(start),
-        };
+        let view = SceneView { av_next: None, ..SceneView::of(seen, &lights) };
         let map = self.sight.map(start, &self.config);
         let Some(scene) = PlannerScene::of(&view, &map, &self.config, &self.sight) else { return Vec::new() };
         if streams.is_empty() {

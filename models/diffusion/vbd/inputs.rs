@@ -9,7 +9,7 @@ use reactsim_scene::{AgentState, Start};
 use serde::{Deserialize, Serialize};
 
 use super::network::{Line, SceneInput};
-use crate::latest_motion;
+use crate::continued::{MEASURED_FRAMES, latest_motion};
 
 /// Height of boxes, metres: scenarios have none, and the network wants one.
 const HEIGHT: f64 = 1.6;
@@ -83,7 +83,7 @@ impl Seen {
         let center = view.state(0)?.position();
         let mut seen =
             Self { input: SceneInput::default(), slots: Vec::new(), states: Vec::new(), classes: Vec::new() };
-        let mut av = view.tracks[0][..=view.now].to_vec();
+        let mut av = view.tracks[0][view.now.saturating_sub(MEASURED_FRAMES)..=view.now].to_vec();
         av.extend(view.av_next.map(Some));
         seen.input.av_motion = latest_motion(&av);
         for slot in view.nearest_agents(sight.agents) {

@@ -13,8 +13,8 @@ use crate::perception::Class;
 const STANDSTILL_DISPLACEMENT: f64 = 1.0;
 /// Resolution in metres at which end points count as equal.
 const RESOLUTION: f64 = 1.0 / 64.0;
-/// Frames from which agents are followed for eight seconds.
-const START_FRAMES: [usize; 3] = [0, 5, 10];
+/// Frames between those from which agents are followed for eight seconds.
+const START_INTERVAL: usize = 5;
 /// Share of the points that are straight ahead or behind.
 const STRAIGHT_SHARE: f64 = 0.375;
 /// Largest number of iterations.
@@ -47,7 +47,8 @@ impl EndPoints {
     fn add_track(&mut self, kind: AgentKind, track: &[Frame]) {
         let Some(class) = Class::of(kind) else { return };
         let at = |f: usize| track.get(f).copied().flatten().filter(|s| s.is_finite());
-        for (from, to) in START_FRAMES.into_iter().filter_map(|f| Some((at(f)?, at(f + FUTURE)?))) {
+        let starts = (0..track.len()).step_by(START_INTERVAL);
+        for (from, to) in starts.filter_map(|f| Some((at(f)?, at(f + FUTURE)?))) {
             let ahead = reactsim_geometry::direction(from.heading);
             self.add_point(class, into_frame(ahead, to.position() - from.position()));
         }

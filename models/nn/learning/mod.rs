@@ -1,9 +1,10 @@
 //! Shared parts of networks that learn from scenarios.
 //!
-//! A `LearningScene` is a logged scenario with map data of a network, which can be mirrored and
-//! stretched (`LearningMap`) and viewed from any frame. A `Reservoir` is a random sample of bounded
-//! size. [`Provenance`] describes what was computed from scenarios, such as [`Intentions`], the points that
-//! agents may head for, which [`EndPoints`] makes by k-means.
+//! A [`Window`] is a part of a scenario, as long as those of the benchmark. A `LearningScene` is a window
+//! with map data of a network, which can be mirrored and stretched (`LearningMap`) and viewed from any frame.
+//! A `Reservoir` is a random sample of bounded size. [`Provenance`] describes what was computed from
+//! scenarios, such as [`Intentions`], the points that agents may head for, which [`EndPoints`] makes by
+//! k-means.
 //!
 //! A [`TrainingTask`] is an entry of the list of tasks: its recipe, and the function that builds a
 //! [`Trainable`] of it.
@@ -19,6 +20,7 @@ mod scene;
 mod tracks;
 mod trainable;
 mod training_task;
+mod window;
 
 pub use intentions::PREFIX as INTENTIONS_PREFIX;
 pub use intentions::{Intentions, IntentionsError};
@@ -33,3 +35,4 @@ pub use scene::{LearningScene, SceneAugmentation, shifted};
 pub use tracks::for_each_track;
 pub use trainable::{Measure, SimulatorTask, Trainable, Training};
 pub use training_task::{ShippedRecipe, TaskError, TaskInput, TaskSetup, TrainingTask, learning_settings};
+pub use window::Window;

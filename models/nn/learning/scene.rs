@@ -3,10 +3,11 @@
 use rand::RngExt;
 use reactsim_geometry::Vec2;
 use reactsim_scene::dynamics::PARKED_DISPLACEMENT;
-use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Scenario};
+use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState};
 use serde::{Deserialize, Serialize};
 
 use super::map::LearningMap;
+use super::window::Window;
 use crate::perception::SceneView;
 use crate::training::Stream;
 
@@ -35,15 +36,10 @@ pub struct LearningScene<M> {
 }
 
 impl<M: LearningMap> LearningScene<M> {
-    /// Builds the scene of a scenario with the given map data.
-    pub fn of(scenario: &Scenario, map: M) -> Self {
-        let start = &scenario.start;
-        Self {
-            agents: start.agents.clone(),
-            tracks: (0..start.agents.len()).map(|a| scenario.logged(a)).collect(),
-            map,
-            lights: (0..start.lights.len()).map(|l| scenario.light_states(l)).collect(),
-        }
+    /// Builds the scene of a window of a scenario with the given map data.
+    pub fn of(window: Window<'_>, map: M) -> Self {
+        let Window { start, tracks, lights } = window;
+        Self { agents: start.agents.clone(), tracks, map, lights }
     }
 
     /// Returns the scene augmented by draws from the stream, with the frame to predict from; without a stream as logged.
@@ -105,7 +101,16 @@ impl<M> LearningScene<M> {
     ) -> SceneView<'a> {
         let av_next = if blind { None } else { tracks[0].get(now + 1).copied().flatten() };
         // Training scenes keep no heights.
-        SceneView { agents: &self.agents[..tracks.len()], tracks, now, av_next, lights, start: None }
+        SceneView {
+            agents: &self.agents[..tracks.len()],
+            tracks,
+            now,
+            first: 0,
+            av_next,
+            lights,
+            start: None,
+            heights: None,
+        }
     }
 
     /// Returns whether an agent stays where it is first seen.

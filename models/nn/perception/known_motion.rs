@@ -31,9 +31,11 @@ impl KnownMotion<'_> {
             agents: &self.start.agents,
             tracks: self.tracks,
             now,
+            first: 0,
             av_next,
             lights,
             start: Some(self.start),
+            heights: None,
         }
     }
 }

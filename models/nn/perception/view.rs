@@ -2,10 +2,11 @@
 
 use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentState, CURRENT, Frame, LightState, Start};
+use reactsim_scene::{Agent, AgentState, Frame, LightState, Start};
 
 use super::body::Body;
 use super::class::Class;
+use super::heights::RoadHeights;
 use super::lane::CandidatePath;
 use super::nearest::Nearest;
 use super::places::Places;
@@ -18,14 +19,19 @@ pub struct SceneView<'a> {
     pub agents: &'a [Agent],
     /// Their realized frames; frames after `now` are ignored.
     pub tracks: &'a [Vec<Frame>],
-    /// The frame of the step.
+    /// The frame of the step, as an index of `tracks`.
     pub now: usize,
+    /// Frame of the episode with which `tracks` begin; 0 unless earlier ones are left out.
+    pub first: usize,
     /// State of the AV one frame later, if the protocol shows it.
     pub av_next: Option<AgentState>,
     /// State of each light at `now`.
     pub lights: &'a [Option<LightState>],
     /// The scenario, from which heights come; `None` where all is one level.
     pub start: Option<&'a Start>,
+    /// Heights that were followed from plan to plan; without them they are followed from the current frame
+    /// on.
+    pub heights: Option<&'a RoadHeights>,
 }
 
 impl<'a> SceneView<'a> {
@@ -35,10 +41,17 @@ impl<'a> SceneView<'a> {
             agents: &seen.start().agents,
             tracks: seen.tracks(),
             now: seen.frame(),
+            first: 0,
             av_next: seen.av_next(),
             lights,
             start: Some(seen.start()),
+            heights: None,
         }
+    }
+
+    /// Returns the frame of the step, counted from the beginning of the episode.
+    pub fn frame(&self) -> usize {
+        self.first + self.now
     }
 
     /// Returns the state of an agent; `None` if it is absent.
@@ -78,10 +91,14 @@ impl<'a> SceneView<'a> {
     fn height(&self, slot: usize) -> f64 {
         let unknown = f64::NAN;
         let Some(start) = self.start.filter(|start| start.has_levels()) else { return unknown };
-        if self.now < CURRENT {
-            return start.recorded_height(slot, self.now);
+        let (frame, current) = (self.frame(), start.current());
+        if frame < current {
+            return start.recorded_height(slot, frame);
         }
-        let way = self.tracks[slot].get(CURRENT..=self.now).unwrap_or_default();
+        if let Some(heights) = self.heights {
+            return heights.at(start, slot, frame, &self.tracks[slot], self.first);
+        }
+        let way = self.tracks[slot].get(current..=self.now).unwrap_or_default();
         start.heights_along(slot, way).last().copied().unwrap_or(unknown)
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use burn::tensor::Device;
 use reactsim_nn::learning::{
     LearningScene, Origin, ShippedRecipe, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable,
-    TrainingTask, recipe_values,
+    TrainingTask, Window, recipe_values,
 };
 use reactsim_nn::perception::{Class, KnownMap};
 use reactsim_nn::training::{Output, Settings, Stream, Task, View};
@@ -138,16 +138,12 @@ impl Task for NextToken {
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let scene =
-            LearningScene::of(scenario, KnownMap::of(&scenario.start, self.recipe.network.map_radius));
+        let mut stream = view.stream();
+        let window = Window::of(scenario, stream.as_deref_mut());
         let (config, most) = (&self.recipe.network, self.recipe.agents);
-        let augmentation = &self.recipe.augmentation;
-        match view {
-            View::Varied(stream) => {
-                sample(scene, config, &self.vocabulary, most, Some((augmentation, stream)))
-            }
-            View::Plain => sample(scene, config, &self.vocabulary, most, None),
-        }
+        let map = KnownMap::of(&window.start, config.map_radius);
+        let varied = stream.map(|stream| (&self.recipe.augmentation, stream));
+        sample(LearningScene::of(window, map), config, &self.vocabulary, most, varied)
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

@@ -2,7 +2,6 @@
 
 use burn::tensor::{Device, Tensor};
 use reactsim_nn::perception::{KnownMotion, denoised};
-use reactsim_scene::CURRENT;
 
 use super::batch::{SceneRows, map_tensors, node_tensors};
 use super::cached_step::CachedStep;
@@ -58,7 +57,7 @@ impl Policy {
     ) -> (Vec<StepGraph>, Vec<Tensor<2>>) {
         let config = &self.config;
         let linked = LinkedPlaces::known(known.start, config);
-        let tracks = denoised(known.tracks, CURRENT);
+        let tracks = denoised(known.tracks, known.start.current());
         let known = KnownMotion { tracks: &tracks, ..*known };
         let (mut steps, mut earlier): (Vec<StepGraph>, _) = (Vec::new(), Vec::new());
         for &now in frames {

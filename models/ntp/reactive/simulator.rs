@@ -1,12 +1,12 @@
 //! The reactive network as a simulator.
 
 use burn::tensor::{Device, Tensor};
-use reactsim_nn::perception::{Body, Class, denoised};
+use reactsim_nn::perception::{Body, Class, RoadHeights};
 use reactsim_nn::{RowCollector, SharedRows, is_host};
-use reactsim_rollout::{Beginning, Episode, Memory, NOT_FINITE, PlanError, Simulator};
-use reactsim_scene::{CURRENT, Frame};
+use reactsim_rollout::{Beginning, Episode, JointPlan, Memory, NOT_FINITE, PlanError, Simulator};
+use reactsim_scene::Frame;
 
-use super::super::clearance::Traffic;
+use super::super::clearance::{Reversals, Traffic};
 use super::super::execute::Executor;
 use super::super::haste::Haste;
 use super::super::sampling::Driving;
@@ -19,7 +19,7 @@ use super::network::{Encoding, PastNodes};
 use super::policy::Policy;
 use super::standing::{Standing, sets_off, stands};
 use super::step::{EarlierNode, StepGraph};
-use super::window::{StepMemory, earlier_frames, observed_steps, step_at};
+use super::window::{ObservedEpisode, RecentTracks, StepMemory, earlier_frames};
 
 /// Simulator that moves agents by tokens drawn from the reactive network. The episodes of a batch go through
 /// the network together; their features stay in tensors that they share, so that the number of operations per
@@ -66,16 +66,17 @@ struct EpisodeMemory {
     resting: Standing,
     /// Frame at which the next plan can continue from the remembered steps.
     next_frame: usize,
+    /// Heights of the road under agents.
+    heights: RoadHeights,
+    /// Whether the AV has reversed.
+    reversals: Reversals,
 }
 
 /// State of the decoding of one episode, whose plan is being made.
 struct DecodingState<'e, 'a> {
     episode: &'e mut Episode<'a>,
     memory: EpisodeMemory,
-    /// Realized frames, then planned ones.
-    tracks: Vec<Vec<Frame>>,
-    /// The same without the noise of recorded positions, as the network sees them.
-    shown: Vec<Vec<Frame>>,
+    recent: RecentTracks,
     steps: Vec<StepGraph>,
     /// Bodies of the nodes of the newest step.
     bodies: Vec<Body>,
@@ -101,8 +102,16 @@ impl Simulator for ReactiveSimulator {
         let maps: Vec<SharedRows> = maps.collect();
         for ((episode, linked), map) in batch.iter_mut().zip(linked).zip(maps) {
             let (chooser, remembered) = (Chooser::new(config), Vec::new());
-            let (resting, next_frame) = (Standing::default(), usize::MAX);
-            let memory = EpisodeMemory { linked, chooser, map, remembered, resting, next_frame };
+            let memory = EpisodeMemory {
+                linked,
+                chooser,
+                map,
+                remembered,
+                resting: Standing::default(),
+                next_frame: usize::MAX,
+                heights: RoadHeights::default(),
+                reversals: Reversals::default(),
+            };
             episode.memory = Memory::new(Some(memory));
         }
         Ok(())
@@ -112,17 +121,18 @@ impl Simulator for ReactiveSimulator {
         let mut planned = Vec::with_capacity(batch.len());
         for episode in batch.iter_mut() {
             // Taken out of the episode until the plan is made.
-            let Some(memory) = episode.memory.get::<Option<EpisodeMemory>>().and_then(Option::take) else {
+            let memory = episode.memory.get::<Option<EpisodeMemory>>().and_then(Option::take);
+            let Some(mut memory) = memory else {
                 episode.error = Some(PlanError::ForeignMemory("ntp-reactive"));
                 continue;
             };
-            let agents = episode.seen.start().agents.len();
-            let tracks: Vec<_> = (0..agents).map(|a| episode.seen.track(a).to_vec()).collect();
+            let recent = RecentTracks::of(&episode.seen, self.policy.config.past);
+            memory.heights.follow(&episode.seen, recent.first);
+            memory.reversals.follow(episode.seen.track(0));
             planned.push(DecodingState {
                 episode,
                 memory,
-                shown: denoised(&tracks, CURRENT).into_owned(),
-                tracks,
+                recent,
                 steps: Vec::new(),
                 bodies: Vec::new(),
                 standing: Standing::default(),
@@ -140,9 +150,10 @@ impl Simulator for ReactiveSimulator {
         for mut p in planned {
             let now = p.episode.seen.frame();
             (p.memory.remembered, p.memory.next_frame) = (p.observed, now + TOKEN_FRAMES);
-            for (slot, track) in p.tracks.iter().enumerate() {
+            let next = now + 1 - p.recent.first;
+            for (slot, track) in p.recent.all.iter().enumerate() {
                 for k in 0..p.episode.plan.steps() {
-                    p.episode.plan.set(slot, k, track.get(now + 1 + k).copied().flatten());
+                    p.episode.plan.set(slot, k, track.get(next + k).copied().flatten());
                 }
             }
             if let Some(memory) = p.episode.memory.get::<Option<EpisodeMemory>>() {
@@ -231,25 +242,19 @@ impl DecodingState<'_, '_> {
     fn prepare_steps(&mut self, token: usize, config: &Config) {
         let now = self.episode.seen.frame() + token * TOKEN_FRAMES;
         let frames = earlier_frames(now, config.past);
-        let EpisodeMemory { linked, chooser, remembered, resting, next_frame, .. } = &mut self.memory;
+        let EpisodeMemory { linked, chooser, remembered, resting, next_frame, heights, .. } =
+            &mut self.memory;
+        let observed = ObservedEpisode { seen: &self.episode.seen, recent: &self.recent, heights };
         let around = &mut Surroundings { places: &linked.places, chooser };
         let known: Vec<usize> = remembered.iter().map(|r| r.frame).collect();
         let fresh = token > 0 || *next_frame == now;
         if fresh && known == frames {
             if token == 0 {
                 self.standing = std::mem::take(resting);
-                self.standing.retain_standing(&self.tracks);
+                self.standing.retain_standing(&self.recent.all);
             }
             self.earlier = remembered.iter().flat_map(|r| r.nodes.iter().copied()).collect();
-            let (step, bodies) = step_at(
-                &self.standing.bodies,
-                &self.episode.seen,
-                &self.shown,
-                now,
-                around,
-                &self.earlier,
-                config,
-            );
+            let (step, bodies) = observed.step(&self.standing.bodies, now, around, &self.earlier, config);
             (self.steps, self.bodies) = (vec![step], bodies);
         } else {
             *resting = Standing::default();
@@ -257,7 +262,7 @@ impl DecodingState<'_, '_> {
             self.earlier.clear();
             let all: Vec<usize> = frames.into_iter().chain([now]).collect();
             self.standing = Standing::default();
-            (self.steps, self.bodies) = observed_steps(&self.episode.seen, &self.shown, &all, around, config);
+            (self.steps, self.bodies) = observed.steps(&all, around, config);
         }
     }
 
@@ -285,13 +290,16 @@ impl DecodingState<'_, '_> {
         let Some(newest) = self.steps.last() else { return stood };
         let agents = &self.episode.seen.start().agents;
         let av_next = self.episode.seen.av_next().filter(|_| token == 0);
-        let traffic = simulator.driving.keep_clear.then(|| Traffic::at(agents, &self.tracks, from, av_next));
-        let last_executed = self.is_last_executed(token);
+        let RecentTracks { first, all, shown } = &mut self.recent;
+        let at = from - *first;
+        let backed = self.memory.reversals;
+        let traffic = simulator.driving.keep_clear.then(|| Traffic::at(agents, all, at, av_next, backed));
+        let last_executed = is_last_executed(&self.episode.plan, token);
         for (row, ((&slot, &class), logits)) in
             newest.slots.iter().zip(&newest.classes).zip(logits).enumerate()
         {
             let agent = &agents[slot];
-            let track = &mut self.tracks[slot];
+            let track = &mut all[slot];
             let hasty = simulator.haste.filter(|_| class == Class::Vehicle).map(|haste| {
                 let speed = track.last().copied().flatten().map_or(0.0, |s| s.forward_speed());
                 simulator.hasten(haste, logits, speed)
@@ -315,19 +323,13 @@ impl DecodingState<'_, '_> {
                 }
             }
         }
-        self.standing.stay(&mut self.tracks);
+        self.standing.stay(all);
         // Absent agents stay absent.
-        for (track, shown) in self.tracks.iter_mut().zip(&mut self.shown) {
-            track.resize(from + 1 + TOKEN_FRAMES, None);
+        for (track, shown) in all.iter_mut().zip(shown) {
+            track.resize(at + 1 + TOKEN_FRAMES, None);
             shown.extend_from_slice(&track[shown.len()..]);
         }
         stood
-    }
-
-    /// Returns whether the plan is executed up to the end of its `token`-th half second.
-    fn is_last_executed(&self, token: usize) -> bool {
-        let executed = self.episode.plan.executed();
-        (executed..executed + TOKEN_FRAMES).contains(&((token + 1) * TOKEN_FRAMES))
     }
 
     /// Takes agents to stand from here on, and in the next plan if they rest, given by rows of the newest
@@ -354,6 +356,12 @@ impl DecodingState<'_, '_> {
             self.observed.clone_from(&self.memory.remembered);
         }
     }
+}
+
+/// Returns whether a plan is executed up to the end of its `token`-th half second.
+fn is_last_executed(plan: &JointPlan, token: usize) -> bool {
+    let executed = plan.executed();
+    (executed..executed + TOKEN_FRAMES).contains(&((token + 1) * TOKEN_FRAMES))
 }
 
 /// Returns the token that keeps speed and heading of the last state for half a second.

@@ -70,7 +70,8 @@ impl StepGraph {
         config: &Config,
     ) -> (Self, Vec<Body>) {
         let places = around.places;
-        let mut step = Self { frame: view.now, ..Self::default() };
+        let now = view.frame();
+        let mut step = Self { frame: now, ..Self::default() };
         let (mut bodies, mut paths) = (Vec::new(), Vec::new());
         let moves = |slot: &usize| standing.iter().all(|(other, _)| other != slot);
         for slot in (0..view.agents.len()).filter(moves) {
@@ -78,7 +79,7 @@ impl StepGraph {
             step.slots.push(slot);
             step.classes.push(body.class);
             paths.push(own_paths);
-            step.here.push(EarlierNode { slot, position: body.position, ahead: body.ahead, frame: view.now });
+            step.here.push(EarlierNode { slot, position: body.position, ahead: body.ahead, frame: now });
             bodies.push(body);
         }
         let nodes = bodies.len();
@@ -93,7 +94,7 @@ impl StepGraph {
             corridor::describe(&bodies, i, paths, &places.all, view, out);
             step.bodies.extend_from_slice(&features);
         }
-        step.link_past(earlier, view.now, config);
+        step.link_past(earlier, now, config);
         step.link_places(&bodies[..nodes], around, view.lights, config);
         step.link_agents(&bodies, view, config);
         bodies.truncate(nodes);

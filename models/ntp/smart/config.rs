@@ -3,6 +3,8 @@
 use reactsim_nn::{AttentionConfig, FeedForwardConfig};
 use serde::{Deserialize, Serialize};
 
+use super::super::tokens::TOKEN_STEPS;
+
 /// Dimensions and options of the network, under the names of the published configurations. Unknown
 /// entries are ignored; entries with a default may be omitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -209,9 +211,10 @@ impl SmartConfig {
         Ok(())
     }
 
-    /// Returns the number of past steps that agents see of themselves.
+    /// Returns the number of past steps that agents see of themselves: those of the time span, but no more
+    /// than there are in training. It bounds what a rollout of any length remembers.
     pub fn window(&self) -> usize {
-        self.time_span / self.shift_frames
+        (self.time_span / self.shift_frames).min(TOKEN_STEPS)
     }
 
     /// Returns the configuration of one attention layer; bipartite layers have separate norms for

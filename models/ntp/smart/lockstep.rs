@@ -204,6 +204,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use reactsim_nn::{Initializer, device};
 
+    use super::super::super::tokens::TOKEN_STEPS;
     use super::super::{SmartConfig, TokenShapes};
     use super::*;
 
@@ -304,6 +305,25 @@ mod tests {
                     assert!((a - b).abs() < 1e-5 && (a - c).abs() < 1e-5, "scene {i}: {a} {b} {c}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_scene_of_any_length_keeps_the_steps_of_its_window() {
+        let (config, device) = (config(), device());
+        assert_eq!(config.window(), 3);
+        let endless = SmartConfig { time_span: 1 << 40, ..config.clone() };
+        assert_eq!(endless.window(), TOKEN_STEPS, "no more than in training");
+        let network = Smart::init(&config, &mut Initializer::new(5, &device)).unwrap();
+        let shapes = token_shapes(&config, &mut ChaCha8Rng::seed_from_u64(1));
+        let tables = network.tables(&shapes, &device).unwrap();
+        let (map, agents, steps) = scene(7, 5, 21);
+        let map = network.encode_map(&tables, &map).unwrap();
+        let mut scene = network.begin(&tables, map, agents).unwrap();
+        for step in steps.iter().cycle().take(100) {
+            let features = network.advance(&tables, &mut scene, step.clone()).unwrap();
+            assert!(features.into_data().iter::<f32>().all(f32::is_finite));
+            assert!(scene.steps.len() <= 3 && scene.pasts.len() == scene.steps.len());
         }
     }
 }

@@ -80,10 +80,12 @@ impl Participant {
         Self { slot, class, past, history, tokens }
     }
 
-    /// Returns the track as the network knows it: the prepared history, then the realized states.
-    pub(super) fn track(&self, seen: &Observation<'_>) -> Vec<Frame> {
-        let realized = seen.track(self.slot).get(self.history.len()..).unwrap_or_default();
-        self.history.iter().chain(realized).copied().collect()
+    /// Returns the track as the network knows it, from frame `first` on: the prepared history, then the
+    /// realized states.
+    pub(super) fn track(&self, seen: &Observation<'_>, first: usize) -> Vec<Frame> {
+        let history = self.history.get(first..).unwrap_or_default();
+        let realized = seen.track(self.slot).get(self.history.len().max(first)..).unwrap_or_default();
+        history.iter().chain(realized).copied().collect()
     }
 
     /// Returns the pose at the frame of a step, the token that led there, and whether the step is valid:
@@ -91,8 +93,14 @@ impl Participant {
     ///
     /// Tokens of the history are matched in sequence and their ends are the agent's poses, as in the
     /// published networks. Later steps are matched between true poses and keep the true pose, so errors
-    /// do not accumulate.
-    fn node(&self, track: &[Frame], frame: usize, vocabulary: &Vocabulary) -> (Pose, usize, bool) {
+    /// do not accumulate. The track begins with frame `first`, half a second before or earlier.
+    fn node(
+        &self,
+        track: &[Frame],
+        first: usize,
+        frame: usize,
+        vocabulary: &Vocabulary,
+    ) -> (Pose, usize, bool) {
         if frame <= CURRENT && frame.is_multiple_of(TOKEN_FRAMES) {
             let step = frame / TOKEN_FRAMES - 1;
             if self.tokens.valid[step] {
@@ -103,7 +111,7 @@ impl Participant {
             if frame <= CURRENT {
                 return self.past.pose(frame);
             }
-            let state = track.get(frame).copied().flatten();
+            let state = track.get(frame - first).copied().flatten();
             state.map(Pose::from)
         };
         match (pose(frame - TOKEN_FRAMES), pose(frame)) {
@@ -125,16 +133,17 @@ pub(super) fn identities(start: &Start, participants: &[Participant], height: f6
 }
 
 /// Returns the step that ends at a frame, which must be at least 5. `tracks` has one track per
-/// participant.
+/// participant, from frame `first` on, half a second before or earlier.
 pub(super) fn step_at(
     participants: &[Participant],
     tracks: &[Vec<Frame>],
+    first: usize,
     frame: usize,
     vocabulary: &Vocabulary,
 ) -> Step {
     let mut step = Step::default();
     for (participant, track) in participants.iter().zip(tracks) {
-        let (pose, token, valid) = participant.node(track, frame, vocabulary);
+        let (pose, token, valid) = participant.node(track, first, frame, vocabulary);
         step.push(pose, token, valid);
     }
     step

@@ -5,7 +5,7 @@ use reactsim_scene::Frame;
 
 use super::super::execute::Executor;
 use super::super::sampling::Sampling;
-use super::super::tokens::TOKEN_FRAMES;
+use super::super::tokens::{TOKEN_FRAMES, TOKEN_STEPS};
 use super::observed::{Participant, step_at};
 use super::{CachedScene, InputError, SmartPolicy, Step};
 
@@ -37,7 +37,9 @@ pub(super) struct PendingPlan<'e> {
     plan: &'e mut JointPlan,
     error: &'e mut Option<PlanError>,
     memory: &'e mut EpisodeMemory,
-    /// Realized frames of every participant, then planned ones.
+    /// Frame of the episode with which the tracks begin.
+    first: usize,
+    /// The latest realized frames of every participant, then planned ones.
     tracks: Vec<Vec<Frame>>,
     /// The scene with the steps that the network has seen.
     pub(super) scene: CachedScene,
@@ -49,6 +51,12 @@ impl EpisodeMemory {
     pub(super) fn new(participants: Vec<Participant>, fresh: CachedScene) -> Self {
         Self { participants, fresh, chains: [const { None }; TOKEN_FRAMES] }
     }
+}
+
+/// Returns the frame of the first step of a chain that leads to a frame: as early as there are steps, but no
+/// more of them than a network was trained with.
+fn first_step(now: usize) -> usize {
+    (TOKEN_FRAMES + now % TOKEN_FRAMES).max(now.saturating_sub(TOKEN_FRAMES * (TOKEN_STEPS - 1)))
 }
 
 /// Returns the failure of an episode that the network cannot read.
@@ -72,12 +80,13 @@ impl<'e> PendingPlan<'e> {
             }
         };
         let now = seen.frame();
-        let tracks = memory.participants.iter().map(|p| p.track(seen)).collect();
         let (next, scene) = match memory.chains[now % TOKEN_FRAMES].take() {
             Some(chain) if chain.frame < now => (chain.frame + TOKEN_FRAMES, chain.scene),
-            _ => (TOKEN_FRAMES + now % TOKEN_FRAMES, memory.fresh.clone()),
+            _ => (first_step(now), memory.fresh.clone()),
         };
-        Some(Self { seen: *seen, stream, plan, error, memory, tracks, scene, next })
+        let first = next - TOKEN_FRAMES;
+        let tracks = memory.participants.iter().map(|p| p.track(seen, first)).collect();
+        Some(Self { seen: *seen, stream, plan, error, memory, first, tracks, scene, next })
     }
 
     /// Returns whether the network has to see a step before the present one.
@@ -97,7 +106,8 @@ impl<'e> PendingPlan<'e> {
 
     /// Returns the next step; `None`, with the error in the episode, if the network cannot read it.
     pub(super) fn next_step(&mut self, policy: &SmartPolicy) -> Option<Step> {
-        let step = step_at(&self.memory.participants, &self.tracks, self.next, &policy.vocabulary);
+        let step =
+            step_at(&self.memory.participants, &self.tracks, self.first, self.next, &policy.vocabulary);
         match self.scene.check(policy.network.config(), &step) {
             Ok(()) => {
                 self.next += TOKEN_FRAMES;
@@ -150,11 +160,27 @@ impl<'e> PendingPlan<'e> {
         if self.error.is_some() {
             return;
         }
-        let now = self.seen.frame();
+        let planned = self.seen.frame() + 1 - self.first;
         for (participant, track) in self.memory.participants.iter().zip(&self.tracks) {
             for k in 0..self.plan.steps() {
-                self.plan.set(participant.slot, k, track.get(now + 1 + k).copied().flatten());
+                self.plan.set(participant.slot, k, track.get(planned + k).copied().flatten());
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chains_have_at_most_the_steps_of_a_training() {
+        // Of the 18 steps of 91 frames, the first ends at frame 5.
+        assert_eq!([10, 13, 89, 90].map(first_step), [5, 8, 9, 5]);
+        for now in [91, 500, 6010] {
+            let first = first_step(now);
+            assert_eq!((now - first) / TOKEN_FRAMES + 1, TOKEN_STEPS, "{now}");
+            assert!((now - first).is_multiple_of(TOKEN_FRAMES));
         }
     }
 }

@@ -3,7 +3,7 @@
 use reactsim_nn::perception::Class;
 use reactsim_scene::Scenario;
 
-use super::{PreparedTrack, TOKEN_FRAMES, TOKEN_STEPS, Vocabulary, motion_between};
+use super::{PreparedTrack, TOKEN_FRAMES, Vocabulary, motion_between};
 
 /// Distances between tokenized and recorded poses: mean corner distance of the class's matching box at
 /// each step, metres.
@@ -40,7 +40,7 @@ impl MatchingErrors {
     /// Adds the errors of one track.
     pub fn add_track(&mut self, vocabulary: &Vocabulary, class: Class, track: &PreparedTrack) {
         let found = track.nearest_tokens(vocabulary, class);
-        for step in (0..TOKEN_STEPS).filter(|&s| found.valid[s]) {
+        for step in (0..found.valid.len()).filter(|&s| found.valid[s]) {
             let Some(recorded) = track.pose((step + 1) * TOKEN_FRAMES) else { continue };
             let miss = motion_between(recorded, found.poses[step]);
             let corners = class.contour(super::ORIGIN).into_iter().zip(class.contour(miss));

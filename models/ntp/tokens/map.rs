@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{Polyline, Vec2, direction, heading_of, into_frame};
 use reactsim_nn::perception::{MAX_LINE_LENGTH, edge_rings};
-use reactsim_scene::{CURRENT, LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
+use reactsim_scene::{LaneClass, LightState, RoadEdgeKind, RoadMap, Start, StopKind};
 
 /// Spacing of points along a piece, metres.
 const SPACING: f64 = 0.5;
@@ -150,7 +150,7 @@ pub fn curve_pieces(start: &Start) -> Vec<CurvePiece> {
     let map = &start.map;
     let mut lights = vec![LightCode::None; map.lanes.len()];
     for (light, states) in start.lights.iter().zip(&start.light_history) {
-        if let Some(state) = states[CURRENT] {
+        if let Some(state) = states[start.current()] {
             lights[light.lane] = state.into();
         }
     }

@@ -10,8 +10,8 @@ use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, Frame};
 
 use super::{ORIGIN, TOKEN_FRAMES, Vocabulary, motion_between, moved};
 
-/// Number of tokens of a track of 91 frames: token k leads from frame 5k to frame 5k + 5, and token 1
-/// ends at the current frame.
+/// Number of tokens of a track of 91 frames, which networks are trained with: token k leads from frame 5k to
+/// frame 5k + 5, and token 1 ends at the current frame.
 pub const TOKEN_STEPS: usize = (FRAMES - 1) / TOKEN_FRAMES;
 /// Heading difference between two frames above which the later heading counts as flipped or wrong,
 /// radians (CATK).
@@ -21,11 +21,11 @@ const FLIP_ANGLE: f64 = 1.5;
 #[derive(Clone, Debug, PartialEq)]
 pub struct TokenTrack {
     /// Token that leads to each step.
-    pub tokens: [usize; TOKEN_STEPS],
+    pub tokens: Vec<usize>,
     /// Pose at the end of each token, scenario frame; the origin if the step is invalid.
-    pub poses: [Pose; TOKEN_STEPS],
+    pub poses: Vec<Pose>,
     /// Whether both end frames of each step are present.
-    pub valid: [bool; TOKEN_STEPS],
+    pub valid: Vec<bool>,
 }
 
 /// Random choice among near tokens, so that later steps show how to return to the log.
@@ -52,14 +52,15 @@ pub struct PreparedTrack {
 }
 
 impl PreparedTrack {
-    /// Prepares a track of frames from 0 on (91 in a scenario; missing ones are absent): corrects
-    /// flipped headings, and extrapolates backwards from its first frame to the start of a token.
+    /// Prepares a track of frames from 0 on, 91 or more (missing ones are absent): corrects flipped headings,
+    /// and extrapolates backwards from its first frame to the start of a token.
     ///
     /// States that are not finite are absent. A missing velocity is taken from the next frame, or is
     /// zero. Gaps remain: fill them with [`fill_gaps`] if necessary.
     pub fn new(track: &[Frame]) -> Self {
-        let mut poses: Vec<Option<Pose>> =
-            (0..FRAMES).map(|f| track.get(f).copied().flatten().as_ref().and_then(pose_of)).collect();
+        let mut poses: Vec<Option<Pose>> = (0..track.len().max(FRAMES))
+            .map(|f| track.get(f).copied().flatten().as_ref().and_then(pose_of))
+            .collect();
         without_flips(&mut poses);
         if let Some(first) = poses.iter().position(Option::is_some) {
             extrapolate_backwards(&mut poses, first, track[first].as_ref());
@@ -98,13 +99,11 @@ impl PreparedTrack {
         class: Class,
         mut choose: impl FnMut(usize, Pose) -> usize,
     ) -> TokenTrack {
-        let mut found = TokenTrack {
-            tokens: [0; TOKEN_STEPS],
-            poses: [ORIGIN; TOKEN_STEPS],
-            valid: [false; TOKEN_STEPS],
-        };
+        let steps = (self.poses.len() - 1) / TOKEN_FRAMES;
+        let mut found =
+            TokenTrack { tokens: vec![0; steps], poses: vec![ORIGIN; steps], valid: vec![false; steps] };
         let mut from = self.poses[0].unwrap_or(ORIGIN);
-        for step in 0..TOKEN_STEPS {
+        for step in 0..steps {
             let (start, end) = (self.poses[step * TOKEN_FRAMES], self.poses[(step + 1) * TOKEN_FRAMES]);
             let Some((_, to)) = start.zip(end) else {
                 // Restart the tokens at the frame itself.

@@ -1,13 +1,14 @@
 //! A trained network with its intention points, in one file.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
-use reactsim_nn::perception::{KnownMotion, SceneView};
+use reactsim_nn::perception::{KnownMotion, RoadHeights, SceneView};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use reactsim_rollout::Observation;
-use reactsim_scene::{CURRENT, Start};
+use reactsim_scene::{HISTORY, Start};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -19,6 +20,10 @@ use super::predict::{Prediction, prediction};
 const KIND: &str = "motion-transformer";
 /// Suffix of a counter that PyTorch stores with batch norms and that nothing depends on.
 const COUNTER: &str = ".num_batches_tracked";
+
+/// Number of frames before the present one that the features of the network depend on: its history, and the
+/// motion before that.
+const SEEN_FRAMES: usize = 2 * HISTORY;
 
 /// Map features of an episode, the same for all its predictions.
 #[derive(Clone, Debug)]
@@ -121,18 +126,24 @@ impl Policy {
         Ground(Survey::of(start, &self.config).features())
     }
 
-    /// Predicts the agents of these slots that are present and of a simulated class, in the order of
-    /// the slots. `ground` holds the map features of this episode.
+    /// Predicts the agents of these slots that are present and of a simulated class, in the order of the
+    /// slots. `ground` holds the map features of this episode, `heights` follow the road under its agents.
     pub fn predict(
         &self,
         seen: &Observation<'_>,
         ground: &Ground,
+        heights: &mut RoadHeights,
         slots: &[usize],
         device: &Device,
     ) -> Vec<Prediction> {
         let lights = seen.lights_now();
-        let tracks = self.config.attributes.shown(seen.tracks(), CURRENT);
-        let view = SceneView { tracks: &tracks, ..SceneView::of(seen, &lights) };
+        heights.follow(seen, seen.frame());
+        // Only recorded frames have noise, and the network no longer sees them.
+        let tracks = match seen.step() > SEEN_FRAMES {
+            true => Cow::Borrowed(seen.tracks()),
+            false => self.config.attributes.shown(seen.tracks(), seen.start().current()),
+        };
+        let view = SceneView { tracks: &tracks, heights: Some(heights), ..SceneView::of(seen, &lights) };
         self.predict_view(&view, ground, slots, device)
     }
 
@@ -146,7 +157,7 @@ impl Policy {
         device: &Device,
     ) -> Vec<Prediction> {
         let lights = known.lights_at(now);
-        let tracks = self.config.attributes.shown(known.tracks, now.min(CURRENT));
+        let tracks = self.config.attributes.shown(known.tracks, now.min(known.start.current()));
         let known = KnownMotion { tracks: &tracks, ..*known };
         self.predict_view(&known.view(now, &lights), &self.ground(known.start), slots, device)
     }

@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use rand::RngExt;
 use reactsim_geometry::{direction, heading_of};
-use reactsim_nn::perception::Nearest;
+use reactsim_nn::perception::{Nearest, RoadHeights};
 use reactsim_rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::dynamics::STANDSTILL_SPEED;
 use reactsim_scene::{AgentKind, AgentState, DT, Start};
@@ -80,6 +80,8 @@ pub fn predicted_slots(seen: &Observation<'_>, moves_av: bool, most: usize) -> V
 #[derive(Debug)]
 pub struct EpisodeMemory {
     ground: Ground,
+    /// Heights of the road under agents.
+    heights: RoadHeights,
     /// For each slot, the last frame at which the agent rests and is not predicted.
     resting: Vec<usize>,
 }
@@ -87,7 +89,7 @@ pub struct EpisodeMemory {
 impl EpisodeMemory {
     /// Creates the memory of an episode that begins.
     pub(super) fn new(ground: Ground) -> Self {
-        Self { ground, resting: Vec::new() }
+        Self { ground, heights: RoadHeights::default(), resting: Vec::new() }
     }
 
     /// Predicts the agents of these slots, except agents that rest.
@@ -102,7 +104,7 @@ impl EpisodeMemory {
         self.resting.resize(seen.start().agents.len(), 0);
         let mut asked = slots.to_vec();
         asked.retain(|&slot| now > self.resting[slot] || !stands(seen, slot));
-        let predictions = policy.predict(seen, &self.ground, &asked, device);
+        let predictions = policy.predict(seen, &self.ground, &mut self.heights, &asked, device);
         for p in predictions.iter().filter(|p| stands(seen, p.slot)) {
             self.resting[p.slot] = now + p.modes.first().map_or(0, |mode| rest(mode, p));
         }

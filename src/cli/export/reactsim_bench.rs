@@ -109,7 +109,8 @@ fn names(args: &ExportBenchArgs) -> anyhow::Result<BTreeMap<String, String>> {
 fn write(rollouts: &[RolloutRecord], names: &BTreeMap<String, String>, out: &Path) -> anyhow::Result<usize> {
     let Some(name) = rollouts.first().and_then(|first| names.get(&first.scenario_id)) else { return Ok(0) };
     let path = out.join(format!("{name}.pkl"));
-    files::replace(&path, |file| file.write_all(&to_pickle(rollouts)))
+    let content = to_pickle(rollouts).with_context(|| path.display().to_string())?;
+    files::replace(&path, |file| file.write_all(&content))
         .with_context(|| format!("could not write {}", path.display()))?;
     Ok(1)
 }

@@ -13,7 +13,7 @@ use crate::scene::Scenario;
 
 const AFTER: &str = "\
 Writes one message of type `scene` per scenario and a final `bye` to standard output; the Python \
-package reads them (`reactsim.scenarios`). Without --future, nothing after the current frame is \
+package reads them (`reactsim.scenarios`). Without --with-future, nothing after the current frame is \
 written. The protocol is described in docs/external-protocol.md.";
 
 /// Arguments of `export scenes`.
@@ -24,7 +24,7 @@ pub(super) struct ExportScenesArgs {
     input: ScenarioSpec,
     /// Also write the logged future and the deviated AV
     #[arg(long)]
-    future: bool,
+    with_future: bool,
 }
 
 pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
@@ -34,7 +34,7 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
         let mut number = 0;
         failed = selected.each(|scenario| {
             if let Some(av) = chosen_av(&scenario, selected.deviations.as_ref()) {
-                write_scene(&scenario, av, args.future, number, out)?;
+                write_scene(&scenario, av, args.with_future, number, out)?;
                 number += 1;
             }
             io::Result::Ok(())
@@ -50,7 +50,7 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
     Ok(ExitStatus::Done)
 }
 
-/// States of a deviated AV at the steps 1 to 80, if there is one.
+/// States of a deviated AV at every step, if there is one.
 type AvTrack = Option<Vec<crate::scene::AgentState>>;
 
 /// Returns the deviated AV of a scenario; `None` if a file of deviations leaves the scenario out.

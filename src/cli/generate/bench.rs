@@ -15,6 +15,7 @@ use crate::evaluation::{FileRecord, program_version};
 use crate::formats::FormatError;
 use crate::formats::native::Writer;
 use crate::generation::{GenerationSettings, Generator, VERSION};
+use crate::scene::Length;
 
 /// Largest number of scenarios that are tried in vain, per requested scenario: a few scenarios are not worth
 /// a long search.
@@ -140,6 +141,10 @@ fn named(
     }
     if let Some(density) = settings.density {
         set("generation.density", density.to_string());
+    }
+    if settings.length != Length::BENCHMARK {
+        set("generation.history", settings.length.history.to_string());
+        set("generation.future", settings.length.future.to_string());
     }
     named
 }

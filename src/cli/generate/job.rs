@@ -12,7 +12,9 @@ use super::manifest::Manifest;
 use crate::cli::output::{ExitStatus, count, say, say_part, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
+use crate::formats::FutureChoice;
 use crate::generation::{GenerationSettings, Preset};
+use crate::scene::Length;
 use crate::work::available_threads;
 
 const AFTER: &str = "\
@@ -25,6 +27,7 @@ Examples:
   reactsim generate --preset bench --count 150 --out bench.parquet
   reactsim run bench.parquet
   reactsim curate stats bench.deviations.parquet
+  reactsim generate --preset train --count 50 --future 20s --out long.parquet
 
 The manifest entry of the files is printed to stdout (TOML): command, settings and digests.";
 
@@ -51,6 +54,13 @@ pub(in crate::cli) struct GenerateArgs {
     /// Traffic volume as a multiple of the usual one [default: drawn for each scenario]
     #[arg(long, value_name = "D", allow_negative_numbers = true)]
     density: Option<f64>,
+    /// Frames up to and including the current one, 2 to 100 [default: 11]
+    #[arg(long, value_name = "N")]
+    history: Option<usize>,
+    /// Time after the current frame: seconds (`20s`) or steps of 0.1 s (`200`); the AV is on the map all the
+    /// time [default: 8s]
+    #[arg(long, value_name = "TIME")]
+    future: Option<FutureChoice>,
     /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -65,7 +75,14 @@ fn presets() -> PossibleValuesParser {
 impl GenerateArgs {
     pub(super) fn settings(&self) -> anyhow::Result<GenerationSettings> {
         let preset = Preset::from_name(&self.preset).context("give a --preset")?;
-        Ok(GenerationSettings { preset, seed: self.seed, maps: self.maps.clone(), density: self.density })
+        let future = match self.future {
+            None => Length::BENCHMARK.future,
+            Some(FutureChoice::Steps(steps)) => steps,
+            Some(FutureChoice::Log) => bail!("--future log: nothing is recorded; give seconds, such as 20s"),
+        };
+        let length = Length { history: self.history.unwrap_or(Length::BENCHMARK.history), future };
+        let (seed, maps, density) = (self.seed, self.maps.clone(), self.density);
+        Ok(GenerationSettings { preset, seed, maps, density, length })
     }
 
     /// Returns the number of threads.

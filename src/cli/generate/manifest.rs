@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::cli::output::quoted;
 use crate::evaluation::FileRecord;
 use crate::generation::{GenerationSettings, VERSION};
+use crate::scene::{FUTURE, HISTORY, Length};
 
 /// A manifest with one entry.
 #[derive(Serialize)]
@@ -28,6 +29,10 @@ struct ManifestEntry {
     maps: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     density: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    history: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    future: Option<usize>,
     files: Vec<FileEntry>,
 }
 
@@ -47,7 +52,10 @@ impl Manifest {
             let FileRecord { name, bytes, blake3, .. } = FileRecord::of(path, "")?;
             written.push(FileEntry { name, bytes, blake3 });
         }
-        let GenerationSettings { preset, seed, maps, density } = settings;
+        let GenerationSettings { preset, seed, maps, density, length } = settings;
+        let Length { history, future } = *length;
+        let other = |frames: usize, usual: usize| (frames != usual).then_some(frames);
+        let (history, future) = (other(history, HISTORY), other(future, FUTURE));
         let mut command =
             format!("reactsim generate --preset {} --count {count} --seed {seed}", preset.name());
         if !maps.is_empty() {
@@ -55,6 +63,12 @@ impl Manifest {
         }
         if let Some(density) = density {
             write!(command, " --density {density}")?;
+        }
+        if let Some(history) = history {
+            write!(command, " --history {history}")?;
+        }
+        if let Some(future) = future {
+            write!(command, " --future {future}")?;
         }
         if let Some(first) = written.first() {
             write!(command, " --out {}", quoted(&first.name))?;
@@ -67,6 +81,8 @@ impl Manifest {
             seed: *seed,
             maps: maps.clone(),
             density: *density,
+            history,
+            future,
             files: written,
         };
         Ok(Self { made: [entry] })

@@ -20,6 +20,7 @@ use crate::evaluation::program_version;
 use crate::formats::native::Writer;
 use crate::formats::{FormatError, Partition};
 use crate::generation::{Ending, GenerationSettings, Generator, Preset, VERSION, in_order};
+use crate::scene::Length;
 
 /// Number of scenarios of a benchmark that partitions try, per requested scenario; the merge tries more if
 /// they are not enough.
@@ -36,13 +37,16 @@ struct GenerationSubject {
     seed: u64,
     maps: Vec<String>,
     density: Option<f64>,
+    /// Frames up to and including the current one, and after it, of other lengths than that of the benchmark.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length: Option<[usize; 2]>,
     /// How a benchmark is curated.
     curation: Option<CurationProvenance>,
 }
 
 impl GenerationSubject {
     fn of(settings: &GenerationSettings, count: u32) -> Self {
-        let GenerationSettings { preset, seed, maps, density } = settings;
+        let GenerationSettings { preset, seed, maps, density, length } = settings;
         Self {
             program: program_version().to_owned(),
             generator: VERSION,
@@ -51,6 +55,7 @@ impl GenerationSubject {
             seed: *seed,
             maps: maps.clone(),
             density: *density,
+            length: (*length != Length::BENCHMARK).then_some([length.history, length.future]),
             curation: (*preset == Preset::Bench).then(|| provenance(settings, count)),
         }
     }

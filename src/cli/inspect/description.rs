@@ -1,8 +1,6 @@
 //! Textual description of a scenario.
 
-use crate::scene::{
-    AgentKind, CURRENT, Certificate, Difficulty, FUTURE, LaneKind, Response, Scenario, note_text,
-};
+use crate::scene::{AgentKind, Certificate, DT, Difficulty, LaneKind, Length, Response, Scenario, note_text};
 
 /// Describes a scenario: pairs of a property and its text.
 pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
@@ -77,6 +75,13 @@ pub(super) fn describe(scenario: &Scenario) -> Vec<(&'static str, String)> {
             }),
         ),
     ];
+    let length = scenario.length();
+    if length != Length::BENCHMARK {
+        lines.push((
+            "length",
+            format!("{length}, {:.1} s after the current frame", length.future as f64 * DT),
+        ));
+    }
     if start.has_levels() {
         lines.push(("levels", format!("up to {} above one another", scenario.levels())));
     }
@@ -123,13 +128,13 @@ fn response(response: &Response) -> String {
 
 /// Describes the logged AV: its size, current speed and distance driven.
 fn travel(scenario: &Scenario) -> String {
-    let track = scenario.logged(0);
-    let pairs = track[CURRENT..].windows(2).filter_map(|w| Some((w[0]?, w[1]?)));
+    let (track, length) = (scenario.logged(0), scenario.length());
+    let pairs = track[length.current()..].windows(2).filter_map(|w| Some((w[0]?, w[1]?)));
     let metres = pairs.fold(0.0, |sum, (a, b)| sum + (b.position() - a.position()).norm());
-    let steps = track[CURRENT + 1..].iter().flatten().count();
+    let (steps, all) = (track[length.history..].iter().flatten().count(), length.future);
     let now = scenario.start.now(0);
     let agent = &scenario.start.agents[0];
-    let gaps = if steps < FUTURE { format!(", present at {steps} of {FUTURE} steps") } else { String::new() };
+    let gaps = if steps < all { format!(", present at {steps} of {all} steps") } else { String::new() };
     let speed =
         if now.speed().is_finite() { format!("{:.1} m/s now", now.speed()) } else { "speed unknown".into() };
     let drives = if steps == 0 { String::new() } else { format!(", drives {metres:.1} m") };

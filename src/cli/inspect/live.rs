@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 
-use super::recorded::marks_of;
 use crate::evaluation::PlannedSimulator;
-use crate::report::birdseye::Mark;
+use crate::report::birdseye::{Mark, marks_of};
 use crate::rollout::{DeviatedAv, Request, Settings, roll_out};
 use crate::scene::{Frame, Scenario};
 
@@ -24,7 +23,7 @@ pub(super) fn rollout(
             scenario.id
         )
     })?;
-    let av = DeviatedAv::new(&scenario.start.now(0), deviation.track.clone())?;
+    let av = DeviatedAv::new(scenario, deviation.track.clone())?;
     let request = Request { scenario, av: Some(Arc::new(av)), rollout: index };
     let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
     let done =

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
-use super::recorded::{marks, marks_of, rollout};
+use anyhow::bail;
+
+use super::recorded::{marks, rollout};
 use super::{InspectArgs, live, write_result};
 use crate::evaluation::PlannedSimulator;
 use crate::report::animation::{Animation, Panel};
-use crate::report::birdseye::{self, Layout, Mark, View};
-use crate::scene::{Frame, HISTORY, Scenario};
+use crate::report::birdseye::{self, Layout, Mark, View, marks_of};
+use crate::scene::{Frame, Scenario};
 
 /// A rollout of one simulator, to be drawn.
 struct DrawnRollout {
@@ -26,6 +28,10 @@ impl DrawnRollout {
 pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()> {
     if args.svg.is_none() && args.gif.is_none() {
         return Ok(());
+    }
+    let last = scenario.length().future;
+    if let Some(step) = args.steps.iter().find(|step| usize::from(**step) > last) {
+        bail!("--steps {step}: `{}` has {last} steps after the current frame", scenario.id);
     }
     let mut rollouts = match &args.rollout {
         Some(run) => {
@@ -100,7 +106,7 @@ fn stills(args: &InspectArgs, scenario: &Scenario, rollout: Option<&DrawnRollout
 fn log_replay(scenario: &Scenario) -> Option<DrawnRollout> {
     let deviation = scenario.deviation.as_ref()?;
     let mut tracks: Vec<Vec<Frame>> = (0..scenario.start.agents.len()).map(|i| scenario.logged(i)).collect();
-    tracks[0].truncate(HISTORY);
+    tracks[0].truncate(scenario.length().history);
     tracks[0].extend(deviation.track.iter().copied().map(Some));
     let marks = marks_of(scenario, &tracks);
     Some(DrawnRollout { simulator: scenario.id.clone(), tracks, marks })

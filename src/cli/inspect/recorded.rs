@@ -9,7 +9,6 @@ use serde_json::Value;
 
 use crate::evaluation::{EVENTS, ROLLOUTS, recorded_tracks};
 use crate::formats;
-use crate::metrics::{Case, Event, Options, score_case};
 use crate::report::birdseye::{Mark, MarkKind};
 use crate::scene::{Frame, Scenario};
 
@@ -47,27 +46,9 @@ pub(super) fn marks(run: &Path, simulator: &str, rollout: u32, scenario: &str) -
         {
             continue;
         }
-        let Some(kind) = kind(text("metric"), event["counted"] == true) else { continue };
+        let Some(kind) = MarkKind::of_event(text("metric"), event["counted"] == true) else { continue };
         let step = event["step"].as_u64().and_then(|s| usize::try_from(s).ok()).unwrap_or(0);
         marks.push(Mark { agent: text("agent").to_owned(), step, kind });
     }
     Ok(marks)
-}
-
-/// Computes the events of a rollout that no run has scored, and returns those that pictures mark.
-pub(super) fn marks_of(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Vec<Mark> {
-    let scores = score_case(&Case::of_rollout(scenario, tracks, Options::default()));
-    let mark = |e: Event| Some(Mark { step: e.step, kind: kind(e.metric, e.counted)?, agent: e.agent });
-    scores.events.into_iter().filter_map(mark).collect()
-}
-
-/// Returns the mark for events of a metric, if pictures show any.
-fn kind(metric: &str, counted: bool) -> Option<MarkKind> {
-    match metric {
-        "aav-collision" if counted => Some(MarkKind::AtFault),
-        "aav-collision" | "aa-collision" => Some(MarkKind::Contact),
-        "aav-ttc" => Some(MarkKind::Risky),
-        "offroad" => Some(MarkKind::OffRoad),
-        _ => None,
-    }
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ScoreArgs;
 use super::wosac::{
-    check, describe_run, describe_submission, finish, is_run, observer, run_pairs, submitted_pairs,
+    check, describe_run, describe_submission, finish, is_run, observer, run_pairs, settings, submitted_pairs,
 };
 use crate::cli::inputs::recorded_logs;
 use crate::cli::output::{ExitStatus, lock_folder, write_file};
@@ -32,6 +32,7 @@ struct RealismSubject {
     version: String,
     commit: String,
     configs: Vec<String>,
+    shares: bool,
     partial: bool,
     simulator: Option<String>,
     files: Vec<(String, u64)>,
@@ -52,6 +53,7 @@ impl RealismSubject {
             version: program_version().to_owned(),
             commit: program_commit().to_owned(),
             configs: args.wosac.configs.iter().map(|config| config.id.to_owned()).collect(),
+            shares: settings(args)?.shares,
             partial: args.wosac.partial,
             simulator: args.wosac.simulator.clone(),
             files: paths.into_iter().map(sized).collect::<anyhow::Result<_>>()?,
@@ -65,7 +67,7 @@ pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyho
     let _lock = partition::folder(out)?;
     let logs = recorded_logs(&args.scenarios)?;
     let subject = RealismSubject::of(args, path, &logs)?;
-    let (configs, jobs, progress) = (&args.wosac.configs, args.wosac.jobs(), Progress::new());
+    let (settings, progress) = (settings(args)?, Progress::new());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
         let mut pairs = run_pairs(args, path)?;
@@ -74,14 +76,14 @@ pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyho
             false => Vec::new(),
         };
         pairs = pairs.within(partition.of_inputs(logs.len(), 1, |i| counts[i]));
-        let mut scores = score_all(pairs.by_ref(), configs, jobs, &mut observe);
+        let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
         describe_run(args, &mut scores, &pairs);
         scores
     } else {
         let own = partition.of(SubmissionReader::open(path)?.count());
         let mut pairs = submitted_pairs(args, path)?;
         pairs.pass_over(own.start);
-        score_all(pairs.by_ref().take(own.len()), configs, jobs, &mut observe)
+        score_all(pairs.by_ref().take(own.len()), &settings, &mut observe)
     };
     progress.end();
     let (file, text) = (out.join(SCORES), scores.to_text());

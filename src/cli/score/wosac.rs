@@ -14,7 +14,8 @@ use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
 use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
-    LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RunPairs, SubmittedPairs, score_all,
+    LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RealismSettings, RunPairs,
+    SubmittedPairs, score_all,
 };
 use crate::formats::wosac::SubmissionReader;
 use crate::metrics::wosac::Config;
@@ -51,11 +52,6 @@ pub(super) struct WosacArgs {
 }
 
 impl WosacArgs {
-    /// Returns the number of threads.
-    pub(super) fn jobs(&self) -> usize {
-        self.jobs.map_or_else(available_threads, usize::from)
-    }
-
     /// Refuses options without effect.
     pub(super) fn check_absent(&self) -> anyhow::Result<()> {
         let only_2025 = matches!(self.configs.as_slice(), [config] if config.id == Config::CHALLENGE_2025.id);
@@ -82,21 +78,30 @@ fn config(id: &str) -> Result<Config, String> {
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     let path = check(args)?;
     let _lock = args.out.as_deref().map(lock_folder).transpose()?;
-    let (progress, jobs) = (Progress::new(), args.wosac.jobs());
+    let (settings, progress) = (settings(args)?, Progress::new());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
         let mut pairs = run_pairs(args, path)?;
-        let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
+        let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
         describe_run(args, &mut scores, &pairs);
         scores
     } else {
         let mut pairs = submitted_pairs(args, path)?;
-        let mut scores = score_all(pairs.by_ref(), &args.wosac.configs, jobs, &mut observe);
+        let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
         describe_submission(args, &mut scores, &mut pairs, &mut observe);
         scores
     };
     progress.end();
     finish(args, &scores)
+}
+
+/// Returns what is computed. Only JSON has the shares of the rollouts.
+pub(super) fn settings(args: &ScoreArgs) -> anyhow::Result<RealismSettings<'_>> {
+    Ok(RealismSettings {
+        configs: &args.wosac.configs,
+        shares: matches!(Format::of(args.format.as_deref())?, Format::Json),
+        jobs: args.wosac.jobs.map_or_else(available_threads, usize::from),
+    })
 }
 
 /// Checks the options; returns the path of the rollouts.

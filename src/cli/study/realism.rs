@@ -8,7 +8,9 @@ use anyhow::Context;
 use crate::cli::output::{say, write_file};
 use crate::cli::progress::Progress;
 use crate::evaluation::read_summary;
-use crate::evaluation::realism::{LogSource, REALISM_ROWS, RealismSummary, RunPairs, score_all};
+use crate::evaluation::realism::{
+    LogSource, REALISM_ROWS, RealismSettings, RealismSummary, RunPairs, score_all,
+};
 use crate::metrics::wosac::Config;
 use crate::rollout::Protocol;
 use crate::work::available_threads;
@@ -18,11 +20,13 @@ use crate::work::available_threads;
 pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Result<()> {
     let run = study.join(Protocol::Realism.name());
     let (mut summaries, mut rows) = (Vec::new(), Vec::new());
+    let settings =
+        RealismSettings { configs: &[Config::CHALLENGE_2025], shares: false, jobs: available_threads() };
     for simulator in read_summary(&run)?.provenance.run.simulators {
         let progress = Progress::new();
         let mut observe = |done: usize, _: Option<&_>| progress.set_done(done);
         let pairs = RunPairs::open(&run, Some(&simulator.id), sources.to_vec())?;
-        let mut scores = score_all(pairs, &[Config::CHALLENGE_2025], available_threads(), &mut observe);
+        let mut scores = score_all(pairs, &settings, &mut observe);
         progress.end();
         simulator.title.clone_into(&mut scores.method);
         if let Some(first) = scores.failures.first() {

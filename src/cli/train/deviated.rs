@@ -10,7 +10,7 @@ use crate::curation::{
     CandidateRecord, Chooser, CurationOutcome, CurationSettings, SOURCES, curate_scenario,
 };
 use crate::rollout::{Controller, DeviatedAv, Request, Settings, roll_out};
-use crate::scene::{AgentState, CURRENT, DeviatedTrack, Scenario};
+use crate::scene::{AgentState, DeviatedTrack, Scenario};
 
 /// A deviated AV of a scenario.
 pub(super) struct Deviated(DeviatedTrack);
@@ -51,11 +51,12 @@ pub(super) fn with_rollout(
     name: &str,
     simulator: &Controller,
 ) -> anyhow::Result<Scenario> {
-    let av = Arc::new(DeviatedAv::new(&scenario.start.now(0), deviated.track().to_vec())?);
+    let av = Arc::new(DeviatedAv::new(&scenario, deviated.track().to_vec())?);
     let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
     let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
     let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;
-    let futures = rollout.tracks.iter().map(|track| &track[CURRENT + 1..]);
+    let history = scenario.length().history;
+    let futures = rollout.tracks.iter().map(|track| &track[history..]);
     replace_future(&mut scenario, futures, name);
     Ok(scenario)
 }

@@ -417,7 +417,7 @@ fn a_case_that_is_there_already_gives_the_same_certificate() {
     let settings = AvoidanceSettings::default();
     assert_eq!(certify_case(&scenario, &av, &case, &settings).unwrap(), found(&scenario, &av));
     let malformed = certify_case(&scenario, &av[1..], &case, &settings);
-    assert_eq!(malformed, Err(Unavoidable::Malformed { found: 80 }));
+    assert_eq!(malformed, Err(Unavoidable::Malformed { found: 80, expected: 81 }));
 }
 
 #[test]
@@ -445,9 +445,9 @@ fn candidates_of_the_wrong_form_are_refused() {
     let scenario = scene("form", vec![car("av", 0.0, 0.0, 0.0, 10.0)], MapParts::default());
     let mut av = candidate(&scenario, |_, s| s);
     av[7].x = f64::NAN;
-    assert_eq!(refused(&scenario, &av), Unavoidable::Malformed { found: 80 });
-    assert_eq!(refused(&scenario, &av[..7]), Unavoidable::Malformed { found: 7 });
-    assert_eq!(refused(&scenario, &[]), Unavoidable::Malformed { found: 0 });
+    assert_eq!(refused(&scenario, &av), Unavoidable::Malformed { found: 80, expected: 81 });
+    assert_eq!(refused(&scenario, &av[..7]), Unavoidable::Malformed { found: 7, expected: 81 });
+    assert_eq!(refused(&scenario, &[]), Unavoidable::Malformed { found: 0, expected: 81 });
 }
 
 #[test]

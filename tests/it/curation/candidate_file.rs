@@ -127,7 +127,7 @@ fn what_can_not_be_meant_is_refused_and_named() {
     for (deviations, expected) in [
         (json!([]), "the file is empty, expected at least one trajectory"),
         (with(&|d| d["x"][4] = Value::Null), "x, y, heading at step 5 is partly missing"),
-        (with(&|d| d["x"] = json!(vec![0.0; 79])), "x is 79 steps, expected 80 steps"),
+        (with(&|d| d["x"] = json!(vec![0.0; 79])), "y is 80 steps, expected 79 steps"),
         (with(&|d| d["category"] = json!("up")), "category is `up`"),
         (with(&|d| d["speed"] = json!(1)), "unknown field `speed`"),
     ] {
@@ -142,6 +142,10 @@ fn what_can_not_be_meant_is_refused_and_named() {
     // Errors of a scenario are its own.
     for (deviations, expected) in [
         (with(&|d| d["y"][6] = json!(1e9)), "candidate 1 of planned.json: y at step 7 is"),
+        (
+            with(&|d| ["x", "y", "heading"].into_iter().for_each(|key| d[key] = json!(vec![0.0; 79]))),
+            "candidate 1 of planned.json: the number of steps is 79, expected 80, as many as",
+        ),
         (with(&|d| d["vx"] = json!(vec![5000.0; 80])), "candidate 1 of planned.json: vx at step 1 is 5000"),
         (
             with(&|d| d["scenario_digest"] = json!("0000")),

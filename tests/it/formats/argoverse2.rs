@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, StringArray};
 use reactsim::evaluation::Registrar;
-use reactsim::formats::{CurrentFrames, Input, find_inputs, survey};
+use reactsim::formats::{CurrentFrames, FutureChoice, Input, find_inputs, survey};
 use reactsim::geometry::Polygon;
 use reactsim::scene::{AgentKind, LaneArea, LaneClass, LaneKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, check_cases, first, good, read_at, refusal, write_table};
+use super::{Case, check_cases, first, good, read_at, read_length, refusal, write_table};
 use crate::program::{said, text, words};
 
 /// A row: track, class, time step, x, y, heading.
@@ -142,6 +142,30 @@ fn fields_mean_what_they_say() {
     let road = s.start.road();
     let inside = |x: f64, y: f64| road.drivable(reactsim::geometry::Vec2::new(x, y), &mut None);
     assert_eq!((inside(0.0, 5.0), inside(0.0, 7.0)), (Some(true), Some(false)));
+}
+
+#[test]
+fn the_recorded_current_frame_has_sixty_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &rows(110), &map());
+    let steps = |steps| Some(FutureChoice::Steps(steps));
+    for (history, future, expected, x) in [
+        (None, steps(60), (11, 60), 549.0),
+        (None, Some(FutureChoice::Log), (11, 60), 549.0),
+        (Some(50), Some(FutureChoice::Log), (50, 60), 549.0),
+        (Some(2), steps(100), (2, 100), 509.0),
+        (None, None, (11, 80), 529.0),
+    ] {
+        let scenario = read_length(&path, history, future).unwrap();
+        let length = scenario.length();
+        assert_eq!(((length.history, length.future), scenario.origin.x), (expected, x));
+        assert!(scenario.logged_at(0, length.frames() - 1).is_some());
+        assert!(!scenario.repairs.contains_key("frames at the end that are not recorded"));
+    }
+    let error = read_length(&path, None, steps(100)).unwrap_err();
+    let expected = "the number of frames after time step 49 is 60, expected 100 or more; choose an earlier \
+                    current frame";
+    assert!(error.ends_with(expected), "{error}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use reactsim::formats::{CurrentFrames, FORMATS, FormatError, Input, ScenarioFormat, parse_json, survey};
+use reactsim::formats::{FORMATS, FormatError, Input, ScenarioFormat, parse_json, survey};
 use reactsim::scene::{CURRENT, FRAMES, FUTURE, MAX_AGENTS, Scenario};
 use tempfile::TempDir;
 
@@ -274,7 +274,7 @@ fn files_are_recognised_by_their_format_only() {
         let inputs: Vec<&PathBuf> = found.inputs.iter().map(|i| &i.path).collect();
         assert_eq!(inputs, [&case.files[0]], "maps are no scenarios");
         assert!(found.passed_over.is_empty(), "{:?}", found.passed_over);
-        assert!(case.format.companions(&case.files[0]).iter().all(|c| c.is_file()));
+        assert!(Input::new(case.files[0].clone(), case.format).companions().iter().all(|c| c.is_file()));
     }
     real_files().iter().for_each(|(format, path)| check_recognised(*format, path));
 }
@@ -288,12 +288,7 @@ fn scenarios_are_valid_and_the_same_in_every_reading() {
         assert_eq!(scenarios[0].start.agents[0].id, case.fixture.av);
         let again = case.read().remove(0).unwrap();
         assert_eq!(again.digest(), scenarios[0].digest(), "{}", case.fixture.format);
-        let input = Input {
-            path: case.files[0].clone(),
-            format: case.format,
-            frames: CurrentFrames::Stated,
-            all_agents: false,
-        };
+        let input = Input::new(case.files[0].clone(), case.format);
         check_undecoded(&input, &scenarios);
     }
 }
@@ -301,7 +296,7 @@ fn scenarios_are_valid_and_the_same_in_every_reading() {
 #[test]
 fn real_scenarios_are_valid_and_the_same_in_every_reading() {
     for (format, path) in real_files() {
-        let input = Input { path, format, frames: CurrentFrames::Stated, all_agents: false };
+        let input = Input::new(path, format);
         let read = || input.open().unwrap().take(REAL_SCENARIOS).map(|s| s.unwrap());
         let scenarios: Vec<Scenario> = read().collect();
         assert!(!scenarios.is_empty(), "{}", format.id());

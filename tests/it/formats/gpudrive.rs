@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use reactsim::formats::{find_inputs, open};
+use reactsim::formats::{FutureChoice, find_inputs, open};
 use reactsim::scene::{AgentKind, LaneClass, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, check_cases, first, good, logs_agree, maps_agree, moving, refusal};
+use super::{Case, check_cases, first, good, logs_agree, maps_agree, moving, read_length, refusal};
 
 /// Returns an object that moves along the x axis at 10 m/s and is absent before frame `from`.
 fn object(id: u64, kind: &str, x: f64, y: f64, from: usize) -> Value {
@@ -177,6 +177,32 @@ fn numbers_that_python_writes_are_unknown_or_refused_by_place() {
     assert!((track[20].unwrap().heading - 0.01).abs() < 0.02, "{:?}", track[20]);
     let error = read("position", "NaN").unwrap_err();
     assert!(error.contains("agents[0].track[20].x is NaN, expected a finite coordinate"), "{error}");
+}
+
+#[test]
+fn frames_around_the_current_one_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &made());
+    let usual = read_length(&path, None, None).unwrap();
+    let lights = usual.light_states(0);
+    for (history, future, expected) in [
+        (None, Some(FutureChoice::Log), (11, 80)),
+        (Some(2), Some(FutureChoice::Steps(60)), (2, 60)),
+        (Some(5), None, (5, 80)),
+    ] {
+        let scenario = read_length(&path, history, future).unwrap();
+        let length = scenario.length();
+        assert_eq!((length.history, length.future), expected);
+        let first = 11 - length.history;
+        assert_eq!(scenario.logged(0)[..], usual.logged(0)[first..first + length.frames()]);
+        assert_eq!(scenario.light_states(0)[..], lights[first..first + length.frames()]);
+    }
+    let refused = |history, future| read_length(&path, history, future).unwrap_err();
+    let error = refused(Some(12), None);
+    assert!(error.ends_with("history is 12, expected at most 11: files have a second of history"), "{error}");
+    let error = refused(None, Some(FutureChoice::Steps(81)));
+    let expected = "objects[0].position is 91 entries, expected 92 entries (9.2 s at 10 Hz)";
+    assert!(error.ends_with(expected), "{error}");
 }
 
 #[test]

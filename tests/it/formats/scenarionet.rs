@@ -4,12 +4,12 @@ use std::f64::consts::PI;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use reactsim::formats::{find_inputs, open, survey};
+use reactsim::formats::{FutureChoice, find_inputs, open, survey};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentKind, Lane, LaneArea, LaneClass, LaneKind, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
 
-use super::{Case, check_cases, first, good, logs_agree, maps_agree, moving, read_at, refusal};
+use super::{Case, check_cases, first, good, logs_agree, maps_agree, moving, read_at, read_length, refusal};
 
 /// Returns rows of numbers that become a numpy array.
 fn array(rows: Vec<Vec<f64>>) -> Value {
@@ -331,6 +331,26 @@ fn directions_of_lanes_are_no_heights() {
 }
 
 #[test]
+fn frames_around_the_current_one_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small(folder.path()).remove(0);
+    let usual = read_length(&path, None, None).unwrap();
+    for (history, future, expected) in
+        [(None, Some(FutureChoice::Log), (11, 80)), (Some(2), Some(FutureChoice::Steps(60)), (2, 60))]
+    {
+        let scenario = read_length(&path, history, future).unwrap();
+        let length = scenario.length();
+        assert_eq!((length.history, length.future), expected);
+        assert_eq!(scenario.origin, usual.origin);
+        assert_eq!(scenario.logged(0).len(), length.frames());
+        assert_eq!(scenario.log_future.lights[0].len(), length.future);
+        assert!(!scenario.repairs.contains_key("frames at the end that are not recorded"));
+    }
+    let error = read_length(&path, None, Some(FutureChoice::Steps(81))).unwrap_err();
+    assert!(error.ends_with("the number of frames after frame 10 is 80, expected 81 or more"), "{error}");
+}
+
+#[test]
 fn bad_input_is_refused_by_name() {
     let cases: &[Case<Value>] = &[
         ("`tracks` is missing, expected a scenario as ScenarioNet writes it", |v| {
@@ -342,7 +362,7 @@ fn bad_input_is_refused_by_name() {
         ("id is ``, expected the name of the scenario", |v| v["id"] = json!("")),
         ("id is a list of 0, expected an id", |v| v["id"] = json!([])),
         ("length is -1, expected the number of frames", |v| v["length"] = json!(-1)),
-        ("metadata.current_time_index is 91, expected a frame with ten before it, 10 to 90", |v| {
+        ("metadata.current_time_index is 91, expected a frame with 10 before it, 10 to 90", |v| {
             v["metadata"]["current_time_index"] = json!(91);
         }),
         ("metadata.current_time_index is 9, expected", |v| v["metadata"]["current_time_index"] = json!(9)),

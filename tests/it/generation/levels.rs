@@ -23,7 +23,7 @@ static OVERPASSES: LazyLock<Vec<Scenario>> = LazyLock::new(|| {
 /// Returns the scenario on one level, as a file without heights would have it.
 fn flattened(scenario: &Scenario) -> Scenario {
     let mut flat = scenario.clone();
-    flat.start.map.heights = MapHeights::default();
+    flat.start.map.edit().heights = MapHeights::default();
     flat.start.heights.clear();
     flat.start.obstacle_heights.clear();
     flat.log_future.heights.clear();

@@ -3,19 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use reactsim_metrics::{Case, pair_counts};
-use reactsim_scene::{AgentKind, AgentState, CURRENT, FUTURE, Scenario};
+use reactsim_scene::{AgentKind, AgentState, Scenario};
 
 use super::respond::respond;
 use super::traffic::{Traffic, reaction_step};
 use super::{AvoidanceSettings, Unavoidable, check, effort};
-use crate::{CANDIDATE_STATES, Certificate};
+use crate::Certificate;
 
 /// Largest number of searches for one agent's response.
 const MAX_ATTEMPTS: usize = 4;
 /// Largest number of restarts, each with the agent first that found no response.
 const MAX_RESTARTS: usize = 2;
 
-/// Finds a response of every agent that `candidate` (81 states, steps 0 to 80, scenario frame) disturbs
+/// Finds a response of every agent that `candidate` (the states from step 0 on, scenario frame) disturbs
 /// under log replay, and of those whom these responses disturb.
 ///
 /// With these responses, and all others as in the log, no vehicle touches the AV or comes within half a
@@ -53,8 +53,9 @@ pub fn certify_case(
 
 fn prepare<'a>(scenario: &'a Scenario, candidate: &'a [AgentState]) -> Result<Traffic<'a>, Unavoidable> {
     let found = candidate.iter().filter(|s| s.is_finite()).count();
-    if found != CANDIDATE_STATES || candidate.len() != CANDIDATE_STATES {
-        return Err(Unavoidable::Malformed { found });
+    let expected = scenario.length().future + 1;
+    if found != expected || candidate.len() != expected {
+        return Err(Unavoidable::Malformed { found, expected });
     }
     Ok(Traffic::new(scenario, candidate))
 }
@@ -69,8 +70,9 @@ fn resolve(
     if conflicts.is_empty() {
         return Ok(Certificate::default());
     }
-    let reaction =
-        reaction_step(settings, |k| candidate[k], |k| scenario.logged_at(0, CURRENT + k)).unwrap_or(FUTURE);
+    let (now, steps) = (scenario.start.current(), traffic.steps());
+    let seen = reaction_step(settings, steps, |k| candidate[k], |k| scenario.logged_at(0, now + k));
+    let reaction = seen.unwrap_or(steps);
     if let Some(&(i, step)) = conflicts.iter().find(|c| c.1 <= reaction) {
         return Err(Unavoidable::TooEarly { agent: scenario.start.agents[i].id.clone(), step, reaction });
     }

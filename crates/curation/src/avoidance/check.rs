@@ -1,7 +1,7 @@
 //! Conflicts as the metrics count them, before and after the responses.
 
 use reactsim_metrics::{Case, Options, metric};
-use reactsim_scene::{AgentKind, CURRENT, FRAMES, FUTURE, Frame, Scenario};
+use reactsim_scene::{AgentKind, Frame, Scenario};
 
 use super::Unavoidable;
 use super::traffic::{Boxes, Traffic, is_nearer};
@@ -83,23 +83,23 @@ fn vehicles(scenario: &Scenario, case: &Case<'_>) -> Vec<(usize, usize)> {
 }
 
 fn first_touch(traffic: &Traffic<'_>, boxes: &Boxes) -> Option<usize> {
-    (1..=FUTURE).find(|&k| boxes[k].as_ref().is_some_and(|b| is_nearer(b, &traffic.av_box(k), 0.0)))
+    (1..boxes.len()).find(|&k| boxes[k].as_ref().is_some_and(|b| is_nearer(b, &traffic.av_box(k), 0.0)))
 }
 
 /// Returns the scene with all agents as they currently move.
 pub(super) fn case<'a>(traffic: &Traffic<'a>) -> Case<'a> {
-    let scenario = traffic.scenario;
+    let (scenario, length) = (traffic.scenario, traffic.scenario.length());
     let track = |i: usize| -> Vec<Frame> {
         let mut track = scenario.logged(i);
         if i == 0 {
-            track.truncate(CURRENT + 1);
+            track.truncate(length.history);
             track.extend(traffic.av[1..].iter().copied().map(Some));
         } else if let Some(planned) = traffic.planned.get(&i) {
             let response = &planned.response;
-            track.truncate(CURRENT + 1 + response.reaction_step);
+            track.truncate(length.history + response.reaction_step);
             track.extend(response.track[1 + response.reaction_step..].iter().copied().map(Some));
         }
-        debug_assert_eq!(track.len(), FRAMES, "history and future");
+        debug_assert_eq!(track.len(), length.frames(), "history and future");
         track
     };
     Case::of_rollout(scenario, (0..traffic.len()).map(track), Options::default())

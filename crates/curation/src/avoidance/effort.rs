@@ -1,6 +1,6 @@
 //! The effort of each responding agent: the least deceleration, and the time to react.
 
-use reactsim_scene::{DT, Effort, FUTURE};
+use reactsim_scene::{DT, Effort};
 
 use super::AvoidanceSettings;
 use super::respond::respond;
@@ -47,7 +47,7 @@ impl Search<'_, '_> {
         let with_av = conflicts.iter().find(|c| c.0 == self.agent).map(|c| c.1);
         let responding =
             self.traffic.planned.keys().filter_map(|&other| self.traffic.breach(self.agent, other));
-        responding.chain(with_av).min().unwrap_or(FUTURE)
+        responding.chain(with_av).min().unwrap_or(self.traffic.steps())
     }
 
     /// Returns the smallest bound of the deceleration for which a response exists, m/s², given one with

@@ -1,7 +1,7 @@
 //! The state of one agent when it begins to respond: its path, its motion, its limits.
 
 use reactsim_scene::dynamics::STANDSTILL_SPEED;
-use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, FUTURE, Frame};
+use reactsim_scene::{AgentKind, AgentState, DT, Frame};
 
 use super::AvoidanceSettings;
 use super::own_path::OwnPath;
@@ -13,6 +13,8 @@ pub(super) struct Responder {
     pub(super) agent: usize,
     /// Last step up to which it moves as in the log; it is present at this step.
     pub(super) reaction: usize,
+    /// Number of steps after the reaction step.
+    steps: usize,
     pub(super) path: OwnPath,
     pub(super) motion: Motion,
     pub(super) limits: Limits,
@@ -51,9 +53,11 @@ impl Responder {
         let present = |s: &AgentState| s.is_finite();
         let track: Vec<Frame> =
             traffic.scenario.logged(agent).into_iter().map(|f| f.filter(present)).collect();
-        let reaction = (reaction..=FUTURE).find(|k| track[CURRENT + k].is_some())?;
-        let start = track[CURRENT + reaction]?;
-        let log = &track[CURRENT + reaction..];
+        let (current, steps) = (traffic.scenario.start.current(), traffic.steps());
+        let reaction = (reaction..=steps).find(|k| track[current + k].is_some())?;
+        let now = current + reaction;
+        let start = track[now]?;
+        let log = &track[now..];
         let path = OwnPath::new(info, &start, log)?;
         let speeds: Vec<Option<f64>> = (0..track.len()).map(|f| speed(&track, f)).collect();
         let gain = |f: usize| {
@@ -62,7 +66,6 @@ impl Responder {
                     / (ACCELERATION_WINDOW as f64 * DT),
             )
         };
-        let now = CURRENT + reaction;
         let of_now = speeds[now].unwrap_or(0.0);
         let stationary = of_now < STANDSTILL_SPEED;
         let motion = Motion {
@@ -71,7 +74,7 @@ impl Responder {
         };
         let fastest = speeds.iter().flatten().fold(0.0_f64, |a, v| a.max(*v));
         let strongest =
-            (CURRENT..track.len()).filter_map(gain).fold(0.0_f64, f64::max).min(MAX_LOGGED_ACCELERATION);
+            (current..track.len()).filter_map(gain).fold(0.0_f64, f64::max).min(MAX_LOGGED_ACCELERATION);
         let (share, least) = match info.kind {
             AgentKind::Pedestrian => (1.2, 2.0),
             AgentKind::Cyclist => (1.1, 4.0),
@@ -97,22 +100,23 @@ impl Responder {
             })
             .collect();
         speeds.reverse();
-        let remaining = (FUTURE - reaction) as f64 * DT;
+        let remaining = (steps - reaction) as f64 * DT;
         let furthest = logged.last().copied().unwrap_or(0.0)
             + EXTRA_DISTANCE
             + EXTRA_DISTANCE_SHARE * last_speed * remaining;
         let mut last = traffic.scenario.start.now(agent);
-        let before = track[CURRENT..=now].iter().map(|f| {
+        let before = track[current..=now].iter().map(|f| {
             last = f.unwrap_or(last);
             last
         });
         let before = before.collect();
-        Some(Self { agent, reaction, path, motion, limits, logged, speeds, furthest, before })
+        let steps = steps - reaction;
+        Some(Self { agent, reaction, steps, path, motion, limits, logged, speeds, furthest, before })
     }
 
     /// Returns the number of steps after the reaction step.
     pub(super) fn steps(&self) -> usize {
-        FUTURE - self.reaction
+        self.steps
     }
 
     /// Returns the logged speeds at the reaction step and after it, m/s.

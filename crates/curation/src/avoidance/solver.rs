@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use reactsim_geometry::OrientedBox;
-use reactsim_scene::{AgentKind, AgentState, CURRENT, DT, FUTURE};
+use reactsim_scene::{AgentKind, AgentState, DT};
 
 use super::Unavoidable;
 use super::blocked::FootprintSamples;
@@ -103,7 +103,7 @@ impl Problem<'_> {
         None
     }
 
-    /// Returns the states at steps 0 to 80.
+    /// Returns the states from step 0 on.
     fn track(&self, path: &OwnPath, profile: &Profile) -> Vec<AgentState> {
         let mut track = self.responder.before.clone();
         for w in profile.s.windows(2) {
@@ -173,7 +173,7 @@ impl Problem<'_> {
             if !bounds.intersects(extent) {
                 continue;
             }
-            for k in first + 1..=FUTURE {
+            for k in first + 1..boxes.len() {
                 let (Some(me), Some(them)) = (&boxes[k], &theirs[k]) else { continue };
                 if !other.pair.exempt(k) && is_nearer(me, them, other.pair.limit) {
                     return None;
@@ -194,14 +194,14 @@ impl Problem<'_> {
             effort: None,
             track,
         };
-        let (scenario, agent) = (self.traffic.scenario, self.responder.agent);
-        let seen =
-            reaction_step(self.settings, |k| response.track[k], |k| scenario.logged_at(agent, CURRENT + k));
+        let (scenario, agent, steps) = (self.traffic.scenario, self.responder.agent, self.traffic.steps());
+        let logged = |k: usize| scenario.logged_at(agent, scenario.start.current() + k);
+        let seen = reaction_step(self.settings, steps, |k| response.track[k], logged);
         Some(PlannedResponse {
             response,
             boxes,
             extent: bounds,
-            others_reaction_step: seen.map_or(FUTURE, |k| k.min(FUTURE)),
+            others_reaction_step: seen.map_or(steps, |k| k.min(steps)),
         })
     }
 

@@ -6,18 +6,18 @@ use std::collections::BTreeMap;
 use reactsim_geometry::{Bounds, OrientedBox, rounded_distance, wrap};
 use reactsim_metrics::Options;
 use reactsim_scene::dynamics::PARKED_DISPLACEMENT;
-use reactsim_scene::{AgentState, CURRENT, DT, FUTURE, Frame, Scenario};
+use reactsim_scene::{AgentState, DT, Frame, Scenario};
 
 use super::AvoidanceSettings;
 use crate::Response;
 
-/// Boxes at steps 0 to 80; `None` where absent.
+/// Boxes from step 0 on; `None` where absent.
 pub(super) type Boxes = Vec<Option<OrientedBox>>;
 
-/// The scene at steps 0 to 80.
+/// The scene from step 0 on.
 pub(super) struct Traffic<'a> {
     pub(super) scenario: &'a Scenario,
-    /// The AV's 81 states.
+    /// The AV's states from step 0 on.
     pub(super) av: &'a [AgentState],
     /// Boxes of all agents (of the AV those of the candidate, of the others those of the log), followed
     /// by the static obstacles.
@@ -68,20 +68,25 @@ impl LoggedPair {
 
 impl<'a> Traffic<'a> {
     pub(super) fn new(scenario: &'a Scenario, av: &'a [AgentState]) -> Self {
-        let agents = &scenario.start.agents;
+        let (agents, current) = (&scenario.start.agents, scenario.start.current());
         let of = |i: usize| -> Boxes {
-            let state = |k: usize| if i == 0 { Some(av[k]) } else { scenario.logged_at(i, CURRENT + k) };
-            (0..=FUTURE)
+            let state = |k: usize| if i == 0 { Some(av[k]) } else { scenario.logged_at(i, current + k) };
+            (0..av.len())
                 .map(|k| state(k).filter(|s| s.is_finite()).map(|s| s.footprint(&agents[i])))
                 .collect()
         };
-        let static_ones = scenario.start.obstacles.iter().map(|&o| vec![Some(o); FUTURE + 1]);
+        let static_ones = scenario.start.obstacles.iter().map(|&o| vec![Some(o); av.len()]);
         let logged: Vec<Boxes> = (0..agents.len()).map(of).chain(static_ones).collect();
         let extents = logged.iter().map(extent).collect();
         let parked = (0..logged.len()).map(|i| i >= agents.len() || i > 0 && never_moves(scenario, i));
         let parked = parked.collect();
         let heights = heights(scenario, av);
         Self { scenario, av, logged, extents, parked, heights, planned: BTreeMap::new() }
+    }
+
+    /// Returns the number of steps after step 0.
+    pub(super) fn steps(&self) -> usize {
+        self.av.len() - 1
     }
 
     /// Returns the number of agents, the AV included.
@@ -145,8 +150,9 @@ impl<'a> Traffic<'a> {
             let apart = distance(a, b);
             pair.closest = pair.closest.min(apart);
             if apart < 0.0 {
-                pair.exempt.resize(FUTURE + 1, false);
-                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(FUTURE)].fill(true);
+                pair.exempt.resize(self.av.len(), false);
+                pair.exempt[k.saturating_sub(OVERLAP_STEPS)..=(k + OVERLAP_STEPS).min(self.steps())]
+                    .fill(true);
             }
         }
         if pair.closest < 0.0 {
@@ -165,25 +171,26 @@ impl<'a> Traffic<'a> {
         }
         let overlap =
             |k: usize| mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| is_nearer(a, b, 0.0));
-        let first = (1..=FUTURE).find(|&k| overlap(k))?;
+        let first = (1..=self.steps()).find(|&k| overlap(k))?;
         let pair = self.pair(a, b);
         let deep = |k: usize| {
             mine[k].as_ref().zip(theirs[k].as_ref()).is_some_and(|(a, b)| is_nearer(a, b, pair.limit))
         };
-        (first..=FUTURE).find(|&k| !pair.exempt(k) && deep(k))
+        (first..=self.steps()).find(|&k| !pair.exempt(k) && deep(k))
     }
 }
 
-/// Returns the heights at steps 0 to 80 of all agents and then of the static obstacles, metres; nothing in
+/// Returns the heights from step 0 on of all agents and then of the static obstacles, metres; nothing in
 /// scenarios of one level.
 fn heights(scenario: &Scenario, av: &[AgentState]) -> Vec<Vec<f64>> {
-    let start = &scenario.start;
+    let (start, current) = (&scenario.start, scenario.start.current());
     if !start.has_levels() {
         return Vec::new();
     }
+    let count = av.len();
     let av: Vec<Frame> = av.iter().copied().map(Some).collect();
-    let logged = (1..start.agents.len()).map(|i| start.heights_along(i, &scenario.logged(i)[CURRENT..]));
-    let obstacles = (0..start.obstacles.len()).map(|i| vec![start.obstacle_height(i); FUTURE + 1]);
+    let logged = (1..start.agents.len()).map(|i| start.heights_along(i, &scenario.logged(i)[current..]));
+    let obstacles = (0..start.obstacles.len()).map(|i| vec![start.obstacle_height(i); count]);
     std::iter::once(start.heights_along(0, &av)).chain(logged).chain(obstacles).collect()
 }
 
@@ -221,10 +228,11 @@ pub(super) fn reaction_steps(settings: &AvoidanceSettings) -> usize {
     (settings.reaction / DT).round().max(0.0) as usize
 }
 
-/// Returns the last step up to which an observer of a deviation moves as in the log: the first step at
-/// which it is visible plus the reaction time. `None` if it is never visible.
+/// Returns the last step up to which an observer of a deviation of so many steps moves as in the log: the
+/// first step at which it is visible plus the reaction time. `None` if it is never visible.
 pub(super) fn reaction_step(
     settings: &AvoidanceSettings,
+    steps: usize,
     moved: impl Fn(usize) -> AgentState,
     logged: impl Fn(usize) -> Frame,
 ) -> Option<usize> {
@@ -234,7 +242,7 @@ pub(super) fn reaction_step(
             || wrap(actual.heading - expected.heading).abs() > settings.visible_heading
             || (actual.speed() - expected.speed()).abs() > settings.visible_speed
     };
-    (1..=FUTURE).find(visible).map(|k| k + reaction_steps(settings))
+    (1..=steps).find(visible).map(|k| k + reaction_steps(settings))
 }
 
 #[cfg(test)]
@@ -249,11 +257,11 @@ mod tests {
     fn a_deviation_is_seen_by_speed_or_by_place_and_answered_later() {
         let settings = AvoidanceSettings::default();
         let log = |k: usize| Some(state(k as f64, 10.0));
-        assert_eq!(reaction_step(&settings, |k| state(k as f64, 10.0), log), None);
+        assert_eq!(reaction_step(&settings, 80, |k| state(k as f64, 10.0), log), None);
         // 3 m/s² of braking are 1.2 m/s after 0.4 s.
         let brakes = |k: usize| state(k as f64, 10.0 - 0.3 * k as f64);
-        assert_eq!(reaction_step(&settings, brakes, log), Some(4 + 3));
+        assert_eq!(reaction_step(&settings, 80, brakes, log), Some(4 + 3));
         let aside = |k: usize| AgentState { y: 0.06 * k as f64, ..state(k as f64, 10.0) };
-        assert_eq!(reaction_step(&settings, aside, log), Some(9 + 3));
+        assert_eq!(reaction_step(&settings, 80, aside, log), Some(9 + 3));
     }
 }

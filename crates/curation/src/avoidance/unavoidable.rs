@@ -4,11 +4,13 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unavoidable {
-    /// The candidate does not have 81 finite states.
-    #[error("the candidate has {found} finite states, expected 81 (steps 0 to 80)")]
+    /// The candidate does not have a finite state at each step of the scenario.
+    #[error("the candidate has {found} finite states, expected {expected}, one per step from 0 on")]
     Malformed {
         /// Finite states found.
         found: usize,
+        /// States expected.
+        expected: usize,
     },
     /// The conflict occurs before anybody can react.
     #[error("agent `{agent}` meets the AV at step {step}, before it can react (step {reaction})")]

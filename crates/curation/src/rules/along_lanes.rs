@@ -2,13 +2,11 @@
 
 use reactsim_geometry::{Vec2, direction, wrap};
 use reactsim_scene::dynamics::{AxlePath, REAR_AXLE, VehicleMotion, follow_smoothly};
-use reactsim_scene::{AgentState, DT, FUTURE, Frame, Scenario, Start};
+use reactsim_scene::{AgentState, DT, Frame, Scenario, Start};
 
 use super::routes::{Route, drive, routes};
 use super::survey::acceleration_now;
 
-/// Duration of a plan, s.
-const DURATION: f64 = FUTURE as f64 * DT;
 /// Speed, m/s, by which an AV may exceed its present one on average.
 const SPEED_GAIN: f64 = 6.0;
 /// Number of steps between the states of a plan that are compared with routes.
@@ -37,7 +35,7 @@ impl<'a> LaneRoutes<'a> {
             return None;
         }
         let curvature = curvature(&start.history[0]);
-        let reach = DURATION * (speed + SPEED_GAIN);
+        let reach = scenario.length().future as f64 * DT * (speed + SPEED_GAIN);
         let with_path = |route: Route| {
             let path = drive(start, &route.guide, curvature);
             (route, path)

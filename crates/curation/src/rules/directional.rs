@@ -5,7 +5,7 @@ use std::ops::Range;
 use rand::RngExt;
 use reactsim_rollout::Stream;
 use reactsim_scene::dynamics::{AxlePath, speeds};
-use reactsim_scene::{AgentState, DT, FUTURE};
+use reactsim_scene::{AgentState, DT};
 
 use super::routes::{Branch, PathEntry};
 use super::survey::Survey;
@@ -105,7 +105,7 @@ pub(super) fn cruise_to_arrive(
 pub(super) fn desired_speeds(survey: &Survey<'_>, plan: &SpeedPlan, cruise: f64) -> Vec<f64> {
     let (log, speed) = (survey.drive.speeds(), survey.speed());
     let at = |k: usize| if (k as f64) * DT < plan.wait { log[k].min(speed) } else { cruise };
-    let mut desired: Vec<f64> = (1..=FUTURE).map(at).collect();
+    let mut desired: Vec<f64> = (1..=survey.steps()).map(at).collect();
     speeds::bound(speed, &mut desired, plan.gain, 3.0);
     if let Some(halt) = plan.halt {
         let (mut distance, mut before) = (0.0, speed);

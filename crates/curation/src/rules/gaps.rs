@@ -7,7 +7,7 @@ use rand::RngExt;
 use reactsim_geometry::smooth_step;
 use reactsim_rollout::Stream;
 use reactsim_scene::dynamics::speeds;
-use reactsim_scene::{AgentState, DT, FUTURE};
+use reactsim_scene::{AgentState, DT};
 
 use super::survey::Survey;
 use super::{Draft, between};
@@ -24,8 +24,8 @@ const CUT_IN_SPEED_DIFFERENCE: Range<f64> = -4.0..6.0;
 const APPROACH_ACCELERATION: RangeInclusive<f64> = -3.0..=2.2;
 /// First step at which gaps are looked for.
 const FIRST_GAP_STEP: usize = 12;
-/// Last step at which gaps are looked for.
-const LAST_GAP_STEP: usize = 56;
+/// Tenths of the steps up to which gaps are looked for.
+const LAST_GAP_TENTHS: usize = 7;
 /// Number of steps between those at which gaps are looked for.
 const GAP_STEP_SPACING: usize = 4;
 /// Largest distance from a lane's centre line at which a vehicle drives in the lane, metres.
@@ -45,7 +45,11 @@ pub(super) fn cut_in(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, 
         return Err("no lane beside the AV's".into());
     }
     let target = survey.adjacent_lanes[stream.random_range(0..survey.adjacent_lanes.len())];
-    let intervals = (LAST_GAP_STEP - FIRST_GAP_STEP) / GAP_STEP_SPACING;
+    let last = survey.steps() * LAST_GAP_TENTHS / 10;
+    let Some(range) = last.checked_sub(FIRST_GAP_STEP) else {
+        return Err("no time to cut in".into());
+    };
+    let intervals = range / GAP_STEP_SPACING;
     let step = FIRST_GAP_STEP + GAP_STEP_SPACING * stream.random_range(0..=intervals);
     let time = step as f64 * DT;
     let followers: Vec<_> = survey
@@ -68,7 +72,7 @@ pub(super) fn cut_in(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, 
     let after = (follower.speed - stream.random_range(CUT_IN_SPEED_DIFFERENCE)).max(0.0);
     let loss = between(stream, 1.5, 5.0);
     let target_speed = |t: f64| if t < time { (now + gain * t).max(0.0) } else { after };
-    let mut desired: Vec<f64> = (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
+    let mut desired: Vec<f64> = (1..=survey.steps()).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
     speeds::bound_ahead(now, &mut desired, 2.5, loss);
     let lasts = stream.random_range(CUT_IN_DURATION);
     let begin = (time - CUT_IN_SHARE * lasts).max(0.0);
@@ -80,15 +84,15 @@ pub(super) fn cut_in(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, 
 /// Draws a motion from a standstill next to or behind others into their path, in some draws with a
 /// return.
 pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
-    let log = survey.drive.speeds();
-    let Some(stands) = (0..FUTURE / 2).find(|&k| log[k] < 0.5) else {
+    let (log, steps) = (survey.drive.speeds(), survey.steps());
+    let Some(stands) = (0..steps / 2).find(|&k| log[k] < 0.5) else {
         return Err("the AV does not stand".into());
     };
     let go = stands as f64 * DT + between(stream, 0.0, 3.0);
     let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 3.0, 9.0).min(survey.limit));
-    let logged = |t: f64| log[((t / DT) as usize).min(FUTURE)];
+    let logged = |t: f64| log[((t / DT) as usize).min(steps)];
     let target_speed = |t: f64| if t < go { logged(t) } else { cruise };
-    let mut desired: Vec<f64> = (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
+    let mut desired: Vec<f64> = (1..=survey.steps()).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
     speeds::bound(survey.speed(), &mut desired, gain, 4.0);
     let lane = !survey.adjacent_lanes.is_empty() && stream.random_bool(0.6);
     let target = if lane {
@@ -100,7 +104,7 @@ pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft
     let (length, returns) = (stream.random_range(PULL_OUT_LENGTH), !lane && stream.random_bool(0.5));
     let travelled = |t: f64| desired.iter().take((t / DT) as usize).sum::<f64>() * DT;
     let from = travelled(go);
-    if from + 0.7 * length > travelled(FUTURE as f64 * DT) {
+    if from + 0.7 * length > travelled(steps as f64 * DT) {
         return Err("no room to pull out".into());
     }
     let stay = between(stream, 2.0, 12.0);
@@ -108,7 +112,7 @@ pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft
         let back = if returns { smooth_step((s - from - length - stay) / length) } else { 0.0 };
         target * (smooth_step((s - from) / length) - back)
     };
-    let path = survey.shifted_path(&offset, travelled(FUTURE as f64 * DT));
+    let path = survey.shifted_path(&offset, travelled(steps as f64 * DT));
     let side = if target > 0.0 { "left" } else { "right" };
     let what = if returns { "squeeze past on" } else { "pull out to" };
     Ok(Draft {
@@ -127,7 +131,7 @@ fn shift(
     lasts: f64,
 ) -> Result<Vec<AgentState>, String> {
     let travelled = |t: f64| desired.iter().take((t / DT) as usize).sum::<f64>() * DT;
-    let travel = travelled(FUTURE as f64 * DT);
+    let travel = travelled(survey.steps() as f64 * DT);
     let from = travelled(begin);
     let speed = desired[((begin / DT) as usize).min(desired.len() - 1)].max(1.0);
     // A fifth-order ramp of length d and height h has a curvature of up to 5.8 h / d².

@@ -36,7 +36,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     }
     let log = survey.drive.speeds();
     let factor = if stream.random_bool(0.4) { 1.0 } else { between(stream, 0.55, 1.6) };
-    let mut desired = speeds::retime(log, factor);
+    let mut desired = speeds::retime(log, factor, survey.steps());
     desired.iter_mut().for_each(|v| *v = v.min(survey.limit));
     let travel = desired.iter().sum::<f64>() * DT;
     if travel < 4.0 {

@@ -1,15 +1,16 @@
 //! Draws of the logged path at another speed.
 //!
 //! Every kind of speed profile is a function with the ranges that it draws from: `DELAY`, the time until the
-//! speed differs from the log, s; `LATE`, the delay of what the log does, s; `GAIN` and `BRAKING`, acceleration
-//! and deceleration, m/s²; `FACTOR`, a factor of the logged speed. Candidates depend on the order of draws.
+//! speed differs from the log, s; `LATE`, the delay of what the log does, s; `GAIN` and `BRAKING`,
+//! acceleration and deceleration, m/s²; `FACTOR`, a factor of the logged speed. Candidates depend on the
+//! order of draws.
 
 use std::ops::Range;
 
 use rand::RngExt;
 use reactsim_rollout::Stream;
+use reactsim_scene::DT;
 use reactsim_scene::dynamics::speeds::{self, MAX_PLANNED_ACCELERATION, MAX_PLANNED_DECELERATION};
-use reactsim_scene::{DT, FUTURE};
 
 use super::directional::{ARRIVAL_LEAD, SpeedPlan, cruise_to_arrive, desired_speeds};
 use super::routes::PathEntry;
@@ -26,7 +27,7 @@ const DECELERATION: f64 = 4.0;
 /// Speed in m/s below which the AV stands or crawls.
 const CRAWLING_SPEED: f64 = 1.0;
 
-/// A kind of speed profile: draws a description and the speeds at steps 1 to 80 (m/s).
+/// A kind of speed profile: draws a description and the speeds at the steps from 1 on (m/s).
 pub(super) type Kind = fn(&Log<'_>, &mut Stream) -> Result<(String, Vec<f64>), String>;
 
 /// Kinds of speed profiles, with the weights with which they are drawn.
@@ -61,16 +62,25 @@ pub(super) fn draw(survey: &Survey<'_>, kind: Option<Kind>, stream: &mut Stream)
 /// The logged drive of the AV.
 pub(super) struct Log<'a> {
     survey: &'a Survey<'a>,
-    /// Speeds at steps 0 to 80, m/s.
+    /// Speeds from step 0 on, m/s.
     speeds: &'a [f64],
 }
 
 impl Log<'_> {
     /// Returns the logged speed at a time in seconds, m/s.
     fn at(&self, t: f64) -> f64 {
-        let k = (t / DT).clamp(0.0, FUTURE as f64);
-        let i = (k as usize).min(FUTURE - 1);
+        let k = (t / DT).clamp(0.0, self.steps() as f64);
+        let i = (k as usize).min(self.steps() - 1);
         self.speeds[i] + (self.speeds[i + 1] - self.speeds[i]) * (k - i as f64)
+    }
+
+    fn steps(&self) -> usize {
+        self.speeds.len() - 1
+    }
+
+    /// Returns a target speed in the middle of every step.
+    fn sampled(&self, target_speed: impl Fn(f64) -> f64) -> Vec<f64> {
+        (1..=self.steps()).map(|k| target_speed((k as f64 - 0.5) * DT).max(0.0)).collect()
     }
 
     /// Returns the logged speed up to a time, and a target speed after it.
@@ -84,7 +94,7 @@ impl Log<'_> {
 
     /// Returns target speeds within bounds of acceleration and deceleration: braking begins in time.
     fn anticipated(&self, target_speed: impl Fn(f64) -> f64, gain: f64, loss: f64) -> Vec<f64> {
-        let mut speeds = sampled(target_speed);
+        let mut speeds = self.sampled(target_speed);
         speeds::bound(self.speeds[0], &mut speeds, gain, loss);
         speeds
     }
@@ -92,7 +102,7 @@ impl Log<'_> {
     /// Returns target speeds within bounds of acceleration and deceleration: braking begins when the target
     /// falls.
     fn unanticipated(&self, target_speed: impl Fn(f64) -> f64, gain: f64, loss: f64) -> Vec<f64> {
-        let mut speeds = sampled(target_speed);
+        let mut speeds = self.sampled(target_speed);
         speeds::bound_ahead(self.speeds[0], &mut speeds, gain, loss);
         speeds
     }
@@ -103,16 +113,11 @@ impl Log<'_> {
         const STEPS: usize = 15;
         /// Smallest loss of speed, m/s.
         const LOSS: f64 = 1.5;
-        let brakes =
-            (0..FUTURE).find(|&k| k + STEPS <= FUTURE && self.speeds[k] - self.speeds[k + STEPS] > LOSS);
+        let (steps, speeds) = (self.steps(), self.speeds);
+        let brakes = (0..steps).find(|&k| k + STEPS <= steps && speeds[k] - speeds[k + STEPS] > LOSS);
         let brakes = brakes.ok_or("the AV does not brake")?;
         Ok((brakes as f64 * DT, self.speeds[brakes]))
     }
-}
-
-/// Returns a target speed in the middle of every step.
-fn sampled(target_speed: impl Fn(f64) -> f64) -> Vec<f64> {
-    (1..=FUTURE).map(|k| target_speed((k as f64 - 0.5) * DT).max(0.0)).collect()
 }
 
 /// A stop at constant deceleration. Braking begins after the delay, not before.
@@ -125,8 +130,8 @@ fn stop(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>), String
     }
     let now = log.speeds[0];
     let mut speed = now;
-    let mut speeds = Vec::with_capacity(FUTURE);
-    for k in 1..=FUTURE {
+    let mut speeds = Vec::with_capacity(log.steps());
+    for k in 1..=log.steps() {
         let t = (k as f64 - 0.5) * DT;
         speed = if t < after { log.at(t) } else { speed.min(log.at(t)).max(loss * DT) - loss * DT };
         speeds.push(speed);
@@ -139,14 +144,14 @@ fn stop(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>), String
 fn slow(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>), String> {
     const FACTOR: Range<f64> = 0.3..0.8;
     let factor = stream.random_range(FACTOR);
-    Ok((format!("slow: {factor:.2} of the speed"), speeds::retime(log.speeds, factor)))
+    Ok((format!("slow: {factor:.2} of the speed"), speeds::retime(log.speeds, factor, log.steps())))
 }
 
 /// The log in fast motion, within the speed limit.
 fn faster(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>), String> {
     const FACTOR: Range<f64> = 1.15..1.8;
     let factor = stream.random_range(FACTOR);
-    let mut speeds = speeds::retime(log.speeds, factor);
+    let mut speeds = speeds::retime(log.speeds, factor, log.steps());
     speeds.iter_mut().for_each(|v| *v = v.min(log.survey.limit));
     speeds::bound(log.speeds[0], &mut speeds, ACCELERATION, DECELERATION);
     Ok((format!("faster: {factor:.2} of the speed"), speeds))
@@ -159,7 +164,7 @@ fn early_start(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>),
     const CRUISE: Range<f64> = 4.0..11.0;
     /// Time at which the AV sets off after the log has slowed down, s.
     const DELAY: Range<f64> = -1.0..2.5;
-    let slow = (0..=FUTURE).find(|&k| log.speeds[k] < CRAWLING_SPEED).ok_or("the AV does not stand")?;
+    let slow = (0..=log.steps()).find(|&k| log.speeds[k] < CRAWLING_SPEED).ok_or("the AV does not stand")?;
     let (gain, cruise) = (stream.random_range(GAIN), stream.random_range(CRUISE).min(log.survey.limit));
     let go = (slow as f64 * DT + stream.random_range(DELAY)).max(0.0);
     let target_speed = log.until(go, |t| cruise.max(log.at(t)));
@@ -180,7 +185,7 @@ fn late_start(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>), 
         let (before, after) = (log.speeds[k - 1], log.speeds[*k]);
         after > before.max(STARTED_SPEED) && before < WAITING_SPEED
     };
-    let starts = (1..=FUTURE).find(sets_off).ok_or("the AV does not set off")?;
+    let starts = (1..=log.steps()).find(sets_off).ok_or("the AV does not set off")?;
     let (late, hold) = (stream.random_range(LATE), log.speeds[starts - 1]);
     let from = starts as f64 * DT;
     let target_speed = log.until(from, |t| if t < from + late { hold } else { log.at(t - late) });

@@ -35,8 +35,8 @@ const MAX_DRAWS: usize = 20;
 const SAME_KIND_DRAWS: usize = 12;
 /// Last step at which a contact is too early for anybody to avoid.
 const TOO_EARLY_STEP: usize = 8;
-/// Last step at which a contact leaves time to observe its outcome.
-const IN_TIME_STEP: usize = 65;
+/// Steps after a contact that are enough to observe its outcome.
+const OUTCOME_STEPS: usize = 15;
 /// Smallest ADE to the log at which a draw is another trajectory, metres.
 const MIN_ADE: f64 = 2.0;
 /// Distance from the logged path beyond which the AV is off it, metres.
@@ -144,8 +144,9 @@ fn rank(survey: &Survey<'_>, family: Deviation, draft: &Draft) -> u8 {
         family == Deviation::Longitudinal
             || survey.distance_to_logged(&draft.future[step - 1]) > OFF_PATH_DISTANCE
     };
+    let is_in_time = |step: usize| step + OUTCOME_STEPS <= survey.steps();
     match touches.iter().filter(|t| t.at_fault).map(|t| t.step).min() {
-        Some(step) if step <= IN_TIME_STEP && in_family(step) && survey.ade(&draft.future) >= MIN_ADE => {
+        Some(step) if is_in_time(step) && in_family(step) && survey.ade(&draft.future) >= MIN_ADE => {
             BEST_RANK
         }
         Some(_) => 3,

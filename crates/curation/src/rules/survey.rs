@@ -4,7 +4,7 @@
 use reactsim_geometry::{Polyline, Vec2, direction, wrap};
 use reactsim_rollout::{AvError, LoggedDrive};
 use reactsim_scene::dynamics::{AxlePath, follow_smoothly};
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FUTURE, Scenario};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Scenario};
 
 use super::limits::{Limits, MAX_LATERAL_ACCELERATION, lane_limit};
 use super::routes::{self, Branch, PathEntry};
@@ -58,7 +58,7 @@ impl<'a> Survey<'a> {
         let now = scenario.start.now(0);
         let limit = lane_limit(&road, now.position(), now.heading).map_or(top.max(8.0), |l| l.max(top));
         // Far enough for the fastest candidate.
-        let reach = (8.0 * (top + 4.0).min(limit.max(top))).max(30.0);
+        let reach = (scenario.length().future as f64 * DT * (top + 4.0).min(limit.max(top))).max(30.0);
         let mut logged = drive.path(scenario, None, Some(curvature), reach);
         logged.limit_lateral(MAX_LATERAL_ACCELERATION);
         let limits = Limits::along(&road, &logged, top);
@@ -108,10 +108,15 @@ impl<'a> Survey<'a> {
     pub(super) fn entries_before_av(&self) -> Vec<PathEntry> {
         let states = self.drive.states();
         let before = |m: &PathEntry| {
-            let step = ((m.time / DT) as usize).min(FUTURE);
+            let step = ((m.time / DT) as usize).min(self.steps());
             self.line.project(states[step].position()).s + self.half_length() < m.s
         };
         self.path_entries.iter().copied().filter(before).collect()
+    }
+
+    /// Returns the number of steps of the scenario.
+    pub(super) fn steps(&self) -> usize {
+        self.drive.states().len() - 1
     }
 
     /// Returns half of the AV's length, metres.
@@ -143,7 +148,8 @@ impl<'a> Survey<'a> {
 
     /// Returns whether a vehicle follows the logged AV within two seconds, or 8 m, at `after` seconds.
     pub(super) fn is_followed_closely(&self, after: f64) -> bool {
-        let step = (after / DT) as usize / Neighbor::SAMPLE_STEPS * Neighbor::SAMPLE_STEPS;
+        let step = ((after / DT) as usize).min(self.steps());
+        let step = step / Neighbor::SAMPLE_STEPS * Neighbor::SAMPLE_STEPS;
         let own = self.line.project(self.drive.states()[step].position()).s;
         self.neighbors.iter().filter_map(|n| Some((n.half_length, n.at(step)?))).any(|(half_length, p)| {
             let gap = own - self.half_length() - p.s - half_length;
@@ -216,16 +222,18 @@ fn neighbors(scenario: &Scenario, line: &Polyline) -> Vec<Neighbor> {
     const MAX_DISTANCE_BEYOND: f64 = 60.0;
     let agents = scenario.start.agents.iter().enumerate().skip(1);
     let vehicles = agents.filter(|(_, a)| a.kind == AgentKind::Vehicle);
+    let length = scenario.length();
     let of = |(i, agent): (usize, &Agent)| {
         let path_position = |k: usize| {
-            let state = scenario.logged_at(i, CURRENT + Neighbor::SAMPLE_STEPS * k)?;
-            let velocity = scenario.logged_velocity(i, CURRENT + Neighbor::SAMPLE_STEPS * k)?;
+            let frame = length.current() + Neighbor::SAMPLE_STEPS * k;
+            let state = scenario.logged_at(i, frame)?;
+            let velocity = scenario.logged_velocity(i, frame)?;
             let path_position = path_position(line, state.position(), velocity);
             let beyond = (-path_position.s).max(path_position.s - line.length());
             (path_position.offset.abs() < MAX_OFFSET && beyond < MAX_DISTANCE_BEYOND).then_some(path_position)
         };
         let positions: Vec<Option<PathPosition>> =
-            (0..=FUTURE / Neighbor::SAMPLE_STEPS).map(path_position).collect();
+            (0..=length.future / Neighbor::SAMPLE_STEPS).map(path_position).collect();
         Neighbor { half_length: 0.5 * agent.length, positions }
     };
     vehicles.map(of).filter(|n| n.positions.iter().any(Option::is_some)).collect()
@@ -250,9 +258,10 @@ fn path_position(line: &Polyline, p: Vec2, velocity: Vec2) -> PathPosition {
 /// The time span is long enough for the AV to have moved a metre, but at most 2 s; 0 for an AV that
 /// hardly moves.
 fn curvature_now(scenario: &Scenario, drive: &LoggedDrive) -> f64 {
-    let history = &scenario.start.history[0];
-    for reach in [4, 7, CURRENT] {
-        let (Some(before), after) = (history[CURRENT - reach], drive.states()[reach]) else { return 0.0 };
+    let (history, current) = (&scenario.start.history[0], scenario.start.current());
+    let longest = current.min(drive.states().len() - 1);
+    for reach in [4, 7, 10].map(|reach| longest.min(reach)) {
+        let (Some(before), after) = (history[current - reach], drive.states()[reach]) else { return 0.0 };
         let distance = (after.position() - before.position()).norm();
         if distance >= 1.0 {
             let sign = if drive.reverses() { -1.0 } else { 1.0 };
@@ -265,9 +274,11 @@ fn curvature_now(scenario: &Scenario, drive: &LoggedDrive) -> f64 {
 /// Returns the acceleration of the AV over the last half second, m/s²; 0 if it is unknown.
 pub(super) fn acceleration_now(scenario: &Scenario) -> f64 {
     const WINDOW: usize = 5;
+    let current = scenario.start.current();
+    let window = WINDOW.min(current);
     let speed = |frame: usize| scenario.logged_velocity(0, frame).map(|v| v.norm());
-    let (now, before) = (speed(CURRENT), speed(CURRENT - WINDOW));
-    now.zip(before).map_or(0.0, |(a, b)| ((a - b) / (WINDOW as f64 * DT)).clamp(-4.0, 4.0))
+    let (now, before) = (speed(current), speed(current - window));
+    now.zip(before).map_or(0.0, |(a, b)| ((a - b) / (window as f64 * DT)).clamp(-4.0, 4.0))
 }
 
 #[cfg(test)]

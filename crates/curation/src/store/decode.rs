@@ -166,7 +166,7 @@ impl<'a> Rows<'a> {
         let (ade, speed) = (self.numbers("ade")?, self.numbers("mean_speed_difference")?);
         let mut reviews = self.reviews()?.into_iter();
         let mut certificates = certificates::decode(self.batch)?.into_iter();
-        let record = |row: usize| {
+        let mut read = |row: usize| {
             Ok(CandidateRecord {
                 candidate: Candidate {
                     source: next(&mut sources)?,
@@ -201,6 +201,15 @@ impl<'a> Rows<'a> {
                 review: next(&mut reviews)?,
                 certificate: next(&mut certificates)?,
             })
+        };
+        let record = |row: usize| -> Result<CandidateRecord, Cause> {
+            let record = read(row)?;
+            let (states, expected) = (record.candidate.track.len(), "as many states as the candidate has");
+            let mut responses = record.certificate.iter().flat_map(|c| &c.responses).map(|r| r.track.len());
+            match responses.find(|count| *count != states) {
+                Some(found) => Err(Cause::value("`response_x`", format!("{found} states"), expected)),
+                None => Ok(record),
+            }
         };
         (0..self.batch.num_rows()).map(record).collect()
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use reactsim_formats::{FormatError, error::Cause, table::TableWriter};
 
 use super::{FRAME, KIND, PROVENANCE_KEY, SCENARIO_FRAME, SCENARIOS_PER_GROUP, VERSION, columns, encode};
-use crate::{CANDIDATE_STATES, CurationProvenance, ScenarioRecord};
+use crate::{CurationProvenance, ScenarioRecord};
 
 /// Writes a curation. The file gets its name when it is finished; a writer that is dropped leaves
 /// nothing.
@@ -36,7 +36,7 @@ impl Writer {
     ///
     /// # Errors
     /// [`FormatError`] when the file cannot be written, when the scenario is already in it, or when a
-    /// track does not have 81 states.
+    /// track does not have as many states as the others of its scenario.
     pub fn write(&mut self, record: &ScenarioRecord) -> Result<bool, FormatError> {
         if record.candidates.is_empty() {
             return Ok(false);
@@ -64,15 +64,17 @@ impl Writer {
         if self.ids.contains(id) {
             return Err(Cause::value("scenario_id", format!("`{id}` again"), "every scenario once"));
         }
-        let expected = || format!("{CANDIDATE_STATES} states");
+        // The writer receives scenarios with candidates only.
+        let all = record.candidates.first().map_or(0, |one| one.candidate.track.len());
+        let expected = || format!("{all} states");
         let wrong = |what: String, n: usize| Cause::value(what, format!("{n} states"), expected());
         for one in &record.candidates {
             let (n, states) = (one.candidate.number, one.candidate.track.len());
-            if states != CANDIDATE_STATES {
+            if states != all {
                 return Err(wrong(format!("the track of candidate {n}"), states));
             }
             let mut responses = one.certificate.iter().flat_map(|c| &c.responses);
-            if let Some(response) = responses.find(|r| r.track.len() != CANDIDATE_STATES) {
+            if let Some(response) = responses.find(|r| r.track.len() != all) {
                 let what = format!("the response of agent `{}` to candidate {n}", response.agent);
                 return Err(wrong(what, response.track.len()));
             }

@@ -11,7 +11,7 @@ use reactsim_scene::AgentState;
 /// Standard deviation of the initial noise (published).
 pub(super) const TEMPERATURE: f64 = 0.5;
 
-/// Samples a plan of the AV: its states after 1 to 80 steps; `None` if the AV is absent.
+/// Samples a plan of the AV: its states after 1, 2, … steps; `None` if the AV is absent.
 pub(super) type Network = dyn Fn(&Observation<'_>, &mut Stream) -> Option<Vec<AgentState>> + Send + Sync;
 
 /// The planner of one rollout. Plans of a small network stray from their lanes, so that only their speed is

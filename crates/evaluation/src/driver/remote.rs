@@ -6,15 +6,23 @@ use reactsim_external::PlannerEpisode;
 use reactsim_planning::Trajectory;
 use reactsim_planning::from_scene::planning_lanes;
 use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
-use reactsim_scene::FUTURE;
 
 /// The planner of one rollout, which plans in another process.
 pub(super) struct RemotePlanner {
-    pub(super) episode: PlannerEpisode,
+    episode: PlannerEpisode,
     /// Number of steps between two plans.
-    pub(super) steps: usize,
+    steps: usize,
+    /// Number of steps of the rollout.
+    future: usize,
     /// Lanes of the route in the map of the scenario.
-    pub(super) route: Option<Vec<usize>>,
+    route: Option<Vec<usize>>,
+}
+
+impl RemotePlanner {
+    /// Creates the planner of a rollout of `future` steps, which plans every `steps` steps.
+    pub(super) fn new(episode: PlannerEpisode, steps: usize, future: usize) -> Self {
+        Self { episode, steps, future, route: None }
+    }
 }
 
 impl Planner for RemotePlanner {
@@ -26,7 +34,7 @@ impl Planner for RemotePlanner {
             let route = input.route.lanes(input.map).into_iter().map(|lane| lanes[lane]);
             route.filter(|&lane| passed.insert(lane)).collect()
         });
-        let steps = self.steps.min(FUTURE - seen.step());
+        let steps = self.steps.min(self.future - seen.step());
         let ego = input.ego();
         let motion = [ego.vx, ego.vy, ego.ax, ego.ay, ego.steering, ego.yaw_rate, ego.yaw_acceleration];
         let planned = self.episode.plan(&seen, steps, route, motion).map_err(PlannerError::Failed)?;

@@ -9,7 +9,7 @@ use reactsim_formats::rollouts::{ByName, RolloutRecord};
 use reactsim_scene::{Frame, Scenario};
 
 use crate::error::EvaluationError;
-use crate::folder::rollouts::recorded_tracks;
+use crate::folder::rollouts::{entered_in, recorded_tracks};
 use crate::folder::{cannot_read, for_lines, read_summary, read_tally};
 use crate::layout::REFERENCE_RECORD;
 use crate::layout::{EVENTS, ROLLOUTS};
@@ -127,7 +127,7 @@ impl FinishedRun {
             .collect()
     }
 
-    /// Reads the realised tracks of a rollout: 91 frames per agent of the scenario. `None` if it was not
+    /// Reads the realised tracks of a rollout: the frames of each agent of the scenario. `None` if it was not
     /// kept.
     ///
     /// # Errors
@@ -145,6 +145,24 @@ impl FinishedRun {
             source: Box::new(source),
         };
         recorded_tracks(scenario, &record).map(Some).map_err(foreign)
+    }
+
+    /// Returns the indices in [`Scenario::unselected`] of the agents that entered a rollout. With
+    /// [`Scenario::with_entered`], [`Self::tracks`] returns their tracks as well. Empty if it was not kept.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file cannot be read.
+    pub fn entered(
+        &self,
+        scenario: &Scenario,
+        simulator: usize,
+        rollout: u32,
+    ) -> Result<Vec<usize>, EvaluationError> {
+        if self.summary.provenance.run.settings.entering.is_none() {
+            return Ok(Vec::new());
+        }
+        let record = self.recorded(&scenario.id, simulator, rollout)?;
+        Ok(record.map_or_else(Vec::new, |record| entered_in(scenario, &record)))
     }
 
     /// Reads a rollout as it was kept, by the id of its scenario. `None` if it was not kept.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use reactsim_formats::rollouts::{RolloutRecord, Writer, read};
 use reactsim_rollout::Rollout;
-use reactsim_scene::{AgentState, Frame, HISTORY, Scenario, limits};
+use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario, limits};
 
 use crate::error::EvaluationError;
 use crate::error::ForeignRollout;
@@ -21,17 +21,34 @@ pub(crate) fn write_part(
     rollouts: &[Rollout],
 ) -> Result<(), EvaluationError> {
     let mut writer = Writer::create(path)?;
+    let history = scenario.length().history;
     for (index, rollout) in (0..).zip(rollouts) {
         writer.write(&RolloutRecord {
             scenario_id: scenario.id.clone(),
             simulator: simulator.to_owned(),
             rollout: index,
             origin: Some(scenario.origin),
-            agent_ids: scenario.start.agents.iter().map(|a| a.id.clone()).collect(),
-            tracks: rollout.tracks.iter().map(|t| t[HISTORY..].to_vec()).collect(),
+            agent_ids: agents(scenario, rollout).map(|a| a.id.clone()).collect(),
+            tracks: rollout.tracks.iter().map(|t| t[history..].to_vec()).collect(),
         })?;
     }
     Ok(writer.finish()?)
+}
+
+/// Returns the agents of a rollout, in the order of its tracks.
+fn agents<'s>(scenario: &'s Scenario, rollout: &'s Rollout) -> impl Iterator<Item = &'s Agent> {
+    let entered = rollout.entered.iter().map(|entered| &scenario.unselected[entered.logged].agent);
+    scenario.start.agents.iter().chain(entered)
+}
+
+/// Returns the indices in [`Scenario::unselected`] of the agents of a recorded rollout that entered it: agents of
+/// the record that are absent at the current frame.
+pub(crate) fn entered_in(scenario: &Scenario, record: &RolloutRecord) -> Vec<usize> {
+    let current = scenario.start.current();
+    let is_later =
+        |logged: &LoggedAgent| logged.track[current].is_none() && logged.agent.kind != AgentKind::Other;
+    let logged = |id: &String| scenario.unselected.iter().position(|a| a.agent.id == *id && is_later(a));
+    record.agent_ids.iter().filter_map(logged).collect()
 }
 
 /// Returns whether a file of rollouts is there. A truncated one is removed, so that it is made again.
@@ -76,15 +93,18 @@ pub(crate) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
 /// out.
 ///
 /// # Errors
-/// [`ForeignRollout`] names an agent that is unknown or repeated, a state beyond the limits of scenarios, or
-/// a missing AV.
+/// [`ForeignRollout`] names an agent that is unknown or repeated, a number of steps other than that of the
+/// scenario, a state beyond the limits of scenarios, or a missing AV.
 pub fn recorded_tracks(
     scenario: &Scenario,
     record: &RolloutRecord,
 ) -> Result<Vec<Vec<Frame>>, ForeignRollout> {
-    let agents = &scenario.start.agents;
+    let (agents, expected) = (&scenario.start.agents, scenario.length().future);
     let mut tracks: Vec<Option<Vec<Frame>>> = vec![None; agents.len()];
     for (id, steps) in record.agent_ids.iter().zip(record.tracks_in(scenario.origin)) {
+        if steps.len() != expected {
+            return Err(ForeignRollout::Steps { agent: id.clone(), found: steps.len(), expected });
+        }
         if let Some(error) = beyond_limits(scenario, id, &steps) {
             return Err(error);
         }
@@ -98,12 +118,11 @@ pub fn recorded_tracks(
     if tracks.first().is_none_or(Option::is_none) {
         return Err(ForeignRollout::NoAv(agents[0].id.clone()));
     }
-    let absent = |history: &Vec<Frame>, steps: usize| -> Vec<Frame> {
-        history.iter().copied().chain(std::iter::repeat_n(None::<AgentState>, steps)).collect()
+    let absent = |history: &Vec<Frame>| -> Vec<Frame> {
+        history.iter().copied().chain(std::iter::repeat_n(None::<AgentState>, expected)).collect()
     };
-    let steps = reactsim_scene::FUTURE;
     let filled = tracks.into_iter().zip(&scenario.start.history);
-    Ok(filled.map(|(track, history)| track.unwrap_or_else(|| absent(history, steps))).collect())
+    Ok(filled.map(|(track, history)| track.unwrap_or_else(|| absent(history))).collect())
 }
 
 /// Returns the error for the first state beyond the limits of scenarios.
@@ -112,4 +131,44 @@ fn beyond_limits(scenario: &Scenario, id: &str, steps: &[Frame]) -> Option<Forei
     // Large numbers with all their digits are no help.
     let value = format!("{value:e}");
     Some(ForeignRollout::Beyond { agent: id.to_owned(), name, step: k + 1, value, expected })
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_scene::{Agent, AgentKind, Length, LoggedAgent, ScenarioParts};
+
+    use super::*;
+
+    #[test]
+    fn rollouts_have_the_steps_of_their_scenario() {
+        for (history, future) in [(11, 80), (11, 150), (2, 60)] {
+            let length = Length { history, future };
+            let state =
+                |f: usize| Some(AgentState { x: f as f64 * 0.1, y: 0.0, heading: 0.0, vx: 1.0, vy: 0.0 });
+            let agent = |id: &str| LoggedAgent {
+                agent: Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
+                track: (0..length.frames()).map(state).collect(),
+                heights: Vec::new(),
+            };
+            let agents = vec![agent("av"), agent("a")];
+            let parts = ScenarioParts { id: "s".to_owned(), length, agents, ..ScenarioParts::default() };
+            let scenario = Scenario::assemble(parts).unwrap();
+            let record = |steps: usize| RolloutRecord {
+                scenario_id: "s".to_owned(),
+                simulator: "idm".to_owned(),
+                rollout: 0,
+                origin: None,
+                agent_ids: vec!["av".to_owned()],
+                tracks: vec![vec![Some(scenario.start.now(0)); steps]],
+            };
+            let tracks = recorded_tracks(&scenario, &record(future)).unwrap();
+            // Agents that were not recorded are absent.
+            assert!(tracks.iter().all(|track| track.len() == length.frames()));
+            assert!(tracks[1][history..].iter().all(Option::is_none));
+            let error = recorded_tracks(&scenario, &record(future + 1)).unwrap_err().to_string();
+            let expected =
+                format!("agent `av` has {} steps, expected the {future} of the scenario", future + 1);
+            assert_eq!(error, expected);
+        }
+    }
 }

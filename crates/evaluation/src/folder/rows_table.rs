@@ -11,7 +11,7 @@ use reactsim_formats::{
 };
 use reactsim_metrics::REMOVED_METRICS;
 
-use crate::row::{Row, RowNote, Value};
+use crate::row::{Row, RowLength, RowNote, Value};
 
 /// Kind of the file in its metadata.
 const KIND: &str = "reactsim-rows";
@@ -26,7 +26,8 @@ const MAX_COUNT: u64 = 1 << 53;
 ///
 /// A metric is an element of four parallel lists: `metric`, `kind` (`rate`, `count`, `mean` or `value`; null
 /// if nothing was evaluated), `numerator` and `denominator`. The value of rates and means is numerator over
-/// denominator, the value of the others is the numerator. The columns of notes exist only if a row has notes.
+/// denominator, the value of the others is the numerator. The columns of notes exist only if a row has notes,
+/// and those of the length only if a scenario has another length than the benchmark.
 ///
 /// # Errors
 /// [`FormatError`] if the file cannot be written, or a count is too large for it.
@@ -59,16 +60,23 @@ pub(crate) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
             Column::new("note_detail", Leaf::Text, 1, true),
         ]);
     }
+    let has_lengths = rows.iter().any(|row| row.length.is_some());
+    if has_lengths {
+        columns.extend([
+            Column::new("history", Leaf::Whole, 0, true),
+            Column::new("steps", Leaf::Whole, 0, true),
+        ]);
+    }
     let mut table = TableWriter::create(path, (KIND, VERSION), GROUP_ROWS, columns)?;
     for (record, row) in (0..).zip(rows) {
         let refuse = |cause| FormatError::record(path, record, Some(row.scenario.clone()), cause);
-        put(&mut table, row, has_notes).map_err(refuse)?;
+        put(&mut table, row, has_notes, has_lengths).map_err(refuse)?;
         table.end_row()?;
     }
     table.finish()
 }
 
-fn put(table: &mut TableWriter, row: &Row, has_notes: bool) -> Result<(), Cause> {
+fn put(table: &mut TableWriter, row: &Row, has_notes: bool, has_lengths: bool) -> Result<(), Cause> {
     // Destructured, so that a new field cannot be forgotten.
     let Row {
         input,
@@ -84,6 +92,7 @@ fn put(table: &mut TableWriter, row: &Row, has_notes: bool) -> Result<(), Cause>
         deviation,
         outcomes,
         notes,
+        length,
     } = row;
     let mut one = |column: &str, cell: Cell<'_>| table.column(column).push(cell);
     one("input", Cell::Whole(whole("input", *input as u64)?));
@@ -109,6 +118,12 @@ fn put(table: &mut TableWriter, row: &Row, has_notes: bool) -> Result<(), Cause>
     let counts: Vec<u32> = outcomes.iter().map(|(name, n)| whole(name, *n)).collect::<Result<_, _>>()?;
     table.column("outcome").list(outcomes.keys().map(|name| Cell::Text(name)));
     table.column("outcome_count").list(counts.into_iter().map(Cell::Whole));
+    if has_lengths {
+        for (column, frames) in [("history", length.map(|l| l.history)), ("steps", length.map(|l| l.steps))] {
+            let cell = frames.map(|frames| whole(column, frames as u64)).transpose()?;
+            table.column(column).push(cell.map_or(Cell::Null, Cell::Whole));
+        }
+    }
     if has_notes {
         table.column("note").list(notes.keys().map(|id| Cell::Text(id)));
         table.column("note_count").list(notes.values().map(|note| Cell::Whole(note.count)));
@@ -186,6 +201,8 @@ struct Columns {
     outcome_count: View,
     /// Id, count and detail of notes; `None` if no row has notes.
     notes: Option<[View; 3]>,
+    /// Frames of the history and steps; `None` if all scenarios have the length of the benchmark.
+    length: Option<[View; 2]>,
 }
 
 impl Columns {
@@ -194,6 +211,10 @@ impl Columns {
         let list = |name, leaf| View::need(batch, name, leaf, 1);
         let notes = match View::find(batch, "note", Leaf::Text, 1)? {
             Some(ids) => Some([ids, list("note_count", Leaf::Whole)?, list("note_detail", Leaf::Text)?]),
+            None => None,
+        };
+        let length = match View::find(batch, "history", Leaf::Whole, 0)? {
+            Some(history) => Some([history, one("steps", Leaf::Whole)?]),
             None => None,
         };
         Ok(Self {
@@ -216,6 +237,7 @@ impl Columns {
             outcome: list("outcome", Leaf::Text)?,
             outcome_count: list("outcome_count", Leaf::Whole)?,
             notes,
+            length,
         })
     }
 
@@ -250,6 +272,13 @@ impl Columns {
                 notes.insert(id, RowNote { count, detail: details.text(detail).map(str::to_owned) });
             }
         }
+        let frames = self.length.as_ref().map(|columns| columns.each_ref().map(|column| column.whole(row)));
+        let length = match frames {
+            Some([Some(history), Some(steps)]) => {
+                Some(RowLength { history: history as usize, steps: steps as usize })
+            }
+            _ => None,
+        };
         let text = |view: &View| view.text(row).map(str::to_owned);
         Ok(Row {
             input: number(&self.input, row)? as usize,
@@ -265,6 +294,7 @@ impl Columns {
             deviation,
             outcomes,
             notes,
+            length,
         })
     }
 
@@ -345,6 +375,8 @@ mod tests {
             deviation: (0..record % 3).map(|i| (format!("d{i}"), 1e-300 * i as f64)).collect(),
             outcomes: (0..record % 4).map(|i| (format!("o{i}"), i as u64)).collect(),
             notes: (1..record % 3).map(|i| (format!("n{i}"), note(i))).collect(),
+            length: (record > 2 && record.is_multiple_of(2))
+                .then_some(RowLength { history: 11, steps: record }),
         }
     }
 
@@ -359,6 +391,7 @@ mod tests {
         for count in [0, 1, 2, 300] {
             let rows: Vec<Row> = (0..count).map(row).collect();
             assert_eq!(rows.iter().any(|row| !row.notes.is_empty()), count == 300);
+            assert_eq!(rows.iter().any(|row| row.length.is_some()), count == 300);
             write(&path, &rows).unwrap();
             assert_eq!(read(&path).unwrap(), rows);
             let content = std::fs::read(&path).unwrap();

@@ -75,7 +75,7 @@ fn events(scenario: &Scenario, judged: &PlannerScores) -> Vec<Event> {
     let agent = &scenario.start.agents[0].id;
     let stretch = |metric: PlannerMetric, [first, last]: [usize; 2], value: (&'static str, f64)| Event {
         metric: metric.id(),
-        // Steps are 1 to 80; what is so at the current frame was so before.
+        // Steps count from 1; what is so at the current frame was so before.
         step: first.max(1),
         last_step: last.max(1),
         agent: agent.clone(),

@@ -15,7 +15,7 @@ mod tests;
 mod velocities;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Scenario};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Scenario};
 
 use crate::motion::kind::RolloutCheck;
 
@@ -130,15 +130,16 @@ impl<'a> CheckedScene<'a> {
             av: scenario.start.now(0),
             subject: Subject::Agents,
         };
-        for (slot, track) in tracks.iter().enumerate().skip(usize::from(without_av)) {
-            let agent = &scenario.start.agents[slot];
-            let (future, logged) = (&track[HISTORY..], &scenario.log_future.tracks[slot]);
+        let current = scenario.start.current();
+        let agents = scenario.start.agents.iter().zip(tracks).enumerate();
+        for (slot, (agent, track)) in agents.skip(usize::from(without_av)) {
+            let (future, logged) = (&track[current + 1..], &scenario.log_future.tracks[slot]);
             let motion = CheckedMotion {
                 id: &agent.id,
                 kind: agent.kind,
                 length: agent.length,
                 now: scenario.start.now(slot),
-                velocity: scenario.logged_velocity(slot, CURRENT),
+                velocity: scenario.logged_velocity(slot, current),
                 history: &scenario.start.history[slot],
                 entry0: None,
                 future,
@@ -155,7 +156,7 @@ impl<'a> CheckedScene<'a> {
 
     /// Returns the given trajectory of an AV, with its state at the current frame if it has one.
     pub(super) fn of_av(scenario: &'a Scenario, entry0: Option<AgentState>, future: &'a [Frame]) -> Self {
-        let (now, velocity) = (scenario.start.now(0), scenario.logged_velocity(0, CURRENT));
+        let (now, velocity) = (scenario.start.now(0), scenario.logged_velocity(0, scenario.start.current()));
         let av = CheckedMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
         Self {
             replayed: Vec::new(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{Frame, HISTORY, Scenario};
+use reactsim_scene::{Frame, Scenario};
 
 use crate::motion::CheckedScene;
 use crate::motion::kind::RolloutCheck;
@@ -66,7 +66,7 @@ pub(crate) fn check(
 /// Returns how the AV differs from the deviated AV of the scenario, if it does.
 pub(crate) fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
     let prescribed = &scenario.deviation.as_ref()?.track;
-    let recorded = &tracks.first()?[HISTORY..];
+    let recorded = &tracks.first()?[scenario.length().history..];
     for (k, (wanted, found)) in prescribed.iter().zip(recorded).enumerate() {
         let step = k + 1;
         match found {
@@ -87,11 +87,10 @@ pub(crate) fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<Str
 }
 
 fn missing(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
-    let mut agents = 0;
-    let mut first = None;
+    let (mut agents, mut first, history) = (0, None, scenario.length().history);
     for (slot, track) in tracks.iter().enumerate() {
         let logged = &scenario.log_future.tracks[slot];
-        let gone = track[HISTORY..].iter().zip(logged).position(|(own, log)| own.is_none() && log.is_some());
+        let gone = track[history..].iter().zip(logged).position(|(own, log)| own.is_none() && log.is_some());
         if let Some(k) = gone {
             agents += 1;
             let id = &scenario.start.agents[slot].id;

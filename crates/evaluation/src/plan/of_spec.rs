@@ -49,8 +49,8 @@ impl RunSpec {
     ///
     /// # Errors
     /// [`EvaluationError`] as for [`Self::check_values`], and if a simulator is repeated, the AV and the
-    /// deviations do not fit together or to the protocol, the AV policy names a planner that is not given, the
-    /// file of deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
+    /// deviations do not fit together or to the protocol, the AV policy names a planner that is not given,
+    /// the file of deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
         let RunParts { sources, simulators, drivers, metrics, partition } = parts;
         refuse_repeated(&simulators)?;
@@ -121,8 +121,8 @@ pub(crate) fn with_driver(
     Ok(drivers)
 }
 
-/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the
-/// run reports later. Known benchmarks are not read for it.
+/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which
+/// the run reports later. Known benchmarks are not read for it.
 pub fn are_deviated(sources: &[Source]) -> bool {
     if sources.first().is_some_and(|source| BenchmarkRecord::of(&source.file).is_some()) {
         return true;
@@ -133,12 +133,14 @@ pub fn are_deviated(sources: &[Source]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_formats::FutureChoice;
+
     use super::*;
 
     #[test]
     fn values_are_checked_wherever_they_come_from() {
         type Change = fn(&mut RunSpec);
-        let cases: [(Change, &str); 9] = [
+        let cases: [(Change, &str); 11] = [
             (|spec| spec.rollout.av_lookahead = 2, "av-lookahead `2`: write 0 or 1"),
             (|spec| spec.rollout.rollouts = 0, "0 rollouts"),
             (|spec| spec.rollout.rollouts = 10_001, "rollouts `10001`: write at most 10000"),
@@ -154,6 +156,11 @@ mod tests {
                         (Some(12), std::num::NonZeroUsize::new(10));
                 },
                 "window-step and current-frame exclude each other",
+            ),
+            (|spec| spec.subject.input.reading.history = Some(1), "history `1`: write 2 to 100"),
+            (
+                |spec| spec.subject.input.reading.future = Some(FutureChoice::Steps(6001)),
+                "future `6001`: write 1 to 6000",
             ),
             (
                 |spec| spec.subject.input.reading.nuplan.nuplan.push("logs".into()),

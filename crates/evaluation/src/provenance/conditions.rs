@@ -1,6 +1,7 @@
 //! Conditions under which the numbers of two runs can be compared.
 
 use reactsim_metrics::Options;
+use reactsim_rollout::Entering;
 
 use crate::provenance::Provenance;
 
@@ -13,6 +14,8 @@ pub enum Condition {
     Av,
     /// Whether agents at t+1 observe the AV at t+1.
     AvLookahead,
+    /// Whether agents of the log that appear later enter.
+    Entering,
     /// The file of deviated AVs.
     Deviations,
     /// The replan interval.
@@ -36,10 +39,11 @@ pub struct ConditionDifference {
 
 impl Condition {
     /// All conditions.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Protocol,
         Self::Av,
         Self::AvLookahead,
+        Self::Entering,
         Self::Deviations,
         Self::Replan,
         Self::Rollouts,
@@ -52,6 +56,7 @@ impl Condition {
             Self::Protocol => "protocol",
             Self::Av => "av",
             Self::AvLookahead => "av-lookahead",
+            Self::Entering => "entering",
             Self::Deviations => "deviations",
             Self::Replan => "replan",
             Self::Rollouts => "rollouts",
@@ -74,6 +79,7 @@ impl Condition {
             Self::Protocol => settings.protocol.clone(),
             Self::Av => settings.av.clone(),
             Self::AvLookahead => u8::from(settings.av_lookahead).to_string(),
+            Self::Entering => settings.entering.clone().unwrap_or_else(|| Entering::Off.to_string()),
             Self::Deviations => match &run.deviations {
                 Some(file) => format!("{} ({:.12})", file.name, file.blake3),
                 None => "those of the scenarios".to_owned(),

@@ -17,6 +17,6 @@ mod text;
 pub use logs::LogFiles;
 pub use run_pairs::{LogSource, RunPairs};
 pub use run_rollouts::{RunRolloutsError, run_rollouts};
-pub use scores::{RealismFailure, RealismRow, RealismScores, ScoredPair, score_all};
+pub use scores::{RealismFailure, RealismRow, RealismScores, RealismSettings, ScoredPair, score_all};
 pub use submission::SubmittedPairs;
 pub use summary::{REALISM_ROWS, REALISM_SUMMARY, RealismSummary};

@@ -40,8 +40,8 @@ impl LogSource {
         if input.is_recording() { Self::Recording(input.path) } else { Self::Scenarios(input) }
     }
 
-    /// Returns whether a file is, by its name, one `Scenario` message without framing, which is of no format that
-    /// simulators read.
+    /// Returns whether a file is, by its name, one `Scenario` message without framing, which is of no format
+    /// that simulators read.
     pub fn is_message(path: &Path) -> bool {
         path.is_file() && path.to_string_lossy().contains(".binproto")
     }
@@ -125,7 +125,8 @@ impl RunPairs {
         sources: Vec<LogSource>,
     ) -> Result<Self, EvaluationError> {
         let summary = read_summary(folder)?;
-        let is_elsewhere = |file: &FileRecord| file.frames() != CurrentFrames::Stated;
+        let is_elsewhere =
+            |file: &FileRecord| file.frames() != CurrentFrames::Stated || !file.length().is_default();
         let is_recorded = sources.iter().any(|source| matches!(source, LogSource::Recording(_)));
         if is_recorded && summary.provenance.run.inputs.iter().any(is_elsewhere) {
             return Err(EvaluationError::OtherCurrentFrames { path: folder.to_owned() });
@@ -177,15 +178,13 @@ impl RunPairs {
     }
 
     /// Returns the next log.
-    fn next_log(&mut self) -> Option<Result<Logged, FormatError>> {
+    fn next_log(&mut self) -> Option<Result<Logged, RealismFailure>> {
         loop {
             if let Some((logs, left)) = self.open.as_mut().filter(|(_, left)| *left > 0) {
                 *left -= 1;
                 let next = match logs {
-                    Logs::Recorded(logs) => logs.next().map(|log| log.map(Logged::recorded)),
-                    Logs::Scenarios(scenarios) => {
-                        scenarios.next().map(|scenario| scenario.map(|scenario| Logged::of(&scenario)))
-                    }
+                    Logs::Recorded(logs) => logs.next().map(|log| Ok(Logged::recorded(log?))),
+                    Logs::Scenarios(scenarios) => scenarios.next().map(|scenario| Logged::of(&scenario?)),
                 };
                 if next.is_some() {
                     return next;
@@ -195,7 +194,7 @@ impl RunPairs {
             self.open = None;
             match Logs::open(source, range.start) {
                 Ok(logs) => self.open = Some((logs, range.len())),
-                Err(error) => return Some(Err(error)),
+                Err(error) => return Some(Err(error.into())),
             }
         }
     }
@@ -223,8 +222,12 @@ impl Logged {
         Self { log, ids: ObjectIds::Own }
     }
 
-    fn of(scenario: &Scenario) -> Self {
-        Self { log: WosacLog::of_scenario(scenario), ids: ObjectIds::of(scenario) }
+    fn of(scenario: &Scenario) -> Result<Self, RealismFailure> {
+        let log = WosacLog::of_scenario(scenario).map_err(|error| RealismFailure {
+            scenario_id: Some(scenario.id.clone()),
+            error: error.to_string(),
+        })?;
+        Ok(Self { log, ids: ObjectIds::of(scenario) })
     }
 }
 
@@ -235,9 +238,7 @@ impl Iterator for RunPairs {
         loop {
             let logged = match self.next_log()? {
                 Ok(logged) => logged,
-                Err(error) => {
-                    return Some(Err(RealismFailure { scenario_id: None, error: error.to_string() }));
-                }
+                Err(failure) => return Some(Err(failure)),
             };
             let id = logged.log.scenario_id.clone();
             match self.records(&id) {
@@ -248,5 +249,11 @@ impl Iterator for RunPairs {
                 }
             }
         }
+    }
+}
+
+impl From<FormatError> for RealismFailure {
+    fn from(error: FormatError) -> Self {
+        Self { scenario_id: None, error: error.to_string() }
     }
 }

@@ -35,6 +35,21 @@ pub enum RunRolloutsError {
         /// Index of the rollout.
         rollout: u32,
     },
+    /// The rollouts have another number of steps than the challenge.
+    #[error(
+        "scenario `{scenario}`, rollout {rollout}: object {object} has {steps} steps, expected the 80 of the \
+         realism metrics of Sim Agents"
+    )]
+    Steps {
+        /// Id of the scenario.
+        scenario: String,
+        /// Index of the rollout.
+        rollout: u32,
+        /// Id of the object.
+        object: i32,
+        /// Number of steps.
+        steps: usize,
+    },
     /// An object disappears in a rollout.
     #[error(
         "scenario `{scenario}`, rollout {rollout}: object {object} is absent at step {step}, expected 80 states"
@@ -55,8 +70,8 @@ pub enum RunRolloutsError {
 /// rounded; z stays at its value of the current frame. `id_of` returns the id of an agent in the log.
 ///
 /// # Errors
-/// [`RunRolloutsError`] if an object of the log was not simulated or is absent at a step, or if the place of
-/// the rollouts in the world is unknown.
+/// [`RunRolloutsError`] if an object of the log was not simulated, is absent at a step or has another number
+/// of steps, or if the place of the rollouts in the world is unknown.
 pub fn run_rollouts(
     records: &[RolloutRecord],
     log: &WosacLog,
@@ -87,11 +102,15 @@ fn joint_scene(
     }
     let trajectory = |track: &WosacTrack| {
         let states = &record.tracks[places[&track.id]];
+        if states.len() != FUTURE {
+            let (rollout, object, steps) = (record.rollout, track.id, states.len());
+            return Err(RunRolloutsError::Steps { scenario: scenario(), rollout, object, steps });
+        }
         if let Some(step) = (0..FUTURE).find(|&k| states.get(k).copied().flatten().is_none()) {
             let (rollout, object) = (record.rollout, track.id);
             return Err(RunRolloutsError::Absent { scenario: scenario(), rollout, object, step: step + 1 });
         }
-        let states = states.iter().take(FUTURE).flatten();
+        let states = states.iter().flatten();
         Ok(ObjectTrajectory {
             object_id: track.id,
             x: states.clone().map(|state| (state.x + shift.x) as f32).collect(),

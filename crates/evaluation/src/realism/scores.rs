@@ -2,13 +2,24 @@
 
 use rayon::prelude::*;
 use reactsim_files::work::Pool;
-use reactsim_metrics::wosac::{Config, MeanMetrics, Scorer, WosacMetrics};
+use reactsim_metrics::wosac::{Config, MeanMetrics, RolloutShare, Scorer, WosacError, WosacMetrics};
 use reactsim_scene::wosac::{ScenarioRollouts, WosacLog};
 
 use crate::statistics::Estimate;
 
 /// Pairs per thread that are in memory at a time.
 const PAIRS_PER_THREAD: usize = 2;
+
+/// What is computed for every scenario, and with how many threads.
+#[derive(Clone, Copy, Debug)]
+pub struct RealismSettings<'a> {
+    /// Configurations of the metrics.
+    pub configs: &'a [Config],
+    /// Whether rows have the shares of the rollouts.
+    pub shares: bool,
+    /// Number of threads, which does not change the result.
+    pub jobs: usize,
+}
 
 /// The log of a scenario and rollouts of it, with the place that errors refer to.
 pub struct ScoredPair {
@@ -29,6 +40,9 @@ pub struct RealismRow {
     pub rollouts: usize,
     /// Metrics in the order of [`RealismScores::configs`].
     pub metrics: Vec<WosacMetrics>,
+    /// Shares in the metrics, by configuration and rollout. Without entries if [`RealismSettings`] exclude
+    /// them; entries without shares if there is one rollout.
+    pub shares: Vec<Vec<RolloutShare>>,
 }
 
 /// A scenario, record or file without scores.
@@ -90,24 +104,23 @@ impl RealismScores {
     }
 }
 
-/// Scores all pairs by these configurations, on this many threads. Pairs that cannot be scored become
-/// failures; `observe` is called with the number of scenarios so far and with each failure.
+/// Scores all pairs. Pairs that cannot be scored become failures; `observe` is called with the number of
+/// scenarios so far and with each failure.
 pub fn score_all(
     pairs: impl Iterator<Item = Result<ScoredPair, RealismFailure>>,
-    configs: &[Config],
-    jobs: usize,
+    settings: &RealismSettings,
     observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
 ) -> RealismScores {
-    let pool = Pool::new(jobs);
-    let mut scores = RealismScores { configs: configs.to_vec(), ..RealismScores::default() };
+    let pool = Pool::new(settings.jobs);
+    let mut scores = RealismScores { configs: settings.configs.to_vec(), ..RealismScores::default() };
     let mut pairs = pairs.fuse();
     loop {
-        let chunk: Vec<_> = pairs.by_ref().take(PAIRS_PER_THREAD * jobs.max(1)).collect();
+        let chunk: Vec<_> = pairs.by_ref().take(PAIRS_PER_THREAD * settings.jobs.max(1)).collect();
         if chunk.is_empty() {
             return scores;
         }
         let scored: Vec<Result<RealismRow, RealismFailure>> =
-            pool.install(|| chunk.into_par_iter().map(|pair| score(&pair?, configs)).collect());
+            pool.install(|| chunk.into_par_iter().map(|pair| score(&pair?, settings)).collect());
         for row in scored {
             match row {
                 Ok(row) => scores.rows.push(row),
@@ -121,14 +134,19 @@ pub fn score_all(
     }
 }
 
-fn score(pair: &ScoredPair, configs: &[Config]) -> Result<RealismRow, RealismFailure> {
-    let scenario_id = pair.rollouts.scenario_id.clone();
-    let scored = Scorer::new(&pair.log).and_then(|scorer| scorer.score(&pair.rollouts, configs));
-    match scored {
-        Ok(metrics) => Ok(RealismRow { scenario_id, rollouts: pair.rollouts.joint_scenes.len(), metrics }),
-        Err(error) => {
-            let error = format!("{}: {error}", pair.place);
-            Err(RealismFailure { scenario_id: Some(scenario_id), error })
-        }
-    }
+fn score(pair: &ScoredPair, settings: &RealismSettings) -> Result<RealismRow, RealismFailure> {
+    metrics(pair, settings).map_err(|error| RealismFailure {
+        scenario_id: Some(pair.rollouts.scenario_id.clone()),
+        error: format!("{}: {error}", pair.place),
+    })
+}
+
+fn metrics(pair: &ScoredPair, settings: &RealismSettings) -> Result<RealismRow, WosacError> {
+    let scorer = Scorer::new(&pair.log)?;
+    let (metrics, shares) = match settings.shares {
+        true => scorer.score_with_shares(&pair.rollouts, settings.configs)?.into_iter().unzip(),
+        false => (scorer.score(&pair.rollouts, settings.configs)?, Vec::new()),
+    };
+    let (scenario_id, rollouts) = (pair.rollouts.scenario_id.clone(), pair.rollouts.joint_scenes.len());
+    Ok(RealismRow { scenario_id, rollouts, metrics, shares })
 }

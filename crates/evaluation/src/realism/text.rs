@@ -1,9 +1,10 @@
 //! Scores as text, from which they are restored to the bit.
 
-use reactsim_metrics::wosac::{Feature, WosacMetrics};
+use reactsim_metrics::wosac::{Feature, RolloutShare, WosacMetrics};
 use serde::{Deserialize, Serialize};
 
 use super::scores::{RealismFailure, RealismRow, RealismScores};
+
 /// Scores of a part.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -19,6 +20,8 @@ struct RowRecord {
     scenario_id: String,
     rollouts: usize,
     metrics: Vec<MetricsRecord>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    shares: Vec<Vec<ShareRecord>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -29,6 +32,13 @@ struct MetricsRecord {
     likelihoods: [Option<f64>; Feature::COUNT],
     rates: [f64; 2],
     traffic_light_violation_rate: Option<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ShareRecord {
+    metametric: f64,
+    likelihoods: [Option<f64>; Feature::COUNT],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -69,10 +79,12 @@ impl RealismScores {
     /// # Panics
     /// Never: scores are text and numbers.
     pub fn to_text(&self) -> String {
+        let share = |&RolloutShare { metametric, likelihoods }: &_| ShareRecord { metametric, likelihoods };
         let row = |row: &RealismRow| RowRecord {
             scenario_id: row.scenario_id.clone(),
             rollouts: row.rollouts,
             metrics: row.metrics.iter().map(MetricsRecord::of).collect(),
+            shares: row.shares.iter().map(|shares| shares.iter().map(share).collect()).collect(),
         };
         let failure = |failure: &RealismFailure| FailureRecord {
             scenario_id: failure.scenario_id.clone(),
@@ -92,12 +104,17 @@ impl RealismScores {
     /// The reason why the text has no scores of these configurations.
     pub fn add_text(&mut self, text: &[u8]) -> Result<(), String> {
         let scores: ScoresText = serde_json::from_slice(text).map_err(|error| error.to_string())?;
-        for RowRecord { scenario_id, rollouts, metrics } in scores.rows {
+        let share = |ShareRecord { metametric, likelihoods }| RolloutShare { metametric, likelihoods };
+        for RowRecord { scenario_id, rollouts, metrics, shares } in scores.rows {
             if metrics.len() != self.configs.len() {
                 return Err(format!("`{scenario_id}` has {} metrics", metrics.len()));
             }
+            if !shares.is_empty() && shares.len() != metrics.len() {
+                return Err(format!("`{scenario_id}` has shares in {} metrics", shares.len()));
+            }
             let metrics = metrics.into_iter().map(MetricsRecord::metrics).collect();
-            self.rows.push(RealismRow { scenario_id, rollouts, metrics });
+            let shares = shares.into_iter().map(|shares| shares.into_iter().map(share).collect()).collect();
+            self.rows.push(RealismRow { scenario_id, rollouts, metrics, shares });
         }
         let failure = |FailureRecord { scenario_id, error }| RealismFailure { scenario_id, error };
         self.failures.extend(scores.failures.into_iter().map(failure));

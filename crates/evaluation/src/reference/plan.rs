@@ -6,7 +6,7 @@ use std::num::NonZeroUsize;
 
 use reactsim_baseline::{WeightsFile, weights};
 use reactsim_metrics::Metrics;
-use reactsim_rollout::{Protocol, Replan};
+use reactsim_rollout::{Entering, Protocol, Replan};
 
 use super::{Reference, ReferenceError};
 use crate::error::EvaluationError;
@@ -107,12 +107,22 @@ impl Reference {
         };
         let replan = Replan::every(stated.replan_steps);
         let replan = replan.ok_or_else(|| unknown("replan_steps", &stated.replan_steps))?;
+        let entering = stated.entering.as_deref().map_or(Ok(Entering::Off), str::parse);
+        let entering =
+            entering.map_err(|_| unknown("entering", &stated.entering.as_deref().unwrap_or_default()))?;
         let (av_lookahead, rollouts) = (u8::from(stated.av_lookahead), stated.rollouts);
         let options = self.provenance.metric_options.iter();
         let metric_option = options.map(|(name, value)| format!("{name}={value}")).collect();
         let mut subject = SubjectSpec { av, seed: stated.seed, metric_option, ..SubjectSpec::default() };
         subject.input.limit = stated.limit.and_then(NonZeroUsize::new);
-        let rollout = RolloutSpec { protocol, replan, av_lookahead, rollouts, ..RolloutSpec::default() };
+        let rollout = RolloutSpec {
+            protocol,
+            replan,
+            av_lookahead,
+            rollouts,
+            entering: Some(entering),
+            ..RolloutSpec::default()
+        };
         Ok(RunSpec { subject, rollout, keep_rollouts: None })
     }
 

@@ -44,7 +44,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     for row in rows {
         pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
     }
-    let judges_av = run.settings.judges_av();
+    let (judges_av, enters) = (run.settings.judges_av(), run.settings.entering.is_some());
     // Rows have a category only if the AV is the deviated one.
     let deviated = run.settings.av.parse::<AvChoice>().is_ok_and(|av| av.follows_deviations());
     let mut scored = 0;
@@ -61,7 +61,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
                     };
                     records.push(record.ok_or_else(missing)?);
                 }
-                let recorded = rollouts_of(&scenario, &records);
+                let recorded = rollouts_of(&scenario, &records, enters);
                 let recorded =
                     recorded.map_err(|error| unfit(format!("scenario `{}`: {error}", scenario.id)))?;
                 let digest = scenario.digest();

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Metrics, Options};
-use reactsim_rollout::Rollout;
-use reactsim_scene::{HISTORY, Scenario};
+use reactsim_rollout::{Entered, Rollout};
+use reactsim_scene::{Frame, Scenario};
 
 use crate::deviation::labels::DeviationLabels;
 use crate::deviation::pose::Pose;
-use crate::folder::rollouts::recorded_tracks;
+use crate::folder::rollouts::{entered_in, recorded_tracks};
 use crate::judge::judge;
 use crate::motion::kind::RolloutCheck;
 use crate::motion::rollout_checks;
@@ -78,7 +78,7 @@ impl RecordedRollouts {
                 continue;
             };
             records.sort_by_key(|r| r.rollout);
-            let pair = rollouts_of(scenario, &records).and_then(|mut rollouts| {
+            let pair = rollouts_of(scenario, &records, false).and_then(|mut rollouts| {
                 if rollouts.len() != self.rollouts {
                     let (n, all) = (rollouts.len(), self.rollouts);
                     return Err(format!(
@@ -123,18 +123,24 @@ impl RecordedRollouts {
 
 /// Converts the recorded steps of a rollout to poses of box centres.
 fn to_centres(pose: Pose, scenario: &Scenario, rollout: &mut Rollout) -> Result<(), String> {
+    let history = scenario.length().history;
     for (agent, track) in scenario.start.agents.iter().zip(&mut rollout.tracks) {
-        pose.to_centre(agent, None, track[HISTORY..].iter_mut().flatten())?;
+        pose.to_centre(agent, None, track[history..].iter_mut().flatten())?;
     }
     Ok(())
 }
 
 /// Returns the recorded rollouts of one scenario and one simulator, given in their order, with the tracks of
-/// all agents of the scenario.
+/// all agents of the scenario. `enters`: whether recorded agents that appear later in the log entered; otherwise
+/// they are left out.
 ///
 /// # Errors
 /// A text that names the rollout that is missing, repeated or not of this scenario.
-pub(crate) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Result<Vec<Rollout>, String> {
+pub(crate) fn rollouts_of(
+    scenario: &Scenario,
+    records: &[RolloutRecord],
+    enters: bool,
+) -> Result<Vec<Rollout>, String> {
     let rollouts = (0..).zip(records).map(|(index, record)| {
         if record.rollout < index {
             return Err(format!("rollout {} occurs twice", record.rollout));
@@ -142,8 +148,16 @@ pub(crate) fn rollouts_of(scenario: &Scenario, records: &[RolloutRecord]) -> Res
         if record.rollout > index {
             return Err(format!("rollout {index} is missing (there is {}); count from 0", record.rollout));
         }
-        let tracks = recorded_tracks(scenario, record).map_err(|e| format!("rollout {index}: {e}"))?;
-        Ok(Rollout { tracks, outcomes: BTreeMap::new() })
+        let entered = if enters { entered_in(scenario, record) } else { Vec::new() };
+        let scene = (!entered.is_empty()).then(|| scenario.with_entered(&entered));
+        let tracks = recorded_tracks(scene.as_ref().unwrap_or(scenario), record);
+        let tracks = tracks.map_err(|e| format!("rollout {index}: {e}"))?;
+        let first = |(logged, track): (usize, &Vec<Frame>)| {
+            let frame = (scenario.length().history..track.len()).find(|f| track[*f].is_some());
+            Entered { logged, frame: frame.unwrap_or(track.len()), waited: 0 }
+        };
+        let later = entered.into_iter().zip(&tracks[scenario.start.agents.len()..]);
+        Ok(Rollout { entered: later.map(first).collect(), tracks, outcomes: BTreeMap::new() })
     });
     rollouts.collect()
 }

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use reactsim_files::{FileDigest, digest, name_of};
-use reactsim_formats::{CurrentFrames, Input};
+use reactsim_formats::{CurrentFrames, FutureChoice, Input, LengthChoice};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
@@ -28,6 +28,12 @@ pub struct FileRecord {
     /// The number of frames between the current frames of windows; absent if recordings give one scenario.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub window_step: Option<NonZeroUsize>,
+    /// The requested number of frames up to the current one; absent if none was requested.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub history: Option<usize>,
+    /// The requested number of frames after the current one; absent if none was requested.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub future: Option<FutureChoice>,
     /// Whether all agents are simulated, of all kinds and any number.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub all_agents: bool,
@@ -66,6 +72,8 @@ impl FileRecord {
             blake3,
             current_frame: None,
             window_step: None,
+            history: None,
+            future: None,
             all_agents: false,
             trajectories: None,
             companions: Vec::new(),
@@ -81,6 +89,8 @@ impl FileRecord {
             blake3: blake3::hash(content).to_hex().to_string(),
             current_frame: None,
             window_step: None,
+            history: None,
+            future: None,
             all_agents: false,
             trajectories: None,
             companions: Vec::new(),
@@ -101,6 +111,8 @@ impl FileRecord {
             blake3: String::new(),
             current_frame,
             window_step,
+            history: input.length.history,
+            future: input.length.future,
             all_agents: input.all_agents,
             trajectories: None,
             companions: Vec::new(),
@@ -116,7 +128,7 @@ impl FileRecord {
 
     /// Returns whether its scenarios are read as the format defines them.
     pub(crate) fn is_plain(&self) -> bool {
-        self.frames() == CurrentFrames::Stated && !self.all_agents
+        self.frames() == CurrentFrames::Stated && self.length().is_default() && !self.all_agents
     }
 
     /// Returns the current frames with which its recordings are read.
@@ -128,8 +140,13 @@ impl FileRecord {
         }
     }
 
-    /// Returns the digest of everything that determines the scenarios: the content, and the current frame and
-    /// companions if there are any.
+    /// Returns the number of frames with which its scenarios are read.
+    pub fn length(&self) -> LengthChoice {
+        LengthChoice { history: self.history, future: self.future }
+    }
+
+    /// Returns the digest of everything that determines the scenarios: the content, and the current frame,
+    /// the length and companions if there are any.
     pub fn digest(&self) -> String {
         if self.is_plain() && self.companions.is_empty() {
             return self.blake3.clone();
@@ -139,6 +156,9 @@ impl FileRecord {
         hasher.update(format!(" {:?}", self.current_frame).as_bytes());
         if let Some(step) = self.window_step {
             hasher.update(format!(" every {step}").as_bytes());
+        }
+        if !self.length().is_default() {
+            hasher.update(format!(" {:?}", self.length()).as_bytes());
         }
         if self.all_agents {
             hasher.update(b" all agents");
@@ -177,7 +197,7 @@ impl Registrar {
     pub fn record(&mut self, input: &Input) -> Result<FileRecord, EvaluationError> {
         let CompanionRecord { name, bytes, blake3 } = CompanionRecord::of(&input.path)?;
         let mut record = FileRecord { name, bytes, blake3, ..FileRecord::unread(input) };
-        for path in input.format.companions(&input.path) {
+        for path in input.companions() {
             if let Some(known) = self.companions.get(&path) {
                 record.companions.push(known.clone());
             } else if path.is_file() {
@@ -187,5 +207,28 @@ impl Registrar {
             }
         }
         Ok(record)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_requested_lengths_are_recorded() {
+        let usual = FileRecord::of_content("a", "native", b"x");
+        let text = serde_json::to_string(&usual).unwrap();
+        assert_eq!(
+            text,
+            format!(r#"{{"name":"a","format":"native","bytes":1,"blake3":"{}"}}"#, usual.blake3),
+            "as before lengths could be requested"
+        );
+        assert!(usual.is_plain() && usual.length().is_default() && usual.digest() == usual.blake3);
+        let long = FileRecord { history: Some(21), future: Some(FutureChoice::Log), ..usual.clone() };
+        let text = serde_json::to_string(&long).unwrap();
+        assert!(text.contains(r#""history":21,"future":"log""#), "{text}");
+        assert_eq!(serde_json::from_str::<FileRecord>(&text).unwrap(), long);
+        let other = FileRecord { future: Some(FutureChoice::Steps(150)), ..long.clone() };
+        assert!(!long.is_plain() && !long.is_same(&usual) && !long.is_same(&other));
     }
 }

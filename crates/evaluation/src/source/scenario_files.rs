@@ -1,9 +1,10 @@
 //! Lookup of the scenarios of runs by the digest of their file and their position in it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use parking_lot::Mutex;
-use reactsim_formats::{Input, Opener, PendingScenarios, native::ByNumber};
+use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, crop, native::ByNumber};
 use reactsim_scene::Scenario;
 
 use crate::error::EvaluationError;
@@ -64,11 +65,23 @@ impl ScenarioFiles {
     ) -> Result<Option<Scenario>, EvaluationError> {
         let Some(scenario_file) = self.files.get(&file.blake3) else { return Ok(None) };
         let found = match scenario_file {
-            ScenarioFile::Native(scenarios) if record < scenarios.len() => Some(scenarios.read(record)?),
+            ScenarioFile::Native(scenarios) if record < scenarios.len() => {
+                let mut scenario = scenarios.read(record)?;
+                match crop(&mut scenario, file.length()) {
+                    Ok(()) => Some(scenario),
+                    Err(cause) => {
+                        let (path, id) = (Path::new(&file.name), Some(scenario.id));
+                        return Err(FormatError::record(path, record as u64, id, cause).into());
+                    }
+                }
+            }
             ScenarioFile::Native(_) => None,
-            // The run may have read the file with other current frames than it was added with.
-            ScenarioFile::Stream { input: Some(input), .. } if file.frames() != input.frames => {
-                let input = Input { frames: file.frames(), ..input.clone() };
+            // The run may have read the file with other current frames, or another length, than it was added
+            // with.
+            ScenarioFile::Stream { input: Some(input), .. }
+                if (file.frames(), file.length()) != (input.frames, input.length) =>
+            {
+                let input = Input { frames: file.frames(), length: file.length(), ..input.clone() };
                 let pending = input.open_from(record)?.next();
                 pending.map(|decode| decode.and_then(|d| d())).transpose()?
             }

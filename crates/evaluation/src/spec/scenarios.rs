@@ -4,8 +4,10 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
-use reactsim_formats::{CurrentFrames, Input, Partition, PassedOver, nuplan_filter, survey};
-use reactsim_scene::Deviation;
+use reactsim_formats::{
+    CurrentFrames, FutureChoice, Input, LengthChoice, Partition, PassedOver, nuplan_filter, survey,
+};
+use reactsim_scene::{Deviation, Length};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
@@ -56,10 +58,19 @@ pub struct ReadingSpec {
     /// with 80 steps of the AV after it]
     #[arg(long, value_name = "N")]
     pub current_frame: Option<usize>,
-    /// Several scenarios of each recording of Waymo files of 20 s: frame 10 and every N frames after it is a
-    /// current frame, as far as 80 frames follow; ids get the frame, such as ID@60
+    /// Several scenarios of each recording of Waymo files of 20 s: the first frame with enough history (frame
+    /// 10) and every N frames after it is a current frame, as far as enough frames follow (80); ids get the
+    /// frame, such as ID@60
     #[arg(long, value_name = "N")]
     pub window_step: Option<NonZeroUsize>,
+    /// Frames up to and including the current one, 2 to 100 [default: 11; of native and JSON files, their
+    /// own]
+    #[arg(long, value_name = "N", value_parser = history)]
+    pub history: Option<usize>,
+    /// Frames after the current one: seconds (`15s`), steps of 0.1 s (`150`), at most 6000, or `log`, all
+    /// that are recorded; scenarios with fewer fail [default: 80; of native and JSON files, their own]
+    #[arg(long, value_name = "TIME")]
+    pub future: Option<FutureChoice>,
     /// Simulate all agents that are present at the current frame, of all kinds and any number, as the Sim
     /// Agents challenge requires [default: the AV and the 63 nearest vehicles, pedestrians and cyclists]
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true)]
@@ -70,6 +81,12 @@ pub struct ReadingSpec {
     pub nuplan: NuplanSpec,
 }
 
+/// Parses a number of frames up to and including the current one.
+fn history(text: &str) -> Result<usize, String> {
+    let valid = text.parse().ok().filter(|frames| (2..=Length::MAX_HISTORY).contains(frames));
+    valid.ok_or_else(|| format!("expected 2 to {} frames", Length::MAX_HISTORY))
+}
+
 /// Logs of nuPlan with a scenario filter of the devkit.
 #[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
 #[serde(default, rename_all = "kebab-case")]
@@ -77,7 +94,8 @@ pub struct NuplanSpec {
     /// Logs of nuPlan (`.db`), or folders that hold some; may be repeated
     #[arg(long, value_name = "LOGS")]
     pub nuplan: Vec<PathBuf>,
-    /// Scenarios of --nuplan that a scenario_filter of nuPlan's devkit (YAML) selects, such as val14_split.yaml
+    /// Scenarios of --nuplan that a scenario_filter of nuPlan's devkit (YAML) selects, such as
+    /// val14_split.yaml
     #[arg(long, value_name = "FILE")]
     pub filter: Option<PathBuf>,
     /// Folder with the list of nuPlan's maps [default: the one above the logs]
@@ -107,8 +125,8 @@ impl ScenarioSpec {
         self.reading.is_shipped(&self.scenarios)
     }
 
-    /// Finds the files of scenarios and recognises their formats. The second value has the files that only look
-    /// like scenarios.
+    /// Finds the files of scenarios and recognises their formats. The second value has the files that only
+    /// look like scenarios.
     ///
     /// # Errors
     /// [`EvaluationError`] if a file cannot be read, or a key has no effect on the shipped scenarios.
@@ -161,22 +179,47 @@ impl ReadingSpec {
         }
     }
 
+    /// Returns the number of frames of scenarios.
+    pub fn length(&self) -> LengthChoice {
+        LengthChoice { history: self.history, future: self.future }
+    }
+
+    /// Returns whether recordings are read at the current frames and with the length that formats define.
+    pub fn has_stated_frames(&self) -> bool {
+        self.frames() == CurrentFrames::Stated && self.length().is_default()
+    }
+
     /// Returns the keys that are given, with their values.
     pub fn named(&self) -> impl Iterator<Item = (&'static str, String)> {
         let frame = self.current_frame.map(|frame| ("current-frame", frame.to_string()));
         let step = self.window_step.map(|step| ("window-step", step.to_string()));
+        let history = self.history.map(|frames| ("history", frames.to_string()));
+        let future = self.future.map(|future| ("future", future.to_string()));
         let all = self.has_all_agents().then(|| ("all-agents", true.to_string()));
         let filter = self.nuplan.filter.as_ref().map(|filter| ("filter", filter.display().to_string()));
-        [frame, step, all, filter].into_iter().flatten()
+        [frame, step, history, future, all, filter].into_iter().flatten()
     }
 
     /// Checks that the keys fit together.
     ///
     /// # Errors
-    /// [`EvaluationError`] names two keys of which one is too many or too few.
+    /// [`EvaluationError`] names two keys of which one is too many or too few, or a length that no scenario
+    /// has.
     pub fn check(&self) -> Result<(), EvaluationError> {
         if self.current_frame.is_some() && self.window_step.is_some() {
             return Err(EvaluationError::Exclude { key: "window-step", other: "current-frame" });
+        }
+        let outside = |key, number: usize, least: usize, most: usize| {
+            let (text, expected) = (number.to_string(), format!("{least} to {most}"));
+            (number < least || number > most).then_some(EvaluationError::Spec { key, text, expected })
+        };
+        let history = self.history.and_then(|frames| outside("history", frames, 2, Length::MAX_HISTORY));
+        let future = match self.future {
+            Some(FutureChoice::Steps(steps)) => outside("future", steps, 1, Length::MAX_FUTURE),
+            _ => None,
+        };
+        if let Some(error) = history.or(future) {
+            return Err(error);
         }
         self.nuplan.check()
     }
@@ -193,8 +236,8 @@ impl ReadingSpec {
         }
     }
 
-    /// Finds the scenario files at all paths and in the logs of nuPlan, and sets how they are read. The second
-    /// value has the files that only look like scenarios.
+    /// Finds the scenario files at all paths and in the logs of nuPlan, and sets how they are read. The
+    /// second value has the files that only look like scenarios.
     ///
     /// # Errors
     /// [`EvaluationError`] as for [`Self::check`], and if a file cannot be read.
@@ -208,7 +251,8 @@ impl ReadingSpec {
         }
         inputs.extend(self.nuplan.input()?);
         for input in &mut inputs {
-            (input.frames, input.all_agents) = (self.frames(), self.has_all_agents());
+            (input.frames, input.length, input.all_agents) =
+                (self.frames(), self.length(), self.has_all_agents());
         }
         Ok((inputs, passed_over))
     }
@@ -237,5 +281,26 @@ impl NuplanSpec {
         self.check()?;
         let Some(filter) = &self.filter else { return Ok(None) };
         Ok(Some(nuplan_filter(filter, &self.nuplan, self.maps.clone())?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_read_from_files_and_checked() {
+        let read = |text: &str| serde_json::from_str::<ReadingSpec>(text);
+        let given = read(r#"{"history": 21, "future": "15s"}"#).unwrap();
+        let length = LengthChoice { history: Some(21), future: Some(FutureChoice::Steps(150)) };
+        assert_eq!((given.length(), given.has_stated_frames()), (length, false));
+        given.check().unwrap();
+        let named: Vec<(&str, String)> = given.named().collect();
+        assert_eq!(named, [("history", "21".to_owned()), ("future", "150".to_owned())]);
+        assert_eq!(read(r#"{"future": 60}"#).unwrap().future, Some(FutureChoice::Steps(60)));
+        assert!(read(r#"{"future": "soon"}"#).unwrap_err().to_string().contains("`soon` is no future"));
+        let error = read(r#"{"history": 101}"#).unwrap().check().unwrap_err().to_string();
+        assert_eq!(error, "history `101`: write 2 to 100");
+        assert!(ReadingSpec::default().has_stated_frames());
     }
 }

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::error::EvaluationError;
 use crate::statistics::Estimate;
-use crate::statistics::tally::Tally;
+use crate::statistics::tally::{Entry, Tally};
 
 /// Number of random sign assignments in a permutation test.
 const PERMUTATIONS: u32 = 20_000;
@@ -61,7 +61,7 @@ impl Comparison {
     ///
     /// # Errors
     /// [`EvaluationError`] for a simulator that is not in its run, an id that names different scenarios in
-    /// the two runs, and runs without a scenario in common.
+    /// the two runs or scenarios of different length, and runs without a scenario in common.
     pub fn of(first: (&Tally, &str), second: (&Tally, &str), seed: u64) -> Result<Self, EvaluationError> {
         let cells = |(tally, id): (&Tally, &str)| {
             let unknown =
@@ -71,9 +71,13 @@ impl Comparison {
         let (i, j) = (cells(first)?, cells(second)?);
         let (a, b) = (done(first.0, i), done(second.0, j));
         let mut pairs: Vec<(&str, [&[Option<f64>]; 2])> = Vec::new();
-        for (id, (digest, values)) in &a {
+        for (id, (entry, values)) in &a {
             let Some((other, others)) = b.get(id) else { continue };
-            if other != digest {
+            if other.length != entry.length {
+                let [first, second] = [entry.length, other.length];
+                return Err(EvaluationError::OtherLength { id: (*id).to_owned(), first, second });
+            }
+            if other.digest != entry.digest {
                 return Err(EvaluationError::OtherScenario { id: (*id).to_owned() });
             }
             pairs.push((id, [values, others]));
@@ -97,12 +101,12 @@ impl Comparison {
     }
 }
 
-/// Returns the scenarios for which a simulator has a result: digest and values by id.
-fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&str, &[Option<f64>])> {
+/// Returns the scenarios for which a simulator has a result, with its values, by id.
+fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&Entry, &[Option<f64>])> {
     let entries = tally.entries.values();
     let with_result = entries.filter_map(|e| {
         let values = e.cells[simulator].as_ref()?.values.as_slice();
-        Some((e.scenario.as_str(), (e.digest.as_str(), values)))
+        Some((e.scenario.as_str(), (e, values)))
     });
     with_result.collect()
 }
@@ -171,9 +175,50 @@ fn permutation(differences: &[f64], seed: u64, metric: &str) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_metrics::metric;
+    use reactsim_metrics::{METRICS, metric};
 
     use super::*;
+    use crate::row::{Row, RowLength, Value};
+
+    /// A run of one scenario with this digest and number of steps.
+    fn tally(digest: &str, steps: usize) -> Tally {
+        let metrics = METRICS.iter().map(|metric| metric.spec()).collect();
+        let simulators = vec!["idm".to_owned()];
+        let mut tally = Tally { metrics, simulators, rollouts: 1, entries: BTreeMap::new() };
+        tally.add(&[Row {
+            input: 0,
+            record: 0,
+            scenario: "s".to_owned(),
+            digest: digest.to_owned(),
+            simulator: "idm".to_owned(),
+            rollout: Some(0),
+            category: None,
+            difficulty: None,
+            direction_tracking: None,
+            metrics: [("ade".to_owned(), Some(Value::Value(1.0)))].into(),
+            deviation: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
+            notes: BTreeMap::new(),
+            length: (steps != 80).then_some(RowLength { history: 11, steps }),
+        }]);
+        tally
+    }
+
+    #[test]
+    fn scenarios_of_different_length_are_not_compared() {
+        let compare = |a: &Tally, b: &Tally| {
+            Comparison::of((a, "idm"), (b, "idm"), 0).map(|found| found.scenarios).map_err(|e| e.to_string())
+        };
+        let usual = tally("x", 80);
+        assert_eq!(compare(&usual, &tally("x", 80)), Ok(1));
+        assert_eq!(compare(&tally("x", 150), &tally("x", 150)), Ok(1));
+        assert_eq!(
+            compare(&usual, &tally("y", 150)).unwrap_err(),
+            "the scenario `s` has 11 frames of history and 80 steps in the first run, and 11 and 150 in the \
+             second: only runs on scenarios of the same length can be compared"
+        );
+        assert!(compare(&usual, &tally("y", 80)).unwrap_err().contains("is not the same in both runs"));
+    }
 
     #[test]
     fn no_difference_is_never_significant() {

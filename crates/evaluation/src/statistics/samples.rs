@@ -180,6 +180,7 @@ mod tests {
                 deviation: [("ade".to_owned(), i as f64)].into(),
                 outcomes: BTreeMap::new(),
                 notes: BTreeMap::new(),
+                length: None,
             }]);
         }
         tally.entries.remove(&RecordPosition { input: 0, record: i }).unwrap()

@@ -6,7 +6,7 @@ use reactsim_metrics::{METRICS, MetricSpec, Score};
 
 use crate::metric_record::MetricRecord;
 use crate::provenance::Provenance;
-use crate::row::{RecordPosition, Row, RowNote};
+use crate::row::{RecordPosition, Row, RowLength, RowNote};
 use crate::statistics::mean;
 
 /// The values of one simulator in one scenario, averaged over its rollouts.
@@ -39,6 +39,8 @@ pub struct Entry {
     pub deviation: BTreeMap<String, f64>,
     /// Properties of the scenario that affect how the results are read, by id.
     pub notes: BTreeMap<String, RowNote>,
+    /// Length of the scenario.
+    pub length: RowLength,
     /// Index of the simulator of these statistics.
     deviation_of: usize,
     /// One cell per simulator; `None` without a result.
@@ -97,6 +99,7 @@ impl Tally {
             direction_tracking: None,
             deviation: BTreeMap::new(),
             notes: first.notes.clone(),
+            length: first.length.unwrap_or(RowLength::BENCHMARK),
             deviation_of: usize::MAX,
             cells: vec![None; count],
         });

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use reactsim_geometry::{Vec2, direction, into_frame, wrap};
 use reactsim_rollout::{Purpose, stream};
-use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Scenario};
+use reactsim_scene::{AgentKind, DT, Frame, Scenario};
 use serde::{Deserialize, Serialize};
 
 use super::read_study;
@@ -112,26 +112,27 @@ impl Situation {
         }
     }
 
-    /// Classifies an agent that is present now. `tracks` are the logged frames of all agents.
-    fn of(tracks: &[Vec<Frame>], slot: usize) -> Option<Self> {
-        let now = tracks[slot][CURRENT]?;
-        let later = || tracks[slot][CURRENT + 1..].iter().flatten();
+    /// Classifies an agent that is present now, at frame `current`. `tracks` are the logged frames of all
+    /// agents.
+    fn of(tracks: &[Vec<Frame>], slot: usize, current: usize) -> Option<Self> {
+        let now = tracks[slot][current]?;
+        let later = || tracks[slot][current + 1..].iter().flatten();
         let stays = later().all(|s| (s.position() - now.position()).norm() < STANDING_DISTANCE);
-        let speed = speed(&tracks[slot], CURRENT);
+        let speed = speed(&tracks[slot], current);
         if speed < STANDING_SPEED {
             return Some(if stays { Self::Stands } else { Self::SetsOff });
         }
         // Headings of agents that hardly move are noise.
         let moved = later().filter(|s| (s.position() - now.position()).norm() >= STANDING_DISTANCE);
         let turns = moved.map(|s| wrap(s.heading - now.heading).abs()).fold(0.0, f64::max) > TURN;
-        let last = (CURRENT..tracks[slot].len()).rev().find(|&f| tracks[slot][f].is_some())?;
+        let last = (current..tracks[slot].len()).rev().find(|&f| tracks[slot][f].is_some())?;
         Some(if turns {
             Self::Turns
         } else if self::speed(&tracks[slot], last) < STANDING_SPEED {
             Self::Halts
-        } else if has_leader(tracks, slot, speed) {
+        } else if has_leader(tracks, slot, current, speed) {
             Self::Follows
-        } else if crosses(tracks, slot) {
+        } else if crosses(tracks, slot, current) {
             Self::Crosses
         } else {
             Self::DrivesFreely
@@ -151,11 +152,11 @@ fn speed(track: &[Frame], frame: usize) -> f64 {
     }
 }
 
-fn has_leader(tracks: &[Vec<Frame>], slot: usize, speed: f64) -> bool {
-    let Some(now) = tracks[slot][CURRENT] else { return false };
+fn has_leader(tracks: &[Vec<Frame>], slot: usize, current: usize, speed: f64) -> bool {
+    let Some(now) = tracks[slot][current] else { return false };
     let reach = LEADER_DISTANCE.min(LEADER_TIME * speed);
     tracks.iter().enumerate().filter(|(other, _)| *other != slot).any(|(_, track)| {
-        track[CURRENT].is_some_and(|other| {
+        track[current].is_some_and(|other| {
             let at = into_frame(direction(now.heading), other.position() - now.position());
             let is_ahead = at.x > 0.0 && at.x < reach && at.y.abs() < LEADER_OFFSET;
             is_ahead && wrap(other.heading - now.heading).abs() < SAME_DIRECTION
@@ -163,14 +164,15 @@ fn has_leader(tracks: &[Vec<Frame>], slot: usize, speed: f64) -> bool {
     })
 }
 
-fn crosses(tracks: &[Vec<Frame>], slot: usize) -> bool {
+fn crosses(tracks: &[Vec<Frame>], slot: usize, current: usize) -> bool {
+    let count = tracks[slot].len();
     let span = (CROSSING_TIME / DT) as usize;
     // Every half second: agents do not jump over each other's way in that time.
-    let frames = |from: usize, to: usize| (from..to.min(FRAMES)).step_by(5);
+    let frames = |from: usize, to: usize| (from..to.min(count)).step_by(5);
     let state = |agent: usize, f: usize| tracks[agent][f];
     let meets = |other: usize, f: usize| {
         let Some(own) = state(slot, f) else { return false };
-        frames(f.saturating_sub(span).max(CURRENT), f + span + 1).any(|g| {
+        frames(f.saturating_sub(span).max(current), f + span + 1).any(|g| {
             state(other, g).is_some_and(|their| {
                 let is_near = (their.position() - own.position()).norm() < CROSSING_DISTANCE;
                 let angle = wrap(their.heading - own.heading).abs();
@@ -179,7 +181,7 @@ fn crosses(tracks: &[Vec<Frame>], slot: usize) -> bool {
         })
     };
     let mut others = (0..tracks.len()).filter(|&other| other != slot);
-    others.any(|other| frames(CURRENT, FRAMES).any(|f| meets(other, f)))
+    others.any(|other| frames(current, count).any(|f| meets(other, f)))
 }
 
 /// Property by which agents are grouped.
@@ -211,21 +213,22 @@ type Key = (Property, usize, String);
 
 /// Returns the groups of an agent, but for those by time.
 fn groups(scenario: &Scenario, tracks: &[Vec<Frame>], slot: usize) -> Option<Vec<Key>> {
-    let now = tracks[slot][CURRENT]?;
-    let situation = Situation::of(tracks, slot)?;
+    let current = scenario.start.current();
+    let now = tracks[slot][current]?;
+    let situation = Situation::of(tracks, slot, current)?;
     let class = match scenario.start.agents[slot].kind {
         AgentKind::Vehicle => (0, "vehicle"),
         AgentKind::Pedestrian => (1, "pedestrian"),
         AgentKind::Cyclist => (2, "cyclist"),
         AgentKind::Other => (3, "other"),
     };
-    let speed = match speed(&tracks[slot], CURRENT) {
+    let speed = match speed(&tracks[slot], current) {
         v if v < STANDING_SPEED => (0, "below 0.5 m/s"),
         v if v < 5.0 => (1, "0.5 to 5 m/s"),
         v if v < 10.0 => (2, "5 to 10 m/s"),
         _ => (3, "10 m/s and more"),
     };
-    let av = tracks[0][CURRENT].map_or(f64::NAN, |av| (av.position() - now.position()).norm());
+    let av = tracks[0][current].map_or(f64::NAN, |av| (av.position() - now.position()).norm());
     let distance = match av {
         d if d < 20.0 => Some((0, "within 20 m")),
         d if d < 50.0 => Some((1, "20 to 50 m")),
@@ -269,6 +272,8 @@ fn error(logged: Frame, rolled: Frame) -> Option<[f64; 3]> {
 
 /// A logged scene: the frames of all agents, and the groups of those that are simulated, by slot.
 struct LoggedGroups {
+    /// The current frame.
+    current: usize,
     tracks: Vec<Vec<Frame>>,
     keys: Vec<(usize, Vec<Key>)>,
 }
@@ -279,7 +284,7 @@ impl LoggedGroups {
         let tracks: Vec<Vec<Frame>> = (0..agents).map(|slot| scenario.logged(slot)).collect();
         let of_slot = |slot: usize| Some((slot, groups(scenario, &tracks, slot)?));
         let keys = (1..agents).filter_map(of_slot).collect();
-        Self { tracks, keys }
+        Self { current: scenario.start.current(), tracks, keys }
     }
 }
 
@@ -295,8 +300,8 @@ impl Collected {
         let mut here: BTreeMap<Key, Sums> = BTreeMap::new();
         for (slot, keys) in &logged.keys {
             for tracks in rollouts {
-                let at = |f: usize| error(logged.tracks[*slot][f], tracks[*slot][f]);
-                let errors: Vec<[f64; 3]> = (CURRENT + 1..FRAMES).filter_map(at).collect();
+                let both = || logged.tracks[*slot].iter().zip(&tracks[*slot]).map(|(l, r)| error(*l, *r));
+                let errors: Vec<[f64; 3]> = both().skip(logged.current + 1).flatten().collect();
                 if errors.is_empty() {
                     continue;
                 }
@@ -304,7 +309,7 @@ impl Collected {
                 let means = [mean(0), mean(1), mean(2)];
                 keys.iter().for_each(|key| here.entry(key.clone()).or_default().add(means));
                 for seconds in TIMES {
-                    if let Some(error) = at(CURRENT + 10 * seconds) {
+                    if let Some(error) = both().nth(logged.current + 10 * seconds).flatten() {
                         here.entry((Property::Time, seconds, format!("after {seconds} s")))
                             .or_default()
                             .add(error);
@@ -418,12 +423,12 @@ mod tests {
             let (x, y, heading) = state(DT * f as f64 - 1.0);
             Some(AgentState { x, y, heading, vx: 0.0, vy: 0.0 })
         };
-        (0..FRAMES).map(at).collect()
+        (0..91).map(at).collect()
     }
 
     #[test]
     fn situations_are_told_from_the_log() {
-        let of = |tracks: &[Vec<Frame>]| Situation::of(tracks, 0).unwrap();
+        let of = |tracks: &[Vec<Frame>]| Situation::of(tracks, 0, 10).unwrap();
         let straight = |speed: f64, x: f64, y: f64| track(move |t| (x + speed * t, y, 0.0));
         assert_eq!(of(&[straight(0.0, 0.0, 0.0)]), Situation::Stands);
         assert_eq!(of(&[track(|t| ((t - 2.0).max(0.0) * 3.0, 0.0, 0.0))]), Situation::SetsOff);

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use reactsim_metrics::Scope;
 
 use crate::provenance::Provenance;
-use crate::row::Failure;
+use crate::row::{Failure, RowLength};
 use crate::statistics::samples::{NamedSamples, Part, Samples};
 use crate::statistics::tally::{Entry, Tally};
 use crate::statistics::{MANY, RESAMPLES_OF_MANY};
 use crate::summary::{
-    CategorySummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary, SummaryProvenance,
+    CategorySummary, LengthSummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary,
+    SummaryProvenance,
 };
 
 /// A summary that is being computed. Scenarios are added in canonical order.
@@ -26,6 +27,8 @@ pub(crate) struct SummaryBuilder<'a> {
     digest: blake3::Hasher,
     direction_tracking: BTreeMap<String, usize>,
     notes: BTreeMap<String, NoteSummary>,
+    /// Number of scenarios by length.
+    lengths: BTreeMap<RowLength, usize>,
 }
 
 /// Counts of one simulator.
@@ -61,6 +64,7 @@ impl<'a> SummaryBuilder<'a> {
             digest: blake3::Hasher::new(),
             direction_tracking: BTreeMap::new(),
             notes: BTreeMap::new(),
+            lengths: BTreeMap::new(),
         }
     }
 
@@ -73,6 +77,7 @@ impl<'a> SummaryBuilder<'a> {
         self.digest.update(b"\0");
         self.digest.update(entry.digest.as_bytes());
         self.digest.update(b"\n");
+        *self.lengths.entry(entry.length).or_default() += 1;
         if let Some(method) = &entry.direction_tracking {
             *self.direction_tracking.entry(method.clone()).or_default() += 1;
         }
@@ -155,6 +160,13 @@ impl<'a> SummaryBuilder<'a> {
             *allowed.entry(check.allowance().to_owned()).or_default() +=
                 usize::try_from(n).unwrap_or(usize::MAX);
         }
+        let stated = |(length, scenarios): (&RowLength, &usize)| LengthSummary {
+            history: length.history,
+            steps: length.steps,
+            scenarios: *scenarios,
+        };
+        let is_usual = self.lengths.keys().all(|length| *length == RowLength::BENCHMARK);
+        let lengths = if is_usual { Vec::new() } else { self.lengths.iter().map(stated).collect() };
         Summary {
             simulators,
             deviation: self.deviation.finish(),
@@ -169,6 +181,7 @@ impl<'a> SummaryBuilder<'a> {
                 allowed,
                 intervals,
                 notes: self.notes,
+                lengths,
                 direction_tracking: self.direction_tracking,
                 failures: failures.to_vec(),
             },

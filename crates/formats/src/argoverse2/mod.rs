@@ -10,14 +10,14 @@ mod tracks;
 use std::path::{Path, PathBuf};
 
 use reactsim_files::name_of;
-use reactsim_scene::{CURRENT, EARLIER_FRAME, Scenario};
+use reactsim_scene::{EARLIER_FRAME, Scenario};
 
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
 use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
-    read_whole,
+    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, is_parquet, named, read_whole, single,
 };
+use super::frames::{CurrentFrames, LengthChoice};
 use super::table::TableReader;
 
 /// Index of the latest default current frame among the 110 frames: the last of the 50 frames that forecasters
@@ -56,51 +56,48 @@ impl ScenarioFormat for Argoverse2 {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path, None)?;
+        let scenario = read(path, None, LengthChoice::default())?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        let path: PathBuf = path.to_owned();
-        let decode: UndecodedScenario = Box::new(move || read(&path, None));
-        Ok(Box::new(std::iter::once(Ok(decode))))
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        single(self, path, frames, move |path, current| read(path, current, length))
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {
         Some(1)
     }
 
-    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
-        read(path, Some(current_frame))
-    }
-
-    fn companions(&self, path: &Path) -> Vec<PathBuf> {
+    fn companions(&self, path: &Path, _length: LengthChoice) -> Vec<PathBuf> {
         let map = Tracks::scenario_id(path).and_then(|id| find_map(path, &id).ok());
         map.into_iter().collect()
     }
 }
 
-/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one: by default the
-/// latest frame up to [`CURRENT_FRAME`] with 80 recorded frames of the AV after it. The ten frames before it
-/// are the history. Missing frames among the 80 after it are counted in the scenario's repairs.
-fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
-    if let Some(current) = current.filter(|current| *current < CURRENT) {
-        let cause = Cause::value(
-            "the current frame",
-            current,
-            "at least 10, so that there are ten frames of history",
-        );
-        return Err(FormatError::file(path, cause));
+/// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current
+/// one: by default the latest frame up to [`CURRENT_FRAME`] with enough recorded frames of the AV after it.
+/// Missing frames after it are counted in the scenario's repairs.
+fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Scenario, FormatError> {
+    let before = length.history() - 1;
+    if let Some(current) = current.filter(|current| *current < before) {
+        let expected = format!("at least {before}, so that there are as many frames before it");
+        return Err(FormatError::file(path, Cause::value("the current frame", current, expected)));
     }
     let tracks = Tracks::read(path)?;
     let unknown_types = parts::unknown_types(&tracks);
-    let earlier = current.map_or_else(|| CURRENT_FRAME - parts::latest_frame(&tracks, CURRENT_FRAME), |_| 0);
-    let current = current.unwrap_or(CURRENT_FRAME - earlier);
+    let latest = || CURRENT_FRAME.max(before);
+    let earlier = current.map_or_else(|| latest() - parts::latest_frame(&tracks, latest(), length), |_| 0);
+    let current = current.unwrap_or_else(|| latest() - earlier);
     let id = tracks.scenario_id.clone();
     let refuse = |cause| FormatError::record(path, 0, Some(id.clone()), cause);
     let map_path = find_map(path, &id).map_err(refuse)?;
     let map = map::read(&map_path, &read_whole(&map_path, MAX_MAP_SIZE, "the map of one scenario")?)?;
-    let (parts, missing) = parts::parts(tracks, map, current).map_err(refuse)?;
+    let (parts, missing) = parts::parts(tracks, map, current, length).map_err(refuse)?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| {
         let file = if e.field.starts_with("map.") { &map_path } else { path };
         FormatError::scene(file, 0, e)

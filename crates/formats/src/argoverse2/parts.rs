@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{
-    Agent, AgentKind, CURRENT, FRAMES, FUTURE, LoggedAgent, MapParts, ScenarioParts, unknown_type,
-};
+use reactsim_scene::{Agent, AgentKind, Length, LoggedAgent, MapParts, ScenarioParts, unknown_type};
 
 use super::tracks::{Track, Tracks};
 use crate::error::Cause;
+use crate::frames::{LengthChoice, most_agents};
 
 /// Id of the AV's track.
 const AV: &str = "AV";
@@ -18,7 +17,12 @@ const STEP_TOLERANCE: f64 = 0.1;
 
 /// Converts tracks and a map to scenario parts with the time step `current` as the current frame. Also
 /// returns the number of missing frames at the end.
-pub(super) fn parts(tracks: Tracks, map: MapParts, current: usize) -> Result<(ScenarioParts, u32), Cause> {
+pub(super) fn parts(
+    tracks: Tracks,
+    map: MapParts,
+    current: usize,
+    choice: LengthChoice,
+) -> Result<(ScenarioParts, u32), Cause> {
     if let Some(step) = tracks.step.filter(|s| !((s - 0.1).abs() <= STEP_TOLERANCE * 0.1)) {
         let what = "the step of `start_timestamp` to `end_timestamp` in `num_timestamps`";
         return Err(Cause::value(what, format!("{step} s"), "0.1 s (10 Hz)"));
@@ -36,20 +40,31 @@ pub(super) fn parts(tracks: Tracks, map: MapParts, current: usize) -> Result<(Sc
         ));
     }
     let last = tracks.tracks.iter().filter_map(|t| t.states.keys().next_back()).max().copied().unwrap_or(now);
-    let first = current - CURRENT;
-    let recorded = (last as usize + 1).saturating_sub(first).min(FRAMES);
+    let after = (last as usize).saturating_sub(current);
+    let length = Length { history: choice.history(), future: choice.future(after) };
+    let first = current - length.current();
+    let missing = length.future.saturating_sub(after);
+    if length.future == 0 || missing > 0 && !choice.pads() {
+        let expected = format!("{} or more; choose an earlier current frame", choice.least_future());
+        return Err(Cause::value(format!("the number of frames after time step {current}"), after, expected));
+    }
+    if tracks.tracks.len() > most_agents(length.frames()) {
+        let expected = format!("at most {} in {} frames", most_agents(length.frames()), length.frames());
+        return Err(Cause::value("the number of tracks", tracks.tracks.len(), expected));
+    }
     let ids = |chosen: &dyn Fn(&Track) -> bool| {
         tracks.tracks.iter().filter(|t| chosen(t)).map(|t| t.id.clone()).collect::<Vec<_>>()
     };
     let tracks_to_predict = ids(&|t| t.category >= MIN_SCORED_CATEGORY);
     let objects_of_interest = ids(&|t| tracks.focal.as_ref() == Some(&t.id));
     let step = tracks.step;
-    let agents = tracks.tracks.into_iter().map(|track| agent(track, first)).collect();
+    let agents = tracks.tracks.into_iter().map(|track| agent(track, first, length.frames())).collect();
     let parts = ScenarioParts {
         id: tracks.scenario_id,
         source: "argoverse2".into(),
         origin: None,
-        timestamps: step.map_or(Vec::new(), |s| (0..FRAMES).map(|f| f as f64 * s).collect()),
+        length,
+        timestamps: step.map_or(Vec::new(), |s| (0..length.frames()).map(|f| f as f64 * s).collect()),
         av,
         agents,
         tracks_to_predict,
@@ -58,13 +73,13 @@ pub(super) fn parts(tracks: Tracks, map: MapParts, current: usize) -> Result<(Sc
         lights: Vec::new(),
         deviation: None,
     };
-    Ok((parts, (FRAMES - recorded) as u32))
+    Ok((parts, missing as u32))
 }
 
-fn agent(track: Track, first: usize) -> LoggedAgent {
+fn agent(track: Track, first: usize, frames: usize) -> LoggedAgent {
     let (kind, length, width) = class(&track.object_type);
     let frame = |f: usize| track.states.get(&u32::try_from(first + f).ok()?).copied();
-    let states = (0..FRAMES).map(frame).collect();
+    let states = (0..frames).map(frame).collect();
     LoggedAgent { agent: Agent { id: track.id, kind, length, width }, track: states, heights: Vec::new() }
 }
 
@@ -82,16 +97,16 @@ pub(super) fn unknown_types(tracks: &Tracks) -> BTreeMap<String, u32> {
     found
 }
 
-/// Returns the latest frame up to `default` at which the AV is present, ten frames come before it, and the AV
-/// is recorded at the 80 frames after it, so that it can follow its log. Without the last condition if no
+/// Returns the latest frame up to `default` at which the AV is present, enough frames come before it, and the
+/// AV is recorded at the frames after it, so that it can follow its log. Without the last condition if no
 /// frame meets it; `default` itself if the AV is at none.
-pub(super) fn latest_frame(tracks: &Tracks, default: usize) -> usize {
+pub(super) fn latest_frame(tracks: &Tracks, default: usize, length: LengthChoice) -> usize {
     let av = tracks.tracks.iter().find(|track| track.id == AV);
     let is_present = |frame: usize| {
         av.is_some_and(|av| u32::try_from(frame).is_ok_and(|frame| av.states.contains_key(&frame)))
     };
-    let has_future = |frame: &usize| (*frame..=frame + FUTURE).all(is_present);
-    let frames = || (CURRENT..=default).rev();
+    let has_future = |frame: &usize| (*frame..=frame + length.least_future()).all(is_present);
+    let frames = || (length.history() - 1..=default).rev();
     let latest = frames().find(has_future).or_else(|| frames().find(|frame| is_present(*frame)));
     latest.unwrap_or(default)
 }

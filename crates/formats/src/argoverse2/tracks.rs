@@ -28,8 +28,8 @@ const COLUMNS: &[&str] = &[
 ];
 /// Maximum number of rows of a scenario: 110 time steps of nine thousand tracks.
 const MAX_ROWS: usize = 1_000_000;
-/// Maximum number of tracks of a scenario: usual scenarios have some hundred, and each track becomes 91
-/// frames however few rows it has.
+/// Maximum number of tracks of a scenario: usual scenarios have some hundred, and each track has all frames,
+/// however few rows it has.
 const MAX_TRACKS: usize = 10_000;
 /// Upper bound of time step indices; a scenario has 110 time steps.
 const MAX_STEPS: u32 = 10_000;

@@ -8,14 +8,15 @@ mod parts;
 mod raw;
 mod roads;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use reactsim_scene::Scenario;
 
 use self::raw::RawScenario;
 use super::document::values::quote_not_finite;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, read_whole};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single};
+use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; the largest scenarios have about ten megabytes.
 const MAX_FILE_SIZE: u64 = 1 << 27;
@@ -44,14 +45,20 @@ impl ScenarioFormat for GpuDrive {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path)?;
+        let scenario = read(path, LengthChoice::default())?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        let path: PathBuf = path.to_owned();
-        let decode: UndecodedScenario = Box::new(move || read(&path));
-        Ok(Box::new(std::iter::once(Ok(decode))))
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        match refused_frames(self, path, frames) {
+            Some(refused) => refused,
+            None => single(self, path, frames, move |path, _| read(path, length)),
+        }
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {
@@ -59,7 +66,7 @@ impl ScenarioFormat for GpuDrive {
     }
 }
 
-fn read(path: &Path) -> Result<Scenario, FormatError> {
+fn read(path: &Path, length: LengthChoice) -> Result<Scenario, FormatError> {
     let undecodable = |e: String| FormatError::file(path, Cause::Undecodable(e)).at(0);
     let text = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
     let text = String::from_utf8(text).map_err(|e| undecodable(e.to_string()))?;
@@ -68,7 +75,7 @@ fn read(path: &Path) -> Result<Scenario, FormatError> {
         serde_json::from_str(&quote_not_finite(&text)).map_err(|e| undecodable(e.to_string()))?;
     drop(text);
     let id = raw.id();
-    let converted = parts::parts(raw).map_err(|cause| FormatError::record(path, 0, id, cause))?;
+    let converted = parts::parts(raw, length).map_err(|cause| FormatError::record(path, 0, id, cause))?;
     let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
     let repairs = converted.left_out.into_iter().map(|(what, count)| (what.to_owned(), count));
     for (what, count) in repairs.chain(converted.unknown_types) {

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, FRAMES, LightParts, LightState, LoggedAgent, ScenarioParts, unknown_type,
+    Agent, AgentKind, AgentState, HISTORY, Length, LightParts, LightState, LoggedAgent, ScenarioParts,
+    unknown_type,
 };
 
 use super::angles;
 use super::raw::{Name, Point, RawLight, RawObject, RawScenario};
 use super::roads;
 use crate::error::Cause;
+use crate::frames::{LengthChoice, check_lights, seconds};
 
 /// Coordinate in metres that marks invalid frames.
 const INVALID_COORDINATE: f64 = -10_000.0;
@@ -29,7 +31,7 @@ pub(super) struct ConvertedScenario {
 }
 
 /// Converts the content of a file.
-pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
+pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedScenario, Cause> {
     let id = raw
         .id()
         .ok_or_else(|| Cause::schema("`scenario_id`", "missing", "the id of the scenario, or a `name`"))?;
@@ -57,18 +59,20 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
         }
         objects_of_interest = metadata.objects_of_interest.iter().map(Name::to_string).collect();
     }
+    let window = Window::of(&raw, choice)?;
     let unit = angles::radians_per_unit(&raw);
     let mut agents = Vec::with_capacity(raw.objects.len());
     let mut unknown_types = BTreeMap::new();
     for (i, object) in raw.objects.iter().enumerate() {
-        agents.push(agent(i, object, ids[i].clone(), unit)?);
+        agents.push(agent(i, object, ids[i].clone(), unit, &window)?);
         if kind(&object.kind).is_none() {
             *unknown_types.entry(unknown_type(&object.kind)).or_default() += 1;
         }
     }
     let mut lights = Vec::new();
+    check_lights(raw.tl_states.len(), window.length.frames())?;
     for (lane, light) in raw.tl_states {
-        lights.extend(self::light(lane, &light)?);
+        lights.extend(self::light(lane, &light, &window)?);
     }
     let (mut map, mut left_out) = roads::map(raw.roads)?;
     if !is_av_stated {
@@ -79,6 +83,7 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
         id,
         source: "gpudrive".into(),
         origin: None,
+        length: window.length,
         timestamps: Vec::new(),
         av,
         agents,
@@ -89,6 +94,38 @@ pub(super) fn parts(raw: RawScenario) -> Result<ConvertedScenario, Cause> {
         deviation: None,
     };
     Ok(ConvertedScenario { parts, left_out, unknown_types })
+}
+
+/// The frames of a recording that become those of the scenario.
+struct Window {
+    /// Number of frames of the recording.
+    recorded: usize,
+    /// Index of the first frame.
+    first: usize,
+    length: Length,
+}
+
+impl Window {
+    /// The frames around the current one, which follows a second of history in all files.
+    fn of(raw: &RawScenario, choice: LengthChoice) -> Result<Self, Cause> {
+        let recorded = raw.objects.first().map_or(0, |object| object.position.len());
+        let length =
+            Length { history: choice.history(), future: choice.future(recorded.saturating_sub(HISTORY)) };
+        let Some(first) = HISTORY.checked_sub(length.history) else {
+            let expected = format!("at most {HISTORY}: files have a second of history");
+            return Err(Cause::value("history", length.history, expected));
+        };
+        if length.future == 0 || recorded < HISTORY + length.future {
+            let (found, least) = (format!("{recorded} entries"), HISTORY + choice.least_future());
+            return Err(Cause::value("objects[0].position", found, entries(least)));
+        }
+        Ok(Self { recorded, first, length })
+    }
+}
+
+/// Describes a number of frames.
+fn entries(count: usize) -> String {
+    format!("{count} entries ({} s at 10 Hz)", seconds(count))
 }
 
 /// Returns the id, or the index if the file has no id.
@@ -112,21 +149,22 @@ fn kind(name: &str) -> Option<AgentKind> {
     }
 }
 
-fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAgent, Cause> {
+fn agent(i: usize, object: &RawObject, id: String, unit: f64, window: &Window) -> Result<LoggedAgent, Cause> {
     let lengths = [
         ("position", object.position.len()),
         ("velocity", object.velocity.len()),
         ("heading", object.heading.len()),
         ("valid", object.valid.len()),
     ];
-    if let Some((field, found)) = lengths.into_iter().find(|(_, n)| *n != FRAMES) {
+    if let Some((field, found)) = lengths.into_iter().find(|(_, n)| *n != window.recorded) {
         let found = format!("{found} entries");
-        return Err(Cause::value(format!("objects[{i}].{field}"), found, "91 entries (9.1 s at 10 Hz)"));
+        return Err(Cause::value(format!("objects[{i}].{field}"), found, entries(window.recorded)));
     }
     let bottom = |f: usize| Some(object.position[f].z? - 0.5 * object.height.unwrap_or(0.0));
-    let heights = (0..FRAMES).map(|f| bottom(f).filter(|_| object.valid[f])).collect();
-    let mut track = Vec::with_capacity(FRAMES);
-    for f in 0..FRAMES {
+    let frames = window.first..window.first + window.length.frames();
+    let heights = frames.clone().map(|f| bottom(f).filter(|_| object.valid[f])).collect();
+    let mut track = Vec::with_capacity(frames.len());
+    for f in frames {
         // Padding slots have no extent.
         let is_padding = !(object.length > 0.0 && object.width > 0.0) && is_unset(object.position[f]);
         if !object.valid[f] || is_padding {
@@ -152,7 +190,7 @@ fn agent(i: usize, object: &RawObject, id: String, unit: f64) -> Result<LoggedAg
 }
 
 /// Converts a light; `None` if it was never observed.
-fn light(lane: String, raw: &RawLight) -> Result<Option<LightParts>, Cause> {
+fn light(lane: String, raw: &RawLight, window: &Window) -> Result<Option<LightParts>, Cause> {
     let field = |what: &str| format!("tl_states[\"{lane}\"].{what}");
     let n = raw.time_index.len();
     for (what, found) in [("state", raw.state.len()), ("x", raw.x.len()), ("y", raw.y.len())] {
@@ -161,17 +199,20 @@ fn light(lane: String, raw: &RawLight) -> Result<Option<LightParts>, Cause> {
             return Err(Cause::value(field(what), format!("{found} entries"), expected));
         }
     }
-    let mut states = vec![None; FRAMES];
+    let mut states = vec![None; window.length.frames()];
     for (k, (&index, state)) in raw.time_index.iter().zip(&raw.state).enumerate() {
-        let frame = usize::try_from(index).ok().filter(|f| *f < FRAMES);
+        let frame = usize::try_from(index).ok().filter(|f| *f < window.recorded);
         let frame = frame.ok_or_else(|| {
-            Cause::value(field(&format!("time_index[{k}]")), index, "the index of a frame, 0 to 90")
+            let expected = format!("the index of a frame, 0 to {}", window.recorded - 1);
+            Cause::value(field(&format!("time_index[{k}]")), index, expected)
         })?;
         let observed = LightState::from_name(state).ok_or_else(|| {
             let known = LightState::ALL.map(LightState::name).join(", ");
             Cause::value(field(&format!("state[{k}]")), format!("`{state}`"), known)
         })?;
-        states[frame] = Some(observed);
+        if let Some(state) = frame.checked_sub(window.first).and_then(|f| states.get_mut(f)) {
+            *state = Some(observed);
+        }
     }
     let at = raw.x.first().zip(raw.y.first());
     Ok(at.map(|(&x, &y)| LightParts { lane, stop_point: Vec2::new(x, y), states }))

@@ -10,8 +10,10 @@ use std::path::Path;
 use reactsim_scene::Scenario;
 
 use self::raw::RawScenario;
+use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{ScenarioFormat, Scenarios, head, read_whole};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single};
+use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; a scenario with full tracks has a few megabytes.
 const MAX_FILE_SIZE: u64 = 1 << 28;
@@ -38,6 +40,25 @@ impl ScenarioFormat for Json {
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
         let scenario = read(path)?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
+    }
+
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        let cropped = move |path: &Path, _| {
+            let mut scenario = read(path)?;
+            match crop(&mut scenario, length) {
+                Ok(()) => Ok(scenario),
+                Err(cause) => Err(FormatError::record(path, 0, Some(scenario.id), cause)),
+            }
+        };
+        match refused_frames(self, path, frames) {
+            Some(refused) => refused,
+            None => single(self, path, frames, cropped),
+        }
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {

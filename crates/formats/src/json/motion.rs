@@ -1,10 +1,11 @@
 //! Motions and lines made of pieces with constant acceleration and curvature.
 
 use reactsim_geometry::{Vec2, direction, left, math, smooth_step};
-use reactsim_scene::{AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, HISTORY};
+use reactsim_scene::{AgentState, DT, Frame, Length};
 
 use super::raw::{RawArc, RawMotion, RawPast, RawPath, RawPiece};
 use crate::error::Cause;
+use crate::frames::seconds;
 
 /// Maximum distance in metres between successive points of a path.
 const POINT_SPACING: f64 = 1.0;
@@ -45,21 +46,22 @@ impl MotionState {
     }
 }
 
-/// Computes the 91 frames of a motion.
-pub(super) fn track(field: &str, motion: &RawMotion) -> Result<Vec<Frame>, Cause> {
+/// Computes all frames of a motion.
+pub(super) fn track(field: &str, motion: &RawMotion, length: Length) -> Result<Vec<Frame>, Cause> {
     let [x, y] = motion.at;
     finite(field, &[("at", x), ("at", y), ("heading", motion.heading), ("speed", motion.speed)])?;
     if motion.speed < 0.0 {
         return Err(Cause::value(format!("{field}.speed"), motion.speed, "at least 0 m/s"));
     }
     let now = MotionState { at: Vec2::new(x, y), heading: motion.heading, speed: motion.speed };
-    let mut frames = past(field, now, motion.past)?;
-    frames.extend(future(field, now, &motion.pieces)?);
+    let mut frames = past(field, now, motion.past, length.current())?;
+    frames.extend(future(field, now, &motion.pieces, length.future)?);
     let mut track: Vec<Frame> = frames.into_iter().map(Some).collect();
     if let Some([first, last]) = motion.frames {
-        if first > last || last >= FRAMES {
+        if first > last || last >= track.len() {
             let found = format!("[{first}, {last}]");
-            return Err(Cause::value(format!("{field}.frames"), found, "[first, last] within 0 to 90"));
+            let expected = format!("[first, last] within 0 to {}", track.len() - 1);
+            return Err(Cause::value(format!("{field}.frames"), found, expected));
         }
         track[..first].fill(None);
         track[last + 1..].fill(None);
@@ -67,29 +69,29 @@ pub(super) fn track(field: &str, motion: &RawMotion) -> Result<Vec<Frame>, Cause
     Ok(track)
 }
 
-/// Computes the 80 states after `now`.
+/// Computes so many states after `now`.
 pub(super) fn continuation(
     field: &str,
     now: &AgentState,
     pieces: &[RawPiece],
+    count: usize,
 ) -> Result<Vec<AgentState>, Cause> {
     let speed = now.forward_speed().max(0.0);
-    future(field, MotionState { at: now.position(), heading: now.heading, speed }, pieces)
+    future(field, MotionState { at: now.position(), heading: now.heading, speed }, pieces, count)
 }
 
-/// Computes frames 0 to 10 by running the motion backwards.
-fn past(field: &str, now: MotionState, past: RawPast) -> Result<Vec<AgentState>, Cause> {
+/// Computes `count` frames before the current one, and that one, by running the motion backwards.
+fn past(field: &str, now: MotionState, past: RawPast, count: usize) -> Result<Vec<AgentState>, Cause> {
     let field = format!("{field}.past");
     finite(&field, &[("acceleration", past.acceleration), ("curvature", past.curvature)])?;
     // Backwards, the heading is reversed and acceleration and curvature change sign.
     let mut mover = MotionState { heading: now.heading + std::f64::consts::PI, ..now };
     let mut states = vec![state(&now)];
-    for _ in 0..CURRENT {
+    for _ in 0..count {
         mover.step(-past.acceleration, -past.curvature);
         states.push(state(&MotionState { heading: mover.heading - std::f64::consts::PI, ..mover }));
     }
     states.reverse();
-    debug_assert_eq!(states.len(), HISTORY);
     Ok(states)
 }
 
@@ -98,10 +100,15 @@ fn state(mover: &MotionState) -> AgentState {
     AgentState { x: mover.at.x, y: mover.at.y, heading: mover.heading, vx: v.x, vy: v.y }
 }
 
-/// Computes frames 11 to 90.
-fn future(field: &str, now: MotionState, pieces: &[RawPiece]) -> Result<Vec<AgentState>, Cause> {
+/// Computes `count` frames after the current one.
+fn future(
+    field: &str,
+    now: MotionState,
+    pieces: &[RawPiece],
+    count: usize,
+) -> Result<Vec<AgentState>, Cause> {
     let mut mover = now;
-    let mut states = Vec::with_capacity(FUTURE);
+    let mut states = Vec::with_capacity(count);
     let mut offset = 0.0;
     for (i, piece) in pieces.iter().enumerate() {
         let field = format!("{field}.pieces[{i}]");
@@ -110,8 +117,10 @@ fn future(field: &str, now: MotionState, pieces: &[RawPiece]) -> Result<Vec<Agen
             &[("acceleration", piece.acceleration), ("curvature", piece.curvature), ("shift", piece.shift)],
         )?;
         let steps = steps(&format!("{field}.seconds"), piece.seconds)?;
-        if states.len() + steps > FUTURE {
-            return Err(Cause::value(field, "an end after more than 8 s", "pieces of at most 8 s in total"));
+        if states.len() + steps > count {
+            let all = seconds(count);
+            let expected = format!("pieces of at most {all} s in total");
+            return Err(Cause::value(field, format!("an end after more than {all} s"), expected));
         }
         for k in 1..=steps {
             mover.step(piece.acceleration, piece.curvature);
@@ -122,7 +131,7 @@ fn future(field: &str, now: MotionState, pieces: &[RawPiece]) -> Result<Vec<Agen
         }
         offset += piece.shift;
     }
-    while states.len() < FUTURE {
+    while states.len() < count {
         mover.step(0.0, 0.0);
         states.push(shifted(&mover, offset, 0.0));
     }
@@ -143,7 +152,7 @@ fn shifted(mover: &MotionState, offset: f64, rate: f64) -> AgentState {
 /// Converts a duration to a number of frames.
 pub(super) fn steps(field: &str, seconds: f64) -> Result<usize, Cause> {
     let steps = seconds / DT;
-    if seconds > 0.0 && steps <= 1000.0 && (steps - steps.round()).abs() < 1e-6 {
+    if seconds > 0.0 && steps <= Length::MAX_FUTURE as f64 && (steps - steps.round()).abs() < 1e-6 {
         return Ok(steps.round() as usize);
     }
     Err(Cause::value(field, seconds, "a positive multiple of 0.1 s"))

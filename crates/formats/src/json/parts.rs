@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, Deviation, DeviationParts, FRAMES, FUTURE, Frame,
-    LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapParts,
-    NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    Agent, AgentKind, AgentState, Crosswalk, Deviation, DeviationParts, Frame, LANE_HALF_WIDTH, LaneArea,
+    LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapParts, NeighborParts,
+    RoadEdge, RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
 use super::motion;
@@ -14,9 +14,7 @@ use super::raw::{
     FORMAT, RawAgent, RawDeviation, RawLane, RawLight, RawMap, RawNeighbor, RawPath, RawScenario, RawTrack,
 };
 use crate::error::Cause;
-
-/// Maximum number of agents of a scenario: each has 91 states, however short its description is.
-const MAX_AGENTS: usize = 10_000;
+use crate::frames::{check_lights, most_agents};
 
 /// Converts the content of a file to scenario parts.
 pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
@@ -34,13 +32,22 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
             .position(|a| a.id == *id)
             .ok_or_else(|| Cause::value("av", format!("`{id}`"), "the id of an agent"))?,
     };
-    if raw.agents.len() > MAX_AGENTS {
-        let expected = format!("at most {MAX_AGENTS} in one scenario");
+    let length = Length { history: raw.history, future: raw.future };
+    if !length.is_valid() {
+        let found = format!("{} and {} frames", length.history, length.future);
+        let (history, future) = (Length::MAX_HISTORY, Length::MAX_FUTURE);
+        let expected = format!("2 to {history} and 1 to {future} frames");
+        return Err(Cause::value("history and future", found, expected));
+    }
+    // Each agent has all states, however short its description is.
+    let most = most_agents(length.frames());
+    if raw.agents.len() > most {
+        let expected = format!("at most {most} in one scenario");
         return Err(Cause::value("the number of `agents`", raw.agents.len(), expected));
     }
     let mut agents = Vec::with_capacity(raw.agents.len());
     for (i, agent) in raw.agents.iter().enumerate() {
-        agents.push(logged(&format!("agents[{i}]"), agent)?);
+        agents.push(logged(&format!("agents[{i}]"), agent, length)?);
     }
     let known: BTreeSet<&str> = raw.agents.iter().map(|a| a.id.as_str()).collect();
     for (field, ids) in
@@ -50,15 +57,16 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
             return Err(Cause::value(field, format!("`{id}`"), "ids of agents"));
         }
     }
-    let now = agents.get(av).and_then(|a: &LoggedAgent| a.track[CURRENT]);
+    let now = agents.get(av).and_then(|a: &LoggedAgent| a.track[length.current()]);
     let deviation = match raw.deviation {
         None => None,
-        Some(deviation) => Some(deviated(deviation, now)?),
+        Some(deviation) => Some(deviated(deviation, now, length)?),
     };
     let mut map = map(raw.map)?;
+    check_lights(raw.lights.len(), length.frames())?;
     let mut lights = Vec::with_capacity(raw.lights.len());
     for (i, light) in raw.lights.iter().enumerate() {
-        let light = self::light(&format!("lights[{i}]"), light)?;
+        let light = self::light(&format!("lights[{i}]"), light, length.frames())?;
         map.stop_lines.push(light.stop_line());
         lights.push(light);
     }
@@ -66,6 +74,7 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
         id: raw.id,
         source: raw.source.unwrap_or_else(|| "json".into()),
         origin: None,
+        length,
         timestamps: raw.timestamps,
         av,
         agents,
@@ -88,12 +97,12 @@ fn either(field: &str, a: &str, b: &str, both: bool) -> Cause {
     Cause::value(format!("{field}.{a} and .{b}"), found, "exactly one of the two")
 }
 
-fn logged(field: &str, raw: &RawAgent) -> Result<LoggedAgent, Cause> {
+fn logged(field: &str, raw: &RawAgent, length: Length) -> Result<LoggedAgent, Cause> {
     let kinds = "vehicle, pedestrian, cyclist or other";
     let kind = named(format!("{field}.kind"), &raw.kind, AgentKind::from_name, kinds)?;
     let track = match (&raw.track, &raw.motion) {
-        (Some(track), None) => frames(&format!("{field}.track"), track, FRAMES)?,
-        (None, Some(motion)) => motion::track(&format!("{field}.motion"), motion)?,
+        (Some(track), None) => frames(&format!("{field}.track"), track, length.frames())?,
+        (None, Some(motion)) => motion::track(&format!("{field}.motion"), motion, length)?,
         (track, _) => return Err(either(field, "track", "motion", track.is_some())),
     };
     Ok(LoggedAgent {
@@ -135,20 +144,20 @@ fn frames(field: &str, raw: &RawTrack, expected: usize) -> Result<Vec<Frame>, Ca
     Ok(track)
 }
 
-fn deviated(raw: RawDeviation, now: Frame) -> Result<DeviationParts, Cause> {
+fn deviated(raw: RawDeviation, now: Frame, length: Length) -> Result<DeviationParts, Cause> {
     let categories = "longitudinal, lateral or directional";
     let category = match &raw.category {
         None => None,
         Some(name) => Some(named("deviation.category".into(), name, Deviation::from_name, categories)?),
     };
     let track = match (&raw.track, &raw.pieces) {
-        (Some(track), None) => frames("deviation.track", track, FUTURE)?,
+        (Some(track), None) => frames("deviation.track", track, length.future)?,
         (None, Some(pieces)) => {
             let now = now.ok_or_else(|| {
-                let field = format!("agents[av].track[{CURRENT}]");
+                let field = format!("agents[av].track[{}]", length.current());
                 Cause::value(field, "absent", "the AV present at the current frame")
             })?;
-            motion::continuation("deviation", &now, pieces)?.into_iter().map(Some).collect()
+            motion::continuation("deviation", &now, pieces, length.future)?.into_iter().map(Some).collect()
         }
         (track, _) => return Err(either("deviation", "track", "pieces", track.is_some())),
     };
@@ -268,12 +277,12 @@ fn lanes(raw: &[RawLane], budget: &mut usize) -> Result<Vec<LaneParts>, Cause> {
     Ok(lanes)
 }
 
-fn light(field: &str, raw: &RawLight) -> Result<LightParts, Cause> {
+fn light(field: &str, raw: &RawLight, frames: usize) -> Result<LightParts, Cause> {
     let state = |at: String, name: &Option<String>| match name {
         None => Ok(None),
         Some(name) => named(at, name, LightState::from_name, "a light state such as `stop`").map(Some),
     };
-    let mut states = Vec::with_capacity(FRAMES);
+    let mut states = Vec::with_capacity(frames);
     match (&raw.states, &raw.phases) {
         (Some(given), None) => {
             for (f, name) in given.iter().enumerate() {
@@ -284,10 +293,10 @@ fn light(field: &str, raw: &RawLight) -> Result<LightParts, Cause> {
             for (i, phase) in phases.iter().enumerate() {
                 let shown = state(format!("{field}.phases[{i}].state"), &phase.state)?;
                 let steps = motion::steps(&format!("{field}.phases[{i}].seconds"), phase.seconds)?;
-                states.resize((states.len() + steps).min(FRAMES), shown);
+                states.resize((states.len() + steps).min(frames), shown);
             }
             let last = states.last().copied().flatten();
-            states.resize(FRAMES, last);
+            states.resize(frames, last);
         }
         (given, _) => return Err(either(field, "states", "phases", given.is_some())),
     }

@@ -1,5 +1,6 @@
 //! Structure of a hand-written scenario file. The fields are described in `docs/files.md`.
 
+use reactsim_scene::Length;
 use serde::Deserialize;
 
 /// Required value of `format`.
@@ -14,6 +15,12 @@ pub(super) struct RawScenario {
     pub(super) intent: String,
     #[serde(default)]
     pub(super) source: Option<String>,
+    /// Frames up to and including the current one.
+    #[serde(default = "history")]
+    pub(super) history: usize,
+    /// Frames after the current one.
+    #[serde(default = "future")]
+    pub(super) future: usize,
     #[serde(default)]
     pub(super) timestamps: Vec<f64>,
     #[serde(default)]
@@ -29,6 +36,14 @@ pub(super) struct RawScenario {
     pub(super) lights: Vec<RawLight>,
     #[serde(default)]
     pub(super) deviation: Option<RawDeviation>,
+}
+
+fn history() -> usize {
+    Length::BENCHMARK.history
+}
+
+fn future() -> usize {
+    Length::BENCHMARK.future
 }
 
 #[derive(Deserialize)]
@@ -64,7 +79,7 @@ pub(super) struct RawTrack {
     pub(super) vy: Option<Vec<Option<f64>>>,
 }
 
-/// Motion given by the state at the current frame, the second before it and the pieces after it.
+/// Motion given by the state at the current frame, the time before it and the pieces after it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(expecting = "an object")]

@@ -1,7 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "tests stop at what they did not expect")]
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::CURRENT;
+use reactsim_scene::{CURRENT, Length};
 
 use super::motion;
 use super::raw::{RawMotion, RawPast, RawPath, RawPiece};
@@ -16,7 +16,7 @@ fn piece(seconds: f64) -> RawPiece {
 
 #[test]
 fn goes_straight_without_pieces() {
-    let track = motion::track("m", &motion(vec![])).unwrap();
+    let track = motion::track("m", &motion(vec![]), Length::BENCHMARK).unwrap();
     assert_eq!(track.len(), 91);
     for (f, state) in track.iter().enumerate() {
         let state = state.unwrap();
@@ -30,7 +30,7 @@ fn goes_straight_without_pieces() {
 fn brakes_to_a_halt_and_stays() {
     let mut raw = motion(vec![RawPiece { acceleration: -4.0, ..piece(5.0) }]);
     raw.past.acceleration = 2.0;
-    let track = motion::track("m", &raw).unwrap();
+    let track = motion::track("m", &raw, Length::BENCHMARK).unwrap();
     assert!((track[0].unwrap().speed() - 8.0).abs() < 1e-9);
     assert!((track[0].unwrap().x - (5.0 - 9.0)).abs() < 1e-9);
     // 10 m/s at 4 m/s² is 12.5 m.
@@ -41,7 +41,12 @@ fn brakes_to_a_halt_and_stays() {
 
 #[test]
 fn shifts_sideways_and_drives_on_parallel() {
-    let track = motion::track("m", &motion(vec![piece(1.0), RawPiece { shift: 3.5, ..piece(3.0) }])).unwrap();
+    let track = motion::track(
+        "m",
+        &motion(vec![piece(1.0), RawPiece { shift: 3.5, ..piece(3.0) }]),
+        Length::BENCHMARK,
+    )
+    .unwrap();
     assert_eq!(track[20].unwrap().y, 2.0);
     let end = track[50].unwrap();
     assert!((end.y - 5.5).abs() < 1e-9 && end.heading.abs() < 1e-9);
@@ -63,8 +68,10 @@ fn draws_quarter_circles() {
 
 #[test]
 fn refused_durations_are_named() {
-    let error = motion::track("agents[1].motion", &motion(vec![piece(0.25)])).unwrap_err().to_string();
+    let error = motion::track("agents[1].motion", &motion(vec![piece(0.25)]), Length::BENCHMARK)
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "agents[1].motion.pieces[0].seconds is 0.25, expected a positive multiple of 0.1 s");
-    let error = motion::track("m", &motion(vec![piece(8.1)])).unwrap_err().to_string();
+    let error = motion::track("m", &motion(vec![piece(8.1)]), Length::BENCHMARK).unwrap_err().to_string();
     assert_eq!(error, "m.pieces[0] is an end after more than 8 s, expected pieces of at most 8 s in total");
 }

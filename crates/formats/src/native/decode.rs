@@ -7,12 +7,13 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, LaneArea,
-    LaneClass, LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts,
-    RoadEdge, RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine, Surface,
+    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, HISTORY,
+    LaneArea, LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapHeights,
+    MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine,
+    Surface,
 };
 
-use super::encode::{COLUMNS, HEIGHT_COLUMNS, LEFT, RIGHT};
+use super::encode::{COLUMNS, HEIGHT_COLUMNS, HISTORY_COLUMN, LEFT, RIGHT};
 use super::wrong;
 use crate::certificates;
 use crate::error::{Cause, FormatError};
@@ -32,7 +33,7 @@ impl Rows {
         for &(name, leaf, depth, _) in COLUMNS {
             views.push(View::need(batch, name, leaf, depth)?);
         }
-        for &(name, leaf, depth, _) in HEIGHT_COLUMNS {
+        for &(name, leaf, depth, _) in HEIGHT_COLUMNS.iter().chain([&HISTORY_COLUMN]) {
             views.extend(View::find(batch, name, leaf, depth)?);
         }
         Ok(Self { views, certificates: certificates::decode(batch)?, len: batch.num_rows() })
@@ -56,7 +57,8 @@ impl Rows {
         let assembled = Scenario::assemble_as_stored(parts);
         let mut scenario = assembled.map_err(|e| FormatError::scene(path, record, e))?;
         // Stop lines are stored after projection: projecting them again would move them by a rounding error.
-        scenario.start.map.stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
+        let stop_lines = self.stop_lines(row, &scenario).map_err(refuse)?;
+        scenario.start.map.edit().stop_lines = stop_lines;
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
         if found == expected {
@@ -116,19 +118,29 @@ impl Rows {
     fn parts(&self, row: usize) -> Result<ScenarioParts, Cause> {
         let number = |column| self.view(column).number(row).ok_or_else(|| wrong(column, "null", "a number"));
         let times = self.view("timestamps");
+        let agents = self.agents(row)?;
         Ok(ScenarioParts {
             id: self.text("id", row)?.to_owned(),
             source: self.text("source", row)?.to_owned(),
             origin: Some(Vec2::new(number("origin_x")?, number("origin_y")?)),
+            length: self.length(row, &agents),
             timestamps: times.range(0, row).filter_map(|i| times.number(i)).collect(),
             av: 0,
-            agents: self.agents(row)?,
+            agents,
             tracks_to_predict: self.texts("tracks_to_predict", row),
             objects_of_interest: self.texts("objects_of_interest", row),
             map: self.map(row)?,
             lights: self.lights(row)?,
             deviation: self.deviation(row)?,
         })
+    }
+
+    /// Returns the length of a scenario, which the track of the AV has. Assembly checks the others.
+    fn length(&self, row: usize, agents: &[LoggedAgent]) -> Length {
+        let stated = self.views.iter().find(|v| v.name() == HISTORY_COLUMN.0);
+        let history = stated.map_or(HISTORY, |view| view.whole(row).unwrap_or(0) as usize);
+        let frames = agents.first().map_or(0, |av| av.track.len());
+        Length { history, future: frames.saturating_sub(history) }
     }
 
     fn agents(&self, row: usize) -> Result<Vec<LoggedAgent>, Cause> {

@@ -4,6 +4,7 @@ use Leaf::{Flag, Number, Text, Whole};
 use reactsim_geometry::Vec2;
 use reactsim_scene::{Agent, Frame, Lane, LaneArea, LaneNeighbor, Scenario};
 
+use super::Optional;
 use crate::certificates;
 use crate::table::{Column, Leaf, TableWriter, Value};
 
@@ -96,17 +97,22 @@ pub(super) const HEIGHT_COLUMNS: &[(&str, Leaf, usize, bool)] = &[
     ("drivable_area_z", Number, 2, false),
 ];
 
+/// Column of the number of frames up to and including the current one, of the same form as [`COLUMNS`]. In
+/// files without it this is the number of the benchmark.
+pub(super) const HISTORY_COLUMN: (&str, Leaf, usize, bool) = ("history", Whole, 0, false);
+
 /// Returns the columns, empty.
-pub(super) fn columns(has_heights: bool) -> Vec<Column> {
+pub(super) fn columns(optional: Optional) -> Vec<Column> {
     let own = COLUMNS
         .iter()
-        .chain(HEIGHT_COLUMNS.iter().filter(|_| has_heights))
+        .chain(HEIGHT_COLUMNS.iter().filter(|_| optional.heights))
+        .chain(Some(&HISTORY_COLUMN).filter(|_| optional.history))
         .map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
     own.chain(certificates::columns()).collect()
 }
 
 /// Adds a scenario as one row.
-pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario, has_heights: bool) {
+pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario, optional: Optional) {
     let t = table;
     t.column("id").push(Value::Text(&scenario.id));
     t.column("source").push(Value::Text(&scenario.source));
@@ -121,8 +127,11 @@ pub(super) fn scenario(table: &mut TableWriter, scenario: &Scenario, has_heights
     agents(t, scenario);
     lanes(t, scenario);
     surroundings(t, scenario);
-    if has_heights {
+    if optional.heights {
         heights(t, scenario);
+    }
+    if optional.history {
+        t.column(HISTORY_COLUMN.0).push(Value::Whole(scenario.length().history as u32));
     }
     lights(t, scenario);
     deviation(t, scenario);

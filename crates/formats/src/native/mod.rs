@@ -10,10 +10,14 @@ use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 
+use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named, refused_frames,
+};
+use super::frames::{CurrentFrames, LengthChoice};
 use super::table::{self, TableReader, TableWriter};
-use reactsim_scene::Scenario;
+use reactsim_scene::{HISTORY, Scenario};
 
 pub use by_number::{ByNumber, ids};
 
@@ -50,8 +54,16 @@ impl ScenarioFormat for Native {
         Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(Reader::over(path, TableReader::open(path)?)?))
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        match refused_frames(self, path, frames) {
+            Some(refused) => refused,
+            None => Ok(Box::new(Reader { length, ..Reader::over(path, TableReader::open(path)?)? })),
+        }
     }
 
     fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
@@ -83,12 +95,14 @@ struct Reader {
     rows: Option<(Arc<decode::Rows>, usize)>,
     /// Index of the next record.
     record: u64,
+    length: LengthChoice,
 }
 
 impl Reader {
     fn over(path: &Path, table: TableReader) -> Result<Self, FormatError> {
         table.require(KIND, VERSION)?;
-        Ok(Self { path: path.to_owned(), table, rows: None, record: 0 })
+        let (path, length) = (path.to_owned(), LengthChoice::default());
+        Ok(Self { path, table, rows: None, record: 0, length })
     }
 
     /// Reads from the record with the index `first` on.
@@ -117,7 +131,14 @@ impl Iterator for Reader {
                 let (rows, row, path, record) = (Arc::clone(rows), *next, self.path.clone(), self.record);
                 *next += 1;
                 self.record += 1;
-                return Some(Ok(Box::new(move || rows.scenario(row, &path, record))));
+                let length = self.length;
+                return Some(Ok(Box::new(move || {
+                    let mut scenario = rows.scenario(row, &path, record)?;
+                    match crop(&mut scenario, length) {
+                        Ok(()) => Ok(scenario),
+                        Err(cause) => Err(FormatError::record(&path, record, Some(scenario.id), cause)),
+                    }
+                })));
             }
             let loaded = match self.table.next_batch()? {
                 Ok(batch) => self.load(&batch),
@@ -137,8 +158,27 @@ impl Iterator for Reader {
 pub struct Writer {
     path: PathBuf,
     table: TableWriter,
-    /// Whether the file has columns of heights.
-    has_heights: bool,
+    columns: Optional,
+}
+
+/// Columns that a file has only if one of its scenarios needs them: the others have the bytes from before
+/// these columns existed.
+#[derive(Clone, Copy, Default, PartialEq)]
+struct Optional {
+    /// Those of heights, for scenarios of several levels.
+    heights: bool,
+    /// That of the number of frames up to the current one, for other numbers than that of the benchmark.
+    history: bool,
+}
+
+impl Optional {
+    /// Returns these columns and those that a scenario needs.
+    fn with(self, scenario: &Scenario) -> Self {
+        Self {
+            heights: self.heights || scenario.start.has_levels(),
+            history: self.history || scenario.length().history != HISTORY,
+        }
+    }
 }
 
 impl Writer {
@@ -148,7 +188,8 @@ impl Writer {
     /// [`FormatError`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
         let path = path.as_ref().to_owned();
-        Ok(Self { table: create(&path, false)?, path, has_heights: false })
+        let columns = Optional::default();
+        Ok(Self { table: create(&path, columns)?, path, columns })
     }
 
     /// Adds a scenario.
@@ -156,23 +197,23 @@ impl Writer {
     /// # Errors
     /// [`FormatError`] if the file cannot be written.
     pub fn write(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
-        if scenario.start.has_levels() && !self.has_heights {
-            self.add_heights()?;
+        let needed = self.columns.with(scenario);
+        if needed != self.columns {
+            self.add_columns(needed)?;
         }
         self.put(scenario)
     }
 
     fn put(&mut self, scenario: &Scenario) -> Result<(), FormatError> {
-        encode::scenario(&mut self.table, scenario, self.has_heights);
+        encode::scenario(&mut self.table, scenario, self.columns);
         self.table.end_row()
     }
 
-    /// Begins the file again with columns of heights, and copies what is written. Most files have no
-    /// scenario with several levels: their bytes are those from before heights existed.
-    fn add_heights(&mut self) -> Result<(), FormatError> {
-        let flat = std::mem::replace(&mut self.table, create(&self.path, true)?);
-        self.has_heights = true;
-        for record in Reader::over(&self.path, flat.read_back()?)? {
+    /// Begins the file again with more columns, and copies what is written.
+    fn add_columns(&mut self, columns: Optional) -> Result<(), FormatError> {
+        let before = std::mem::replace(&mut self.table, create(&self.path, columns)?);
+        self.columns = columns;
+        for record in Reader::over(&self.path, before.read_back()?)? {
             self.put(&record.and_then(|decode| decode())?)?;
         }
         Ok(())
@@ -196,8 +237,8 @@ impl Writer {
     }
 }
 
-fn create(path: &Path, has_heights: bool) -> Result<TableWriter, FormatError> {
-    TableWriter::create(path, (KIND, VERSION), GROUP_SIZE, encode::columns(has_heights))
+fn create(path: &Path, columns: Optional) -> Result<TableWriter, FormatError> {
+    TableWriter::create(path, (KIND, VERSION), GROUP_SIZE, encode::columns(columns))
 }
 
 /// Returns the error of an invalid cell.

@@ -10,8 +10,9 @@ use super::sqlite::Database;
 use super::token::Token;
 use super::{library, window};
 use crate::error::{Cause, FormatError};
+use crate::frames::LengthChoice;
 
-/// Number of frames from the first one of a scenario to the current one, in rows of a log.
+/// Number of frames from the first one of a scenario of the benchmark to the current one, in rows of a log.
 pub(crate) const ROWS_BEFORE: usize = window::ROWS_PER_FRAME * reactsim_scene::CURRENT;
 
 /// Pose of the AV.
@@ -54,7 +55,7 @@ impl Drive {
         self.0.frames.get(row).map(|frame| (frame.token, frame.scene))
     }
 
-    /// Returns the poses in the 91 frames around a row.
+    /// Returns the poses in the 91 frames of the benchmark around a row.
     pub(crate) fn window(&self, row: usize) -> Result<Vec<Pose>, Cause> {
         if row >= self.0.frames.len() {
             return Err(Cause::value("`lidar_pc`", "at its end", "rows after the frame; choose another one"));
@@ -66,7 +67,8 @@ impl Drive {
             let pose = Pose { axle: Vec2::new(ego.x, ego.y), heading: ego.heading };
             if is_finite { Ok(pose) } else { Err(wrong()) }
         };
-        window::rows(&self.0, row)?.into_iter().map(pose).collect()
+        let (rows, _) = window::rows(&self.0, row, LengthChoice::default())?;
+        rows.into_iter().map(pose).collect()
     }
 }
 

@@ -13,6 +13,7 @@ use super::window::fits;
 use super::yaml::{Node, Scalar, entries};
 use crate::error::{Cause, FormatError};
 use crate::format::read_whole;
+use crate::frames::{self, LengthChoice};
 
 /// The class that a filter states.
 const TARGET: &str = "nuplan.planning.scenario_builder.scenario_filter.ScenarioFilter";
@@ -53,8 +54,11 @@ pub(super) struct Chosen {
     /// Tokens of the frames, sorted.
     pub(super) tokens: Vec<Token>,
     /// Tokens or logs of the filter that are not among the logs.
-    pub(super) absent: Vec<(&'static str, String)>,
+    pub(super) absent: Vec<Absent>,
 }
+
+/// A key of a filter with what of it is not among the logs.
+pub(super) type Absent = (String, String);
 
 /// A frame that may be chosen.
 #[derive(Clone, Copy)]
@@ -70,29 +74,33 @@ type ByType = BTreeMap<String, Vec<Candidate>>;
 /// Candidates of a log with their types, and tokens of the filter that it has.
 type Candidates = (Vec<(String, Candidate)>, Vec<Token>);
 
-/// Content of a filter and logs, with what was chosen from them.
-type Known = (Vec<u8>, Vec<PathBuf>, Arc<Chosen>);
+/// Content of a filter, logs and length of windows, with what was chosen.
+type Known = (Vec<u8>, Vec<PathBuf>, LengthChoice, Arc<Chosen>);
 
 static CACHE: Mutex<Vec<Known>> = Mutex::new(Vec::new());
 
-/// Returns the frames of these logs that a filter chooses.
+/// Returns the frames of these logs that a filter chooses, as far as windows of this length fit.
 ///
 /// # Errors
 /// [`FormatError`] names the key that cannot be read, or that cannot be expressed here.
-pub(super) fn choose(path: &Path, logs: &[PathBuf]) -> Result<Arc<Chosen>, FormatError> {
+pub(super) fn choose(
+    path: &Path,
+    logs: &[PathBuf],
+    length: LengthChoice,
+) -> Result<Arc<Chosen>, FormatError> {
     let refuse = |cause| FormatError::file(path, cause);
     let content = read_whole(path, MAX_SIZE, "a scenario filter of at most 32 MiB")?;
-    let is_known = |known: &&Known| known.0 == content && known.1 == logs;
+    let is_known = |known: &&Known| known.0 == content && known.1 == logs && known.2 == length;
     if let Some((.., chosen)) = CACHE.lock().iter().find(is_known) {
         return Ok(Arc::clone(chosen));
     }
     let filter = Filter::parse(&content).map_err(refuse)?;
-    let chosen = Arc::new(filter.choose(logs).map_err(refuse)?);
+    let chosen = Arc::new(filter.choose(logs, length).map_err(refuse)?);
     let mut cache = CACHE.lock();
     if cache.len() >= CACHE_SIZE {
         cache.remove(0);
     }
-    cache.push((content, logs.to_vec(), Arc::clone(&chosen)));
+    cache.push((content, logs.to_vec(), length, Arc::clone(&chosen)));
     Ok(chosen)
 }
 
@@ -114,7 +122,8 @@ impl Filter {
                     );
                     return Err(Cause::value(key, node, expected));
                 }
-                // The length of scenarios is fixed here; the others apply only together with refused keys.
+                // The length of scenarios is an option here; the others apply only together with refused
+                // keys.
                 "_convert_"
                 | "expand_scenarios"
                 | "speed_noise_tolerance"
@@ -135,8 +144,8 @@ impl Filter {
                 | "ego_start_speed_threshold"
                 | "ego_stop_speed_threshold"
                 | "token_set_path" => {
-                    let expected = "null: the devkit judges its own window of 15 s or 20 s, scenarios here \
-                                    have 9 s";
+                    let expected = "null: the devkit judges its own window of 15 s or 20 s, not that of the \
+                                    scenario";
                     return Err(Cause::value(key, node, expected));
                 }
                 "ego_route_radius" => {
@@ -157,7 +166,7 @@ impl Filter {
         Ok(filter)
     }
 
-    fn choose(&self, logs: &[PathBuf]) -> Result<Chosen, Cause> {
+    fn choose(&self, logs: &[PathBuf], length: LengthChoice) -> Result<Chosen, Cause> {
         let mut absent_tokens = self.tokens.clone().unwrap_or_default();
         let mut absent_logs = self.log_names.clone().unwrap_or_default();
         let (mut by_type, mut used) = (ByType::new(), BTreeSet::new());
@@ -165,7 +174,7 @@ impl Filter {
         let is_wanted = |path: &PathBuf| self.log_names.as_ref().is_none_or(|n| n.contains(&name(path)));
         let read = |(log, path): (usize, &PathBuf)| {
             let index = is_wanted(path).then(|| LogIndex::read(path, self.needs_goal));
-            index.map(|index| index.map(|index| self.candidates(&index, log)).map_err(|_| log))
+            index.map(|index| index.map(|index| self.candidates(&index, log, length)).map_err(|_| log))
         };
         // Of each log only what may be chosen is kept.
         let read: Vec<Option<Result<Candidates, usize>>> = logs.par_iter().enumerate().map(read).collect();
@@ -201,10 +210,11 @@ impl Filter {
         used.extend(chosen.iter().map(|candidate| candidate.log));
         let mut tokens: Vec<Token> = chosen.iter().map(|candidate| candidate.token).collect();
         tokens.sort();
-        let lacks = |key, all: usize, absent: Vec<String>| {
+        let lacks = |key: &str, all: usize, absent: Vec<String>| {
             let first = absent.first()?;
-            Some((key, format!("{} of {all}, the first `{first}`", absent.len())))
+            Some((key.to_owned(), format!("{} of {all}, the first `{first}`", absent.len())))
         };
+        let [before, after] = [length.history() - 1, length.least_future()].map(frames::seconds);
         let all_chosen = chosen.len() + short.len();
         let count = |all: Option<usize>| all.unwrap_or_default();
         let absent = [
@@ -219,7 +229,7 @@ impl Filter {
                 absent_logs.into_iter().collect(),
             ),
             lacks(
-                "the window of chosen frames, from 1 s before to 8 s after them,",
+                &format!("the window of chosen frames, from {before} s before to {after} s after them,"),
                 all_chosen,
                 short.iter().map(|candidate| candidate.token.to_string()).collect(),
             ),
@@ -233,7 +243,7 @@ impl Filter {
 
     /// Returns the frames of a log that the filter allows, each with the last of its allowed types, and those
     /// of its tokens that the log has.
-    fn candidates(&self, index: &LogIndex, log: usize) -> Candidates {
+    fn candidates(&self, index: &LogIndex, log: usize, length: LengthChoice) -> Candidates {
         let is_other_map = self.map_names.as_ref().is_some_and(|names| !names.contains(&index.map_name));
         let (mut candidates, mut found) = (Vec::new(), Vec::new());
         for (row, &(timestamp, token, scene)) in index.sweeps.iter().enumerate() {
@@ -253,7 +263,8 @@ impl Filter {
                 None if self.types.is_none() => UNTAGGED.to_owned(),
                 None => continue,
             };
-            candidates.push((name, Candidate { timestamp, token, log, fits: fits(index.sweeps.len(), row) }));
+            let fits = fits(index.sweeps.len(), row, length);
+            candidates.push((name, Candidate { timestamp, token, log, fits }));
         }
         (candidates, found)
     }

@@ -30,6 +30,7 @@ use reactsim_scene::Scenario;
 
 pub use self::drive::Pose;
 pub(super) use self::drive::{Drive, ROWS_BEFORE, scenes};
+use self::filter::Absent;
 use self::log::Log;
 use self::map::Map;
 pub use self::selection::check_maps;
@@ -37,7 +38,8 @@ use self::selection::{Anchors, Selection, WindowChoice, logs_at};
 use self::sqlite::Database;
 pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{CurrentFrames, PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named, refused_frames};
+use super::frames::{CurrentFrames, LengthChoice};
 use super::list::Input;
 
 /// The nuPlan format.
@@ -70,7 +72,7 @@ pub fn nuplan_filter(filter: &Path, logs: &[PathBuf], maps: Option<PathBuf>) -> 
     maps.as_deref().map_or(Ok(()), check_maps)?;
     // Formats live as long as the program, which has one for every filter that it is given.
     let format: &'static NuPlan = Box::leak(Box::new(NuPlan { given: Some((found, maps)) }));
-    Ok(Input { path: filter.to_owned(), format, frames: CurrentFrames::Stated, all_agents: false })
+    Ok(Input::new(filter.to_owned(), format))
 }
 
 impl ScenarioFormat for NuPlan {
@@ -103,15 +105,24 @@ impl ScenarioFormat for NuPlan {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(self.reader(path)?.map(|record| record.and_then(|decode| decode()))))
+        let records = self.reader(path, LengthChoice::default())?;
+        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(self.reader(path)?))
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        match refused_frames(self, path, frames) {
+            Some(refused) => refused,
+            None => Ok(Box::new(self.reader(path, length)?)),
+        }
     }
 
-    fn companions(&self, path: &Path) -> Vec<PathBuf> {
-        let Ok(Reader { single, logs, maps: folder, filter, .. }) = self.reader(path) else {
+    fn companions(&self, path: &Path, length: LengthChoice) -> Vec<PathBuf> {
+        let Ok(Reader { single, logs, maps: folder, filter, .. }) = self.reader(path, length) else {
             return Vec::new();
         };
         let logs: Vec<PathBuf> = logs.collect();
@@ -124,10 +135,12 @@ impl ScenarioFormat for NuPlan {
 }
 
 impl NuPlan {
-    fn reader(&self, path: &Path) -> Result<Reader, FormatError> {
+    fn reader(&self, path: &Path, length: LengthChoice) -> Result<Reader, FormatError> {
         match &self.given {
-            Some((logs, maps)) => Ok(Reader::of(path, Selection::filtered(path, logs, maps.clone())?)),
-            None => Reader::open(path),
+            Some((logs, maps)) => {
+                Ok(Reader::of(path, Selection::filtered(path, logs, maps.clone(), length)?))
+            }
+            None => Reader::open(path, length),
         }
     }
 }
@@ -150,15 +163,15 @@ struct Reader {
     /// The scenario filter that chose the windows, if one did.
     filter: Option<PathBuf>,
     /// Keys of the filter with what is not among the logs; not reported so far.
-    absent: IntoIter<(&'static str, String)>,
+    absent: IntoIter<Absent>,
 }
 
 impl Reader {
-    fn open(path: &Path) -> Result<Self, FormatError> {
+    fn open(path: &Path, length: LengthChoice) -> Result<Self, FormatError> {
         if selection::is_selection(path) {
-            return Ok(Self::of(path, Selection::read(path)?));
+            return Ok(Self::of(path, Selection::read(path, length)?));
         }
-        let (choice, maps) = (WindowChoice::default(), None);
+        let (choice, maps) = (WindowChoice::regular(length), None);
         let log = Selection { logs: vec![path.to_owned()], maps, choice, filter: None, absent: Vec::new() };
         Ok(Self { single: true, ..Self::of(path, log) })
     }
@@ -212,9 +225,9 @@ impl Reader {
             self.current = None;
             return None;
         };
-        let (log, map, record) = (Arc::clone(log), Arc::clone(map), self.record);
+        let (log, map, record, length) = (Arc::clone(log), Arc::clone(map), self.record, self.choice.length);
         self.record += 1;
-        Some(Box::new(move || read_one(&log, &map, anchor, record)))
+        Some(Box::new(move || read_one(&log, &map, anchor, record, length)))
     }
 
     /// Returns the error of a file or selection that gave no scenarios or lacks selected tokens.
@@ -258,8 +271,11 @@ impl Reader {
             let cause = Cause::value("tags", quoted(selected.iter().map(String::as_str).collect()), expected);
             return Some(FormatError::file(&self.path, cause));
         }
-        let expected = "a current frame with 20 rows of the 20 Hz clock before it and 160 after it, either \
-                        tagged or in a scene with two scenes before it and two after it";
+        let [before, after] = window::needed(self.choice.length);
+        let expected = format!(
+            "a current frame with {before} rows of the 20 Hz clock before it and {after} after it, either \
+             tagged or in a scene with two scenes before it and two after it"
+        );
         Some(FormatError::file(&self.path, Cause::value("the choice of windows", "empty", expected)))
     }
 }
@@ -284,9 +300,15 @@ impl Iterator for Reader {
     }
 }
 
-fn read_one(log: &Log, map: &Map, anchor: usize, record: u64) -> Result<Scenario, FormatError> {
+fn read_one(
+    log: &Log,
+    map: &Map,
+    anchor: usize,
+    record: u64,
+    length: LengthChoice,
+) -> Result<Scenario, FormatError> {
     let id = log.frames[anchor].token.to_string();
-    let parts = parts::parts(log, map, anchor)
+    let parts = parts::parts(log, map, anchor, length)
         .map_err(|cause| FormatError::record(&log.path, record, Some(id), cause))?;
     Scenario::assemble(parts).map_err(|e| FormatError::scene(&log.path, record, e))
 }

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_geometry::{Bounds, Vec2, direction, left};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, FRAMES, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass,
-    LaneKind, LaneParts, LightParts, LoggedAgent, MapParts, NeighborParts, RoadLine, ScenarioParts, StopKind,
+    Agent, AgentKind, AgentState, Crosswalk, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
+    LaneParts, LightParts, LoggedAgent, MapParts, NeighborParts, RoadLine, ScenarioParts, StopKind,
     StopLineParts,
 };
 
@@ -14,6 +14,7 @@ use super::map::{Map, MapLane};
 use super::token::Token;
 use super::window;
 use crate::error::Cause;
+use crate::frames::{LengthChoice, check_lights, most_agents};
 
 /// Id of the AV.
 pub(super) const AV: &str = "ego";
@@ -23,9 +24,6 @@ const AV_LENGTH: f64 = 5.176;
 const AV_WIDTH: f64 = 2.297;
 /// Distance in metres from the rear axle of the AV to the centre of its box.
 pub(super) const AXLE_TO_CENTER: f64 = 1.461;
-/// Maximum number of objects of a scenario: usual scenarios have some hundred, and each object takes 91
-/// frames however often it was seen.
-const MAX_OBJECTS: usize = 10_000;
 /// Margin of the map in metres around all recorded tracks: simulated agents may leave their logged tracks.
 const TRACK_MARGIN: f64 = 50.0;
 /// Maximum extent of the map in metres around the AV's track.
@@ -35,15 +33,20 @@ const AV_MARGIN: f64 = 400.0;
 ///
 /// # Errors
 /// [`Cause`] names the table, the column and the row.
-pub(super) fn parts(log: &Log, map: &Map, anchor: usize) -> Result<ScenarioParts, Cause> {
-    let rows = window::rows(log, anchor)?;
+pub(super) fn parts(
+    log: &Log,
+    map: &Map,
+    anchor: usize,
+    choice: LengthChoice,
+) -> Result<ScenarioParts, Cause> {
+    let (rows, length) = window::rows(log, anchor, choice)?;
     let ego =
         rows.iter().map(|&row| av_state(&log.frames[row].ego, map).map(Some)).collect::<Result<_, _>>()?;
     let av = Agent { id: AV.into(), kind: AgentKind::Vehicle, length: AV_LENGTH, width: AV_WIDTH };
     let mut agents = vec![LoggedAgent { agent: av, track: ego, heights: Vec::new() }];
-    agents.extend(objects(log, &rows)?);
+    agents.extend(objects(log, &rows, length.current())?);
 
-    let states = observed(log, &rows);
+    let states = observed(log, &rows)?;
     let clip = map_bounds(&agents);
     let taken: BTreeSet<i64> = map
         .lanes
@@ -59,6 +62,7 @@ pub(super) fn parts(log: &Log, map: &Map, anchor: usize) -> Result<ScenarioParts
         id: log.frames[anchor].token.to_string(),
         source: "nuplan".into(),
         origin: None,
+        length,
         timestamps: rows.iter().map(|&row| (log.frames[row].timestamp - first) as f64 * 1e-6).collect(),
         av: 0,
         tracks_to_predict: Vec::new(),
@@ -99,7 +103,9 @@ pub(super) fn av_state(ego: &Ego, map: &Map) -> Result<AgentState, Cause> {
 
 /// Returns all objects seen in these frames, by token. Boxes have their size at the current frame, or else
 /// their first recorded size.
-fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
+fn objects(log: &Log, rows: &[usize], current: usize) -> Result<Vec<LoggedAgent>, Cause> {
+    // Usual scenarios have some hundred, and each takes all frames however often it was seen.
+    let (frames, most) = (rows.len(), most_agents(rows.len()));
     let mut seen: BTreeMap<Token, (Vec<Frame>, [f64; 2])> = BTreeMap::new();
     for (k, &row) in rows.iter().enumerate() {
         for object in log.boxes_at(row) {
@@ -107,8 +113,8 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
             if let Some(i) = object.values[..5].iter().position(|v| !v.is_finite()) {
                 return Err(Cause::value(wrong(i), object.values[i], "a finite number"));
             }
-            if seen.len() >= MAX_OBJECTS && !seen.contains_key(&object.track) {
-                let expected = format!("a box of one of at most {MAX_OBJECTS} objects in 91 frames");
+            if seen.len() >= most && !seen.contains_key(&object.track) {
+                let expected = format!("a box of one of at most {most} objects in {frames} frames");
                 return Err(Cause::value(
                     format!("the row {} of `lidar_box`", object.token),
                     "one too many",
@@ -119,13 +125,13 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
             let moves = log.tracks.get(&object.track).is_some_and(|c| c.kind() != AgentKind::Other);
             let (vx, vy) = if moves { (vx, vy) } else { (f64::NAN, f64::NAN) };
             let (track, size) =
-                seen.entry(object.track).or_insert_with(|| (vec![None; FRAMES], [length, width]));
+                seen.entry(object.track).or_insert_with(|| (vec![None; frames], [length, width]));
             if track[k].is_some() {
                 let field = format!("`lidar_box.track_token` of row {}", object.token);
                 return Err(Cause::value(field, object.track, "one box of a track in a frame"));
             }
             track[k] = Some(AgentState { x, y, heading, vx, vy });
-            if k == CURRENT {
+            if k == current {
                 *size = [length, width];
             }
         }
@@ -140,14 +146,18 @@ fn objects(log: &Log, rows: &[usize]) -> Result<Vec<LoggedAgent>, Cause> {
 }
 
 /// Returns the light states of each lane connector with a light.
-fn observed(log: &Log, rows: &[usize]) -> BTreeMap<i64, Vec<Option<reactsim_scene::LightState>>> {
+fn observed(
+    log: &Log,
+    rows: &[usize],
+) -> Result<BTreeMap<i64, Vec<Option<reactsim_scene::LightState>>>, Cause> {
     let mut states = BTreeMap::new();
     for (k, row) in rows.iter().enumerate() {
         for (&connector, &state) in log.lights.get(row).into_iter().flatten() {
-            states.entry(connector).or_insert_with(|| vec![None; FRAMES])[k] = Some(state);
+            states.entry(connector).or_insert_with(|| vec![None; rows.len()])[k] = Some(state);
+            check_lights(states.len(), rows.len())?;
         }
     }
-    states
+    Ok(states)
 }
 
 /// Returns the point where vehicles wait for a connector: its start. For a connector that is not in the map,

@@ -5,19 +5,20 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::filter::choose;
+use super::filter::{Absent, choose};
 use super::library::MAP_LIST;
 use super::log::Log;
 use super::token::Token;
 use super::window;
 use crate::error::{Cause, FormatError};
 use crate::format::{head, named, read_whole};
+use crate::frames::{FutureChoice, LengthChoice, seconds};
 
 /// Required value of `format`.
 pub(super) const FORMAT: &str = "reactsim-nuplan-v1";
 /// Start of `format` in selections of any version.
 const FORMAT_PREFIX: &str = "\"reactsim-nuplan-";
-/// Default interval in seconds between windows, which then do not overlap.
+/// Default interval in seconds between windows of at most this length, which then do not overlap.
 const DEFAULT_INTERVAL: f64 = 10.0;
 /// Maximum size of a selection in bytes: a million tokens.
 const MAX_SELECTION_SIZE: u64 = 32 << 20;
@@ -42,6 +43,8 @@ pub(super) struct WindowChoice {
     pub(super) anchors: Anchors,
     /// Minimum time in seconds between successive current frames.
     pub(super) interval: f64,
+    /// Number of frames around them.
+    pub(super) length: LengthChoice,
 }
 
 /// Candidates for current frames.
@@ -55,13 +58,13 @@ pub(super) enum Anchors {
     Tokens(Vec<Token>),
 }
 
-impl Default for WindowChoice {
-    fn default() -> Self {
-        Self { anchors: Anchors::Starts, interval: DEFAULT_INTERVAL }
-    }
-}
-
 impl WindowChoice {
+    /// Frames that the devkit offers as scenario starts, so far apart that windows do not overlap: only the
+    /// first one if scenarios last to the end of the log.
+    pub(super) fn regular(length: LengthChoice) -> Self {
+        Self { anchors: Anchors::Starts, interval: regular_interval(length), length }
+    }
+
     /// Returns the current frames of a log, in order of time. Frames without enough frames before and after
     /// are left out, except frames selected by token.
     pub(super) fn anchors_in(&self, log: &Log) -> Vec<usize> {
@@ -91,7 +94,7 @@ impl WindowChoice {
             due
         };
         all.into_iter()
-            .filter(|frame| window::fits(log.frames.len(), *frame))
+            .filter(|frame| window::fits(log.frames.len(), *frame, self.length))
             .filter(|frame| is_due(frame))
             .collect()
     }
@@ -108,7 +111,7 @@ pub(super) struct Selection {
     /// The scenario filter that chose the windows.
     pub(super) filter: Option<PathBuf>,
     /// Keys of the filter with what is not among the logs.
-    pub(super) absent: Vec<(&'static str, String)>,
+    pub(super) absent: Vec<Absent>,
 }
 
 /// Returns whether a file is a selection.
@@ -124,7 +127,7 @@ impl Selection {
     ///
     /// # Errors
     /// [`FormatError`] names the key and the value.
-    pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
+    pub(super) fn read(path: &Path, length: LengthChoice) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
         let content = read_whole(path, MAX_SELECTION_SIZE, "a selection of at most 32 MiB")?;
         let raw: RawSelection =
@@ -176,7 +179,7 @@ impl Selection {
             if let Some((key, _)) = others.iter().find(|(_, is_given)| *is_given) {
                 return Err(refuse(Cause::value(*key, "given together with `filter`", "one of the two")));
             }
-            return Self::filtered(&folder.join(filter), &logs, maps);
+            return Self::filtered(&folder.join(filter), &logs, maps, length);
         }
         let anchors = match (raw.tokens, raw.tags) {
             (Some(_), Some(_)) => {
@@ -200,12 +203,18 @@ impl Selection {
             (None, Some(tags)) => Anchors::Tagged(tags),
             (None, None) => Anchors::Starts,
         };
-        let default = if matches!(anchors, Anchors::Starts) { DEFAULT_INTERVAL } else { 0.0 };
+        let default = if matches!(anchors, Anchors::Starts) { regular_interval(length) } else { 0.0 };
         let interval = raw.every_seconds.unwrap_or(default);
-        if !(0.0..1e9).contains(&interval) {
+        if raw.every_seconds.is_some() && !(0.0..1e9).contains(&interval) {
             return Err(refuse(Cause::value("every_seconds", interval, "seconds, 0 or more")));
         }
-        Ok(Self { logs, maps, choice: WindowChoice { anchors, interval }, filter: None, absent: Vec::new() })
+        Ok(Self {
+            logs,
+            maps,
+            choice: WindowChoice { anchors, interval, length },
+            filter: None,
+            absent: Vec::new(),
+        })
     }
 
     /// Selects the frames of logs that a scenario filter of nuPlan's devkit chooses.
@@ -216,11 +225,20 @@ impl Selection {
         filter: &Path,
         logs: &[PathBuf],
         maps: Option<PathBuf>,
+        length: LengthChoice,
     ) -> Result<Self, FormatError> {
-        let chosen = choose(filter, logs)?;
-        let choice = WindowChoice { anchors: Anchors::Tokens(chosen.tokens.clone()), interval: 0.0 };
+        let chosen = choose(filter, logs, length)?;
+        let choice = WindowChoice { anchors: Anchors::Tokens(chosen.tokens.clone()), interval: 0.0, length };
         let (logs, absent) = (chosen.logs.clone(), chosen.absent.clone());
         Ok(Self { logs, maps, choice, filter: Some(filter.to_owned()), absent })
+    }
+}
+
+/// Returns the seconds between windows that do not overlap.
+fn regular_interval(length: LengthChoice) -> f64 {
+    match length.future {
+        Some(FutureChoice::Log) => f64::INFINITY,
+        _ => seconds(length.history() + length.least_future()).ceil().max(DEFAULT_INTERVAL),
     }
 }
 

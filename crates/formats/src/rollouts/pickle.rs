@@ -4,6 +4,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{FUTURE, Frame, HISTORY};
 
 use super::RolloutRecord;
+use crate::error::Cause;
 
 /// Value of `format`.
 const FORMAT: &str = "reactsim-bench-rollouts-v1";
@@ -12,9 +13,16 @@ const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
 
 /// Returns the pickle (protocol 4) of the rollouts of a scenario by one simulator, in world coordinates: see
 /// `docs/files.md`. The rollouts have the same agents.
-pub fn to_pickle(rollouts: &[RolloutRecord]) -> Vec<u8> {
+///
+/// # Errors
+/// [`Cause`] for rollouts of other lengths than those of ReactSim-Bench.
+pub fn to_pickle(rollouts: &[RolloutRecord]) -> Result<Vec<u8>, Cause> {
     let mut out = Pickle(b"\x80\x04}".to_vec());
-    let Some(first) = rollouts.first() else { return out.end() };
+    let Some(first) = rollouts.first() else { return Ok(out.end()) };
+    if let Some(track) = rollouts.iter().flat_map(|r| &r.tracks).find(|track| track.len() != FUTURE) {
+        let field = format!("the number of steps of `{}`", first.scenario_id);
+        return Err(Cause::value(field, track.len(), format!("{FUTURE}, as in ReactSim-Bench")));
+    }
     let tracks: Vec<Vec<Vec<Frame>>> = rollouts.iter().map(|r| r.tracks_in(Vec2::zeros())).collect();
     let frames = || tracks.iter().flatten().flatten();
     let states = frames()
@@ -29,7 +37,7 @@ pub fn to_pickle(rollouts: &[RolloutRecord]) -> Vec<u8> {
     out.entry("trajectories", |out| out.array("f8", &shape, states.flat_map(f64::to_le_bytes).collect()));
     let valid = frames().map(|frame| u8::from(frame.is_some())).collect();
     out.entry("valid", |out| out.array("b1", &shape[..3], valid));
-    out.end()
+    Ok(out.end())
 }
 
 /// A pickle of a dictionary that is being written.

@@ -1,7 +1,7 @@
 //! Traffic lights of a scenario.
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{FRAMES, LightParts, LightState, MapParts};
+use reactsim_scene::{LightParts, LightState, MapParts};
 
 use super::window::Window;
 use crate::error::Cause;
@@ -36,7 +36,7 @@ pub(super) fn lights(all: &View, window: Window, map: &MapParts) -> Result<Vec<L
 /// Reads the state of a light in each frame of the window.
 fn light_states(states: &View, window: Window) -> Result<Vec<Option<LightState>>, Cause> {
     let one_each = || states.wrong(format!("a state for each of {} frames", window.length));
-    let mut shown = Vec::with_capacity(FRAMES);
+    let mut shown = Vec::with_capacity(window.scenario.frames());
     if states.is_list() {
         let items = states.items()?;
         if items.len() != window.length {
@@ -56,7 +56,7 @@ fn light_states(states: &View, window: Window) -> Result<Vec<Option<LightState>>
         }
         shown.extend(window.recorded().map(|f| from_code(grid.at(f, 0))));
     }
-    shown.resize(FRAMES, None);
+    shown.resize(window.scenario.frames(), None);
     Ok(shown)
 }
 

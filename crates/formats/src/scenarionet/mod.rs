@@ -8,14 +8,13 @@ mod parts;
 mod tracks;
 mod window;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use reactsim_scene::Scenario;
 
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole,
-};
+use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, named, read_whole, single};
+use super::frames::{CurrentFrames, LengthChoice};
 use super::pickle::Pickle;
 
 /// Maximum file size in bytes; the largest scenarios have some megabytes.
@@ -56,35 +55,34 @@ impl ScenarioFormat for ScenarioNet {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path, None)?;
+        let scenario = read(path, None, LengthChoice::default())?;
         Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        let path: PathBuf = path.to_owned();
-        let decode: UndecodedScenario = Box::new(move || read(&path, None));
-        Ok(Box::new(std::iter::once(Ok(decode))))
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        single(self, path, frames, move |path, current| read(path, current, length))
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {
         Some(1)
     }
-
-    fn read_at(&self, path: &Path, current_frame: usize) -> Result<Scenario, FormatError> {
-        read(path, Some(current_frame))
-    }
 }
 
-/// Reads a scenario with the frame `current` (counted from 0, at least 10) as the current one. `None` stands
-/// for the current frame stored in the file, or frame 10 if there is none. Missing frames among the 80 after
-/// it are counted in the scenario's repairs.
-fn read(path: &Path, current: Option<usize>) -> Result<Scenario, FormatError> {
+/// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current
+/// one. `None` stands for the current frame stored in the file, or the first one with enough frames before it
+/// if there is none. Missing frames after it are counted in the scenario's repairs.
+fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Scenario, FormatError> {
     let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
     let pickle = Pickle::read(&file)
         .map_err(|e| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {e}"))).at(0))?;
     let root = pickle.root();
     let id = parts::id(&root).map_err(|cause| FormatError::record(path, 0, None, cause))?;
-    let converted = parts::parts(&root, id.clone(), current)
+    let converted = parts::parts(&root, id.clone(), current, length)
         .map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
     let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
     let repairs = converted.repairs.into_iter().map(|(what, count)| (what.to_owned(), count));

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{CURRENT, DT, FRAMES, LightParts, ScenarioParts};
+use reactsim_scene::{DT, Length, LightParts, ScenarioParts};
 
 use super::window::Window;
 use super::{lights, map, tracks};
 use crate::error::Cause;
 use crate::format::UNRECORDED_FRAMES;
+use crate::frames::LengthChoice;
 use crate::pickle::View;
 
 /// Scenario parts of a file, with the repairs made.
@@ -35,9 +36,14 @@ pub(super) fn id(root: &View) -> Result<String, Cause> {
 }
 
 /// Converts a pickle to scenario parts; `current` overrides the current frame of the file.
-pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<ConvertedScenario, Cause> {
+pub(super) fn parts(
+    root: &View,
+    id: String,
+    current: Option<usize>,
+    length: LengthChoice,
+) -> Result<ConvertedScenario, Cause> {
     let about = root.need("metadata")?;
-    let (window, mut repairs) = window(root, &about, current)?;
+    let (window, mut repairs) = window(root, &about, current, length)?;
     let timestamps = timestamps(&about, window)?;
     let dataset = about.get("dataset")?;
     let dataset = dataset.as_ref().and_then(View::as_text);
@@ -64,6 +70,7 @@ pub(super) fn parts(root: &View, id: String, current: Option<usize>) -> Result<C
         id,
         source: "scenarionet".into(),
         origin: None,
+        length: window.scenario,
         timestamps,
         av,
         agents,
@@ -81,31 +88,39 @@ fn window(
     root: &View,
     about: &View,
     current: Option<usize>,
+    choice: LengthChoice,
 ) -> Result<(Window, BTreeMap<&'static str, u32>), Cause> {
     let stated = root.need("length")?;
     let length = stated.whole()?;
     let length = usize::try_from(length).ok().filter(|n| (1..=tracks::MAX_FRAMES).contains(n));
     let length = length.ok_or_else(|| stated.wrong("the number of frames"))?;
     let stored = about.get("current_time_index")?;
+    let before = choice.history() - 1;
     let now = match (current, &stored) {
         (Some(current), _) => i64::try_from(current).unwrap_or(i64::MAX),
         (None, Some(stored)) => stored.whole()?,
-        (None, None) => CURRENT as i64,
+        (None, None) => before as i64,
     };
-    let first =
-        usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(CURRENT));
+    let first = usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(before));
     let Some(first) = first else {
-        let expected = format!("a frame with ten before it, {CURRENT} to {}", length as i64 - 1);
+        let expected = format!("a frame with {before} before it, {before} to {}", length as i64 - 1);
         return Err(match stored.filter(|_| current.is_none()) {
             Some(stored) => stored.wrong(expected),
             None => Cause::value("the current frame", now, expected),
         });
     };
-    let window = Window { first, length };
+    let after = length - 1 - (first + before);
+    let scenario = Length { history: choice.history(), future: choice.future(after) };
+    let missing = scenario.future.saturating_sub(after);
+    if scenario.future == 0 || missing > 0 && !choice.pads() {
+        let expected = format!("{} or more", choice.least_future());
+        return Err(Cause::value(format!("the number of frames after frame {now}"), after, expected));
+    }
+    let window = Window { first, length, scenario };
     let mut repairs = BTreeMap::new();
     let recorded = window.recorded().len();
-    if recorded < FRAMES {
-        repairs.insert(UNRECORDED_FRAMES, (FRAMES - recorded) as u32);
+    if missing > 0 {
+        repairs.insert(UNRECORDED_FRAMES, missing as u32);
     }
     if length > recorded {
         repairs.insert("recorded frames before and after those that are read", (length - recorded) as u32);
@@ -131,7 +146,7 @@ fn timestamps(about: &View, window: Window) -> Result<Vec<f64>, Cause> {
     let (n, first, last) = (times.len(), times[0], times[times.len() - 1]);
     // Missing frames continue at the recorded rate, so that a recording of another rate is not accepted.
     let step = if n > 1 { (last - first) / (n - 1) as f64 } else { DT };
-    times.extend((n..FRAMES).map(|f| last + (f - n + 1) as f64 * step));
+    times.extend((n..window.scenario.frames()).map(|f| last + (f - n + 1) as f64 * step));
     Ok(times)
 }
 

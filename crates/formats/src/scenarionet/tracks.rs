@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, LoggedAgent, unknown_type};
+use reactsim_scene::{Agent, AgentKind, AgentState, LoggedAgent, unknown_type};
 
 use super::window::Window;
 use crate::error::Cause;
+use crate::frames::most_agents;
 use crate::pickle::{Grid, View};
 
 /// Maximum number of frames of a recording; twenty seconds have 200.
@@ -34,7 +35,7 @@ pub(super) fn tracks(
     repairs: &mut BTreeMap<String, u32>,
 ) -> Result<Vec<LoggedAgent>, Cause> {
     let mut agents = Vec::new();
-    for (id, track) in all.entries(MAX_TRACKS)? {
+    for (id, track) in all.entries(MAX_TRACKS.min(most_agents(window.scenario.frames())))? {
         let is_av = id == av;
         let (kind, unknown) = kind(&track)?;
         let agent = agent(id, kind, &track, window)?;
@@ -69,7 +70,7 @@ fn agent(id: String, kind: AgentKind, track: &View, window: Window) -> Result<Lo
     let valid = rows(&valid?, 1, "true or false", window)?;
     let velocity = state.get("velocity")?;
     let velocity = velocity.as_ref().map(|v| rows(v, 2, "x and y", window)).transpose()?;
-    let mut frames = Vec::with_capacity(FRAMES);
+    let mut frames = Vec::with_capacity(window.scenario.frames());
     for f in window.recorded() {
         if valid.at(f, 0) != 1.0 {
             frames.push(None);
@@ -90,7 +91,7 @@ fn agent(id: String, kind: AgentKind, track: &View, window: Window) -> Result<Lo
             vy: moving(1),
         }));
     }
-    frames.resize(FRAMES, None);
+    frames.resize(window.scenario.frames(), None);
     let tall = state.get("height")?.map(|height| height.grid()).transpose()?;
     // Files of older versions have the size as three columns.
     let size = state.get("size")?.map(|size| size.grid()).transpose()?.filter(|size| size.columns > 2);
@@ -105,8 +106,8 @@ fn agent(id: String, kind: AgentKind, track: &View, window: Window) -> Result<Lo
     let known = |(k, frame): (usize, &Option<AgentState>)| frame.and_then(|_| bottom(window.first + k));
     let heights = frames.iter().enumerate().map(known).collect();
     // As for Waymo records: the box at the current frame, else the first recorded one.
-    let seen =
-        if frames[CURRENT].is_some() { Some(CURRENT) } else { frames.iter().position(Option::is_some) };
+    let current = Some(window.scenario.current()).filter(|now| frames[*now].is_some());
+    let seen = current.or_else(|| frames.iter().position(Option::is_some));
     let (mut length, mut width) = (0.0, 0.0);
     if let Some(f) = seen.map(|f| window.first + f) {
         (length, width) = match state.get("size")? {

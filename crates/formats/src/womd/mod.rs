@@ -20,9 +20,9 @@ use self::record::Records;
 use self::window::Window;
 use super::error::{Cause, FormatError};
 use super::format::{
-    CurrentFrames, PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario,
-    is_parquet, named,
+    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
 };
+use super::frames::{CurrentFrames, LengthChoice};
 
 /// The format of the Waymo Open Motion Dataset.
 pub(super) struct Womd;
@@ -41,16 +41,17 @@ impl ScenarioFormat for Womd {
     }
 
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let records = Reader::open(path, CurrentFrames::Stated)?;
+        let records = Reader::open(path, CurrentFrames::Stated, LengthChoice::default())?;
         Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(Reader::open(path, CurrentFrames::Stated)?))
-    }
-
-    fn open_at(&self, path: &Path, frames: CurrentFrames) -> Option<Result<PendingScenarios, FormatError>> {
-        Some(Reader::open(path, frames).map(|reader| Box::new(reader) as PendingScenarios))
+    fn open_at(
+        &self,
+        path: &Path,
+        frames: CurrentFrames,
+        length: LengthChoice,
+    ) -> Result<PendingScenarios, FormatError> {
+        Ok(Box::new(Reader::open(path, frames, length)?))
     }
 
     fn count(&self, path: &Path) -> Option<usize> {
@@ -72,6 +73,7 @@ struct Reader {
     path: PathBuf,
     records: Records,
     frames: CurrentFrames,
+    length: LengthChoice,
     /// Index of the next record.
     next: u64,
     /// Further windows of the record that was read last.
@@ -79,9 +81,9 @@ struct Reader {
 }
 
 impl Reader {
-    fn open(path: &Path, frames: CurrentFrames) -> Result<Self, FormatError> {
+    fn open(path: &Path, frames: CurrentFrames, length: LengthChoice) -> Result<Self, FormatError> {
         let (records, path) = (Records::open(path)?, path.to_owned());
-        Ok(Self { path, records, frames, next: 0, windows: VecDeque::new() })
+        Ok(Self { path, records, frames, length, next: 0, windows: VecDeque::new() })
     }
 }
 
@@ -99,26 +101,32 @@ impl Iterator for Reader {
             Err(error) => return Some(Err(error)),
         };
         let read = |window: Window| -> UndecodedScenario {
-            let (path, payload) = (self.path.clone(), Arc::clone(&payload));
-            Box::new(move || read_one(&path, record, &payload, window))
+            let (path, payload, length) = (self.path.clone(), Arc::clone(&payload), self.length);
+            Box::new(move || read_one(&path, record, &payload, window, length))
         };
         match self.frames {
             CurrentFrames::Stated => Some(Ok(read(Window::Stated))),
             CurrentFrames::At(frame) => Some(Ok(read(Window::At(frame)))),
             CurrentFrames::Every(step) => {
-                self.windows = Window::every(step.get(), &payload).map(read).collect();
+                self.windows = Window::every(step.get(), self.length, &payload).map(read).collect();
                 self.windows.pop_front().map(Ok)
             }
         }
     }
 }
 
-fn read_one(path: &Path, record: u64, payload: &[u8], window: Window) -> Result<Scenario, FormatError> {
+fn read_one(
+    path: &Path,
+    record: u64,
+    payload: &[u8],
+    window: Window,
+    length: LengthChoice,
+) -> Result<Scenario, FormatError> {
     size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
     let mut proto = Proto::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();
-    let converted = window.crop(&mut proto).and_then(|()| parts::parts(proto));
+    let converted = window.crop(&mut proto, length).and_then(|length| parts::parts(proto, length));
     let (parts, missing) = converted.map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
     if missing > 0 {

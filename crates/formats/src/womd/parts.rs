@@ -4,24 +4,25 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, Crosswalk, DT, FRAMES, LANE_HALF_WIDTH, LaneArea, LaneClass,
-    LaneKind, LaneParts, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge,
-    RoadEdgeKind, RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    Agent, AgentKind, AgentState, Crosswalk, DT, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts,
+    Length, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
+    RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
 use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};
 use crate::error::Cause;
+use crate::frames::check_lights;
 
 /// One mile per hour in m/s.
 const MPH: f64 = 0.44704;
 
-/// Converts a message of 91 or 11 frames, as [`Window::crop`](super::Window::crop) leaves them, to scenario
-/// parts. Also returns the number of frames that are not recorded: the scenarios of the test split end at the
-/// current frame.
-pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> {
-    let frames = proto.timestamps_seconds.len();
+/// Converts a message with the frames that [`Window::crop`](super::Window::crop) leaves to scenario parts of
+/// this length. Also returns the number of frames that are not recorded: the scenarios of the test split end
+/// at the current frame.
+pub(super) fn parts(mut proto: Scenario, length: Length) -> Result<(ScenarioParts, u32), Cause> {
+    let (frames, all) = (proto.timestamps_seconds.len(), length.frames());
     let last = proto.timestamps_seconds[frames - 1];
-    proto.timestamps_seconds.extend((frames..FRAMES).map(|f| last + (f + 1 - frames) as f64 * DT));
+    proto.timestamps_seconds.extend((frames..all).map(|f| last + (f + 1 - frames) as f64 * DT));
     let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
     let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
     for (i, required) in proto.tracks_to_predict.iter().enumerate() {
@@ -31,15 +32,16 @@ pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> 
     }
     let mut agents = Vec::with_capacity(proto.tracks.len());
     for track in &proto.tracks {
-        agents.push(agent(track));
+        agents.push(agent(track, length));
     }
     let mut map = map(proto.map_features);
-    let lights = lights(&proto.dynamic_map_states, &map);
+    let lights = lights(&proto.dynamic_map_states, &map, all)?;
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
         id: proto.scenario_id,
         source: "womd".into(),
         origin: None,
+        length,
         timestamps: proto.timestamps_seconds,
         av,
         agents,
@@ -49,7 +51,7 @@ pub(super) fn parts(mut proto: Scenario) -> Result<(ScenarioParts, u32), Cause> 
         lights,
         deviation: None,
     };
-    Ok((parts, (FRAMES - frames) as u32))
+    Ok((parts, (all - frames) as u32))
 }
 
 fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
@@ -60,11 +62,12 @@ fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
 }
 
 /// Converts a track. Frames that are not recorded are absent.
-fn agent(track: &Track) -> LoggedAgent {
+fn agent(track: &Track, length: Length) -> LoggedAgent {
+    let (current, frames) = (length.current(), length.frames());
     // The benchmark uses the box at the current frame; agents that are absent then have their first recorded
     // box.
-    let sized = if track.states[CURRENT].valid {
-        Some(&track.states[CURRENT])
+    let sized = if track.states[current].valid {
+        Some(&track.states[current])
     } else {
         track.states.iter().find(|s| s.valid)
     };
@@ -86,9 +89,9 @@ fn agent(track: &Track) -> LoggedAgent {
         })
     };
     let mut states: Vec<Option<AgentState>> = track.states.iter().map(frame).collect();
-    states.resize(FRAMES, None);
+    states.resize(frames, None);
     let bottom = |s: &super::message::ObjectState| s.valid.then(|| s.center_z - 0.5 * f64::from(s.height));
-    let heights = track.states.iter().map(bottom).chain(std::iter::repeat(None)).take(FRAMES).collect();
+    let heights = track.states.iter().map(bottom).chain(std::iter::repeat(None)).take(frames).collect();
     LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states, heights }
 }
 
@@ -180,16 +183,17 @@ fn add_heights(heights: &mut MapHeights, feature: &Feature) {
 /// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is
 /// placed at the start of its lane, where nearly all recorded stop points are. A light without a lane is
 /// dropped and counted later.
-fn lights(states: &[DynamicMapState], map: &MapParts) -> Vec<LightParts> {
+fn lights(states: &[DynamicMapState], map: &MapParts, frames: usize) -> Result<Vec<LightParts>, Cause> {
     let (mut order, mut indices) = (Vec::new(), BTreeMap::new());
     let mut lights: Vec<(Option<Vec2>, Vec<Option<LightState>>)> = Vec::new();
     for (f, frame) in states.iter().enumerate() {
         for seen in &frame.lane_states {
             let i = *indices.entry(seen.lane).or_insert_with(|| {
                 order.push(seen.lane);
-                lights.push((None, vec![None; FRAMES]));
+                lights.push((None, vec![None; frames]));
                 order.len() - 1
             });
+            check_lights(lights.len(), frames)?;
             let (stop, states) = &mut lights[i];
             states[f] = Some(from_code(&LightState::ALL, seen.state));
             *stop = stop.or_else(|| seen.stop_point.as_ref().map(point));
@@ -205,5 +209,5 @@ fn lights(states: &[DynamicMapState], map: &MapParts) -> Vec<LightParts> {
         let start = || starts.get(lane.as_str()).copied().flatten();
         LightParts { stop_point: stop.or_else(start).unwrap_or_default(), states, lane }
     };
-    order.into_iter().zip(lights).map(place).collect()
+    Ok(order.into_iter().zip(lights).map(place).collect())
 }

@@ -1,4 +1,4 @@
-use reactsim_scene::{CURRENT, FRAMES};
+use reactsim_scene::{CURRENT, FRAMES, Length};
 
 use super::message::{Feature, LaneCenter, Line, MapFeature, MapPoint, ObjectState, Scenario, Track};
 use super::parts::parts;
@@ -31,7 +31,7 @@ fn heights_are_those_of_the_ground() {
         map_features: features.map(|(feature, id)| MapFeature { id, feature: Some(feature) }).collect(),
         ..Scenario::default()
     };
-    let (parts, _) = parts(message).unwrap();
+    let (parts, _) = parts(message, Length::BENCHMARK).unwrap();
     // The bottom of the box, half of its height below the recorded centre.
     assert_eq!(parts.agents[0].heights[CURRENT], Some(18.5));
     assert_eq!(parts.agents[0].heights[20], None, "an absent agent has no height");

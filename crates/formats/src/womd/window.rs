@@ -1,10 +1,11 @@
-//! The 91 frames of a recording that are read.
+//! The frames of a recording that are read.
 
-use reactsim_scene::{CURRENT, FUTURE};
+use reactsim_scene::Length;
 
 use super::message::Scenario as Proto;
 use super::size::Fields;
 use crate::error::Cause;
+use crate::frames::{LengthChoice, seconds};
 
 /// Tag of the scenario field with the times of the frames.
 const TIMESTAMPS_TAG: u64 = 1;
@@ -23,55 +24,58 @@ pub(super) enum Window {
 }
 
 impl Window {
-    /// Returns the windows of a message with a current frame every `step` frames, beginning with frame 10.
-    /// Only the fields of the message are counted. A message that is too short for a window has one, so that
-    /// the reason is reported.
-    pub(super) fn every(step: usize, payload: &[u8]) -> impl Iterator<Item = Self> + use<> {
+    /// Returns the windows of a message with a current frame every `step` frames, beginning with the first
+    /// one that has enough history (frame 10 by default). Only the fields of the message are counted. A
+    /// message that is too short for a window has one, so that the reason is reported.
+    pub(super) fn every(
+        step: usize,
+        length: LengthChoice,
+        payload: &[u8],
+    ) -> impl Iterator<Item = Self> + use<> {
         let times = Fields(payload).filter(|(tag, _)| *tag == TIMESTAMPS_TAG);
         // Packed times are one field; otherwise each is a field, whose content is not returned.
         let frames: usize = times.map(|(_, content)| (content.len() / TIME_SIZE).max(1)).sum();
-        let windows = frames.saturating_sub(CURRENT + FUTURE + 1) / step;
-        (0..=windows).map(move |i| Self::OneOfMany(CURRENT + i * step))
+        let first = length.history() - 1;
+        let windows = frames.saturating_sub(first + length.least_future() + 1) / step;
+        (0..=windows).map(move |i| Self::OneOfMany(first + i * step))
     }
 
     /// Reduces a message to the frames of the window: recordings for training may have 20 s. A recording that
-    /// ends at the current frame stays without a future. With another current frame than the stated one, the
-    /// marks of tracks are removed: data sets choose them by the motion after the stated one.
-    pub(super) fn crop(self, proto: &mut Proto) -> Result<(), Cause> {
+    /// ends at the current frame stays without a future, if the choice allows that. With another current
+    /// frame than the stated one, the marks of tracks are removed: data sets choose them by the motion after
+    /// the stated one. Returns the length of the scenario.
+    pub(super) fn crop(self, proto: &mut Proto, length: LengthChoice) -> Result<Length, Cause> {
         match self {
-            Self::Stated => crop_to_stated(proto),
-            Self::At(frame) => crop(proto, "the current frame", frame),
+            Self::Stated => crop_to_stated(proto, length),
+            Self::At(frame) => crop(proto, "the current frame", frame, length),
             Self::OneOfMany(frame) => {
-                crop(proto, "the current frame", frame)?;
+                let length = crop(proto, "the current frame", frame, length)?;
                 proto.scenario_id = format!("{}@{frame}", proto.scenario_id);
-                Ok(())
+                Ok(length)
             }
         }
     }
 }
 
-/// Reduces a message to the frames around the current frame that it states.
-pub(crate) fn crop_to_stated(proto: &mut Proto) -> Result<(), Cause> {
+/// Reduces a message to the frames around the current frame that it states, and returns the length of the
+/// scenario.
+pub(crate) fn crop_to_stated(proto: &mut Proto, length: LengthChoice) -> Result<Length, Cause> {
     let (field, stated) = ("current_time_index", proto.current_time_index);
     let current = usize::try_from(stated).map_err(|_| Cause::value(field, stated, "the index of a frame"))?;
-    crop(proto, field, current)
+    crop(proto, field, current, length)
 }
 
-fn crop(proto: &mut Proto, field: &str, current: usize) -> Result<(), Cause> {
-    let frames = proto.timestamps_seconds.len();
-    let Some(first) = current.checked_sub(CURRENT) else {
-        let expected = "at least 10, so that there are ten frames of history";
+fn crop(proto: &mut Proto, field: &str, current: usize, choice: LengthChoice) -> Result<Length, Cause> {
+    let (frames, history) = (proto.timestamps_seconds.len(), choice.history());
+    let Some(first) = current.checked_sub(history - 1) else {
+        let expected = format!("at least {}, so that there are as many frames before it", history - 1);
         return Err(Cause::value(field, current, expected));
     };
-    let end = current.saturating_add(FUTURE + 1);
-    if frames < end && frames.checked_sub(1) != Some(current) {
-        return Err(if current == CURRENT {
-            let expected = "91 entries (9.1 s at 10 Hz) or more, or 11 without the future";
-            Cause::value("timestamps_seconds", entries(frames), expected)
-        } else {
-            let expected = format!("a frame with 80 after it, of {frames} in the record");
-            Cause::value(field, current, expected)
-        });
+    let length = Length { history, future: choice.future(frames.saturating_sub(current.saturating_add(1))) };
+    let end = current.saturating_add(length.future + 1);
+    let is_padded = choice.pads() && frames.checked_sub(1) == Some(current);
+    if length.future == 0 || frames < end && !is_padded {
+        return Err(too_short(field, current, choice, frames));
     }
     for (i, track) in proto.tracks.iter().enumerate() {
         if track.states.len() != frames {
@@ -91,8 +95,24 @@ fn crop(proto: &mut Proto, field: &str, current: usize) -> Result<(), Cause> {
         proto.tracks_to_predict.clear();
         proto.objects_of_interest.clear();
     }
-    proto.current_time_index = CURRENT as i32;
-    Ok(())
+    proto.current_time_index = length.current() as i32;
+    Ok(length)
+}
+
+/// Returns the error for a recording that does not have the frames after the current one.
+fn too_short(field: &str, current: usize, choice: LengthChoice, frames: usize) -> Cause {
+    let Length { history, future } = Length { history: choice.history(), future: choice.least_future() };
+    let all = history + future;
+    if current != history - 1 {
+        return Cause::value(
+            field,
+            current,
+            format!("a frame with {future} after it, of {frames} in the record"),
+        );
+    }
+    let without = if choice.pads() { format!(", or {history} without the future") } else { String::new() };
+    let expected = format!("{all} entries ({} s at 10 Hz) or more{without}", seconds(all));
+    Cause::value("timestamps_seconds", entries(frames), expected)
 }
 
 /// Removes the elements outside of a range.

@@ -10,6 +10,7 @@ use reactsim_scene::{
 };
 
 use crate::error::{Cause, FormatError};
+use crate::frames::LengthChoice;
 use crate::womd::message::{Feature, MapPoint, Scenario, Track, TrafficSignalLaneState};
 use crate::womd::record::{MAX_RECORD_LENGTH, Records, source};
 use crate::womd::size;
@@ -140,9 +141,10 @@ fn decode(path: &Path, record: u64, payload: &[u8]) -> Result<WosacLog, FormatEr
     let mut proto = Scenario::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();
-    let cropped = if proto.timestamps_seconds.len() > FRAMES { crop_to_stated(&mut proto) } else { Ok(()) };
+    let is_longer = proto.timestamps_seconds.len() > FRAMES;
+    let cropped = is_longer.then(|| crop_to_stated(&mut proto, LengthChoice::default())).transpose();
     let log = cropped
-        .and_then(|()| log(proto))
+        .and_then(|_| log(proto))
         .map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
     log.check().map_err(|e| FormatError::scene(path, record, e))?;
     Ok(log)

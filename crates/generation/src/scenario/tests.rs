@@ -1,11 +1,13 @@
-//! Tests of scenarios with two levels.
+//! Tests of scenarios with two levels, and of other lengths.
 
 use reactsim_geometry::rounded_distance;
+use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::levels::apart;
-use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Scenario};
+use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Length, Scenario};
 
 use crate::maps::{self, MAP_TYPES, ON_REQUEST};
-use crate::{GenerationSettings, Generator, Preset};
+use crate::traffic::{Manner, record};
+use crate::{GenerationError, GenerationSettings, Generator, Preset};
 
 /// Number of scenarios per preset.
 const SCENARIOS: u64 = 6;
@@ -118,4 +120,66 @@ fn maps_on_request_are_drawn_only_by_id() {
     }
     let error = Generator::new(settings(&["moon"])).unwrap_err().to_string();
     assert!(error.ends_with(", overpass"), "{error}");
+}
+
+/// Returns whether a vehicle enters the map after frame 90.
+fn is_late((agent, track): &(reactsim_scene::Agent, Vec<Frame>)) -> bool {
+    agent.kind == AgentKind::Vehicle && track[..FRAMES].iter().all(Option::is_none)
+}
+
+#[test]
+fn longer_recordings_begin_as_shorter_ones_and_vehicles_keep_arriving() {
+    for kind in MAP_TYPES {
+        let layout = kind.layout(&mut stream(0, kind.id, 0, Purpose::Map));
+        let traffic = |future| {
+            let length = Length { history: 11, future };
+            record(&layout, 1.0, Manner::CALM, length, &mut stream(0, kind.id, 0, Purpose::Traffic))
+        };
+        let (short, long) = (traffic(80), traffic(600));
+        assert_eq!(long.length.frames(), 611);
+        assert!(long.lights.iter().all(|states| states.len() == 611));
+        for (one, states) in short.lights.iter().zip(&long.lights) {
+            assert_eq!(one[..], states[..FRAMES]);
+        }
+        for (agent, track) in &short.agents {
+            let (_, longer) = long.agents.iter().find(|(other, _)| other.id == agent.id).unwrap();
+            assert_eq!((longer.len(), &longer[..FRAMES]), (611, &track[..]), "{}: {}", kind.id, agent.id);
+        }
+        let late = long.agents.iter().filter(|agent| is_late(agent)).count();
+        assert!(late > 0, "{}: nobody arrives", kind.id);
+        // There is traffic to the end.
+        let last = long.agents.iter().filter(|(agent, track)| {
+            let moves = track[610].zip(track[600]).is_some_and(|(a, b)| a.position() != b.position());
+            agent.kind == AgentKind::Vehicle && moves
+        });
+        assert!(last.count() > 0, "{}: nobody drives at the end", kind.id);
+    }
+}
+
+#[test]
+fn scenarios_have_the_requested_length() {
+    for length in [
+        Length { history: 2, future: 60 },
+        Length { history: 21, future: 150 },
+        Length { history: 100, future: 200 },
+    ] {
+        for preset in Preset::ALL {
+            let settings = GenerationSettings { preset, length, ..GenerationSettings::default() };
+            let scenario = Generator::new(settings).unwrap().scenario(1).unwrap();
+            assert_eq!((scenario.length(), scenario.timestamps.len()), (length, length.frames()));
+            assert!(scenario.logged(0).iter().all(Option::is_some), "the AV is there all the time");
+            assert!(scenario.start.agents.len() > 1 && scenario.repairs.is_empty());
+        }
+    }
+    for length in [
+        Length { history: 1, future: 80 },
+        Length { history: 101, future: 80 },
+        Length { history: 11, future: 0 },
+        Length { history: 11, future: 6001 },
+    ] {
+        let error =
+            Generator::new(GenerationSettings { length, ..GenerationSettings::default() }).unwrap_err();
+        assert!(matches!(error, GenerationError::Length(found) if found == length), "{error}");
+        assert!(error.to_string().ends_with("expected 2 to 100, and 1 to 6000"), "{error}");
+    }
 }

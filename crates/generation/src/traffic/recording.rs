@@ -1,8 +1,8 @@
-//! Recording of traffic: 91 frames once it has settled.
+//! Recording of traffic once it has settled.
 
 use rand_chacha::rand_core::SeedableRng;
 use reactsim_rollout::Stream;
-use reactsim_scene::{Agent, AgentKind, AgentState, FRAMES, Frame, LightState};
+use reactsim_scene::{Agent, AgentKind, AgentState, Frame, Length, LightState};
 
 use super::driver::Manner;
 use super::parked;
@@ -15,10 +15,12 @@ const WARM_UP_MIN: f64 = 30.0;
 /// Maximum time for which traffic settles before it is recorded, s.
 const WARM_UP_MAX: f64 = 50.0;
 
-/// Recorded traffic: 91 frames at 10 Hz.
+/// Recorded traffic at 10 Hz.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
-    /// Agents that were present at some frame, with 91 frames each.
+    /// Number of frames.
+    pub length: Length,
+    /// Agents that were present at some frame, with all frames each.
     pub agents: Vec<(Agent, Vec<Frame>)>,
     /// Height of each agent at each frame, metres, `None` where it is absent; empty lists on maps without
     /// heights.
@@ -34,8 +36,10 @@ pub struct Recording {
 
 /// Simulates traffic on a map until it has settled, then records it.
 ///
-/// `density` multiplies the flows of the entries. The result depends only on the arguments.
-pub fn record(layout: &Layout, density: f64, manner: Manner, rng: &mut Stream) -> Recording {
+/// `density` multiplies the flows of the entries, at which vehicles arrive as long as it is recorded. The
+/// result depends only on the arguments; that of a longer future begins with that of a shorter one.
+pub fn record(layout: &Layout, density: f64, manner: Manner, length: Length, rng: &mut Stream) -> Recording {
+    let frames = length.frames();
     let warm_up = rng.uniform(WARM_UP_MIN, WARM_UP_MAX);
     let parked = parked::park(&[layout.parking.as_slice(), &layout.yards].concat(), rng);
     let mut world = World::new(layout, density, manner, Stream::from_rng(rng));
@@ -43,13 +47,14 @@ pub fn record(layout: &Layout, density: f64, manner: Manner, rng: &mut Stream) -
         world.step();
     }
     let mut recorder = Recorder::default();
-    recorder.recording.lights = vec![Vec::with_capacity(FRAMES); layout.signals.len()];
-    for frame in 0..FRAMES {
+    recorder.recording.length = length;
+    recorder.recording.lights = vec![Vec::with_capacity(frames); layout.signals.len()];
+    for frame in 0..frames {
         recorder.record_frame(&world, frame);
         world.step();
     }
-    let standing = parked.into_iter().map(|(agent, state)| (agent, vec![Some(state); FRAMES]));
-    let parked_heights = if layout.map.heights.is_empty() { Vec::new() } else { vec![Some(0.0); FRAMES] };
+    let standing = parked.into_iter().map(|(agent, state)| (agent, vec![Some(state); frames]));
+    let parked_heights = if layout.map.heights.is_empty() { Vec::new() } else { vec![Some(0.0); frames] };
     recorder.finish(standing, &parked_heights)
 }
 
@@ -95,16 +100,17 @@ impl Recorder {
         frame: usize,
         (state, height): (AgentState, Option<f64>),
     ) -> usize {
+        let frames = self.recording.length.frames();
         let at = self.ids.iter().position(|&known| known == id).unwrap_or_else(|| {
             let agent = Agent { id: format!("{}-{}", id.0, id.1), kind: id.0, length, width };
             self.ids.push(id);
-            self.recording.agents.push((agent, vec![None; FRAMES]));
+            self.recording.agents.push((agent, vec![None; frames]));
             self.recording.heights.push(Vec::new());
             self.ids.len() - 1
         });
         self.recording.agents[at].1[frame] = Some(state);
         if height.is_some() {
-            self.recording.heights[at].resize(FRAMES, None);
+            self.recording.heights[at].resize(frames, None);
             self.recording.heights[at][frame] = height;
         }
         at

@@ -87,6 +87,18 @@ impl Config {
         Self::ALL.into_iter().find(|config| config.id == id)
     }
 
+    /// Returns the metametric of likelihoods, which are in the order of [`Feature::ALL`]: their weighted sum.
+    pub fn metametric(&self, likelihoods: &[Option<f64>; Feature::COUNT]) -> f64 {
+        let weighted =
+            |(likelihood, weight): (&Option<f64>, f32)| f64::from(weight) * likelihood.unwrap_or(0.0);
+        likelihoods.iter().zip(self.weights).map(weighted).sum()
+    }
+
+    /// Returns whether the configuration has a feature.
+    pub fn has(&self, feature: Feature) -> bool {
+        feature != Feature::TrafficLightViolation || self.has_traffic_lights()
+    }
+
     /// Returns whether traffic-light violations are judged.
     pub const fn has_traffic_lights(&self) -> bool {
         matches!(self.code, CodeVersion::Challenge2025)

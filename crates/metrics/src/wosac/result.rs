@@ -23,6 +23,17 @@ pub struct WosacMetrics {
     pub simulated_traffic_light_violation_rate: Option<f64>,
 }
 
+/// Share of a rollout in the metrics of its scenario: the metric of all rollouts minus the metric of all
+/// others, as if the rollout did not exist. Negative: the scenario has a better score without the rollout.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RolloutShare {
+    /// Share in the metametric.
+    pub metametric: f64,
+    /// Shares in the likelihoods, in the order of [`Feature::ALL`]. `None`: the configuration does not have
+    /// the feature.
+    pub likelihoods: [Option<f64>; Feature::COUNT],
+}
+
 /// The metrics of the official message `SimAgentsBucketedMetrics`, which leaderboards show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BucketMetrics {
@@ -48,6 +59,15 @@ impl WosacMetrics {
     /// Returns the likelihood of a feature.
     pub fn likelihood(&self, feature: Feature) -> Option<f64> {
         self.likelihoods[feature as usize]
+    }
+
+    /// Returns the share of a rollout; `others` are the likelihoods without it, in the same configuration.
+    pub(super) fn share(&self, config: &Config, others: &[Option<f64>; Feature::COUNT]) -> RolloutShare {
+        let difference = |i: usize| Some(self.likelihoods[i]? - others[i]?);
+        RolloutShare {
+            metametric: self.metametric - config.metametric(others),
+            likelihoods: std::array::from_fn(difference),
+        }
     }
 
     /// Returns all metrics with the field names of the official message, in the order of its tags.

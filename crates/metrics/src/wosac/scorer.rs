@@ -15,10 +15,10 @@ use super::footprint::RoundedBox;
 use super::histogram::{log_event_probability, log_probabilities};
 use super::masks::Masks;
 use super::objects::{Motion, Objects};
-use super::result::WosacMetrics;
+use super::result::{RolloutShare, WosacMetrics};
 use super::road_edges::RoadEdges;
 use super::steps::{Stage, StepFeatures, Surroundings};
-use super::tally::{EVENTS, Tally, has_event};
+use super::tally::{EVENTS, RolloutTallies, Tally, has_event};
 use super::traffic_lights::TrafficLights;
 
 /// A scenario, prepared for scoring any number of sets of rollouts.
@@ -117,58 +117,71 @@ impl<'a> Scorer<'a> {
         configs: &[Config],
         observer: &mut dyn FnMut(Stage),
     ) -> Result<Vec<WosacMetrics>, WosacError> {
-        let tally = self.tally(rollouts, configs, observer)?;
-        let metrics = configs.iter().map(|config| self.metrics(&tally, config)).collect();
+        let tallies = self.tally(rollouts, configs, observer)?;
+        let metrics = configs.iter().map(|config| self.metrics(&tallies, config)).collect();
         observer(Stage::Likelihoods);
         Ok(metrics)
     }
 
-    /// Counts the features of all rollouts.
+    /// Scores rollouts as [`Self::score`] does, and returns with the metrics of each configuration the share
+    /// of every rollout. Features are computed once: counts of the other rollouts are those of all minus
+    /// those of the rollout. A single rollout has no share, because there is no score without rollouts.
+    ///
+    /// # Errors
+    /// Same as [`Self::score`].
+    pub fn score_with_shares(
+        &self,
+        rollouts: &ScenarioRollouts,
+        configs: &[Config],
+    ) -> Result<Vec<(WosacMetrics, Vec<RolloutShare>)>, WosacError> {
+        let tallies = self.tally(rollouts, configs, &mut |_| ())?;
+        let without = |own: &Tally| (tallies.all.rollouts > 1).then(|| tallies.all.without(own));
+        let rest: Vec<Tally> = tallies.own.iter().filter_map(without).collect();
+        let scored = |config: &Config| {
+            let metrics = self.metrics(&tallies, config);
+            let share = |rest: &Tally| metrics.share(config, &self.likelihoods(rest, config));
+            (metrics, rest.iter().map(share).collect())
+        };
+        Ok(configs.iter().map(scored).collect())
+    }
+
+    /// Counts the features of every rollout.
     pub(super) fn tally(
         &self,
         rollouts: &ScenarioRollouts,
         configs: &[Config],
         observer: &mut dyn FnMut(Stage),
-    ) -> Result<Tally, WosacError> {
+    ) -> Result<RolloutTallies, WosacError> {
         let aligned = align(rollouts, self.log)?;
         observer(Stage::Alignment);
         let (logged, mut cells) = (self.objects.logged(), EdgeCells::new(&self.surroundings.edges.arrays));
-        let mut tally = Tally::new(configs, self.objects.evaluated);
+        let none = Tally::new(configs, self.objects.evaluated);
+        let mut tallies = RolloutTallies { own: Vec::new(), all: none.clone(), displacements: Vec::new() };
         for rollout in &aligned {
             let motion = self.objects.simulated(rollout);
             let mut displacements = Vec::with_capacity(motion.evaluated);
+            let mut own = Tally { rollouts: 1, ..none.clone() };
             for object in 0..motion.evaluated {
                 let features = StepFeatures::of(&motion, &self.surroundings, &mut cells, object, observer);
-                tally.add(object, &features, &self.masks[object]);
+                own.add(object, &features, &self.masks[object]);
                 displacements.push(average_displacement(&logged, &motion, object));
                 observer(Stage::Likelihoods);
             }
-            tally.displacements.push(displacements);
+            tallies.all.include(&own);
+            tallies.own.push(own);
+            tallies.displacements.push(displacements);
         }
-        Ok(tally)
+        Ok(tallies)
     }
 
-    fn metrics(&self, tally: &Tally, config: &Config) -> WosacMetrics {
-        let rollouts = tally.displacements.len();
-        let pairs = (rollouts * self.objects.evaluated) as f64;
-        let [collision, offroad, light] = EVENTS.map(|event| self.event_counts(tally, event));
+    fn metrics(&self, tallies: &RolloutTallies, config: &Config) -> WosacMetrics {
+        let pairs = (tallies.all.rollouts * self.objects.evaluated) as f64;
+        let [collision, offroad, light] = EVENTS.map(|event| event_counts(&tallies.all, event));
         let rate = |counts: &[u32]| counts.iter().map(|&count| f64::from(count)).sum::<f64>() / pairs;
-        let mut likelihoods = [None; Feature::COUNT];
-        for (feature, estimator) in Feature::ALL.into_iter().zip(config.estimators) {
-            likelihoods[feature as usize] = match estimator {
-                Estimator::Histogram(bins) => self.step_likelihood(tally, config, feature, bins),
-                Estimator::Bernoulli => match feature {
-                    Feature::TrafficLightViolation if !config.has_traffic_lights() => None,
-                    _ => Some(self.event_likelihood(tally, feature, rollouts)),
-                },
-            };
-        }
-        let weighted =
-            |(likelihood, weight): (&Option<f64>, f32)| f64::from(weight) * likelihood.unwrap_or(0.0);
-        let means = tally.displacements.iter().map(|of_rollout| mean(of_rollout));
-        let means: Vec<f64> = means.collect();
+        let means: Vec<f64> = tallies.displacements.iter().map(|of_rollout| mean(of_rollout)).collect();
+        let likelihoods = self.likelihoods(&tallies.all, config);
         WosacMetrics {
-            metametric: likelihoods.iter().zip(config.weights).map(weighted).sum(),
+            metametric: config.metametric(&likelihoods),
             average_displacement_error: mean(&means),
             min_average_displacement_error: means.iter().copied().fold(f64::INFINITY, f64::min),
             likelihoods,
@@ -178,9 +191,13 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    fn event_counts<'b>(&self, tally: &'b Tally, event: Feature) -> &'b [u32] {
-        let index = EVENTS.iter().position(|&known| known == event).unwrap_or(0);
-        &tally.events[index]
+    /// Returns the likelihoods in the order of [`Feature::ALL`]; `None` for features that the configuration
+    /// does not have.
+    fn likelihoods(&self, tally: &Tally, config: &Config) -> [Option<f64>; Feature::COUNT] {
+        Feature::ALL.map(|feature| match config.estimators[feature as usize] {
+            Estimator::Histogram(bins) => self.step_likelihood(tally, config, feature, bins),
+            Estimator::Bernoulli => config.has(feature).then(|| self.event_likelihood(tally, feature)),
+        })
     }
 
     /// Returns the likelihood of the logged values of a feature under the histograms of the rollouts. All
@@ -201,8 +218,8 @@ impl<'a> Scorer<'a> {
 
     /// Returns the likelihood of the logged events under the frequencies in the rollouts. All objects have
     /// the same weight. Objects other than vehicles never violate a traffic light, but they count.
-    fn event_likelihood(&self, tally: &Tally, event: Feature, rollouts: usize) -> f64 {
-        let counts = self.event_counts(tally, event);
+    fn event_likelihood(&self, tally: &Tally, event: Feature) -> f64 {
+        let (counts, rollouts) = (event_counts(tally, event), tally.rollouts);
         let of_object = |object: usize| {
             let is_judged = event != Feature::TrafficLightViolation || self.is_vehicle(object);
             let count = if is_judged { counts[object] } else { 0 };
@@ -237,6 +254,12 @@ impl<'a> Scorer<'a> {
     fn is_vehicle(&self, object: usize) -> bool {
         self.objects.tracks[object].kind == AgentKind::Vehicle
     }
+}
+
+/// Returns the number of rollouts with an event, by object.
+fn event_counts(tally: &Tally, event: Feature) -> &[u32] {
+    let index = EVENTS.iter().position(|&known| known == event).unwrap_or(0);
+    &tally.events[index]
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -1,4 +1,4 @@
-//! Counts over all rollouts of a scenario: histograms, events, displacements.
+//! Counts over rollouts of a scenario: histograms and events.
 
 use reactsim_scene::FUTURE;
 
@@ -12,17 +12,29 @@ use super::steps::StepFeatures;
 pub(super) const EVENTS: [Feature; 3] =
     [Feature::CollisionIndication, Feature::OffroadIndication, Feature::TrafficLightViolation];
 
-/// Counts of one scenario, for all configurations at once.
+/// Counts over rollouts of one scenario, for all configurations at once.
+#[derive(Clone)]
 pub(super) struct Tally {
+    /// Number of rollouts.
+    pub(super) rollouts: usize,
     /// The different histograms of the configurations.
     pub(super) histograms: Vec<Histograms>,
     /// Number of rollouts in which an event occurs at a valid step, by event and object.
     pub(super) events: [Vec<u32>; EVENTS.len()],
+}
+
+/// The counts of a set of rollouts.
+pub(super) struct RolloutTallies {
+    /// Counts of each rollout.
+    pub(super) own: Vec<Tally>,
+    /// Counts of all rollouts.
+    pub(super) all: Tally,
     /// Mean displacement by rollout and object, metres.
     pub(super) displacements: Vec<Vec<f64>>,
 }
 
 /// The histograms of all evaluated objects for one feature and range.
+#[derive(Clone)]
 pub(super) struct Histograms {
     pub(super) feature: Feature,
     pub(super) bins: Bins,
@@ -48,6 +60,7 @@ impl Histograms {
 }
 
 impl Tally {
+    /// Returns the counts of no rollout.
     pub(super) fn new(configs: &[Config], objects: usize) -> Self {
         let mut histograms: Vec<Histograms> = Vec::new();
         for config in configs {
@@ -59,7 +72,7 @@ impl Tally {
                 }
             }
         }
-        Self { histograms, events: std::array::from_fn(|_| vec![0; objects]), displacements: Vec::new() }
+        Self { rollouts: 0, histograms, events: std::array::from_fn(|_| vec![0; objects]) }
     }
 
     /// Counts the features of an object in one rollout. All steps enter the histograms; events count at the
@@ -72,6 +85,29 @@ impl Tally {
         }
         for (event, counts) in EVENTS.into_iter().zip(&mut self.events) {
             counts[object] += u32::from(has_event(features, event, masks));
+        }
+    }
+
+    /// Adds the counts of other rollouts, by the same configurations.
+    pub(super) fn include(&mut self, others: &Self) {
+        self.rollouts += others.rollouts;
+        self.combine(others, |count, other| *count += other);
+    }
+
+    /// Returns the counts without those of rollouts that are included.
+    pub(super) fn without(&self, others: &Self) -> Self {
+        let mut rest = self.clone();
+        rest.rollouts -= others.rollouts;
+        rest.combine(others, |count, other| *count -= other);
+        rest
+    }
+
+    fn combine(&mut self, others: &Self, change: impl Fn(&mut u32, u32)) {
+        let histograms = self.histograms.iter_mut().map(|histograms| &mut histograms.counts);
+        let others_histograms = others.histograms.iter().map(|histograms| &histograms.counts);
+        let counts = histograms.chain(&mut self.events).zip(others_histograms.chain(&others.events));
+        for (counts, others) in counts {
+            counts.iter_mut().zip(others).for_each(|(count, other)| change(count, *other));
         }
     }
 

@@ -6,6 +6,7 @@
 )]
 
 mod hand;
+mod lengths;
 mod literal;
 mod properties;
 mod scenes;

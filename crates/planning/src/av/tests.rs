@@ -8,8 +8,8 @@ use reactsim_rollout::{
     RolloutError, Settings, roll_out,
 };
 use reactsim_scene::{
-    AgentKind, FRAMES, Frame, HISTORY, LaneClass, LaneKind, LaneParts, LightParts, LightState as SceneLight,
-    LoggedAgent,
+    AgentKind, CURRENT, DT, FRAMES, FUTURE, Frame, HISTORY, LaneClass, LaneKind, LaneParts, Length,
+    LightParts, LightState as SceneLight, LoggedAgent,
 };
 
 use super::*;
@@ -423,4 +423,27 @@ fn the_velocity_is_that_of_the_centre() {
     let state = state_of_box(&turning, &EgoShape::PACIFICA);
     assert!((state.position() - Vec2::new(0.0, 1.461)).norm() < 1e-12);
     assert!((state.vx + 0.5 * 1.461).abs() < 1e-12 && (state.vy - 5.0).abs() < 1e-12);
+}
+
+#[test]
+fn planners_drive_scenarios_of_any_length() {
+    for (history, future) in [(2, 60), (11, 150), (21, 300)] {
+        let length = Length { history, future };
+        let state = |frame: usize| {
+            let x = 8.0 * DT * (frame as f64 - length.current() as f64);
+            Some(AgentState { x, y: 0.3, heading: 0.0, vx: 8.0, vy: 0.0 })
+        };
+        let mut parts = parts(vec![car("av", (0..length.frames()).map(state).collect())], straight_road());
+        parts.length = length;
+        let scenario = Scenario::assemble(parts).unwrap();
+        for planner in PlannerChoice::ALL {
+            let rollout = run(&scenario, planned(&scenario, planner, 5)).unwrap();
+            let track = &rollout.tracks[AV];
+            assert_eq!(track.len(), length.frames());
+            let (now, last) = (track[length.current()].unwrap(), track[length.frames() - 1].unwrap());
+            let driven = last.x - now.x;
+            let log = 8.0 * DT * future as f64;
+            assert!((0.7 * log..1.3 * log).contains(&driven), "{planner:?}, {length}: {driven}");
+        }
+    }
 }

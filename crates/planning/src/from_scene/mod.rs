@@ -1,7 +1,7 @@
 //! Histories of rollouts: the map, the objects, ego and the expert of a scenario as the metrics need them.
 //!
-//! The samples are the frames 10 to 90 of the scenario. Inputs that a scenario does not record are replaced,
-//! and each replacement has a [`Label`].
+//! The samples are the current frame of the scenario and the frames after it. Inputs that a scenario does not
+//! record are replaced, and each replacement has a [`Label`].
 
 mod agent_roads;
 mod ego;
@@ -14,7 +14,7 @@ mod route;
 
 use std::collections::BTreeSet;
 
-use reactsim_scene::{CURRENT, FRAMES, Frame, Scenario};
+use reactsim_scene::{Frame, Scenario};
 
 use crate::map::{AreaError, PlanningMap, PlanningMapError};
 use crate::metrics::{History, HistoryError, Label, MissingInputs, PlannerScores, judge};
@@ -28,8 +28,6 @@ pub(crate) use objects::{Differences, ObjectFrame};
 pub use objects::{ObjectIds, kind_of, rollout_objects};
 pub use route::{RouteEnd, logged_route, route_end};
 
-/// Number of samples: the current frame and the frames after it.
-pub const SAMPLES: usize = FRAMES - CURRENT;
 /// Slot of the AV among the agents of a scenario.
 const AV: usize = 0;
 
@@ -74,11 +72,16 @@ pub enum SceneHistoryError {
     },
     /// The AV is absent or not finite at a frame of the rollout.
     #[error(
-        "scenario `{scenario}`: the AV has no finite state at every frame from 10 to 90; ego must be present"
+        "scenario `{scenario}`: the AV has no finite state at every frame from {first} to {last}; ego must \
+         be present"
     )]
     Ego {
         /// Id of the scenario.
         scenario: String,
+        /// The current frame.
+        first: usize,
+        /// The last frame.
+        last: usize,
     },
     /// The AV has no box.
     #[error("scenario `{scenario}`: the box of the AV is {length} m × {width} m; its sides must be positive")]
@@ -120,8 +123,8 @@ pub enum SceneMapError {
 }
 
 impl SceneHistory {
-    /// Creates the history of a rollout. `tracks`: 91 frames per agent of the scenario, in its order. The
-    /// motion of ego follows the track of the AV.
+    /// Creates the history of a rollout. `tracks`: the frames of each agent of the scenario, in its order.
+    /// The motion of ego follows the track of the AV.
     ///
     /// # Errors
     /// [`SceneHistoryError`] if the map has lanes without area, or the AV is not present at all frames from
@@ -129,15 +132,20 @@ impl SceneHistory {
     pub fn of_rollout(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Result<Self, SceneHistoryError> {
         let shape = ego_shape(scenario)?;
         let track = tracks.get(AV).map(Vec::as_slice).unwrap_or_default();
-        let no_ego = || SceneHistoryError::Ego { scenario: scenario.id.clone() };
-        let ego = ego_states(track, &shape).ok_or_else(no_ego)?;
+        let length = scenario.length();
+        let no_ego = || SceneHistoryError::Ego {
+            scenario: scenario.id.clone(),
+            first: length.current(),
+            last: length.frames() - 1,
+        };
+        let ego = ego_states(track, length, &shape).ok_or_else(no_ego)?;
         let mut history = Self::of_planner(scenario, tracks, ego)?;
         history.labels.insert(Label::EgoDifferences);
         Ok(history)
     }
 
-    /// Creates the history of a rollout in which a controller drove ego. `ego`: 81 states, the first one at
-    /// the current frame. `tracks` as in [`Self::of_rollout`]; the AV is left out of the objects.
+    /// Creates the history of a rollout in which a controller drove ego. `ego`: a state at the current frame
+    /// and at every frame after it. `tracks` as in [`Self::of_rollout`]; the AV is left out of the objects.
     ///
     /// # Errors
     /// As [`Self::of_rollout`], except for the track of the AV.
@@ -161,7 +169,7 @@ impl SceneHistory {
         }
         let map = planning_map(scenario)?;
         let objects = rollout_objects(scenario, tracks, &mut labels);
-        let expert = ego_states(&scenario.logged(AV), &shape);
+        let expert = ego_states(&scenario.logged(AV), scenario.length(), &shape);
         Ok(Self { map, shape, ego, expert, objects, labels })
     }
 

@@ -4,15 +4,15 @@ use std::collections::BTreeSet;
 
 use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, Scenario, Start};
+use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Scenario, Start};
 
 use crate::metrics::Label;
 use crate::{ObjectId, ObjectKind, TrackedObject};
 
-use super::{AV, SAMPLES};
+use super::AV;
 
-/// Returns the objects at each frame from 10 to 90: the agents that are present, without the AV, and the
-/// obstacles, which stay where they are at the current frame. `tracks`: 91 frames per agent.
+/// Returns the objects at each frame from the current one on: the agents that are present, without the AV,
+/// and the obstacles, which stay where they are at the current frame. `tracks`: the frames of each agent.
 ///
 /// Agents without a box, and objects on another level than the AV, are left out. An unknown velocity is the
 /// displacement since the previous frame divided by the time step, else that to the next frame, else 0;
@@ -24,13 +24,14 @@ pub fn rollout_objects(
 ) -> Vec<Vec<TrackedObject>> {
     let start = &scenario.start;
     let ids = ObjectIds::new(start);
-    let heights = heights_per_sample(start, tracks);
+    let (current, samples) = (start.current(), scenario.length().future + 1);
+    let heights = heights_per_sample(start, tracks, samples);
     let at = |k: usize| {
         let frame = ObjectFrame {
             start,
             ids: &ids,
             tracks,
-            frame: CURRENT + k,
+            frame: current + k,
             heights: heights.get(k).map_or(&[], Vec::as_slice),
         };
         let (objects, is_estimated) = frame.objects(Differences::BackwardOrForward);
@@ -39,7 +40,7 @@ pub fn rollout_objects(
         }
         objects
     };
-    (0..SAMPLES).map(at).collect()
+    (0..samples).map(at).collect()
 }
 
 /// Ids of the objects of a scenario. No agent has the id of an obstacle.
@@ -205,13 +206,14 @@ fn displacement_velocity(track: &[Frame], frame: usize, differences: Differences
 }
 
 /// Returns the heights of the agents per sample, metres, NaN if unknown; empty in scenarios of one level.
-fn heights_per_sample(start: &Start, tracks: &[Vec<Frame>]) -> Vec<Vec<f64>> {
+fn heights_per_sample(start: &Start, tracks: &[Vec<Frame>], samples: usize) -> Vec<Vec<f64>> {
     if !start.has_levels() {
         return Vec::new();
     }
-    let after = |track: &'_ Vec<Frame>| track.get(CURRENT..FRAMES).map(<[Frame]>::to_vec).unwrap_or_default();
+    let frames = start.current()..start.current() + samples;
+    let after = |track: &Vec<Frame>| track.get(frames.clone()).map(<[Frame]>::to_vec).unwrap_or_default();
     let along = |(i, track)| start.heights_along(i, &after(track));
     let per_agent: Vec<Vec<f64>> = tracks.iter().enumerate().map(along).collect();
     let at = |k: usize| per_agent.iter().map(|h| h.get(k).copied().unwrap_or(f64::NAN)).collect();
-    (0..SAMPLES).map(at).collect()
+    (0..samples).map(at).collect()
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use reactsim_geometry::{Vec2, direction, wrap};
-use reactsim_scene::{AgentState, CURRENT, LANE_HALF_WIDTH, Scenario};
+use reactsim_scene::{AgentState, LANE_HALF_WIDTH, Scenario};
 
 use crate::metrics::passed_lanes;
 use crate::pdm::without_gaps;
@@ -33,16 +33,16 @@ const STANDING_GAP: f64 = 3.0;
 ///    them (where lanes overlap: along the likeliest sequence of lanes). Frames at which the AV is absent are
 ///    left out; if there are any before the last logged position, roadblocks that are not linked are joined
 ///    by a shortest sequence of roadblocks, where there is one.
-/// 2. The log ends after 8 s. From the lane of the last logged position the route continues through the
-///    successor that turns least, the first one in map order on ties, until 200 m of lanes are ahead of that
-///    position, or there is no successor that the extension has not passed yet.
+/// 2. The log ends, after 8 s in the benchmark. From the lane of the last logged position the route continues
+///    through the successor that turns least, the first one in map order on ties, until 200 m of lanes are
+///    ahead of that position, or there is no successor that the extension has not passed yet.
 /// 3. If the logged AV is in no lane, the route begins with the roadblock of the lane that is nearest to the
 ///    current box of the AV, and continues as in step 2 from there.
 ///
 /// Of the logged future, the result contains the choice of roadblocks only.
 pub fn logged_route(scenario: &Scenario, map: &PlanningMap, shape: &EgoShape) -> Option<Route> {
     let track = scenario.logged(AV);
-    let frames = track.iter().enumerate().skip(CURRENT);
+    let frames = track.iter().enumerate().skip(scenario.start.current());
     let present = frames.filter_map(|(frame, state)| Some((frame, state.filter(AgentState::is_finite)?)));
     let (frames, states): (Vec<usize>, Vec<AgentState>) = present.unzip();
     let centers: Vec<Vec2> = states.iter().map(AgentState::position).collect();

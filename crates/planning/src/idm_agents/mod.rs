@@ -114,22 +114,29 @@ impl IdmAgents {
         objects: &[TrackedObject],
         ego: Option<&SeenEgo>,
     ) -> Self {
+        let mut agents = Self { roads, parameters, agents: Vec::new() };
+        agents.add(objects, ego);
+        agents
+    }
+
+    /// Makes agents of the vehicles among the objects that are none yet, by the rules of [`Self::new`]. In the
+    /// devkit none are added after the beginning.
+    pub fn add(&mut self, objects: &[TrackedObject], ego: Option<&SeenEgo>) {
         let mut taken: Vec<OrientedBox> = seen(objects).map(TrackedObject::footprint).collect();
         taken.extend(ego.map(|ego| ego.footprint));
+        taken.extend(self.agents.iter().map(|agent| agent.object().footprint()));
         let speed_of_ego = ego.map_or(0.0, |ego| ego.speed);
-        let mut agents: Vec<IdmAgent> = Vec::new();
-        let mut target_speed = parameters.target_speed;
+        let mut target_speed = self.parameters.target_speed;
         for object in objects.iter().filter(|object| object.kind == ObjectKind::Vehicle) {
-            let is_new = agents.iter().all(|agent| agent.id() != &object.id);
-            let Some(place) = place(&roads, object).filter(|_| is_new) else { continue };
+            let is_new = self.agents.iter().all(|agent| agent.id() != &object.id);
+            let Some(place) = place(&self.roads, object).filter(|_| is_new) else { continue };
             if taken.iter().any(|other| in_contact(other, &place.footprint)) {
                 continue;
             }
             taken.push(place.footprint);
-            target_speed = roads.limit(place.lane).unwrap_or(target_speed);
-            agents.push(IdmAgent::new(object, place, target_speed, speed_of_ego));
+            target_speed = self.roads.limit(place.lane).unwrap_or(target_speed);
+            self.agents.push(IdmAgent::new(object, place, target_speed, speed_of_ego));
         }
-        Self { roads, parameters, agents }
     }
 
     /// Returns the agents, in the order in which they move.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::{EgoShape, EgoState, STEP};
 
-use super::{MetricValue, SavitzkyGolay};
+use super::{MetricValue, PreparedFilter, SavitzkyGolay};
 
 /// Smoothing of accelerations (devkit 1.2.2).
 pub(crate) const ACCELERATION_FILTER: SavitzkyGolay = SavitzkyGolay { window: 8, degree: 2, derivative: 0 };
@@ -76,22 +76,48 @@ impl Comfort {
     }
 }
 
-/// Judges the comfort of ego.
-pub(super) fn comfort(ego: &[EgoState], shape: &EgoShape) -> Comfort {
+/// The filters of the metric for one number of samples.
+#[derive(Clone, Debug)]
+pub(super) struct ComfortFilters {
+    /// Number of samples.
+    pub(super) samples: usize,
+    acceleration: PreparedFilter,
+    jerk: PreparedFilter,
+    yaw_rate: PreparedFilter,
+    yaw_acceleration: PreparedFilter,
+}
+
+impl ComfortFilters {
+    /// Prepares the filters for this number of samples.
+    pub(super) fn new(samples: usize) -> Self {
+        let prepared = |filter: SavitzkyGolay| filter.prepare(samples, STEP);
+        Self {
+            samples,
+            acceleration: prepared(ACCELERATION_FILTER),
+            jerk: prepared(JERK_FILTER),
+            yaw_rate: prepared(YAW_RATE_FILTER),
+            yaw_acceleration: prepared(YAW_ACCELERATION_FILTER),
+        }
+    }
+}
+
+/// Judges the comfort of ego, whose states must be as many as the filters are prepared for.
+pub(super) fn comfort(ego: &[EgoState], shape: &EgoShape, filters: &ComfortFilters) -> Comfort {
     let of = |quantity: &dyn Fn(&EgoState) -> f64| ego.iter().map(quantity).collect::<Vec<_>>();
     let center = |state: &EgoState| state.center_acceleration_nuplan(shape);
-    let longitudinal = filtered(ACCELERATION_FILTER, &of(&|state| center(state).x));
-    let lateral = filtered(ACCELERATION_FILTER, &of(&|state| center(state).y));
-    let magnitude = filtered(ACCELERATION_FILTER, &of(&EgoState::acceleration));
+    let ComfortFilters { acceleration, jerk, yaw_rate, yaw_acceleration, .. } = filters;
+    let longitudinal = filtered(acceleration, &of(&|state| center(state).x));
+    let lateral = filtered(acceleration, &of(&|state| center(state).y));
+    let magnitude = filtered(acceleration, &of(&EgoState::acceleration));
     let headings = unwrapped(&of(&|state| state.heading));
     let mut comfort = Comfort {
         value: MetricValue::pass(false),
-        jerk: judged(filtered(JERK_FILTER, &magnitude), JERK_BOUNDS),
-        longitudinal_jerk: judged(filtered(JERK_FILTER, &longitudinal), LONGITUDINAL_JERK_BOUNDS),
+        jerk: judged(filtered(jerk, &magnitude), JERK_BOUNDS),
+        longitudinal_jerk: judged(filtered(jerk, &longitudinal), LONGITUDINAL_JERK_BOUNDS),
         longitudinal_acceleration: judged(longitudinal, LONGITUDINAL_ACCELERATION_BOUNDS),
         lateral_acceleration: judged(lateral, LATERAL_ACCELERATION_BOUNDS),
-        yaw_rate: judged(filtered(YAW_RATE_FILTER, &headings), YAW_RATE_BOUNDS),
-        yaw_acceleration: judged(filtered(YAW_ACCELERATION_FILTER, &headings), YAW_ACCELERATION_BOUNDS),
+        yaw_rate: judged(filtered(yaw_rate, &headings), YAW_RATE_BOUNDS),
+        yaw_acceleration: judged(filtered(yaw_acceleration, &headings), YAW_ACCELERATION_BOUNDS),
     };
     let within = comfort.quantities().iter().all(|(_, quantity)| quantity.within);
     comfort.value = MetricValue::pass(within);
@@ -109,8 +135,8 @@ pub(crate) fn are_within(values: &[f64], [lower, upper]: [f64; 2]) -> bool {
 }
 
 /// Filters and rounds values.
-fn filtered(filter: SavitzkyGolay, values: &[f64]) -> Vec<f64> {
-    rounded(filter.apply(values, STEP))
+fn filtered(filter: &PreparedFilter, values: &[f64]) -> Vec<f64> {
+    rounded(filter.apply(values))
 }
 
 /// Rounds values to eight decimals.

@@ -6,7 +6,7 @@ use std::slice;
 use crate::{EgoShape, EgoState, ObjectId, PlanningMap, TrackedObject};
 
 use super::collisions::{FirstContact, collisions};
-use super::comfort::comfort;
+use super::comfort::{ComfortFilters, comfort};
 use super::context::Context;
 use super::drivable_area::drivable_area;
 use super::time_to_collision::time_to_collision;
@@ -36,13 +36,15 @@ pub struct SampleJudge {
     collided: BTreeSet<ObjectId>,
     /// The last samples of ego.
     ego: Vec<EgoState>,
+    /// Filters for the latest number of samples, which is the same after the first few.
+    filters: Option<ComfortFilters>,
 }
 
 impl SampleJudge {
     /// Creates a judge; `past` are the states of ego before the first sample, oldest first.
     pub fn new(mut past: Vec<EgoState>) -> Self {
         past.drain(..past.len().saturating_sub(COMFORT_SAMPLES));
-        Self { collided: BTreeSet::new(), ego: past }
+        Self { collided: BTreeSet::new(), ego: past, filters: None }
     }
 
     /// Judges the next sample. Objects that were hit before do not count, as in the metrics.
@@ -80,11 +82,15 @@ impl SampleJudge {
         }
     }
 
-    fn is_comfortable(&self, present: &History<'_>) -> Option<bool> {
-        if self.ego.len() < MIN_SAMPLES {
+    fn is_comfortable(&mut self, present: &History<'_>) -> Option<bool> {
+        let samples = self.ego.len();
+        if samples < MIN_SAMPLES {
             return None;
         }
-        let judged = comfort(&self.ego, &present.shape);
+        let prepared = self.filters.take().filter(|filters| filters.samples == samples);
+        let filters = prepared.unwrap_or_else(|| ComfortFilters::new(samples));
+        let judged = comfort(&self.ego, &present.shape, &filters);
+        self.filters = Some(filters);
         let is_within = |values: &[f64], [lower, upper]: [f64; 2]| {
             values.last().is_none_or(|value| lower < *value && *value < upper)
         };

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use crate::map::{DrivableArea, Intersections, PlanningMap};
 
 use super::collisions::collisions;
-use super::comfort::comfort;
+use super::comfort::{ComfortFilters, comfort};
 use super::context::Context;
 use super::drivable_area::drivable_area;
 use super::driving_direction::driving_direction;
@@ -88,7 +88,7 @@ pub fn judge(history: &History<'_>) -> Result<PlannerScores, HistoryError> {
         making_progress: making_progress(progress.value),
         time_to_collision: time_to_collision(&context, &collisions),
         speed_limit: speed_limit(&context),
-        comfort: comfort(history.ego, &history.shape),
+        comfort: comfort(history.ego, &history.shape, &ComfortFilters::new(history.ego.len())),
         mean_speed: mean_speed(history.ego),
         score: ClosedLoopScore::Complete(0.0),
         labels: BTreeSet::new(),

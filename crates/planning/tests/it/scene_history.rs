@@ -1,13 +1,13 @@
 //! Histories of rollouts of scenarios made by hand.
 
 use reactsim_geometry::{Polygon, Vec2};
-use reactsim_planning::from_scene::{SAMPLES, SceneHistory, SceneHistoryError};
+use reactsim_planning::from_scene::{SceneHistory, SceneHistoryError};
 use reactsim_planning::map::{DrivableArea, Intersections};
 use reactsim_planning::metrics::{Label, MetricValue, PlannerMetric, UndefinedReason};
 use reactsim_planning::{EgoShape, ObjectKind};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, FRAMES, Frame, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts,
-    NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
+    Agent, AgentKind, AgentState, FRAMES, Frame, LaneClass, LaneKind, LaneParts, Length, LoggedAgent,
+    MapParts, NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
 };
 
 use crate::drive::v;
@@ -99,7 +99,7 @@ fn with_road(parts: &mut ScenarioParts) {
 fn a_complete_scenario_has_a_complete_score() {
     let scores = history(&scenario(with_road)).judge().unwrap();
     assert_eq!(scores.score.cls(), Some(1.0));
-    assert_eq!(scores.center_lanes.len(), SAMPLES);
+    assert_eq!(scores.center_lanes.len(), 81);
     let labels: Vec<_> = scores.labels.iter().map(|label| label.name()).collect();
     let expected =
         ["lanes: corridors", "intersection: connectors", "route: neighbour-groups", "ego: differences"];
@@ -218,4 +218,36 @@ fn rollouts_that_do_not_fit_are_refused() {
     assert!(matches!(absent, SceneHistoryError::Ego { .. }));
     let few = SceneHistory::of_rollout(&scenario, &logged(&scenario)[..2]).unwrap_err();
     assert_eq!(few.to_string(), "scenario `by-hand`: 2 tracks for 3 agents; give one track per agent");
+}
+
+#[test]
+fn every_step_of_a_scenario_is_a_sample() {
+    for (history, future) in [(2, 60), (11, 150), (21, 80), (11, 600), (11, 3)] {
+        let length = Length { history, future };
+        let current = length.current();
+        let scenario = scenario(|parts| {
+            with_road(parts);
+            parts.length = length;
+            for (i, agent) in parts.agents.iter_mut().enumerate() {
+                let now = agent.track[10].unwrap();
+                // All fit on the road for a minute.
+                let speed = if i == 0 { 2.0 } else { 0.0 };
+                let state = |frame: usize| {
+                    let t = 0.1 * (frame as f64 - current as f64);
+                    Some(AgentState { x: now.x + speed * t, vx: speed, ..now })
+                };
+                agent.track = (0..length.frames()).map(state).collect();
+            }
+        });
+        let found = self::history(&scenario);
+        assert_eq!((found.ego.len(), found.objects.len()), (future + 1, future + 1));
+        assert_eq!(found.expert.as_ref().map(Vec::len), Some(future + 1));
+        assert!((found.ego[future].x - found.ego[0].x - 0.2 * future as f64).abs() < 1e-9);
+        assert_eq!(found.judge().unwrap().center_lanes.len(), future + 1);
+        let mut tracks = logged(&scenario);
+        tracks[0][length.frames() - 1] = None;
+        let error = SceneHistory::of_rollout(&scenario, &tracks).unwrap_err().to_string();
+        let place = format!("every frame from {current} to {}", length.frames() - 1);
+        assert!(error.contains(&place), "{error}");
+    }
 }

@@ -1,7 +1,6 @@
 //! Position and field of view of the camera.
 
 use reactsim_geometry::{Bounds, Vec2};
-use reactsim_scene::FUTURE;
 
 use super::Animation;
 use crate::birdseye::{View, moving::StepRenderer};
@@ -37,7 +36,7 @@ impl Camera {
             let mut places = Vec::new();
             for view in views {
                 let renderer = StepRenderer::new(animation.scenario, view);
-                places.extend((0..=FUTURE).filter_map(|k| renderer.av(k)).map(|s| s.position()));
+                places.extend((0..=renderer.last()).filter_map(|k| renderer.av(k)).map(|s| s.position()));
                 places.extend(renderer.mark_positions());
             }
             let seen = Bounds::of(places);

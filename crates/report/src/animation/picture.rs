@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use font8x8::{BASIC_FONTS, LATIN_FONTS, UnicodeFonts};
 use reactsim_geometry::Vec2;
-use reactsim_scene::{DT, FUTURE};
+use reactsim_scene::DT;
 use resvg::tiny_skia::{Pixmap, PixmapPaint, Transform};
 use resvg::usvg::{self, Options, Tree};
 
@@ -25,6 +25,8 @@ const TIME_HEIGHT: usize = 20;
 const BAR_HEIGHT: usize = 6;
 /// Height of the tick of an event, pixels.
 const TICK_HEIGHT: usize = 14;
+/// Largest number of steps with a gap in the time bar at every second; longer bars have one every 10 s.
+const MOST_SECONDS: usize = 200;
 /// Side of a letter, dots.
 const LETTER_SIZE: usize = 8;
 
@@ -57,7 +59,7 @@ impl Stage<'_> {
             let y = number / PANELS_PER_ROW * (TITLE_HEIGHT + self.size + TIME_HEIGHT);
             title_line(&mut canvas, &panel.title, step, [x, y], self.size);
             let bottom = y + TITLE_HEIGHT + self.size;
-            time_bar(&mut canvas, &panel.marks, step, [x, bottom], self.size);
+            time_bar(&mut canvas, &panel.marks, [step, renderer.last()], [x, bottom], self.size);
             // A document of its own: rounding is then the same in all panels.
             let size = self.size as f64;
             let mut inside = Canvas::new(size, size);
@@ -110,16 +112,18 @@ fn write(canvas: &mut Canvas, text: &str, [x, y]: [usize; 2], scale: usize) {
     canvas.raw(&format!("<path d=\"{dots}\" fill=\"{}\"/>", palette::STOP));
 }
 
-/// Draws the time bar, with gaps at full seconds and a tick for every event.
-fn time_bar(canvas: &mut Canvas, marks: &[Mark], step: usize, [x, y]: [usize; 2], size: usize) {
-    let at = |step: usize| step.min(FUTURE) * (size - 2) / FUTURE;
+/// Draws the time bar up to a step of `last`, with gaps at full seconds and a tick for every event.
+fn time_bar(canvas: &mut Canvas, marks: &[Mark], [step, last]: [usize; 2], [x, y]: [usize; 2], size: usize) {
+    let at = |step: usize| step.min(last) * (size - 2) / last;
     let mut bar = |from: usize, width: usize, height: usize, colour: &str| {
         let (left, top) = (x + from, y + (TIME_HEIGHT - height) / 2);
         canvas.raw(&format!("<path d=\"M{left} {top}h{width}v{height}h-{width}z\" fill=\"{colour}\"/>"));
     };
     bar(0, size, BAR_HEIGHT, palette::ROAD);
     bar(0, at(step) + 2, BAR_HEIGHT, palette::EDGE);
-    (10..FUTURE).step_by(10).for_each(|second| bar(at(second), 1, BAR_HEIGHT, palette::WHITE));
+    // Gaps of seconds that are closer than a few pixels would hide the bar.
+    let every = if last <= MOST_SECONDS { 10 } else { 100 };
+    (every..last).step_by(every).for_each(|second| bar(at(second), 1, BAR_HEIGHT, palette::WHITE));
     let mut marks: Vec<&Mark> = marks.iter().collect();
     // The most severe events are drawn last, on top.
     marks.sort_by_key(|m| (std::cmp::Reverse(m.kind), m.step));

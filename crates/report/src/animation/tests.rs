@@ -1,4 +1,4 @@
-use reactsim_scene::{Agent, AgentKind, AgentState, FRAMES, LoggedAgent, ScenarioParts};
+use reactsim_scene::{Agent, AgentKind, AgentState, FRAMES, Length, LoggedAgent, ScenarioParts};
 
 use super::*;
 
@@ -52,8 +52,22 @@ fn an_animation_of_any_settings_is_made_or_refused() {
     for every in [0, 3, 500] {
         let animation = Animation { size: 100, every, ..Animation::new(&scenario, Vec::new()) };
         let steps = animation.steps();
-        assert_eq!((steps[0], steps[steps.len() - 1]), (0, FUTURE));
+        assert_eq!((steps[0], steps[steps.len() - 1]), (0, 80));
     }
+    let short = Animation { every: 30, until: 45, ..Animation::new(&scenario, Vec::new()) };
+    assert_eq!(short.steps(), [0, 30, 45]);
+    let length = Length { history: 2, future: 250 };
+    let track = vec![Some(AgentState { x: 0.0, y: 0.0, heading: 0.0, vx: 0.0, vy: 0.0 }); length.frames()];
+    let agents = vec![LoggedAgent { track, ..agent("ego", 0.0, 0.0) }];
+    let parts = ScenarioParts { id: "long".into(), length, agents, ..ScenarioParts::default() };
+    let long = Scenario::assemble(parts).unwrap();
+    let animation = Animation { size: 100, every: 100, ..Animation::new(&long, Vec::new()) };
+    assert_eq!(animation.steps(), [0, 100, 200, 250]);
+    assert_eq!(Animation { until: 120, ..animation.clone() }.steps(), [0, 100, 120]);
+    assert_eq!(Animation { until: usize::MAX, ..animation.clone() }.steps(), [0, 100, 200, 250]);
+    assert_eq!(animation.picture(usize::MAX).unwrap(), animation.picture(250).unwrap());
+    assert_ne!(animation.picture(249).unwrap(), animation.picture(250).unwrap());
+    assert_eq!(&animation.encode().unwrap()[..6], b"GIF89a");
     let odd = Animation {
         size: 1,
         every: 40,
@@ -71,6 +85,16 @@ fn an_animation_of_any_settings_is_made_or_refused() {
     assert_eq!(usize::from(bytes[6]) + 256 * usize::from(bytes[7]), 4 * 108 - 8);
     let tall = Animation { size: 1200, ..Animation::new(&scenario, vec![Panel::default(); 300]) };
     assert!(tall.encode().unwrap_err().to_string().contains("take smaller or fewer panels"));
+}
+
+#[test]
+fn a_picture_shows_one_step() {
+    let scenario = scenario(10.0);
+    let animation = Animation { size: 160, ..Animation::new(&scenario, Vec::new()) };
+    let picture = animation.picture(40).unwrap();
+    assert_eq!((picture.width, picture.height), (160, 26 + 160 + 20));
+    assert_eq!(picture.rgb.len(), 3 * picture.width * picture.height);
+    assert_ne!(picture, animation.picture(41).unwrap());
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction};
-use reactsim_scene::{Agent, AgentKind, AgentState, CURRENT, FRAMES, FUTURE, levels};
+use reactsim_scene::{Agent, AgentKind, AgentState, levels};
 
 use super::canvas::{Canvas, PathData};
 use super::palette::{self, Paint};
@@ -23,7 +23,7 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
     }
     // The AV is drawn last, on top; what is on a higher level covers it.
     let mut order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
-    let frames = CURRENT + last + 1;
+    let frames = scene.current + last + 1;
     let tracks = scene.tracks().iter().map(|track| &track[..frames.min(track.len())]);
     let heights = scene.scenario.start.heights_at_end(tracks);
     let level =
@@ -60,7 +60,7 @@ pub(super) fn paint(scene: &Scene<'_>, agent: usize) -> &'static Paint {
 fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let Some(track) = scene.tracks().get(agent) else { return };
     let colour = paint(scene, agent).line;
-    let now = CURRENT + step;
+    let now = scene.current + step;
     // The trail of a standing agent would be a blot.
     let places = track.iter().flatten().filter(|s| s.is_finite()).map(AgentState::position);
     let size = Bounds::of(places);
@@ -83,7 +83,7 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
         first = end;
     }
     let mut path = PathData::new(canvas.window());
-    stretch(&mut path, track, now, FRAMES - 1);
+    stretch(&mut path, track, now, scene.current + scene.last);
     canvas.path(
         &path,
         &format!(
@@ -110,18 +110,18 @@ pub(super) fn stretch(path: &mut PathData, track: &[Option<AgentState>], first: 
 
 /// Draws the logged track of an agent that deviates from it, and its logged box at the drawn step.
 fn ghost(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
-    if !(0..=FUTURE).any(|k| is_displaced(scene, agent, k)) {
+    if !(0..=scene.last).any(|k| is_displaced(scene, agent, k)) {
         return;
     }
     let mut path = PathData::new(canvas.window());
-    stretch(&mut path, &scene.logged[agent], CURRENT, FRAMES - 1);
+    stretch(&mut path, &scene.logged[agent], scene.current, scene.current + scene.last);
     ghost_box(&mut path, scene, agent, step);
     canvas.path(&path, &ghost_style());
 }
 
 /// Returns whether the position of an agent at a step differs from the log.
 pub(super) fn is_displaced(scene: &Scene<'_>, agent: usize, step: usize) -> bool {
-    match (scene.state(agent, step), scene.logged[agent][CURRENT + step]) {
+    match (scene.state(agent, step), scene.logged[agent][scene.current + step]) {
         (Some(a), Some(b)) => (a.position() - b.position()).norm() > GHOST_DISTANCE,
         _ => false,
     }
@@ -129,7 +129,7 @@ pub(super) fn is_displaced(scene: &Scene<'_>, agent: usize, step: usize) -> bool
 
 /// Adds the logged box of an agent.
 pub(super) fn ghost_box(path: &mut PathData, scene: &Scene<'_>, agent: usize, step: usize) {
-    if let Some(state) = scene.logged[agent][CURRENT + step].filter(AgentState::is_finite) {
+    if let Some(state) = scene.logged[agent][scene.current + step].filter(AgentState::is_finite) {
         path.ring(&state.footprint(&scene.scenario.start.agents[agent]).corners());
     }
 }

@@ -5,7 +5,7 @@
 //! deviate from the log have a ghost.
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentKind, CURRENT, FRAMES, FUTURE, Frame, Scenario};
+use reactsim_scene::{AgentKind, Frame, Scenario};
 
 use super::agents::{self, body, figure, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
 use super::canvas::{Canvas, PathData, Window};
@@ -27,7 +27,12 @@ impl<'a> StepRenderer<'a> {
         Self { scene: Scene::new(scenario, view) }
     }
 
-    /// Returns the AV's state at a step, 0 to 80.
+    /// Returns the last step.
+    pub(crate) fn last(&self) -> usize {
+        self.scene.last
+    }
+
+    /// Returns the AV's state at a step.
     pub(crate) fn av(&self, step: usize) -> Frame {
         self.scene.state(0, step)
     }
@@ -37,13 +42,14 @@ impl<'a> StepRenderer<'a> {
         self.scene.view.marks.iter().filter_map(|mark| agents::place(&self.scene, mark))
     }
 
-    /// Draws a step, 0 to 80, in a window of a picture: the map with its lights, the paths of the AV, the
+    /// Draws a step in a window of a picture: the map with its lights, the paths of the AV, the
     /// agents, and the events so far.
     pub(crate) fn draw(&self, canvas: &mut Canvas, step: usize, window: Window) {
         canvas.open_window(window, 0);
-        ground::draw(canvas, self.scene.scenario, CURRENT + step.min(FUTURE));
+        let step = step.min(self.scene.last);
+        ground::draw(canvas, self.scene.scenario, self.scene.current + step);
         av_paths(canvas, &self.scene);
-        draw_agents(canvas, &self.scene, step.min(FUTURE));
+        draw_agents(canvas, &self.scene, step);
         canvas.close_window();
     }
 }
@@ -54,14 +60,15 @@ fn av_paths(canvas: &mut Canvas, scene: &Scene<'_>) {
     for obstacle in &scene.scenario.start.obstacles {
         body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
     }
-    if scene.view.rollout.is_some() && (0..=FUTURE).any(|k| is_displaced(scene, 0, k)) {
+    let (now, end) = (scene.current, scene.current + scene.last);
+    if scene.view.rollout.is_some() && (0..=scene.last).any(|k| is_displaced(scene, 0, k)) {
         let mut path = PathData::new(canvas.window());
-        stretch(&mut path, &scene.logged[0], CURRENT, FRAMES - 1);
+        stretch(&mut path, &scene.logged[0], now, end);
         canvas.path(&path, &ghost_style());
     }
     if let Some(track) = scene.tracks().first() {
         let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, CURRENT, FRAMES - 1);
+        stretch(&mut path, track, now, end);
         let colour = palette::AV.line;
         canvas.path(
             &path,
@@ -96,7 +103,7 @@ fn draw_agents(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
 /// pixels stay the same between steps.
 fn tail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let Some(track) = scene.tracks().get(agent) else { return };
-    let now = CURRENT + step;
+    let now = scene.current + step;
     if scene.state(agent, step).is_none() {
         return;
     }

@@ -1,7 +1,7 @@
 use reactsim_geometry::Polygon;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Crosswalk, FRAMES, LaneParts, LightParts, LightState, LoggedAgent,
-    MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
+    Agent, AgentKind, AgentState, CURRENT, Crosswalk, FRAMES, LaneParts, Length, LightParts, LightState,
+    LoggedAgent, MapParts, RoadEdge, RoadEdgeKind, ScenarioParts,
 };
 
 use super::*;
@@ -197,5 +197,33 @@ fn nothing_outside_the_view_is_written() {
     for number in numbers.flat_map(|d| d.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))) {
         let Ok(value) = number.parse::<f64>() else { continue };
         assert!((-60.0..400.0).contains(&value), "{value}");
+    }
+}
+
+#[test]
+fn steps_of_any_length_are_drawn() {
+    let car = |length: Length| {
+        let state = |f: usize| {
+            let x = 0.5 * (f as f64 - length.current() as f64);
+            Some(AgentState { x, y: 0.0, heading: 0.0, vx: 5.0, vy: 0.0 })
+        };
+        let agent = Agent { id: "ego".into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 };
+        LoggedAgent { agent, track: (0..length.frames()).map(state).collect(), heights: Vec::new() }
+    };
+    for (history, future) in [(2, 60), (11, 150), (21, 600)] {
+        let length = Length { history, future };
+        let parts = ScenarioParts { id: "long".into(), length, ..ScenarioParts::default() };
+        let scenario = Scenario::assemble(ScenarioParts { agents: vec![car(length)], ..parts }).unwrap();
+        let last = draw(&scenario, &View { steps: vec![future], ..view() });
+        well_formed(&last).unwrap();
+        assert!(last.contains(&format!("step {future} ·")));
+        assert_eq!(last, draw(&scenario, &View { steps: vec![usize::MAX], ..view() }));
+        let mut tracks = vec![scenario.logged(0)];
+        tracks[0][length.frames() - 1].as_mut().unwrap().y = 3.0;
+        let view = View { rollout: Some(&tracks), steps: vec![future], ..view() };
+        assert!(
+            draw(&scenario, &view).contains("stroke-dasharray"),
+            "the last step is compared with the log"
+        );
     }
 }

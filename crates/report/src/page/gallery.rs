@@ -167,7 +167,15 @@ impl Gallery {
                 break;
             }
         }
-        let Some(scenario) = scenario else { return Ok(None) };
+        let Some(mut scenario) = scenario else { return Ok(None) };
+        let mut entered = BTreeSet::new();
+        for subject in &self.subjects {
+            let finished = &self.runs[subject.run].finished;
+            entered.extend(finished.entered(&scenario, subject.simulator, 0)?);
+        }
+        if !entered.is_empty() {
+            scenario = scenario.with_entered(&entered.into_iter().collect::<Vec<_>>());
+        }
         let mut rollouts = Vec::new();
         for (number, subject) in self.subjects.iter().enumerate() {
             let finished = &self.runs[subject.run].finished;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use reactsim_curation::{CandidateRecord, ScenarioRecord, candidate_digest, store};
 use reactsim_evaluation::FileRecord;
-use reactsim_scene::{AgentState, CURRENT, Certificate, Deviation, Difficulty, Frame, Response};
+use reactsim_scene::{AgentState, Certificate, Deviation, Difficulty, Frame, Response};
 use serde_json::{Value, json};
 
 use super::PageError;
@@ -126,9 +126,8 @@ fn response(response: &Response) -> Value {
     })
 }
 
-/// Encodes the states of steps 0 to 80 ([`spans`]).
+/// Encodes states from step 0 on ([`spans`]).
 fn track(states: &[AgentState]) -> Vec<Vec<i64>> {
-    let frames: Vec<Frame> =
-        std::iter::repeat_n(None, CURRENT).chain(states.iter().copied().map(Some)).collect();
-    spans(&frames)
+    let frames: Vec<Frame> = states.iter().copied().map(Some).collect();
+    spans(&frames, 0)
 }

@@ -15,7 +15,7 @@ const VERSION: u32 = 1;
 pub(super) struct SubjectRollout {
     /// Index of the subject.
     pub(super) subject: usize,
-    /// 91 frames for each agent of the scenario.
+    /// The frames of each agent of the scenario.
     pub(super) tracks: Vec<Vec<Frame>>,
     /// Events of this rollout.
     pub(super) events: Vec<EventRecord>,
@@ -57,10 +57,11 @@ struct SceneEvent<'a> {
 
 /// Returns the JSON of a scene.
 pub(super) fn scene(scenario: &Scenario, rollouts: &[SubjectRollout]) -> serde_json::Result<String> {
+    let current = scenario.start.current();
     let place = |id: &str| scenario.start.agents.iter().position(|a| a.id == id);
     let subjects = rollouts.iter().map(|rollout| Subject {
         subject: rollout.subject,
-        tracks: rollout.tracks.iter().map(|track| spans(track)).collect(),
+        tracks: rollout.tracks.iter().map(|track| spans(track, current)).collect(),
         events: rollout
             .events
             .iter()

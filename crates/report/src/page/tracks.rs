@@ -1,16 +1,16 @@
 //! Compact encoding of realised tracks.
 
 use reactsim_geometry::wrap;
-use reactsim_scene::{CURRENT, Frame};
+use reactsim_scene::Frame;
 
-/// Encodes steps 1 to 80 of a track (91 frames) as spans without gaps: the step of the first state, then
-/// `x y heading` of every state in millimetres and milliradians. Each number is stored as its deviation
+/// Encodes the steps of a track after the frame `current` as spans without gaps: the step of the first state,
+/// then `x y heading` of every state in millimetres and milliradians. Each number is stored as its deviation
 /// from linear extrapolation: the first whole, the second as the difference from the first, then second
 /// differences, most of which are small.
-pub(super) fn spans(track: &[Frame]) -> Vec<Vec<i64>> {
+pub(super) fn spans(track: &[Frame], current: usize) -> Vec<Vec<i64>> {
     let mut spans: Vec<Vec<i64>> = Vec::new();
     let mut open: Option<Prediction> = None;
-    for (step, frame) in track.iter().enumerate().skip(CURRENT + 1).map(|(f, s)| (f - CURRENT, s)) {
+    for (step, frame) in track.iter().enumerate().skip(current + 1).map(|(f, s)| (f - current, s)) {
         let Some(state) = frame.filter(|s| s.is_finite()) else {
             open = None;
             continue;
@@ -60,29 +60,31 @@ impl Prediction {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_scene::{AgentState, FRAMES};
+    use reactsim_scene::AgentState;
 
     use super::*;
 
     #[test]
     fn steady_motion_has_zero_residuals() {
-        let mut track: Vec<Frame> = (0..FRAMES)
+        let mut track: Vec<Frame> = (0..91)
             .map(|f| Some(AgentState { x: 0.5 * f as f64, y: -1.0, heading: 0.0, vx: 5.0, vy: 0.0 }))
             .collect();
-        track[CURRENT + 4] = None;
-        let spans = spans(&track);
+        track[14] = None;
+        let spans = spans(&track, 10);
         assert_eq!(spans[0], [1, 5500, -1000, 0, 500, 0, 0, 0, 0, 0]);
         assert_eq!(spans[1][..7], [5, 7500, -1000, 0, 500, 0, 0]);
         assert_eq!((spans.len(), spans[1].len()), (2, 1 + 3 * 76));
+        let late = super::spans(&track, 20);
+        assert_eq!((late.len(), late[0].len(), &late[0][..3]), (1, 1 + 3 * 70, &[1, 10500, -1000][..]));
     }
 
     #[test]
     fn headings_do_not_jump() {
         let state = |heading| Some(AgentState { x: 0.0, y: 0.0, heading, vx: 0.0, vy: 0.0 });
-        let mut track = vec![None; FRAMES];
-        (track[CURRENT + 1], track[CURRENT + 2]) = (state(3.1), state(-3.1));
-        assert_eq!(spans(&track), [[1, 0, 0, 3100, 0, 0, 83]]);
-        track[CURRENT + 2] = state(f64::NAN);
-        assert_eq!(spans(&track), [[1, 0, 0, 3100]]);
+        let mut track = vec![None; 91];
+        (track[11], track[12]) = (state(3.1), state(-3.1));
+        assert_eq!(spans(&track, 10), [[1, 0, 0, 3100, 0, 0, 83]]);
+        track[12] = state(f64::NAN);
+        assert_eq!(spans(&track, 10), [[1, 0, 0, 3100]]);
     }
 }

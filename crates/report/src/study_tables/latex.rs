@@ -6,7 +6,7 @@ use reactsim_evaluation::StudyResults;
 
 use super::{Head, StudyCell, StudyTable, Title, members, tables, text_tables};
 use crate::comparison::signed;
-use crate::latex::{begin_table, column_head, escape, mark, meanings, number};
+use crate::latex::{begin_table, column_head, durations, escape, mark, meanings, number};
 use crate::table::provenance;
 use crate::{Run, TableStyle};
 
@@ -20,7 +20,8 @@ pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn 
         format!("{}: {}", member.folder, provenance(&run))
     });
     let tables = tables(results, style);
-    begin_table(&comments.collect::<Vec<_>>(), &caption(&tables, style), style.label, out)?;
+    let caption = caption(results, &tables, style);
+    begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
     for (i, table) in tables.iter().enumerate() {
         if i > 0 {
             writeln!(out, "\n  \\medskip")?;
@@ -102,8 +103,9 @@ fn cell(cell: &StudyCell) -> String {
     number(&mean, half.map(|half| cell.column.number(half)).as_deref(), cell.is_best || cell.is_significant())
 }
 
-/// Returns the requested caption, or the usual one with the meaning of the marks that occur.
-fn caption(tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
+/// Returns the requested caption, or the usual one with durations other than that of the benchmark and the
+/// meaning of the marks that occur.
+fn caption(results: &StudyResults, tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
     if let Some(caption) = style.caption {
         return escape(caption);
     }
@@ -114,6 +116,7 @@ fn caption(tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
     if tables.iter().any(|table| matches!(table.title, Title::Differences)) {
         text.push_str(" Differences are paired; bold where the interval leaves 0 out.");
     }
+    text.push_str(&durations(results.summaries.iter()));
     let rows = tables.iter().flat_map(|table| &table.rows);
     text.push_str(&meanings(rows.map(|row| row.marks)));
     text

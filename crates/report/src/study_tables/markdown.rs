@@ -8,7 +8,7 @@ use super::planners::notes;
 use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
-use crate::table::{Column, count, program, provenance};
+use crate::table::{Column, program, provenance, scenarios};
 use crate::{Run, TableStyle, wosac_tables};
 
 /// Writes the tables of a study as Markdown.
@@ -42,8 +42,8 @@ pub fn write_document(results: &StudyResults, columns: &[Column], out: &mut dyn 
     let Some(summary) = results.summaries.first() else { return Ok(()) };
     let run = &summary.provenance.run;
     let benchmark = run.benchmark.as_ref().map(|b| format!("{b}, ")).unwrap_or_default();
-    let scenarios = count(summary.provenance.scenarios, "scenario");
-    writeln!(out, "\n{}.", escape(&format!("{benchmark}{scenarios}, {}", program(run))))
+    let run_scenarios = scenarios(&summary.provenance);
+    writeln!(out, "\n{}.", escape(&format!("{benchmark}{run_scenarios}, {}", program(run))))
 }
 
 /// Writes the tables and their legend.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, heading_of, left, smooth_step, wrap};
 use reactsim_scene::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE, STANDSTILL_SPEED};
-use reactsim_scene::{AgentState, CURRENT, DT, Frame, LaneHit, Road, Scenario};
+use reactsim_scene::{AgentState, DT, Frame, LaneHit, Road, Scenario};
 
 use super::{AvError, MAX_STEP_DISPLACEMENT, check_steps};
 
@@ -26,11 +26,11 @@ const ON_LANE_ANGLE: f64 = PI / 6.0;
 /// The logged drive of the AV from the current frame on, with smoothed speeds.
 #[derive(Clone, Debug)]
 pub struct LoggedDrive {
-    /// States at steps 0 to 80.
+    /// States from step 0 on.
     states: Vec<AgentState>,
     /// 1 if the AV drives forwards, -1 if it reverses.
     gear: f64,
-    /// Speed along the path at steps 0 to 80, m/s, smoothed (except the first, which is the recorded
+    /// Speed along the path from step 0 on, m/s, smoothed (except the first, which is the recorded
     /// one); never negative, and exactly 0 while the AV is stationary.
     speeds: Vec<f64>,
 }
@@ -53,12 +53,12 @@ impl LoggedDrive {
         Ok(Self { states, gear, speeds })
     }
 
-    /// Returns the states at steps 0 to 80.
+    /// Returns the states from step 0 on.
     pub fn states(&self) -> &[AgentState] {
         &self.states
     }
 
-    /// Returns the speeds along the path at steps 0 to 80, m/s; never negative, and exactly 0 while the
+    /// Returns the speeds along the path from step 0 on, m/s; never negative, and exactly 0 while the
     /// AV is stationary.
     pub fn speeds(&self) -> &[f64] {
         &self.speeds
@@ -119,7 +119,7 @@ pub(super) fn velocity_now(scenario: &Scenario) -> f64 {
         let (forward, speed) = (now.forward_speed(), now.speed());
         return if forward.abs() > 0.5 * speed { speed.copysign(forward) } else { forward };
     }
-    let before: Frame = scenario.start.history[0][CURRENT - 1];
+    let before: Frame = scenario.start.history[0][scenario.start.current() - 1];
     let displacement = before.map_or(0.0, |b| (now.position() - b.position()).dot(&direction(now.heading)));
     // A jump is not motion.
     if displacement.abs() > MAX_STEP_DISPLACEMENT { 0.0 } else { displacement / DT }
@@ -142,15 +142,15 @@ fn gear(states: &[AgentState], velocity: f64) -> f64 {
 /// recorded positions.
 fn speeds(scenario: &Scenario, states: &[AgentState], gear: f64) -> Vec<f64> {
     const HALF_WINDOW: usize = 3;
-    let history = &scenario.start.history[0];
+    let (history, now) = (&scenario.start.history[0], scenario.start.current());
     let at = |frame: usize| -> Frame {
-        if frame < CURRENT { history[frame] } else { states.get(frame - CURRENT).copied() }
+        if frame < now { history[frame] } else { states.get(frame - now).copied() }
     };
     let mut speeds = Vec::with_capacity(states.len());
     for (step, state) in states.iter().enumerate() {
-        let frame = step + CURRENT;
+        let frame = step + now;
         let ahead = direction(state.heading) * gear;
-        let reach = HALF_WINDOW.min(states.len() - 1 - step);
+        let reach = HALF_WINDOW.min(states.len() - 1 - step).min(frame);
         // Displacement of the box centre, which is not quite along the heading in curves.
         let displacement = |from: &AgentState, to: &AgentState| {
             let d = to.position() - from.position();

@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use reactsim_geometry::{direction, smooth_step};
 use reactsim_scene::dynamics::{STANDSTILL_SPEED, follow, speeds};
-use reactsim_scene::{AgentState, DT, FUTURE, Scenario, brief};
+use reactsim_scene::{AgentState, DT, Scenario, brief};
 
 use super::logged_drive::{LoggedDrive, velocity_now};
 use super::{Av, AvError, AvPolicy, FixedStates};
@@ -108,20 +108,20 @@ pub struct ScriptedAv {
 }
 
 impl ScriptedAv {
-    /// Plans the script for a scenario: 80 states that obey the kinematic limits.
+    /// Plans the script for a scenario: a state for each of its steps, within the kinematic limits.
     ///
     /// # Errors
     /// [`AvError`] when the script follows the log and the logged AV is absent at a step, or jumps.
     pub fn new(scenario: &Scenario, script: Script) -> Result<Self, AvError> {
-        let now = scenario.start.now(0);
+        let (now, steps) = (scenario.start.now(0), scenario.length().future);
         let track = if script == Script::ConstantVelocity {
-            straight_on(now, velocity_now(scenario))
+            straight_on(now, velocity_now(scenario), steps)
         } else {
             let log = LoggedDrive::new(scenario)?;
             let desired = match script {
-                Script::Brake(deceleration) => speeds::brake(log.speeds()[0], deceleration),
-                Script::Retime(factor) => speeds::retime(log.speeds(), factor),
-                Script::Shift(_) | Script::ConstantVelocity => speeds::retime(log.speeds(), 1.0),
+                Script::Brake(deceleration) => speeds::brake(log.speeds()[0], deceleration, steps),
+                Script::Retime(factor) => speeds::retime(log.speeds(), factor, steps),
+                Script::Shift(_) | Script::ConstantVelocity => speeds::retime(log.speeds(), 1.0, steps),
             };
             let travel = desired.iter().sum::<f64>() * DT;
             let offset = if let Script::Shift(offset) = script { offset } else { 0.0 };
@@ -136,7 +136,7 @@ impl ScriptedAv {
         Ok(Self { track })
     }
 
-    /// Returns the planned states at steps 1 to 80.
+    /// Returns the planned states, one per step.
     pub fn track(&self) -> &[AgentState] {
         &self.track
     }
@@ -149,14 +149,14 @@ impl Av for ScriptedAv {
 }
 
 /// Returns a trajectory at the current speed, straight along the heading.
-fn straight_on(now: AgentState, speed: f64) -> Vec<AgentState> {
+fn straight_on(now: AgentState, speed: f64, steps: usize) -> Vec<AgentState> {
     let speed = if speed.abs() < STANDSTILL_SPEED { 0.0 } else { speed };
     let velocity = direction(now.heading) * speed;
     let state = |step: usize| {
         let p = now.position() + velocity * (step as f64 * DT);
         AgentState { x: p.x, y: p.y, vx: velocity.x, vy: velocity.y, ..now }
     };
-    (1..=FUTURE).map(state).collect()
+    (1..=steps).map(state).collect()
 }
 
 #[cfg(test)]

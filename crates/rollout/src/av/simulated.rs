@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentState, FUTURE, Scenario};
+use reactsim_scene::{AgentState, Scenario};
 
 use super::{Av, AvError, AvPolicy};
-use crate::episode::{Beginning, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
+use crate::episode::{Beginning, Continuation, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
 use crate::{Observation, Purpose, Replan, Stream, stream};
 
 /// AV that a simulator moves: it plans all agents, and the AV executes its own part of the plan.
@@ -24,13 +24,22 @@ pub struct SimulatedAv {
     /// Id of the scenario.
     scenario: String,
     origin: Vec2,
+    /// Steps of a rollout.
+    steps: usize,
 }
 
 impl SimulatedAv {
     /// Creates the AV of a scenario, whose id names the random streams. The simulator receives the id and the
     /// origin only if it asks for them ([`Simulator::wants_identity`]).
     pub fn new(scenario: &Scenario, simulator: Arc<dyn Simulator>, replan: Replan, seed: u64) -> Self {
-        Self { simulator, replan, seed, scenario: scenario.id.clone(), origin: scenario.origin }
+        Self {
+            simulator,
+            replan,
+            seed,
+            scenario: scenario.id.clone(),
+            origin: scenario.origin,
+            steps: scenario.length().future,
+        }
     }
 }
 
@@ -44,6 +53,8 @@ impl Av for SimulatedAv {
             stream,
             plan: JointPlan::new(0, 0),
             next: 0,
+            changes: 0,
+            ids: Vec::new(),
         })
     }
 }
@@ -58,12 +69,20 @@ struct SimulatedPolicy<'a> {
     plan: JointPlan,
     /// Step of the plan that is executed next.
     next: usize,
+    /// Number of times that agents had entered or left when the episode began or continued.
+    changes: usize,
+    /// Ids of the agents of the episode; empty if none entered or left so far.
+    ids: Vec<String>,
 }
 
 impl AvPolicy for SimulatedPolicy<'_> {
+    fn history(&self) -> Option<usize> {
+        self.av.simulator.history()
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let failed = |reason| AvError::Simulator { step: seen.step() + 1, reason };
-        if self.next == self.plan.steps() {
+        if self.next == self.plan.steps() || self.changes != seen.changes() {
             self.plan = self.planned(seen.without_av_next()).map_err(|error| failed(error.to_string()))?;
             self.next = 0;
         }
@@ -90,11 +109,26 @@ impl SimulatedPolicy<'_> {
             none => {
                 let (memory, begun) = begun(self.av, self.rollout, &seen);
                 let memory = none.insert(memory);
+                self.ids = ids(&seen);
                 begun?;
                 memory
             }
         };
-        let steps = self.av.replan.steps().min(FUTURE - seen.step());
+        if self.changes != seen.changes() {
+            let now = ids(&seen);
+            let kept: Vec<_> = now.iter().map(|id| self.ids.iter().position(|other| other == id)).collect();
+            let mut continuation = [Continuation {
+                before: std::mem::replace(memory, Memory::NONE),
+                kept: &kept,
+                beginning: beginning(self.av, self.rollout, &seen),
+            }];
+            let continued = self.av.simulator.continue_batch(&mut continuation);
+            let [Continuation { beginning, .. }] = continuation;
+            *memory = beginning.memory;
+            (self.changes, self.ids) = (seen.changes(), now);
+            continued?;
+        }
+        let steps = self.av.replan.steps().min(self.av.steps - seen.step());
         let mut episode = [Episode {
             seen,
             memory,
@@ -114,20 +148,31 @@ impl SimulatedPolicy<'_> {
     }
 }
 
+/// Returns the ids of the agents that are observed.
+fn ids(seen: &Observation<'_>) -> Vec<String> {
+    seen.start().agents.iter().map(|agent| agent.id.clone()).collect()
+}
+
 /// Begins an episode. Returns its memory, which must be given back even if the beginning failed.
 fn begun(av: &SimulatedAv, rollout: u32, seen: &Observation<'_>) -> (Memory, Result<(), PlanError>) {
+    let mut beginning = [beginning(av, rollout, seen)];
+    let result = av.simulator.begin_batch(&mut beginning);
+    let [Beginning { memory, .. }] = beginning;
+    (memory, result)
+}
+
+/// Returns the beginning of an episode at the start that is observed.
+fn beginning<'a>(av: &'a SimulatedAv, rollout: u32, seen: &Observation<'a>) -> Beginning<'a> {
     let identity = Identity { scenario: &av.scenario, origin: av.origin, rollout };
-    let mut beginning = [Beginning {
+    Beginning {
         start: seen.start(),
         stream: stream(av.seed, &av.scenario, rollout, Purpose::AvBegin),
         moves_av: true,
         steps: av.replan.steps(),
+        future: av.steps,
         identity: av.simulator.wants_identity().then_some(identity),
         memory: Memory::NONE,
-    }];
-    let result = av.simulator.begin_batch(&mut beginning);
-    let [Beginning { memory, .. }] = beginning;
-    (memory, result)
+    }
 }
 
 impl Drop for SimulatedPolicy<'_> {

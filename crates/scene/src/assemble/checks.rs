@@ -5,10 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_geometry::Vec2;
 
 use crate::limits::{MAX_BOX_SIZE, MAX_COORDINATE, MAX_HEADING, MAX_VELOCITY, drop_beyond};
-use crate::{
-    AgentState, CURRENT, Certificate, DT, FRAMES, FUTURE, Frame, LoggedAgent, MapParts, ScenarioParts,
-    SceneError,
-};
+use crate::{AgentState, Certificate, DT, Frame, Length, LoggedAgent, MapParts, ScenarioParts, SceneError};
 
 /// Maximum length of the name of a scenario, an agent or a lane, bytes.
 const MAX_NAME_BYTES: usize = 1000;
@@ -22,12 +19,28 @@ const MAX_STEP: f64 = 1.0;
 pub(super) struct Builder {
     id: String,
     shift: Vec2,
+    pub(super) length: Length,
     pub(super) repairs: BTreeMap<String, u32>,
 }
 
 impl Builder {
-    pub(super) fn new(id: &str) -> Self {
-        Self { id: id.to_owned(), shift: Vec2::zeros(), repairs: BTreeMap::new() }
+    pub(super) fn new(id: &str, length: Length) -> Self {
+        Self { id: id.to_owned(), shift: Vec2::zeros(), length, repairs: BTreeMap::new() }
+    }
+
+    /// Returns the error for a list that does not have one entry per frame.
+    pub(super) fn frames_error(&self, field: String, found: usize) -> SceneError {
+        self.error(field, format!("{found} frames"), &format!("{} frames", self.length.frames()))
+    }
+
+    pub(super) fn check_length(&self) -> Result<(), SceneError> {
+        if self.length.is_valid() {
+            return Ok(());
+        }
+        let Length { history, future } = self.length;
+        let value = format!("{history} frames of history and {future} after them");
+        let (most, last) = (Length::MAX_HISTORY, Length::MAX_FUTURE);
+        Err(self.error("length".into(), value, &format!("2 to {most}, and 1 to {last}")))
     }
 
     pub(super) fn error(&self, field: String, value: impl ToString, expected: &str) -> SceneError {
@@ -64,12 +77,9 @@ impl Builder {
         if timestamps.is_empty() {
             return Ok(());
         }
-        if timestamps.len() != FRAMES {
-            return Err(self.error(
-                "timestamps".into(),
-                format!("{} entries", timestamps.len()),
-                "91 entries",
-            ));
+        if timestamps.len() != self.length.frames() {
+            let expected = format!("{} entries", self.length.frames());
+            return Err(self.error("timestamps".into(), format!("{} entries", timestamps.len()), &expected));
         }
         let mut steps: Vec<f64> = timestamps.windows(2).map(|w| w[1] - w[0]).collect();
         if let Some(i) = steps.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
@@ -100,9 +110,8 @@ impl Builder {
         }
         let mut seen = BTreeSet::new();
         for (i, LoggedAgent { agent, track, .. }) in parts.agents.iter().enumerate() {
-            if track.len() != FRAMES {
-                let field = format!("agents[{i}].track");
-                return Err(self.error(field, format!("{} frames", track.len()), "91 frames"));
+            if track.len() != self.length.frames() {
+                return Err(self.frames_error(format!("agents[{i}].track"), track.len()));
             }
             for (name, size) in [("length", agent.length), ("width", agent.width)] {
                 if !(size.is_finite() && (0.0..MAX_BOX_SIZE).contains(&size)) {
@@ -128,8 +137,9 @@ impl Builder {
     /// Returns the world point of the origin, and shifts all further points to it if they are world
     /// coordinates.
     pub(super) fn set_origin(&mut self, parts: &ScenarioParts) -> Result<Vec2, SceneError> {
-        let Some(av_now) = parts.agents[parts.av].track[CURRENT] else {
-            let field = format!("agents[{}].track[{CURRENT}]", parts.av);
+        let current = self.length.current();
+        let Some(av_now) = parts.agents[parts.av].track[current] else {
+            let field = format!("agents[{}].track[{current}]", parts.av);
             return Err(self.error(field, "absent", "the AV present at the current frame"));
         };
         let origin = parts.origin.unwrap_or_else(|| av_now.position());
@@ -284,10 +294,12 @@ impl Builder {
                 let found = format!("`{}`", response.agent);
                 return Err(self.error(format!("{field}.agent"), found, "the id of an agent, each once"));
             }
-            if response.track.len() != FUTURE + 1 || response.reaction_step > FUTURE {
+            let steps = self.length.future;
+            if response.track.len() != steps + 1 || response.reaction_step > steps {
                 let found =
                     format!("{} states, reaction at {}", response.track.len(), response.reaction_step);
-                return Err(self.error(field, found, "81 states and a reaction step of at most 80"));
+                let expected = format!("{} states and a reaction step of at most {steps}", steps + 1);
+                return Err(self.error(field, found, &expected));
             }
             self.shift_track(response.track.iter_mut().map(Some), &field)?;
         }

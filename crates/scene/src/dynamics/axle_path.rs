@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use reactsim_geometry::{Polyline, Vec2, direction, wrap};
 
 use super::{Pose, speeds};
-use crate::{AgentState, DT, FUTURE};
+use crate::{AgentState, DT};
 
 /// Spacing of the poses of a path, in metres of rear-axle travel.
 const POSE_SPACING: f64 = 0.1;
@@ -286,7 +286,7 @@ fn drive(
     let (mut s, mut speed, mut state) = (0.0, speed_now, now);
     // Change of speed in the last step, and whether a curve holds the speed below the desired one.
     let (mut change, mut held) = (0.0, false);
-    let mut track = Vec::with_capacity(FUTURE);
+    let mut track = Vec::with_capacity(desired.len());
     for &wanted in desired {
         // Looking ahead gives the deceleration time to build up.
         let ceiling = allowed.map_or(f64::INFINITY, |allowed| {

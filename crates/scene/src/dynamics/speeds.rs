@@ -1,9 +1,9 @@
-//! Speed profiles of the 80 steps, m/s: `speeds[k]` is the distance travelled in step k + 1 divided
+//! Speed profiles of the steps of a rollout, m/s: `speeds[k]` is the distance travelled in step k + 1 divided
 //! by 0.1 s.
 
 use reactsim_geometry::math;
 
-use crate::{DT, FUTURE};
+use crate::DT;
 
 /// Largest change of speed in one step, m/s: the bound of the acceleration metric, 6 m/s², over 0.1
 /// s.
@@ -28,11 +28,11 @@ const MAX_RETIMING_ACCELERATION: f64 = 2.5;
 /// Speed below which a vehicle counts as halted, m/s.
 const HALT_SPEED: f64 = 0.05;
 
-/// Returns a profile that brakes from `speed` to a halt in the time `speed / deceleration`.
+/// Returns a profile of `steps` steps that brakes from `speed` to a halt in the time `speed / deceleration`.
 ///
 /// The deceleration builds up and fades over a ramp. Its mean is exactly `deceleration`, and so the
 /// braking distance is `speed² / (2 deceleration)`.
-pub fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
+pub fn brake(speed: f64, deceleration: f64, steps: usize) -> Vec<f64> {
     let duration = speed / deceleration;
     let ramp = MAX_BRAKE_RAMP
         .min(duration / 5.0)
@@ -53,14 +53,14 @@ pub fn brake(speed: f64, deceleration: f64) -> Vec<f64> {
             0.5 * speed * duration - rise(duration - t)
         }
     };
-    steps(distance)
+    mean_speeds(distance, steps)
 }
 
-/// Returns the speeds of the log with time running faster or slower.
+/// Returns the speeds of the log over `steps` steps with time running faster or slower.
 ///
 /// The time scale goes from 1 to `factor` over a smooth ramp that is long enough to keep the
 /// acceleration bounded. After the end of the log its last speed continues.
-pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
+pub fn retime(log: &[f64], factor: f64, steps: usize) -> Vec<f64> {
     let early = log.iter().take(30).fold(0.0_f64, |a, &v| a.max(v));
     // The steepest slope of the smooth step is 1.5 / duration.
     let duration = (1.5 * (factor - 1.0).abs() * early / MAX_RETIMING_ACCELERATION).max(1.0);
@@ -80,7 +80,7 @@ pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
         if i == last { arc[last] + rest * DT * log[last] } else { arc[i] + rest * (arc[i + 1] - arc[i]) }
     };
     let (mut time, mut times) = (0.0, vec![0.0]);
-    for k in 0..FUTURE {
+    for k in 0..steps {
         time += scale((k as f64 + 0.5) * DT) * DT;
         times.push(time);
     }
@@ -90,10 +90,10 @@ pub fn retime(log: &[f64], factor: f64) -> Vec<f64> {
     speeds
 }
 
-/// Returns the mean speeds of the 80 steps of a motion given by its distance as a function of time.
-fn steps(distance: impl Fn(f64) -> f64) -> Vec<f64> {
+/// Returns the mean speeds of the first steps of a motion given by its distance as a function of time.
+fn mean_speeds(distance: impl Fn(f64) -> f64, steps: usize) -> Vec<f64> {
     let at = |k: usize| distance(k as f64 * DT);
-    (0..FUTURE).map(|k| halted(((at(k + 1) - at(k)) / DT).max(0.0))).collect()
+    (0..steps).map(|k| halted(((at(k + 1) - at(k)) / DT).max(0.0))).collect()
 }
 
 /// Returns the speed, or 0 if it is below the threshold of a halt.
@@ -163,6 +163,7 @@ pub fn soften_from(now: f64, acceleration: f64, speeds: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FUTURE;
 
     #[test]
     fn softened_speeds_go_on_from_the_acceleration() {

@@ -8,7 +8,7 @@ use reactsim_geometry::{Vec2, direction, heading_of, wrap};
 
 use super::ground::{self, Ground, Segment};
 use super::{LEVEL_GAP, MapHeights, apart};
-use crate::{AgentKind, AgentState, CURRENT, Frame, HISTORY, LoggedAgent, RoadMap, Scenario};
+use crate::{AgentKind, AgentState, Frame, LoggedAgent, RoadMap, Scenario};
 
 /// Repair: third coordinates that are the direction of the line or of the agent.
 pub(crate) const DIRECTIONS: &str = "third coordinates that are directions, not heights";
@@ -68,7 +68,7 @@ impl Scenario {
         }
         let directions = self.drop_directions();
         let mut ground = Ground::new(&self.start.map);
-        let mut outliers = mend_lines(&mut self.start.map, &ground);
+        let mut outliers = mend_lines(self.start.map.edit(), &ground);
         if outliers > 0 {
             ground = Ground::new(&self.start.map);
         }
@@ -89,21 +89,22 @@ impl Scenario {
 
     /// Returns the histories of all agents.
     fn agents_mut(&mut self) -> impl Iterator<Item = History<'_>> {
+        let frames = self.length().history;
         let start = &mut self.start;
         let chosen = start.agents.iter().zip(&start.history).zip(&mut start.heights);
         let chosen = chosen.map(|((agent, track), heights)| History { kind: agent.kind, track, heights });
         let others = self.unselected.iter_mut().filter(|other| !other.heights.is_empty());
-        let others = others.map(|LoggedAgent { agent, track, heights }| History {
+        let others = others.map(move |LoggedAgent { agent, track, heights }| History {
             kind: agent.kind,
-            track: &track[..HISTORY],
-            heights: &mut heights[..HISTORY],
+            track: &track[..frames],
+            heights: &mut heights[..frames],
         });
         chosen.chain(others)
     }
 
     /// Drops third coordinates that are directions; returns the number of lines and agents.
     fn drop_directions(&mut self) -> u32 {
-        let mut dropped = self.start.map.drop_directions();
+        let mut dropped = self.start.map.edit().drop_directions();
         let turning = |(i, track): (usize, &Vec<Frame>)| {
             let future = self.log_future.tracks[i].iter().zip(&self.log_future.heights[i]);
             is_heading(track.iter().zip(&self.start.heights[i]).chain(future))
@@ -186,10 +187,11 @@ impl History<'_> {
         let Some(best) = best else { return Votes::default() };
         let outliers = known.len() - agreeing(&best);
         let is_against = outliers as f64 > MAX_OUTLIERS * known.len() as f64;
-        let votes = !levels.is_empty() && self.kind != AgentKind::Other && self.track[CURRENT].is_some();
+        let (current, now) = (self.track.len() - 1, self.track[self.track.len() - 1]);
+        let votes = !levels.is_empty() && self.kind != AgentKind::Other && now.is_some();
         if is_against {
             self.heights.fill(None);
-            self.heights[CURRENT] = self.track[CURRENT].and_then(|now| match levels[..] {
+            self.heights[current] = now.and_then(|now| match levels[..] {
                 [only] => Some(only),
                 _ => ground.along(&now),
             });

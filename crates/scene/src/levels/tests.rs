@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::{
-    Agent, AgentState, FRAMES, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge, RoadEdgeKind,
-    ScenarioParts,
+    Agent, AgentState, CURRENT, FRAMES, LaneClass, LaneKind, LaneParts, LoggedAgent, MapParts, RoadEdge,
+    RoadEdgeKind, ScenarioParts,
 };
 
 fn line(from: Vec2, to: Vec2) -> Vec<Vec2> {
@@ -234,4 +234,33 @@ fn a_future_height_is_not_known_at_the_current_frame() {
     let scenario = assembled(7.0, 0.0).without_future();
     assert!(scenario.log_future.heights.iter().flatten().all(Option::is_none));
     assert_eq!(scenario.start.heights[1].len(), 11);
+}
+
+#[test]
+fn heights_that_are_followed_are_those_from_the_start() {
+    let scenario = assembled(6.0, 0.0);
+    let start = &scenario.start;
+    let mut followed = LatestHeights::default();
+    let mut tracks: Vec<Vec<Frame>> = start.history.clone();
+    for step in 0..30 {
+        let ends = tracks.iter().map(Vec::as_slice);
+        let (known, all) = (followed.follow(start, ends.clone()), start.heights_at_end(ends));
+        assert_eq!(known.len(), start.agents.len());
+        let bits = |heights: &[f64]| heights.iter().map(|z| z.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&known), bits(&all), "step {step}");
+        let per_agent: Vec<f64> = (0..tracks.len())
+            .map(|i| *start.heights_along(i, &tracks[i][start.current()..]).last().unwrap())
+            .collect();
+        assert_eq!(bits(&known), bits(&per_agent), "step {step}");
+        // Each agent is absent once.
+        for (i, track) in tracks.iter_mut().enumerate() {
+            track.push(scenario.logged_at(i, CURRENT + 1 + step).filter(|_| step != 3 + i));
+        }
+        // A call may come after several frames.
+        if step % 3 == 1 {
+            for (i, track) in tracks.iter_mut().enumerate() {
+                track.push(scenario.logged_at(i, CURRENT + 2 + step));
+            }
+        }
+    }
 }

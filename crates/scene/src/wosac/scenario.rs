@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_geometry::Vec2;
 
 use super::{LaneSignal, SurfaceLane, WosacLog, WosacTrack};
-use crate::{FRAMES, Frame, LaneClass, Scenario};
+use crate::{Frame, LaneClass, Length, Scenario, SceneError};
 
 impl WosacLog {
     /// Converts a scenario. The result lacks what a [`Scenario`] lacks, so that scores differ from those of
@@ -13,7 +13,19 @@ impl WosacLog {
     /// states at invalid frames are 0, a light has one stop point, and repeated points of lanes are dropped.
     /// Agents keep ids that are whole numbers; if there are others, ids are the indices in
     /// [`Start::agents`](crate::Start).
-    pub fn of_scenario(scenario: &Scenario) -> Self {
+    ///
+    /// # Errors
+    /// If the scenario has another length than those of the challenge, which its metrics require.
+    pub fn of_scenario(scenario: &Scenario) -> Result<Self, SceneError> {
+        let (length, expected) = (scenario.length(), Length::BENCHMARK);
+        if length != expected {
+            return Err(SceneError {
+                scenario: scenario.id.clone(),
+                field: "the length".into(),
+                value: length.to_string(),
+                expected: format!("{expected}: the realism metrics of Sim Agents have no other length"),
+            });
+        }
         let start = &scenario.start;
         let ids = object_ids(scenario);
         let track = |(i, agent): (usize, &crate::Agent)| {
@@ -31,7 +43,7 @@ impl WosacLog {
                 height: 0.0,
                 x: column(|state| state.x, scenario.origin.x),
                 y: column(|state| state.y, scenario.origin.y),
-                z: vec![0.0; FRAMES],
+                z: vec![0.0; length.frames()],
                 heading: column(|state| state.heading, 0.0),
                 valid: frames.iter().map(Frame::is_some).collect(),
             }
@@ -53,7 +65,10 @@ impl WosacLog {
             start.lights.iter().enumerate().filter_map(observed).collect()
         };
         let is_marked = |id: &String| scenario.tracks_to_predict.contains(id);
-        Self {
+        let signals = |frames: usize| {
+            if start.lights.is_empty() { Vec::new() } else { (0..frames).map(signals).collect() }
+        };
+        Ok(Self {
             scenario_id: scenario.id.clone(),
             tracks: start.agents.iter().enumerate().map(track).collect(),
             av: 0,
@@ -65,8 +80,8 @@ impl WosacLog {
                     points: lane.baseline.points().iter().map(|&p| world(p)).collect(),
                 })
                 .collect(),
-            signals: if start.lights.is_empty() { Vec::new() } else { (0..FRAMES).map(signals).collect() },
-        }
+            signals: signals(length.frames()),
+        })
     }
 }
 

@@ -40,7 +40,7 @@ impl Oracle for LogReplay {
             let now = episode.seen.step();
             for (agent, track) in future.iter().enumerate() {
                 for k in 0..episode.plan.steps() {
-                    episode.plan.set(agent, k, track[now + k]);
+                    episode.plan.set(agent, k, track.get(now + k).copied().flatten());
                 }
             }
         }

@@ -96,9 +96,11 @@ fn others_are_where_they_will_be() {
         agents: &agents,
         tracks: &tracks,
         now: 10,
+        first: 0,
         av_next: Some(next),
         lights: &[],
         start: None,
+        heights: None,
     };
     let found = others(&view, &[1], 4);
     assert_eq!(found.len(), 2);

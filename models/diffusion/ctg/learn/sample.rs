@@ -1,7 +1,7 @@
 //! Training samples: what agents saw and did.
 
 use reactsim_geometry::{direction, into_frame, wrap};
-use reactsim_nn::learning::LearningScene;
+use reactsim_nn::learning::{LearningScene, Window};
 use reactsim_nn::training::Stream;
 use reactsim_scene::{AgentState, Frame, Scenario};
 
@@ -25,8 +25,14 @@ pub struct Sample {
 
 /// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is
 /// nothing to learn.
-pub(super) fn sample(scenario: &Scenario, recipe: &Recipe, varied: Option<&mut Stream>) -> Option<Sample> {
-    let scene = LearningScene::of(scenario, GroundShapes::of(&scenario.start));
+pub(super) fn sample(
+    scenario: &Scenario,
+    recipe: &Recipe,
+    mut varied: Option<&mut Stream>,
+) -> Option<Sample> {
+    let window = Window::of(scenario, varied.as_deref_mut());
+    let shapes = GroundShapes::of(&window.start);
+    let scene = LearningScene::of(window, shapes);
     let (scene, now) = scene.augmented(&recipe.augmentation, varied);
     let (scene, shapes) = scene.split_map();
     let ground = Ground::of(&shapes, recipe.sight.radius);

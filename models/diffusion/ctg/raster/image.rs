@@ -107,8 +107,16 @@ mod tests {
         let mut other = vec![None; 10];
         other.push(Some(at(3.5, 2.5)));
         let (agents, tracks) = (vec![agent(1.0), agent(0.5)], [own, other]);
-        let view =
-            SceneView { agents: &agents, tracks: &tracks, now: 10, av_next: None, lights: &[], start: None };
+        let view = SceneView {
+            agents: &agents,
+            tracks: &tracks,
+            now: 10,
+            first: 0,
+            av_next: None,
+            lights: &[],
+            start: None,
+            heights: None,
+        };
         let shapes = GroundShapes::road(Vec2::new(-20.0, -20.0), Vec2::new(2.0, 20.0));
         let image = image(&view, 0, &at(0.5, 2.0), &Ground::of(&shapes, 30.0), &sight);
         let value = |row: usize, column: usize, channel: usize| image[(row * 16 + column) * 5 + channel];

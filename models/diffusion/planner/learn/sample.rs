@@ -1,7 +1,7 @@
 //! Training samples: scenes, and what the AV and its neighbours did in them.
 
 use reactsim_geometry::direction;
-use reactsim_nn::learning::LearningScene;
+use reactsim_nn::learning::{LearningScene, Window};
 use reactsim_nn::training::Stream;
 use reactsim_scene::{AgentState, DT, FUTURE, Scenario};
 
@@ -23,10 +23,15 @@ pub struct Sample {
 
 /// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if the AV's motion is
 /// unknown.
-pub(super) fn sample(scenario: &Scenario, recipe: &Recipe, varied: Option<&mut Stream>) -> Option<Sample> {
+pub(super) fn sample(
+    scenario: &Scenario,
+    recipe: &Recipe,
+    mut varied: Option<&mut Stream>,
+) -> Option<Sample> {
     let config = &recipe.network;
-    let map = recipe.sight.map(&scenario.start, config);
-    let learned = LearningScene::<PlannerMap>::of(scenario, map);
+    let window = Window::of(scenario, varied.as_deref_mut());
+    let map = recipe.sight.map(&window.start, config);
+    let learned = LearningScene::<PlannerMap>::of(window, map);
     let (learned, now) = learned.augmented(&recipe.augmentation, varied);
     let (learned, map) = learned.split_map();
     let lights = learned.lights_at(now);

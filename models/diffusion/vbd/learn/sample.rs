@@ -1,7 +1,7 @@
 //! Training samples: scenes, and what agents did in them.
 
 use reactsim_geometry::{Vec2, direction, into_frame, wrap};
-use reactsim_nn::learning::{Intentions, LearningScene};
+use reactsim_nn::learning::{Intentions, LearningScene, Window};
 use reactsim_nn::perception::KnownMap;
 use reactsim_nn::training::Stream;
 use reactsim_scene::{Agent, AgentState, FUTURE, Frame, Scenario};
@@ -43,9 +43,11 @@ pub(super) fn sample(
     scenario: &Scenario,
     recipe: &Recipe,
     anchors: &Intentions,
-    varied: Option<&mut Stream>,
+    mut varied: Option<&mut Stream>,
 ) -> Option<Sample> {
-    let scene = LearningScene::<KnownMap>::of(scenario, recipe.sight.map(&scenario.start));
+    let window = Window::of(scenario, varied.as_deref_mut());
+    let map = recipe.sight.map(&window.start);
+    let scene = LearningScene::<KnownMap>::of(window, map);
     let (scene, now) = scene.augmented(&recipe.augmentation, varied);
     let (scene, map) = scene.split_map();
     let lights = scene.lights_at(now);

@@ -2,6 +2,7 @@
 //! the record.
 
 use rand::RngExt;
+use reactsim_nn::learning::Window;
 use reactsim_nn::perception::Class;
 use reactsim_nn::training::Stream;
 use reactsim_scene::Scenario;
@@ -70,9 +71,11 @@ pub(super) fn sample(
     excerpt: &Excerpt,
     vocabulary: &Vocabulary,
     map_vocabulary: &MapVocabulary,
-    varied: Option<&mut Stream>,
+    mut varied: Option<&mut Stream>,
 ) -> Option<ClosedLoopSample> {
-    let mut logged = LoggedScene::of(scenario, curve_pieces(&scenario.start));
+    let window = Window::of(scenario, varied.as_deref_mut());
+    let pieces = curve_pieces(&window.start);
+    let mut logged = LoggedScene::of(window, pieces);
     let mut first = 0;
     if let Some(stream) = varied {
         logged = logged.varied(excerpt.mirror, excerpt.stretch, stream);

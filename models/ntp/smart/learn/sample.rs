@@ -1,6 +1,7 @@
 //! Training samples: logged scenes as tokens, with the token to choose at every step.
 
 use rand::RngExt;
+use reactsim_nn::learning::Window;
 use reactsim_nn::training::Stream;
 use reactsim_scene::Scenario;
 
@@ -29,9 +30,11 @@ pub(super) fn sample(
     config: &SmartConfig,
     vocabulary: &Vocabulary,
     map_vocabulary: &MapVocabulary,
-    varied: Option<&mut Stream>,
+    mut varied: Option<&mut Stream>,
 ) -> Option<Sample> {
-    let mut logged = LoggedScene::of(scenario, curve_pieces(&scenario.start));
+    let window = Window::of(scenario, varied.as_deref_mut());
+    let pieces = curve_pieces(&window.start);
+    let mut logged = LoggedScene::of(window, pieces);
     let (mut shift, mut first, mut steps) = (0, 0, TOKEN_STEPS);
     let mut noise = None;
     if let Some(stream) = varied {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use burn::tensor::Device;
 use reactsim_nn::learning::{
     Intentions, LearningScene, Origin, SceneAugmentation, ShippedRecipe, SimulatorTask, TaskError, TaskInput,
-    TaskSetup, Trainable, TrainingTask, recipe_values,
+    TaskSetup, Trainable, TrainingTask, Window, recipe_values,
 };
 use reactsim_nn::training::{Output, Settings, Stream, Task, View};
 use reactsim_rollout::Controller;
@@ -132,14 +132,13 @@ impl Task for Regression {
     }
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let config = &self.recipe.network;
-        let scene = LearningScene::of(scenario, Survey::of(&scenario.start, config));
-        match view {
-            View::Varied(stream) => {
-                sample(scene, config, self.recipe.agents, Some((&self.recipe.augmentation, stream)), false)
-            }
-            View::Plain => sample(scene, config, self.recipe.agents, None, self.parked),
-        }
+        let (config, most) = (&self.recipe.network, self.recipe.agents);
+        let mut stream = view.stream();
+        let window = Window::of(scenario, stream.as_deref_mut());
+        let survey = Survey::of(&window.start, config);
+        let parked = self.parked && stream.is_none();
+        let varied = stream.map(|stream| (&self.recipe.augmentation, stream));
+        sample(LearningScene::of(window, survey), config, most, varied, parked)
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

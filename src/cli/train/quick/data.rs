@@ -37,7 +37,7 @@ pub(super) fn make(folder: &Path, jobs: usize, stop: &AtomicBool) -> anyhow::Res
     let files = Files { logs: folder.join("logs.parquet"), reactions: folder.join("reactions.parquet") };
     let preset = Preset::Train;
     let generator =
-        Generator::new(GenerationSettings { preset, seed: SEED, maps: Vec::new(), density: None })?;
+        Generator::new(GenerationSettings { preset, seed: SEED, ..GenerationSettings::default() })?;
     let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
     // Numbers of scenarios are apart, so that no scenario is in both files.
     let log = |number| generator.scenario(number).ok();
@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn agents_react_to_an_av_that_leaves_its_log() {
         let settings =
-            GenerationSettings { preset: Preset::Train, seed: SEED, maps: Vec::new(), density: None };
+            GenerationSettings { preset: Preset::Train, seed: SEED, ..GenerationSettings::default() };
         let generator = Generator::new(settings).unwrap();
         let idm = models::find(REACTING).unwrap().simulator().unwrap();
         let made = (0..40).find_map(|number| {

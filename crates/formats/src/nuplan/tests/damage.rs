@@ -281,7 +281,7 @@ fn detection_is_by_content() {
 #[test]
 fn companions_are_listed() {
     let fixture = Fixture::write();
-    let companions = |path: &Path| crate::find_inputs(path).unwrap()[0].format.companions(path);
+    let companions = |path: &Path| crate::find_inputs(path).unwrap()[0].companions();
     assert_eq!(companions(&fixture.log), [fixture.map.canonicalize().unwrap()]);
     let selection = fixture.log.with_file_name("selection.json");
     let content = r#"{"format": "reactsim-nuplan-v1", "logs": ["made.db"]}"#;

@@ -13,6 +13,7 @@ use super::super::log::{Category, Log};
 use super::super::map::{Area, Map, MapLane};
 use super::super::parts;
 use super::super::window;
+use crate::LengthChoice;
 
 struct Sample {
     log: Log,
@@ -59,7 +60,7 @@ fn texts(fids: &[i64]) -> Value {
 #[test]
 fn windows_and_ego() {
     each_sample(|s| {
-        let rows = window::rows(&s.log, s.anchor).unwrap();
+        let rows = window::rows(&s.log, s.anchor, LengthChoice::default()).unwrap().0;
         let times: Vec<i64> = rows.iter().map(|&r| s.log.frames[r].timestamp).collect();
         assert_eq!(json!(times), s.expected["frame_timestamps_us"]);
         assert_eq!(json!(s.log.frames.len()), s.expected["n_lidar_pc"]);
@@ -96,7 +97,7 @@ fn windows_and_ego() {
 #[test]
 fn objects_and_lights() {
     each_sample(|s| {
-        let rows = window::rows(&s.log, s.anchor).unwrap();
+        let rows = window::rows(&s.log, s.anchor, LengthChoice::default()).unwrap().0;
         for k in [0, 10, 50, 90] {
             let frame = &s.expected["frames"][k.to_string()];
             let found = s.log.boxes_at(rows[k]);
@@ -247,7 +248,7 @@ fn maps() {
 #[test]
 fn probes() {
     each_sample(|s| {
-        let parts = parts::parts(&s.log, &s.map, s.anchor).unwrap();
+        let parts = parts::parts(&s.log, &s.map, s.anchor, LengthChoice::default()).unwrap();
         let scenario = Scenario::assemble(parts).unwrap();
         let (cut, mut cut_off) = (&scenario.start.map, 0);
         for probe in s.expected["probes"].as_array().unwrap() {
@@ -281,7 +282,7 @@ fn scenarios_by_token() {
     let folder = tempfile::tempdir().unwrap();
     let mut tokens = Vec::new();
     each_sample(|s| {
-        let parts = parts::parts(&s.log, &s.map, s.anchor).unwrap();
+        let parts = parts::parts(&s.log, &s.map, s.anchor, LengthChoice::default()).unwrap();
         let scenario = Scenario::assemble(parts).unwrap();
         assert!(scenario.repairs.is_empty(), "{:?}", scenario.repairs);
         let now = s.expected["frames"]["10"]["objects"].as_array().unwrap();

@@ -8,7 +8,7 @@ use reactsim_test_support::nuplan::Fixture;
 
 use super::super::filter::choose;
 use super::{all, refusal};
-use crate::{FormatError, nuplan_filter};
+use crate::{FormatError, LengthChoice, nuplan_filter};
 
 /// First and last row of the only scene with two scenes before it and two after it.
 const INNER: std::ops::RangeInclusive<u32> = 20..=200;
@@ -29,10 +29,10 @@ const LAST: u32 = 60;
 /// Returns the rows that a filter chooses from logs, and the number of those without 160 rows after them.
 fn chosen(logs: &[PathBuf], text: &str) -> Result<(Vec<u32>, usize), FormatError> {
     let folder = tempfile::tempdir().unwrap();
-    let chosen = choose(&written(folder.path(), text), logs)?;
+    let chosen = choose(&written(folder.path(), text), logs, LengthChoice::default())?;
     let row = |token: &super::super::token::Token| u32::from_str_radix(&token.to_string()[8..], 16).unwrap();
     let short = chosen.absent.iter().find(|(what, _)| what.starts_with("the window"));
-    let number = |(_, text): &(&str, String)| text.split(' ').next().unwrap().parse().unwrap();
+    let number = |(_, text): &(String, String)| text.split(' ').next().unwrap().parse().unwrap();
     Ok((chosen.tokens.iter().map(row).collect(), short.map_or(0, number)))
 }
 
@@ -98,7 +98,7 @@ fn numbers_per_type_count_over_logs() {
     assert_eq!(rows(&logs, text).unwrap(), [30, 30]);
     let folder = tempfile::tempdir().unwrap();
     let filter = written(folder.path(), "scenario_types: [inner]\nnum_scenarios_per_type: 1");
-    assert_eq!(choose(&filter, &logs).unwrap().logs, logs[..1]);
+    assert_eq!(choose(&filter, &logs, LengthChoice::default()).unwrap().logs, logs[..1]);
 }
 
 #[test]
@@ -157,9 +157,9 @@ fn selections_and_inputs_take_filters() {
     let input = nuplan_filter(&filter, &[home.to_owned()], None).unwrap();
     assert_eq!(found(input.open().unwrap().collect()), ids);
     let files = [made.log.clone(), made.map.clone()];
-    assert_eq!(input.format.companions(&filter), files);
+    assert_eq!(input.companions(), files);
     let of_selection = crate::find_inputs(&selection).unwrap().remove(0);
-    assert_eq!(of_selection.format.companions(&selection), [from_ref(&filter), &files].concat());
+    assert_eq!(of_selection.companions(), [from_ref(&filter), &files].concat());
     assert!(refusal(&filter).contains("give it as --filter"), "{}", refusal(&filter));
     for (key, value) in [("tokens", r#"["00"]"#), ("tags", r#"["a"]"#), ("every_seconds", "1")] {
         let text = fs::read_to_string(&selection).unwrap().replace('}', &format!(r#", "{key}": {value}}}"#));

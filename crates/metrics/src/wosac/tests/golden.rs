@@ -118,11 +118,11 @@ fn every_result_agrees() {
 fn every_histogram_agrees() {
     for Golden { log, rollouts, expected } in all() {
         let scorer = Scorer::new(&log).unwrap();
-        let tally = scorer.tally(&rollouts, &Config::ALL, &mut |_| ()).unwrap();
+        let tallies = scorer.tally(&rollouts, &Config::ALL, &mut |_| ()).unwrap();
         for config in [Config::CHALLENGE_2025, Config::CONFIG_2023] {
             for feature in Feature::ALL {
                 let Estimator::Histogram(bins) = config.estimators[feature as usize] else { continue };
-                let histograms = tally.histograms(feature, bins).unwrap();
+                let histograms = tallies.all.histograms(feature, bins).unwrap();
                 let expected = &expected["histogram_counts"][config.id][feature.name()];
                 for object in 0..scorer.evaluated().len() {
                     let expected: Vec<u32> = serde_json::from_value(expected[object].clone()).unwrap();
@@ -133,7 +133,7 @@ fn every_histogram_agrees() {
         }
         let expected: Vec<Vec<f64>> =
             serde_json::from_value(expected["ade_per_rollout_object"].clone()).unwrap();
-        for (found, expected) in tally.displacements.iter().flatten().zip(expected.iter().flatten()) {
+        for (found, expected) in tallies.displacements.iter().flatten().zip(expected.iter().flatten()) {
             assert!((found - expected).abs() < 2e-6 * expected.max(1.0), "{found}, expected {expected}");
         }
     }

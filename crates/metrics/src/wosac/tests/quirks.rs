@@ -184,7 +184,7 @@ fn scenarios_of_other_formats_can_be_scored() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/mini");
     let (mut scored, mut refused) = (0, 0);
     for scenario in reactsim_formats::open(&folder).unwrap() {
-        let log = WosacLog::of_scenario(&scenario.unwrap());
+        let log = WosacLog::of_scenario(&scenario.unwrap()).unwrap();
         log.check().unwrap();
         let future = |values: &[f32]| values[HISTORY..].to_vec();
         let trajectory = |track: &reactsim_scene::wosac::WosacTrack| ObjectTrajectory {

@@ -16,8 +16,8 @@ export const interval = (metric, { low, high }) => (low === null ? "too few scen
 /** Title of a metric with its unit. */
 export const titled = (metric) => `${metric.title}${metric.unit === "rate" ? " (%)" : ["", "count"].includes(metric.unit) ? "" : ` (${metric.unit})`}`;
 
-/** Seconds after the current frame. */
-export const seconds = (frame) => `${((frame - 10) / 10).toFixed(1)} s`;
+/** Seconds after the current frame, `now`. */
+export const seconds = (frame, now) => `${((frame - now) / 10).toFixed(1)} s`;
 
 /** A count with its noun in singular or plural. */
 export const count = (n, what) => `${n.toLocaleString("en")} ${what}${n === 1 ? "" : "s"}`;

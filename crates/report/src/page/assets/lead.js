@@ -2,7 +2,6 @@
 
 import { Camera } from "./camera.js";
 import { data, scenarios, subjects } from "./data.js";
-import { FRAMES, NOW } from "./decode.js";
 import { $, el, toast } from "./dom.js";
 import { seconds } from "./format.js";
 import { between } from "./geometry.js";
@@ -58,14 +57,14 @@ export async function lead(open) {
   const sides = [left, right].map((i) => new Side(subjects[i], scene));
   const hit = sides[0].part.events.find((e) => e.metric === "aav-collision" && e.counted);
   if (!hit) return;
-  const first = Math.max(0, hit.from - BEFORE), last = Math.min(FRAMES - 1, hit.from + AFTER);
+  const first = Math.max(0, hit.from - BEFORE), last = Math.min(scene.frames - 1, hit.from + AFTER);
   // Both agents on their way to the collision, in both rollouts.
   const points = sides.flatMap(({ part }) => [0, hit.agent].flatMap((i) => [first, hit.from, last].map((f) => between(part.tracks[i], f)))).filter(Boolean);
   const about = [scenarios.category[scenario] && `${scenarios.category[scenario]} deviation`, scenarios.difficulty[scenario] && `${scenarios.difficulty[scenario]} conflict`].filter(Boolean).join(", ");
-  const time = (hit.from - NOW) / 10;
+  const time = (hit.from - scene.now) / 10;
   $("lead-panes").replaceChildren(...sides.map((side) => side.root));
   $("lead-about").replaceChildren(
-    `With ${subjects[left].name}, a vehicle hits the AV at ${seconds(hit.from)}; with ${subjects[right].name}, none does. Dashed: the log. `,
+    `With ${subjects[left].name}, a vehicle hits the AV at ${seconds(hit.from, scene.now)}; with ${subjects[right].name}, none does. Dashed: the log. `,
     `Scenario ${scenarios.id[scenario]}${about && ` (${about})`}. `,
     el("button", { id: "lead-open", onclick: () => open(scenario, time, left, right) }, "open in the viewer"));
   $("lead").hidden = false;

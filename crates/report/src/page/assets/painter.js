@@ -1,7 +1,6 @@
 // Bird's-eye view of a rollout. World coordinates are metres with y up; line widths are metres for the
 // road, pixels elsewhere. States differ in outline as well as in colour.
 
-import { FRAMES, NOW } from "./decode.js";
 import { between } from "./geometry.js";
 import { box, lights, names, ruler } from "./bodies.js";
 import { colour } from "./palette.js";
@@ -36,7 +35,7 @@ function world(c, camera, ratio) {
  */
 export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan = 5, ground = null, chosen = null } = {}) {
   const px = 1 / camera.scale;
-  const f = Math.min(Math.round(t), FRAMES - 1);
+  const f = Math.min(Math.round(t), scene.frames - 1);
   if (ground) ground(c, layers.map ? scene.map : null);
   else {
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -58,11 +57,11 @@ export function paint(c, scene, subject, camera, t, layers, { ratio = 1, replan 
   const isDisplaced = (i) => tracks[i].some((s, k) => s && scene.agents[i].track[k] && Math.hypot(s.x - scene.agents[i].track[k].x, s.y - scene.agents[i].track[k].y) > GHOST_DISTANCE);
   const order = scene.agents.map((_, i) => i).slice(1).sort((a, b) => !!states[a][f] - !!states[b][f]);
   if (layers.trails) for (const i of [...order, 0]) trail(c, tracks[i], f, px, i === 0 ? "av" : scene.agents[i].kind, i === 0 ? 3 : 1.6);
-  if (layers.plan) plan(c, tracks, order, f, replan, px);
+  if (layers.plan) plan(c, tracks, order, f, scene.now, replan, px);
   if (layers.ghosts) {
     for (const i of [...order, 0]) {
       if (!isDisplaced(i)) continue;
-      loggedPath(c, scene.agents[i].track, px, i === 0);
+      loggedPath(c, scene.agents[i].track, scene.now, px, i === 0);
       body(scene.agents[i], between(scene.agents[i].track, t), { ghost: true });
     }
   }
@@ -91,7 +90,7 @@ function arrows(c, map, px) {
 function line(c, track, from, to) {
   c.beginPath();
   let open = false;
-  for (let f = Math.max(0, from); f <= Math.min(to, FRAMES - 1); f++) {
+  for (let f = Math.max(0, from); f <= Math.min(to, track.length - 1); f++) {
     const s = track[f];
     if (s) c[open ? "lineTo" : "moveTo"](s.x, s.y);
     open = !!s;
@@ -113,26 +112,26 @@ function trail(c, track, f, px, ink, width) {
 }
 
 /** The current plan, made at the last replanning step. It is as long as the interval and executed exactly. */
-function plan(c, tracks, order, f, replan, px) {
-  if (f < NOW) return;
-  const made = NOW + Math.floor((f - NOW) / replan) * replan;
+function plan(c, tracks, order, f, now, replan, px) {
+  if (f < now) return;
+  const made = now + Math.floor((f - now) / replan) * replan;
   c.strokeStyle = colour("accent");
   c.lineWidth = 2.4 * px;
   c.globalAlpha = 0.8;
   for (const i of order) {
-    const [a, b] = [tracks[i][made], tracks[i][Math.min(made + replan, FRAMES - 1)]];
+    const [a, b] = [tracks[i][made], tracks[i][Math.min(made + replan, tracks[i].length - 1)]];
     if (a && b && Math.hypot(a.x - b.x, a.y - b.y) > 0.2) line(c, tracks[i], made, made + replan);
   }
   c.globalAlpha = 1;
 }
 
 /** The logged path. */
-function loggedPath(c, track, px, isAv) {
+function loggedPath(c, track, now, px, isAv) {
   c.strokeStyle = colour(isAv ? "av" : "ghost");
   c.globalAlpha = isAv ? 0.8 : 0.45;
   c.lineWidth = (isAv ? 1.6 : 1) * px;
   c.setLineDash([3 * px, 4 * px]);
-  line(c, track, NOW, FRAMES - 1);
+  line(c, track, now, track.length - 1);
   c.setLineDash([]);
   c.globalAlpha = 1;
 }

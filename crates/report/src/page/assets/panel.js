@@ -2,7 +2,7 @@
 
 import { sharp } from "./curves.js";
 import { data, metric, ownMetrics, value } from "./data.js";
-import { FRAMES, NOW } from "./decode.js";
+import { spacing } from "./decode.js";
 import { el } from "./dom.js";
 import { number, seconds, titled } from "./format.js";
 import { NO_RISK, RISKY, approach } from "./geometry.js";
@@ -14,17 +14,17 @@ const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc":
 /** The style of an event; undefined if it has no mark. */
 export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : metric(e.metric)?.own ? "own" : EVENTS[e.metric]);
 
-/** The timeline: a row for every simulator with its events. */
-export function timeline(canvas, parts, t) {
+/** The timeline of a scene: a row for every simulator with its events. */
+export function timeline(canvas, { now, frames }, parts, t) {
   const { c, width } = sharp(canvas);
   if (!width) return;
-  const x = (f) => 8 + (f / (FRAMES - 1)) * (width - 16);
+  const x = (f) => 8 + (f / (frames - 1)) * (width - 16);
   parts.forEach((part, i) => {
     const y = 12 + 16 * i;
     c.fillStyle = colour("rule");
-    c.fillRect(x(0), y - 2, x(FRAMES - 1) - x(0), 4);
+    c.fillRect(x(0), y - 2, x(frames - 1) - x(0), 4);
     c.fillStyle = colour("center");
-    c.fillRect(x(0), y - 2, x(NOW) - x(0), 4);
+    c.fillRect(x(0), y - 2, x(now) - x(0), 4);
     for (const e of part?.events ?? []) {
       const kind = eventKind(e);
       if (!kind) continue;
@@ -45,9 +45,10 @@ export function timeline(canvas, parts, t) {
   });
   c.font = "10px system-ui, sans-serif";
   c.textAlign = "center";
-  for (let f = 0; f < FRAMES; f += 10) {
+  const every = spacing(frames);
+  for (let f = now % every; f < frames; f += every) {
     c.fillStyle = colour("dim");
-    c.fillText(`${(f - NOW) / 10}`, x(f), 46);
+    c.fillText(`${(f - now) / 10}`, x(f), 46);
   }
   c.fillStyle = colour("text");
   c.fillRect(x(t) - 1, 2, 2, 34);
@@ -72,7 +73,7 @@ export function now(table, scene, parts, f) {
     for (const cell of table.querySelectorAll(`[data-pane="${i}"][data-now]`)) {
       const id = cell.dataset.now;
       const ttc = part?.analysis.ttc[f], gap = part?.analysis.gap[f];
-      cell.textContent = !part || f < NOW ? "–"
+      cell.textContent = !part || f < scene.now ? "–"
         : id === "aav-collision" ? String(part.analysis.touching[f]?.size ?? 0)
         : id === "aav-ttc" ? (ttc === null || ttc === undefined ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`)
         : id === "gap" ? (gap === null || gap === undefined ? "–" : `${gap.toFixed(1)} m`)
@@ -105,7 +106,7 @@ export function events(list, scene, parts, several, pick) {
   };
   list.replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
     const kind = eventKind(e);
-    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${kind === "own" ? metric(e.metric).title : LOOKS[kind].name}: ${words(e)}`));
+    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from, scene.now)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${kind === "own" ? metric(e.metric).title : LOOKS[kind].name}: ${words(e)}`));
   }) : [el("li", { class: "dim" }, "No events.")]));
 }
 

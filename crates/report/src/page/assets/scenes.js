@@ -1,7 +1,7 @@
 // Scenes: loading and decoding.
 
 import { data, ownMetrics, scenarios } from "./data.js";
-import { FRAMES, NOW, agent, map, realised, unpack } from "./decode.js";
+import { agent, axis, map, realised, unpack } from "./decode.js";
 import { analyse } from "./geometry.js";
 
 /** Supported version of the scene format. */
@@ -38,10 +38,10 @@ async function raw(index) {
 export const STATES = ["fault", "contact", "risky", "offroad", "against", "red", "own"];
 
 /** States of the agents: `states[agent][frame]` is one of STATES or undefined. */
-function states(agents, events, analysis) {
-  const out = agents.map(() => new Array(FRAMES));
+function states(agents, events, analysis, frames) {
+  const out = agents.map(() => new Array(frames));
   const put = (i, from, to, kind) => {
-    for (let f = from; f <= Math.min(to, FRAMES - 1); f++) {
+    for (let f = from; f <= Math.min(to, frames - 1); f++) {
       const old = out[i][f];
       if (!old || STATES.indexOf(kind) < STATES.indexOf(old)) out[i][f] = kind;
     }
@@ -50,7 +50,7 @@ function states(agents, events, analysis) {
     if (e.metric === "aav-collision") {
       // A contact lasts as long as the boxes touch.
       let to = e.to;
-      while (to + 1 < FRAMES && analysis.touching[to + 1]?.has(e.agent)) to++;
+      while (to + 1 < frames && analysis.touching[to + 1]?.has(e.agent)) to++;
       put(e.agent, e.from, to, e.counted ? "fault" : "contact");
     } else if (e.metric === "aa-collision") {
       put(e.agent, e.from, e.to, "contact");
@@ -66,12 +66,13 @@ function states(agents, events, analysis) {
 
 function decode(raw) {
   if (raw.v !== FORM) throw new Error(`the scene has format version ${raw.v}, this page supports ${FORM}: create the page again`);
-  const agents = raw.sketch.agents.map(agent);
+  const { now, frames } = axis(raw.sketch);
+  const agents = raw.sketch.agents.map((a) => agent(a, frames));
   const subjects = new Map(raw.subjects.map((s) => {
-    const tracks = s.tracks.map((spans, i) => realised(spans, agents[i].track));
-    const events = s.events.map((e) => ({ ...e, from: NOW + e.step, to: NOW + e.last })).sort((a, b) => a.from - b.from);
-    const analysis = analyse(agents, tracks[0], (i) => tracks[i]);
-    return [s.subject, { tracks, events, analysis, states: states(agents, events, analysis) }];
+    const tracks = s.tracks.map((spans, i) => realised(spans, agents[i].track, now));
+    const events = s.events.map((e) => ({ ...e, from: now + e.step, to: now + e.last })).sort((a, b) => a.from - b.from);
+    const analysis = analyse(agents, tracks[0], (i) => tracks[i], now);
+    return [s.subject, { tracks, events, analysis, states: states(agents, events, analysis, frames) }];
   }));
-  return { id: raw.id, source: raw.source, agents, context: raw.sketch.context.map(agent), map: map(raw.sketch), subjects };
+  return { id: raw.id, source: raw.source, now, frames, agents, context: raw.sketch.context.map((a) => agent(a, frames)), map: map(raw.sketch), subjects };
 }

@@ -2,7 +2,6 @@
 
 import { Camera } from "./camera.js";
 import { subjects } from "./data.js";
-import { NOW } from "./decode.js";
 import { between } from "./geometry.js";
 import { paint } from "./painter.js";
 import { colour } from "./palette.js";
@@ -12,10 +11,10 @@ const SIDE = 300, GAP = 10, HEAD = 26;
 
 const escape = (text) => text.replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
 
-/** Parses times in seconds, such as `0, 2.5, 5`; null if invalid. */
-export function times(text) {
+/** Parses times in seconds up to `last`, such as `0, 2.5, 5`; null if invalid. */
+export function times(text, last) {
   const out = text.split(/[,;\s]+/).filter(Boolean).map(Number);
-  return out.length && out.length <= 12 && out.every((t) => t >= 0 && t <= 8) ? out : null;
+  return out.length && out.length <= 12 && out.every((t) => t >= 0 && t <= last) ? out : null;
 }
 
 /**
@@ -31,7 +30,7 @@ export function strip(scene, chosen, at, camera, follow, layers, replanOf) {
     out.push(`<text x="${GAP}" y="${top + 16}" font-size="14" font-weight="600" fill="${colour("text")}">${escape(`${scene.id} · ${subjects[number].name}`)}</text>`);
     const part = scene.subjects.get(number);
     at.forEach((t, k) => {
-      const frame = NOW + 10 * t;
+      const frame = scene.now + 10 * t;
       const own = Object.assign(new Camera(), { x: camera.x, y: camera.y, width: SIDE, height: SIDE, scale: (camera.scale * SIDE) / Math.min(camera.width, camera.height) });
       const av = between(part.tracks[0], frame);
       if (follow && av) [own.x, own.y] = [av.x, av.y];

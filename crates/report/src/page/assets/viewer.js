@@ -3,7 +3,7 @@
 import { Camera } from "./camera.js";
 import { Chart, seekable } from "./curves.js";
 import { counted, ownMetrics, runs, scenarios, subjects } from "./data.js";
-import { FRAMES, NOW } from "./decode.js";
+import { USUAL } from "./decode.js";
 import { $, el, save, saveBlob, toast } from "./dom.js";
 import { seconds } from "./format.js";
 import { NO_RISK, RISKY, between } from "./geometry.js";
@@ -26,7 +26,7 @@ const INKS = ["accent", "lateral"];
 const camera = new Camera();
 const layers = { map: true, lanes: true, lights: true, ghosts: true, trails: true, plan: true, context: true, ids: false };
 let scene = null, index = null, wanted = null, chosen = null;
-let time = NOW, isPlaying = false, speed = 1, follow = false, isDirty = false;
+let time = USUAL.now, isPlaying = false, speed = 1, follow = false, isDirty = false;
 let panes = [], charts = {};
 /** Called when the address should change. */
 let onState = () => {};
@@ -37,7 +37,7 @@ export const byKey = (text) => subjects.findIndex((s) => key(s.index) === text);
 
 /** The state of the viewer, for the address. */
 export function state() {
-  return index === null ? null : { scenario: scenarios.id[index], t: ((time - NOW) / 10).toFixed(1), left: key(panes[0].subject), right: panes[1].subject === null ? "" : key(panes[1].subject) };
+  return index === null ? null : { scenario: scenarios.id[index], t: ((time - scene.now) / 10).toFixed(1), left: key(panes[0].subject), right: panes[1].subject === null ? "" : key(panes[1].subject) };
 }
 
 const replanOf = (i) => subjects[i].settings.replan_steps || 80;
@@ -69,7 +69,9 @@ export async function show(i, { t = null, left = null, right = undefined } = {})
   if (left !== null && left >= 0) panes[0].subject = left;
   if (right !== undefined) panes[1].subject = right !== null && right >= 0 ? right : null;
   propose();
-  time = t === null ? NOW : Math.min(FRAMES - 1, Math.max(NOW, NOW + 10 * t));
+  time = t === null ? scene.now : Math.min(last(), Math.max(scene.now, scene.now + 10 * t));
+  $("timeline").setAttribute("aria-valuemin", String(-scene.now / 10));
+  $("timeline").setAttribute("aria-valuemax", String((last() - scene.now) / 10));
   $("scene-id").textContent = scenarios.id[i];
   $("scene-about").textContent = [scenarios.category[i] && `${scenarios.category[i]} deviation`, scenarios.difficulty[i] && `${scenarios.difficulty[i]} conflict`, scene.source].filter(Boolean).join(" · ");
   refresh();
@@ -98,7 +100,7 @@ function fit() {
     const part = pane.part(scene);
     if (!part) continue;
     points.push(...part.tracks[0]);
-    for (const e of part.events) if (e.metric.startsWith("aav-")) points.push(part.tracks[e.agent][Math.max(NOW, e.from - 15)]);
+    for (const e of part.events) if (e.metric.startsWith("aav-")) points.push(part.tracks[e.agent][Math.max(scene.now, e.from - 15)]);
   }
   camera.fit(points.filter(Boolean));
   camera.scale = Math.max(camera.scale, 2.2);
@@ -113,14 +115,17 @@ function resize() {
 
 // ---- time
 
+/** The last frame. */
+const last = () => (scene ?? USUAL).frames - 1;
+
 export function seek(frame) {
-  time = Math.min(FRAMES - 1, Math.max(0, frame));
+  time = Math.min(last(), Math.max(0, frame));
   setPlaying(false);
 }
 
 function setPlaying(value) {
   isPlaying = value;
-  if (isPlaying && time >= FRAMES - 1) time = NOW;
+  if (isPlaying && time >= last()) time = (scene ?? USUAL).now;
   $("play").textContent = isPlaying ? "❚❚" : "▶";
   $("play").setAttribute("aria-label", isPlaying ? "pause" : "play");
   isDirty = true;
@@ -134,7 +139,7 @@ function tick(now) {
   if (scene && !$("stage").hidden) {
     if (isPlaying) {
       time += passed * 10 * speed;
-      if (time > FRAMES - 1 + HOLD) time = NOW;
+      if (time > last() + HOLD) time = scene.now;
       isDirty = true;
     }
     resize();
@@ -147,22 +152,22 @@ function tick(now) {
 }
 
 function draw() {
-  const t = Math.min(time, FRAMES - 1);
+  const t = Math.min(time, last());
   const first = panes.map((p) => p.part(scene)).find(Boolean);
   const av = first && between(first.tracks[0], t);
   if (follow && av) [camera.x, camera.y] = [av.x, av.y];
   for (const pane of panes) if (!pane.root.hidden) pane.draw(scene, t, layers, chosen);
-  $("time").textContent = seconds(t);
-  $("timeline").setAttribute("aria-valuenow", ((t - NOW) / 10).toFixed(1));
+  $("time").textContent = seconds(t, scene.now);
+  $("timeline").setAttribute("aria-valuenow", ((t - scene.now) / 10).toFixed(1));
   const parts = panes.map((p) => p.part(scene));
-  panel.timeline($("timeline"), parts, t);
-  panel.now($("now"), scene, parts, Math.min(Math.round(t), FRAMES - 1));
+  panel.timeline($("timeline"), scene, parts, t);
+  panel.now($("now"), scene, parts, Math.min(Math.round(t), last()));
   const curves = (values) => parts.map((p, i) => p && { name: i ? "right" : "left", values: values(p), colour: colour(INKS[i]), dashed: i > 0 }).filter(Boolean);
   const of = chosen ?? 0;
   charts.speed.title = of === 0 ? "AV speed" : `Speed of ${scene.agents[of].id.slice(0, 14)}`;
-  charts.speed.draw([...curves((p) => p.tracks[of].map((s) => s?.v ?? NaN)), { name: "log", values: scene.agents[of].track.map((s) => s?.v ?? NaN), colour: colour("dim"), dashed: true }], t);
-  charts.ttc.draw(curves((p) => p.analysis.ttc.map((v) => v ?? NaN)), t);
-  charts.gap.draw(curves((p) => p.analysis.gap.map((v) => v ?? NaN)), t);
+  charts.speed.draw([...curves((p) => p.tracks[of].map((s) => s?.v ?? NaN)), { name: "log", values: scene.agents[of].track.map((s) => s?.v ?? NaN), colour: colour("dim"), dashed: true }], t, scene);
+  charts.ttc.draw(curves((p) => p.analysis.ttc.map((v) => v ?? NaN)), t, scene);
+  charts.gap.draw(curves((p) => p.analysis.gap.map((v) => v ?? NaN)), t, scene);
 }
 
 /** Updates everything that does not change with time. */
@@ -207,15 +212,15 @@ const hub = {
   },
   pick(pane, x, y) {
     if (!scene) return;
-    chosen = pane.at(scene, Math.min(time, FRAMES - 1), x, y);
+    chosen = pane.at(scene, Math.min(time, last()), x, y);
     isDirty = true;
   },
   hover(pane, x, y, cx, cy) {
     const tip = $("tip");
-    const i = pane && scene ? pane.at(scene, Math.min(time, FRAMES - 1), x, y) : null;
+    const i = pane && scene ? pane.at(scene, Math.min(time, last()), x, y) : null;
     tip.hidden = i === null;
     if (i === null) return;
-    panel.agent(tip, scene, pane.part(scene), i, Math.min(Math.round(time), FRAMES - 1));
+    panel.agent(tip, scene, pane.part(scene), i, Math.min(Math.round(time), last()));
     tip.style.left = `${Math.min(cx + 14, innerWidth - tip.offsetWidth - 8)}px`;
     tip.style.top = `${Math.min(cy + 14, innerHeight - tip.offsetHeight - 8)}px`;
   },
@@ -243,8 +248,9 @@ function step(direction) {
 }
 
 function saveStrip() {
-  const at = times($("strip-times").value);
-  if (!at) return toast("write up to 12 times between 0 and 8 s, such as 0, 2, 4, 6");
+  const end = (last() - (scene ?? USUAL).now) / 10;
+  const at = times($("strip-times").value, end);
+  if (!at) return toast(`write up to 12 times between 0 and ${end} s, such as 0, 2, 4, 6`);
   const rows = panes.map((p) => p.subject).filter((s) => s !== null);
   save(fileName("svg"), strip(scene, rows, at, camera, follow, layers, replanOf), "image/svg+xml");
 }
@@ -303,11 +309,11 @@ function saveVideo() {
   const follow_ = () => {
     if (!recorder) return;
     paint();
-    if (isPlaying && time < FRAMES - 1) requestAnimationFrame(follow_);
+    if (isPlaying && time < last()) requestAnimationFrame(follow_);
     else recorder.stop();
   };
   $("video-save").textContent = "stop";
-  seek(NOW);
+  seek(scene.now);
   setPlaying(true);
   recorder.start();
   requestAnimationFrame(follow_);
@@ -320,7 +326,7 @@ export const KEYS = [
   [["ArrowRight"], "next frame", () => seek(Math.round(time) + 1)],
   [["shift ArrowLeft"], "back one second", () => seek(Math.round(time) - 10)],
   [["shift ArrowRight"], "forward one second", () => seek(Math.round(time) + 10)],
-  [["0"], "to step 0", () => seek(NOW)],
+  [["0"], "to step 0", () => seek(scene.now)],
   [["["], "previous event", () => toEvent(-1)],
   [["]"], "next event", () => toEvent(1)],
   [["n"], "next scenario of the list", () => step(1)],
@@ -360,7 +366,7 @@ export function viewer(changed) {
   onState = changed;
   panes = [0, 1].map((i) => new Pane(i, camera, hub, i > 0));
   $("panes").replaceChildren(...panes.map((p) => p.root));
-  const seekable_ = (canvas) => seekable(canvas, (x, width) => ((x - 8) / (width - 16)) * (FRAMES - 1), (f) => {
+  const seekable_ = (canvas) => seekable(canvas, (x, width) => ((x - 8) / (width - 16)) * last(), (f) => {
     // Snap to a nearby mark.
     const marks = panes.flatMap((p) => (scene && p.part(scene)?.events.filter((e) => panel.eventKind(e))) ?? []);
     const near = marks.filter((e) => Math.abs(e.from - f) < 0.8).sort((a, b) => Math.abs(a.from - f) - Math.abs(b.from - f))[0];
@@ -396,7 +402,7 @@ export function viewer(changed) {
   $("picture-save").onclick = savePicture;
   $("video-save").onclick = saveVideo;
   $("timeline").addEventListener("keydown", (event) => {
-    const to = { Home: NOW, End: FRAMES - 1 }[event.key];
+    const to = { Home: (scene ?? USUAL).now, End: last() }[event.key];
     if (to === undefined) return;
     event.preventDefault();
     seek(to);

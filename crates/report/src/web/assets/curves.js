@@ -1,6 +1,6 @@
-// Curves over time. All share one axis: frame 10 (current frame, 0 s) to frame 90 (8 s).
+// Curves over time. All share one axis: from the current frame (0 s) to the last.
 
-import { FRAMES, NOW } from "./decode.js";
+import { USUAL, spacing } from "./decode.js";
 import { colour } from "./palette.js";
 
 const LEFT = 34, RIGHT = 12, TOP = 18, BOTTOM = 6;
@@ -34,17 +34,20 @@ export function seekable(canvas, frameAt, seek) {
 export class Chart {
   constructor(canvas, { title, unit, top, floor = 0, line = null, cap = Infinity }, seek) {
     Object.assign(this, { canvas, title, unit, top, floor, line, cap });
-    const frameAt = (x, width) => NOW + ((x - LEFT) / (width - LEFT - RIGHT)) * (FRAMES - 1 - NOW);
-    seekable(canvas, (x, width) => Math.min(FRAMES - 1, Math.max(NOW, frameAt(x, width))), seek);
+    this.axis = USUAL;
+    const frameAt = (x, width) => this.axis.now + ((x - LEFT) / (width - LEFT - RIGHT)) * (this.axis.frames - 1 - this.axis.now);
+    seekable(canvas, (x, width) => Math.min(this.axis.frames - 1, Math.max(this.axis.now, frameAt(x, width))), seek);
   }
 
-  /** Draws curves `{ values, colour, dashed, name }` with a mark at frame `t`. */
-  draw(curves, t) {
+  /** Draws curves `{ values, colour, dashed, name }` of the frames of an axis with a mark at frame `t`. */
+  draw(curves, t, axis) {
+    this.axis = axis;
+    const { now, frames } = axis;
     const { c, width, height } = sharp(this.canvas);
     if (!width) return;
-    const largest = Math.max(...curves.flatMap((k) => k.values.slice(NOW)).filter((v) => Number.isFinite(v)), 0);
+    const largest = Math.max(...curves.flatMap((k) => k.values.slice(now)).filter((v) => Number.isFinite(v)), 0);
     const top = Math.max(this.floor, this.top ?? Math.ceil((largest * 1.08) / 5) * 5, 1);
-    const x = (f) => LEFT + ((f - NOW) / (FRAMES - 1 - NOW)) * (width - LEFT - RIGHT);
+    const x = (f) => LEFT + ((f - now) / (frames - 1 - now)) * (width - LEFT - RIGHT);
     const y = (v) => TOP + (1 - Math.min(v, top) / top) * (height - TOP - BOTTOM);
     c.font = "10px system-ui, sans-serif";
     c.lineWidth = 1;
@@ -59,7 +62,7 @@ export class Chart {
       c.fillStyle = colour("dim");
       c.fillText(String(Math.round(v * 10) / 10), LEFT - 5, y(v));
     }
-    for (let f = NOW; f < FRAMES; f += 10) {
+    for (let f = now; f < frames; f += spacing(frames)) {
       c.beginPath();
       c.moveTo(x(f), y(0));
       c.lineTo(x(f), y(0) + 3);
@@ -81,7 +84,7 @@ export class Chart {
       c.setLineDash(curve.dashed ? [3, 3] : []);
       c.beginPath();
       let open = false;
-      for (let f = NOW; f < FRAMES; f++) {
+      for (let f = now; f < frames; f++) {
         const v = curve.values[f];
         if (Number.isFinite(v)) c[open ? "lineTo" : "moveTo"](x(f), y(v));
         open = Number.isFinite(v);
@@ -89,7 +92,7 @@ export class Chart {
       c.stroke();
     }
     c.setLineDash([]);
-    const f = Math.max(t, NOW);
+    const f = Math.max(t, now);
     c.strokeStyle = colour("text");
     c.lineWidth = 1;
     c.beginPath();

@@ -1,10 +1,9 @@
 // Decoding of sketches of scenarios: centimetres and milliradians to metres and radians.
 
-export const FRAMES = 91;
 /** Supported version of the sketch format. */
 export const FORM = 1;
-/** The current frame, step 0. */
-export const NOW = 10;
+/** The current frame (step 0) and the number of frames of scenarios whose sketch states no others. */
+export const USUAL = { now: 10, frames: 91 };
 export const KINDS = ["vehicle", "pedestrian", "cyclist", "other"];
 export const CATEGORIES = ["longitudinal", "lateral", "directional"];
 
@@ -33,9 +32,18 @@ function path(lines, closed = false) {
   return path;
 }
 
-/** An agent with its logged track. */
-export function agent(raw) {
-  const track = new Array(FRAMES).fill(null);
+/** The current frame and the number of frames of a sketch. */
+export function axis(raw) {
+  const [now, frames] = raw.length ?? [USUAL.now, USUAL.frames];
+  return { now, frames };
+}
+
+/** Frames between two labels of a time axis: whole seconds, so that labels do not overlap. */
+export const spacing = (frames) => [10, 50, 100, 500].find((n) => frames / n <= 20) ?? 1000;
+
+/** An agent with its logged track of `frames` frames. */
+export function agent(raw, frames) {
+  const track = new Array(frames).fill(null);
   for (const span of raw.t) {
     let x = 0, y = 0, h = 0, v = 0;
     for (let i = 1, f = span[0]; i + 3 < span.length; i += 4, f++) {
@@ -144,15 +152,15 @@ export function map(raw) {
 }
 
 /**
- * Decodes a track of 91 frames: the log up to the current frame, then the spans of
- * src/page/tracks.rs. Velocities are differences of positions.
+ * Decodes a track: the log up to the current frame `now`, then the spans of src/page/tracks.rs.
+ * Velocities are differences of positions.
  */
-export function realised(spans, logged) {
-  const track = new Array(FRAMES).fill(null);
-  for (let f = 0; f <= NOW; f++) track[f] = logged[f];
+export function realised(spans, logged, now) {
+  const track = new Array(logged.length).fill(null);
+  for (let f = 0; f <= now; f++) track[f] = logged[f];
   for (const span of spans) {
     const at = [0, 0, 0], by = [0, 0, 0];
-    for (let i = 1, f = NOW + span[0]; i + 2 < span.length; i += 3, f++) {
+    for (let i = 1, f = now + span[0]; i + 2 < span.length; i += 3, f++) {
       for (let k = 0; k < 3; k++) {
         if (i === 1) at[k] = span[i + k];
         else at[k] += by[k] += span[i + k];
@@ -160,7 +168,7 @@ export function realised(spans, logged) {
       track[f] = { x: at[0] / 1000, y: at[1] / 1000, h: at[2] / 1000, v: NaN };
     }
   }
-  for (let f = NOW + 1; f < FRAMES; f++) {
+  for (let f = now + 1; f < track.length; f++) {
     const [a, b] = [track[f - 1], track[f]];
     if (a && b) b.v = Math.hypot(b.x - a.x, b.y - a.y) / 0.1;
   }

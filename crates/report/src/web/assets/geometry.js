@@ -1,8 +1,6 @@
 // Box distances and times to collision as defined by the metrics (ReactSim-Bench, "Metric Computation
 // Details"), so that pages highlight what the metrics count.
 
-import { FRAMES, NOW } from "./decode.js";
-
 /** Corner rounding of the benchmark, as a fraction of the smaller half side. */
 const ROUNDING = 0.7;
 /** Time to collision without approach, seconds. */
@@ -74,12 +72,12 @@ export function approach(agent, state, av, avState) {
 /**
  * Analyses the AV on `frames` and the agents with tracks `trackOf(i)`: per frame the smallest time to
  * collision of a vehicle, the distance to the nearest agent, the agents that touch the AV and those at
- * risk. Frames before the current one are left out.
+ * risk. Frames before the current one, `now`, are left out.
  */
-export function analyse(agents, frames, trackOf) {
-  const fill = (value) => new Array(FRAMES).fill(value);
+export function analyse(agents, frames, trackOf, now) {
+  const fill = (value) => new Array(frames.length).fill(value);
   const out = { ttc: fill(null), gap: fill(null), touching: fill(null), risky: fill(null), first: new Map() };
-  for (let f = NOW; f < FRAMES; f++) {
+  for (let f = now; f < frames.length; f++) {
     const state = frames[f];
     if (!state) continue;
     const av = box(state, agents[0]);
@@ -103,7 +101,7 @@ export function analyse(agents, frames, trackOf) {
       const t = touching.has(i) ? 0 : timeToCollision(b, agents[i], s.v, av, state.v);
       ttc = Math.min(ttc, t);
       // The metrics start at step 1.
-      if (t < RISKY && f > NOW) risky.add(i);
+      if (t < RISKY && f > now) risky.add(i);
     }
     // Without other agents there is no value.
     out.ttc[f] = agents.length > 1 ? ttc : null;
@@ -115,8 +113,8 @@ export function analyse(agents, frames, trackOf) {
 
 /** Interpolates the state between two frames. */
 export function between(frames, t) {
-  const f = Math.min(Math.floor(t), FRAMES - 1), u = t - f;
-  const a = frames[f], b = frames[Math.min(f + 1, FRAMES - 1)];
+  const f = Math.min(Math.floor(t), frames.length - 1), u = t - f;
+  const a = frames[f], b = frames[Math.min(f + 1, frames.length - 1)];
   if (!a || !b || u === 0) return a;
   const turn = Math.atan2(Math.sin(b.h - a.h), Math.cos(b.h - a.h));
   const mix = (p, q) => p + (q - p) * u;

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use reactsim_geometry::{Polyline, Vec2, wrap};
 use reactsim_scene::{
-    Agent, AgentKind, CURRENT, FRAMES, Frame, LaneParts, LoggedAgent, MapParts, ScenarioParts,
+    Agent, AgentKind, CURRENT, FRAMES, FUTURE, Frame, LaneParts, LoggedAgent, MapParts, ScenarioParts,
 };
 
 use super::*;

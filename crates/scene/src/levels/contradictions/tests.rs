@@ -4,7 +4,7 @@ use reactsim_geometry::math;
 
 use super::*;
 use crate::levels::tests::{car, crossing};
-use crate::{FRAMES, MapParts, ScenarioParts};
+use crate::{CURRENT, FRAMES, HISTORY, MapParts, ScenarioParts};
 
 fn noted(scenario: &Scenario) -> Vec<(&'static str, u32)> {
     let of_heights = ["contradictory-heights", "heights-not-used"];
@@ -83,7 +83,7 @@ fn a_line_at_another_height_than_all_lines_around_it_has_no_height() {
     let (scenario, right) = changed(12.0, |parts| parts.map.heights.road_edges[1].fill(4.5));
     assert_eq!(noted(&scenario), [("contradictory-heights", 41)]);
     assert_eq!(scenario.levels(), 2);
-    let mut expected = right.start.map.heights;
+    let mut expected = right.start.map.heights.clone();
     expected.road_edges[1].clear();
     assert_eq!(scenario.start.map.heights, expected);
 }

@@ -2,7 +2,6 @@
 // pixels elsewhere.
 
 import { box, lights, names, ruler } from "./bodies.js";
-import { FRAMES, NOW } from "./decode.js";
 import { between } from "./geometry.js";
 import { colour } from "./palette.js";
 import { Road } from "./road.js";
@@ -42,7 +41,7 @@ export class View {
     c.setTransform(s, 0, 0, -s, dx, dy);
     c.lineJoin = "round";
     const px = 1 / camera.scale;
-    const f = Math.min(Math.round(t), FRAMES - 1);
+    const f = Math.min(Math.round(t), scenario.frames - 1);
     lights(c, scenario.map, f, px);
     this.trajectories(scenario, selected, show, px);
     for (const agent of scenario.context) this.agent(agent, between(agent.track, t), px, { alpha: 0.5 });
@@ -79,11 +78,11 @@ export class View {
 
   /** Draws the log, and all candidates: survivors solid, rejected dashed, the selected one wide with a dot per second. */
   trajectories(scenario, selected, show, px) {
-    const c = this.context;
+    const c = this.context, { now } = scenario;
     const line = (frames, from) => {
       c.beginPath();
       let open = false;
-      for (let f = from; f < FRAMES; f++) {
+      for (let f = from; f < frames.length; f++) {
         const s = frames[f];
         if (s) c[open ? "lineTo" : "moveTo"](s.x, s.y);
         open = !!s;
@@ -98,7 +97,7 @@ export class View {
         c.globalAlpha = candidate.rejected_by ? 0.45 : 0.85;
         c.lineWidth = (candidate.rejected_by ? 1 : 1.8) * px;
         c.setLineDash(candidate.rejected_by ? [4 * px, 5 * px] : []);
-        line(candidate.frames, NOW);
+        line(candidate.frames, now);
       }
     }
     c.globalAlpha = 1;
@@ -111,14 +110,14 @@ export class View {
       c.strokeStyle = colour(selected.category);
       c.globalAlpha = 0.35;
       c.lineWidth = 8 * px;
-      line(selected.frames, NOW);
+      line(selected.frames, now);
       c.globalAlpha = 1;
       c.lineWidth = 2.6 * px;
       c.setLineDash(selected.rejected_by ? [7 * px, 6 * px] : []);
-      line(selected.frames, NOW);
+      line(selected.frames, now);
       c.setLineDash([]);
       c.fillStyle = colour(selected.category);
-      for (let f = NOW + 10; f < FRAMES; f += 10) {
+      for (let f = now + 10; f < scenario.frames; f += 10) {
         const s = selected.frames[f];
         if (!s) continue;
         c.beginPath();
@@ -128,7 +127,7 @@ export class View {
       if (show.certificate) {
         c.strokeStyle = colour("response");
         c.lineWidth = 2 * px;
-        for (const response of selected.responses.values()) line(response.frames, NOW);
+        for (const response of selected.responses.values()) line(response.frames, now);
       }
     }
   }

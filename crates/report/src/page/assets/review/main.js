@@ -2,7 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { Chart } from "./curves.js";
-import { FRAMES, NOW } from "./decode.js";
+import { USUAL } from "./decode.js";
 import * as decisions from "./decisions.js";
 import { $, el, toast } from "./dom.js";
 import { View } from "./draw.js";
@@ -31,7 +31,7 @@ const chart = {
 
 let scenario, selected;
 /** Frame shown, fractional. */
-let time = NOW;
+let time = USUAL.now;
 let isPlaying = false, speed = 1, isDirty = true;
 /** Index of the requested scenario; others that were loaded are outdated. */
 let wanted = -1;
@@ -56,7 +56,7 @@ async function open(index) {
       candidates[0] || null,
     false,
   );
-  time = NOW;
+  time = scenario.now;
   fit();
   refresh();
   document.body.dataset.scenario = index;
@@ -71,7 +71,7 @@ async function open(index) {
 function fit() {
   const points = [...scenario.agents[0].track, ...(selected?.frames ?? [])];
   for (const [i, f] of selected?.analysis.first ?? []) {
-    points.push(scenario.agents[i].track[Math.max(f - 20, NOW)]);
+    points.push(scenario.agents[i].track[Math.max(f - 20, scenario.now)]);
   }
   camera.fit(points.filter(Boolean));
   isDirty = true;
@@ -82,10 +82,10 @@ function fit() {
 function select(candidate, redraw = true) {
   selected = candidate;
   if (selected && !selected.analysis) {
-    selected.analysis = analyse(scenario.agents, selected.frames, (i) => scenario.agents[i].track);
+    selected.analysis = analyse(scenario.agents, selected.frames, (i) => scenario.agents[i].track, scenario.now);
     const responseTrack = (i) => selected.responses.get(i)?.frames ?? scenario.agents[i].track;
     selected.certified = selected.certificate
-      ? analyse(scenario.agents, selected.frames, responseTrack)
+      ? analyse(scenario.agents, selected.frames, responseTrack, scenario.now)
       : null;
   }
   isDirty = true;
@@ -97,6 +97,9 @@ const analysis = () => (show.certificate && selected?.certified) || selected?.an
 
 // ---- time
 
+/** The last frame. */
+const last = () => (scenario ?? USUAL).frames - 1;
+
 function seek(frame) {
   time = frame;
   setPlaying(false);
@@ -104,7 +107,7 @@ function seek(frame) {
 
 function setPlaying(value) {
   isPlaying = value;
-  if (isPlaying && time >= FRAMES - 1) time = NOW;
+  if (isPlaying && time >= last()) time = (scenario ?? USUAL).now;
   $("play").textContent = isPlaying ? "❚❚" : "▶";
   isDirty = true;
 }
@@ -115,7 +118,7 @@ function tick(now) {
   before = now;
   if (isPlaying) {
     time += passed * 10 * speed;
-    if (time > FRAMES - 1 + HOLD_FRAMES) time = NOW;
+    if (time > last() + HOLD_FRAMES) time = (scenario ?? USUAL).now;
     isDirty = true;
   }
   const sizes = Object.values(views).map((view) => view.resize());
@@ -131,22 +134,22 @@ function tick(now) {
 }
 
 function draw() {
-  const t = Math.min(time, FRAMES - 1);
+  const t = Math.min(time, last());
   if (show.follow) {
     const av = between(selected?.frames ?? scenario.agents[0].track, t);
     if (av) [camera.x, camera.y] = [av.x, av.y];
   }
   views.log.draw(scenario, null, scenario.logged, t, {});
   views.candidate.draw(scenario, selected, analysis(), t, show);
-  scrub.draw(analysis(), t);
-  $("time").textContent = `${((t - NOW) / 10).toFixed(1)} s`;
+  scrub.draw(analysis(), t, scenario);
+  $("time").textContent = `${((t - scenario.now) / 10).toFixed(1)} s`;
   const log = scenario.agents[0].track.map((s) => s?.v ?? NaN);
   const own = selected ? colour(selected.category) : colour("accent");
   const speeds = [{ name: "log", values: log, colour: colour("dim"), dashed: true }];
   if (selected) {
     speeds.unshift({ name: "candidate", values: selected.frames.map((s) => s?.v ?? NaN), colour: own });
   }
-  chart.speed.draw(speeds, t);
+  chart.speed.draw(speeds, t, scenario);
   const both = (key) => {
     const values = (found) => found[key].map((v) => v ?? NaN);
     const curves = [{ name: "log", values: values(scenario.logged), colour: colour("dim"), dashed: true }];
@@ -156,8 +159,8 @@ function draw() {
     }
     return curves;
   };
-  chart.ttc.draw(both("ttc"), t);
-  chart.gap.draw(both("gap"), t);
+  chart.ttc.draw(both("ttc"), t, scenario);
+  chart.gap.draw(both("gap"), t, scenario);
 }
 
 // ---- panel and bar
@@ -322,8 +325,8 @@ const act = {
   },
   goTo,
   play: () => setPlaying(!isPlaying),
-  frame: (by) => seek(Math.min(FRAMES - 1, Math.max(0, Math.round(time) + by))),
-  rewind: () => seek(NOW),
+  frame: (by) => seek(Math.min(last(), Math.max(0, Math.round(time) + by))),
+  rewind: () => seek((scenario ?? USUAL).now),
   toConflict() {
     const at = analysis();
     const frame = at ? at.ttc.findIndex((_, f) => at.touching[f]?.size || at.risky[f]?.size) : -1;

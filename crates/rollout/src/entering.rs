@@ -1,0 +1,230 @@
+//! Agents of the log that enter a rollout after its beginning, and agents that leave it.
+
+use std::fmt;
+use std::str::FromStr;
+
+use reactsim_geometry::OrientedBox;
+use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario};
+
+/// Whether agents of the log that appear after the current frame enter a rollout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Entering {
+    /// No agent enters or leaves, and obstacles stay: the protocol of the benchmark.
+    #[default]
+    Off,
+    /// An agent that the log shows later enters at its first pose, and is moved by the simulator from then on.
+    Log,
+}
+
+impl Entering {
+    /// All choices.
+    pub const ALL: [Self; 2] = [Self::Off, Self::Log];
+
+    /// Returns the name used on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Log => "log",
+        }
+    }
+}
+
+impl fmt::Display for Entering {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Entering {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|entering| entering.name() == name);
+        found.ok_or_else(|| "expected off or log".to_owned())
+    }
+}
+
+/// Largest number of agents that are present at one time, the AV included, if agents enter.
+pub const MAX_PRESENT: usize = 256;
+/// Distance in metres from the AV, at the last frame at which the log shows an agent, from which the agent is
+/// thought to have left the observed area. Nearer ones were hidden.
+const OBSERVED_DISTANCE: f64 = 50.0;
+
+/// An agent that entered a rollout.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entered {
+    /// Index in [`Scenario::unselected`].
+    pub logged: usize,
+    /// Frame of its first state.
+    pub frame: usize,
+    /// Number of frames that it waited because another agent stood in its place, or too many were present.
+    pub waited: usize,
+}
+
+/// The agents of a rollout that come and go.
+pub(crate) struct Coming {
+    /// Agents that have not entered, by the frame of their first state.
+    waiting: Vec<Waiting>,
+    pub(crate) entered: Vec<Entered>,
+    /// Last logged frame of each agent of the rollout, and its distance to the logged AV there, if the log
+    /// loses it outside of the observed area.
+    lost: Vec<Option<(usize, f64)>>,
+    /// Whether each agent of the rollout has left.
+    left: Vec<bool>,
+    /// Whether agents came or went since the views were made.
+    is_pending: bool,
+    /// Indices of the objects of the static context in the views.
+    obstacles: Vec<usize>,
+    /// Number of times that the views were made.
+    pub(crate) changes: usize,
+}
+
+/// An agent that has not entered.
+struct Waiting {
+    logged: usize,
+    first: usize,
+}
+
+impl Coming {
+    /// Finds the agents of the log that appear after the current frame: vehicles, pedestrians and cyclists with
+    /// an extent.
+    pub(crate) fn new(scenario: &Scenario) -> Self {
+        let current = scenario.start.current();
+        let enters = |(logged, LoggedAgent { agent, track, .. }): (usize, &LoggedAgent)| {
+            let is_new = agent.kind != AgentKind::Other && agent.has_extent() && track[current].is_none();
+            let first = (current + 1..track.len()).find(|f| track[*f].is_some())?;
+            is_new.then_some(Waiting { logged, first })
+        };
+        let mut waiting: Vec<Waiting> = scenario.unselected.iter().enumerate().filter_map(enters).collect();
+        waiting.sort_by_key(|agent| agent.first);
+        let agents = scenario.start.agents.len();
+        let lost = (0..agents).map(|slot| lost(scenario, |frame| scenario.logged_at(slot, frame))).collect();
+        Self {
+            waiting,
+            entered: Vec::new(),
+            lost,
+            left: vec![false; agents],
+            is_pending: false,
+            obstacles: obstacles(scenario, current).map(|(index, ..)| index).collect(),
+            changes: 0,
+        }
+    }
+
+    /// Returns the number of agents that still wait for their place, although the log has shown them.
+    pub(crate) fn kept_out(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Lets agents enter at the latest realised frame, those nearest to the AV first, and adds their tracks.
+    /// `waits`: whether an agent waits while another stands in its place; those of an oracle would jump when it
+    /// replays their log. Returns whether any entered.
+    pub(crate) fn admit(&mut self, scenario: &Scenario, tracks: &mut Vec<Vec<Frame>>, waits: bool) -> bool {
+        let frame = tracks[0].len() - 1;
+        if self.waiting.first().is_none_or(|next| next.first > frame) {
+            return false;
+        }
+        let Some(av) = tracks[0][frame] else { return false };
+        let place = |agent: &Waiting| scenario.unselected[agent.logged].track[agent.first];
+        let mut due: Vec<(f64, usize, AgentState)> = Vec::new();
+        for (i, agent) in self.waiting.iter().enumerate().take_while(|(_, agent)| agent.first <= frame) {
+            let Some(state) = place(agent) else { continue };
+            due.push(((state.position() - av.position()).norm(), i, state));
+        }
+        due.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let agents: Vec<&Agent> = self.agents(scenario).collect();
+        let mut boxes: Vec<OrientedBox> = Vec::new();
+        for (track, agent) in tracks.iter().zip(agents) {
+            boxes.extend(track[frame].map(|state| state.footprint(agent)));
+        }
+        let mut admitted = Vec::new();
+        for (_, i, state) in due {
+            let LoggedAgent { agent, track, .. } = &scenario.unselected[self.waiting[i].logged];
+            let own = state.footprint(agent);
+            if waits
+                && (boxes.len() >= MAX_PRESENT
+                    || boxes.iter().any(|other| other.signed_distance(&own) <= 0.0))
+            {
+                continue;
+            }
+            boxes.push(own);
+            let mut states: Vec<Frame> = track[..=scenario.start.current()].to_vec();
+            states.resize(frame, None);
+            states.push(Some(state));
+            tracks.push(states);
+            admitted.push(i);
+            let Waiting { logged, first } = self.waiting[i];
+            self.entered.push(Entered { logged, frame, waited: frame - first });
+            self.lost.push(lost(scenario, |f| track.get(f).copied().flatten()));
+            self.left.push(false);
+        }
+        let mut index = 0..;
+        self.waiting.retain(|_| index.next().is_some_and(|i: usize| !admitted.contains(&i)));
+        self.is_pending |= !admitted.is_empty();
+        !admitted.is_empty()
+    }
+
+    /// Returns whether agents or objects of the static context came or went since the last time, and counts it.
+    pub(crate) fn has_changed(&mut self, scenario: &Scenario, frame: usize) -> bool {
+        let obstacles: Vec<usize> = obstacles(scenario, frame).map(|(index, ..)| index).collect();
+        let has_changed = self.is_pending || obstacles != self.obstacles;
+        (self.is_pending, self.obstacles) = (false, obstacles);
+        self.changes += usize::from(has_changed);
+        has_changed
+    }
+
+    /// Returns whether an agent has left.
+    pub(crate) fn has_left(&self, slot: usize) -> bool {
+        self.left[slot]
+    }
+
+    /// Returns the logged state at a frame of the agent that entered as this one.
+    pub(crate) fn logged(&self, scenario: &Scenario, entered: usize, frame: usize) -> Frame {
+        let logged = &scenario.unselected[self.entered[entered].logged];
+        logged.track.get(frame).copied().flatten()
+    }
+
+    /// Returns the agents of the rollout, in the order of their slots.
+    pub(crate) fn agents<'s>(&self, scenario: &'s Scenario) -> impl Iterator<Item = &'s Agent> {
+        let entered: Vec<usize> = self.entered.iter().map(|entered| entered.logged).collect();
+        let entered = entered.into_iter().map(|logged| &scenario.unselected[logged].agent);
+        scenario.start.agents.iter().chain(entered)
+    }
+
+    /// Marks the agents that leave at the latest realised frame: the log has lost them outside of the observed
+    /// area, and they are as far from the AV as then.
+    pub(crate) fn let_go(&mut self, tracks: &[Vec<Frame>]) {
+        let frame = tracks[0].len() - 1;
+        let Some(av) = tracks[0][frame] else { return };
+        for (slot, left) in self.left.iter_mut().enumerate().skip(1).filter(|(_, left)| !**left) {
+            let Some((last, distance)) = self.lost[slot] else { continue };
+            let away = |state: AgentState| (state.position() - av.position()).norm() >= distance;
+            *left = frame >= last && tracks[slot][frame].is_some_and(away);
+            self.is_pending |= *left;
+        }
+    }
+}
+
+/// Returns the last frame at which the log shows an agent, and its distance to the logged AV there, metres;
+/// `None` if the log shows it to its end, never after the current frame, or loses it near the AV.
+fn lost(scenario: &Scenario, logged: impl Fn(usize) -> Frame) -> Option<(usize, f64)> {
+    let length = scenario.length();
+    let last = (0..length.frames()).rev().find(|frame| logged(*frame).is_some())?;
+    let (av, state) = (scenario.logged_at(0, last)?, logged(last)?);
+    let distance = (state.position() - av.position()).norm();
+    (last + 1 < length.frames() && distance >= OBSERVED_DISTANCE).then_some((last, distance))
+}
+
+/// Returns the objects of the static context at a frame of the log, with their index in
+/// [`Scenario::unselected`].
+pub(crate) fn obstacles(
+    scenario: &Scenario,
+    frame: usize,
+) -> impl Iterator<Item = (usize, &LoggedAgent, AgentState)> {
+    let others = scenario.unselected.iter().enumerate();
+    others
+        .filter(|(_, logged)| logged.agent.kind == AgentKind::Other && logged.agent.has_extent())
+        .filter_map(move |(i, logged)| Some((i, logged, logged.track.get(frame).copied().flatten()?)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,180 @@
+use std::sync::Arc;
+
+use reactsim_geometry::Vec2;
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Length, LoggedAgent, Scenario, ScenarioParts,
+    Start,
+};
+
+use super::{Entered, Entering, MAX_PRESENT};
+use crate::{
+    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LogAv, PlanError, Planning, Request, Rollout, Settings,
+    SingleEpisode, Stream, roll_out,
+};
+
+/// Steps of the scenarios here.
+const STEPS: usize = 60;
+
+/// Vehicles that keep their velocity. The memory holds the ids of the agents since the last change, and how
+/// often agents came or went.
+struct Keep;
+
+struct Known {
+    ids: Vec<String>,
+    changes: usize,
+}
+
+impl SingleEpisode for Keep {
+    type Memory = Known;
+
+    fn id(&self) -> &'static str {
+        "keep"
+    }
+
+    fn begin(&self, start: &Start, _: &mut Stream) -> Known {
+        assert_eq!(start.history[0].len(), HISTORY);
+        Known { ids: start.agents.iter().map(|agent| agent.id.clone()).collect(), changes: 0 }
+    }
+
+    fn resume(&self, before: Known, kept: &[Option<usize>], start: &Start, stream: &mut Stream) -> Known {
+        let new = self.begin(start, stream);
+        for (id, slot) in new.ids.iter().zip(kept) {
+            let position = before.ids.iter().position(|other| other == id);
+            assert_eq!(position, *slot, "{id}");
+        }
+        Known { changes: before.changes + 1, ..new }
+    }
+
+    fn plan_one(&self, known: &mut Known, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        assert_eq!(episode.seen.changes(), known.changes);
+        assert_eq!(episode.plan.agents(), known.ids.len());
+        for agent in 1..known.ids.len() {
+            let now = episode.seen.state(agent).expect("agents of the start are present");
+            for step in 0..episode.plan.steps() {
+                episode.plan.set(agent, step, Some(later(now, step + 1)));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn later(now: AgentState, steps: usize) -> AgentState {
+    let time = steps as f64 * DT;
+    AgentState { x: now.x + now.vx * time, y: now.y + now.vy * time, ..now }
+}
+
+fn vehicle(id: &str, at: impl Fn(usize) -> Option<(f64, f64, f64)>, frames: usize) -> LoggedAgent {
+    let agent = Agent { id: id.to_owned(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 };
+    let state = |(x, y, vx)| AgentState { x, y, heading: 0.0, vx, vy: 0.0 };
+    LoggedAgent { agent, track: (0..frames).map(|f| at(f).map(state)).collect(), heights: Vec::new() }
+}
+
+fn scenario(history: usize, others: &[LoggedAgent]) -> Scenario {
+    let length = Length { history, future: STEPS };
+    let av = vehicle("av", |f| Some((f as f64 - (history - 1) as f64, 0.0, 10.0)), length.frames());
+    let agents = std::iter::once(av).chain(others.iter().cloned()).collect();
+    let parts = ScenarioParts {
+        id: "made".into(),
+        origin: Some(Vec2::zeros()),
+        length,
+        agents,
+        ..Default::default()
+    };
+    Scenario::assemble(parts).unwrap()
+}
+
+fn run(scenario: &Scenario, entering: Entering, controller: &Controller) -> Rollout {
+    let av = Arc::new(LogAv::new(scenario).unwrap());
+    let request = Request { scenario, av: Some(av), rollout: 0 };
+    let settings = Settings { entering, ..Settings::default() };
+    roll_out(vec![request], controller, &settings).remove(0).unwrap()
+}
+
+fn keep() -> Controller {
+    Controller::Fair(Box::new(Keep))
+}
+
+fn x(track: &[Frame], frame: usize) -> Option<f64> {
+    track[frame].map(|state| state.x)
+}
+
+#[test]
+fn an_agent_enters_at_its_first_pose_and_is_simulated_from_then_on() {
+    let frames = HISTORY + STEPS;
+    // Seen at frames 2 to 4, hidden now, and again from frame 33 on, where the log stands still.
+    let hidden = vehicle("hidden", |f| ((2..5).contains(&f) || f >= 33).then_some((30.0, 20.0, 5.0)), frames);
+    let made = scenario(HISTORY, &[hidden]);
+    let off = run(&made, Entering::Off, &keep());
+    assert_eq!((off.tracks.len(), off.entered.len()), (1, 0));
+
+    let on = run(&made, Entering::Log, &keep());
+    assert_eq!(on.entered, [Entered { logged: 0, frame: 33, waited: 0 }]);
+    let track = &on.tracks[1];
+    assert_eq!(track.len(), frames);
+    let seen: Vec<usize> = (0..33).filter(|f| track[*f].is_some()).collect();
+    assert_eq!(seen, [2, 3, 4]);
+    assert_eq!(x(track, 33), Some(30.0));
+    // It keeps its velocity of 5 m/s, although it enters within an interval between plans.
+    assert!((x(track, 43).unwrap() - 35.0).abs() < 1e-9);
+    assert_eq!(on.tracks[0], off.tracks[0]);
+}
+
+#[test]
+fn an_agent_waits_until_its_place_is_free() {
+    let frames = HISTORY + STEPS;
+    let slow = vehicle("slow", |f| Some((10.0 + 2.0 * DT * (f as f64 - CURRENT as f64), 9.0, 2.0)), frames);
+    // The place is behind `slow` by less than a vehicle length at frame 20: 12 m against 10 m.
+    let late = vehicle("late", |f| (f >= 20).then_some((10.0, 9.0, 1.0)), frames);
+    let never = vehicle("never", |f| (f >= 20).then_some((10.5, 9.0, 0.0)), frames);
+    let made = scenario(HISTORY, &[slow, late, never]);
+    let done = run(&made, Entering::Log, &keep());
+    // `slow` is more than 4 m ahead of the place at 14 m, after frame 30; the other place is then taken.
+    assert_eq!(done.entered.len(), 1);
+    let Entered { frame, waited, .. } = done.entered[0];
+    assert_eq!((frame, waited), (31, 11));
+    assert!((x(&done.tracks[2], 31).unwrap() - 10.0).abs() < 1e-9);
+    assert_eq!((done.outcomes[ENTERED], done.outcomes[ENTERED_LATE], done.outcomes[KEPT_OUT]), (1, 1, 1));
+}
+
+#[test]
+fn an_agent_leaves_where_the_log_loses_it_far_away() {
+    let frames = HISTORY + STEPS;
+    let ahead = |speed: f64, from: f64| move |f: usize| from + speed * DT * (f as f64 - CURRENT as f64);
+    // Lost by the log at frame 30, 60 m ahead of the AV there; it drives away from it.
+    let fast = ahead(20.0, 40.0);
+    let far = vehicle("far", |f| (f <= 30).then(|| (fast(f), 9.0, 20.0)), frames);
+    // Lost at the same frame, but near the AV: it was hidden.
+    let near = vehicle("near", |f| (f <= 30).then(|| (ahead(10.0, 20.0)(f), -9.0, 10.0)), frames);
+    let made = scenario(HISTORY, &[far, near]);
+    let done = run(&made, Entering::Log, &keep());
+    let slot = |id: &str| made.start.agents.iter().position(|agent| agent.id == id).unwrap();
+    let last = |slot: usize| (0..frames).rev().find(|f| done.tracks[slot][*f].is_some());
+    assert_eq!((last(slot("far")), last(slot("near"))), (Some(30), Some(frames - 1)));
+}
+
+#[test]
+fn simulators_observe_the_history_that_they_are_for() {
+    let others =
+        |history: usize| [vehicle("b", |f| Some((20.0 + 0.5 * f as f64, 9.0, 5.0)), history + STEPS)];
+    // `Keep` asserts that it gets 11 frames.
+    for history in [2, HISTORY, 21, 100] {
+        let made = scenario(history, &others(history));
+        let done = run(&made, Entering::Off, &keep());
+        assert_eq!(done.tracks[0].len(), history + STEPS);
+        let start = x(&done.tracks[1], history - 1).unwrap();
+        assert!((x(&done.tracks[1], history - 1 + STEPS).unwrap() - start - 30.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn no_more_agents_enter_than_can_be_present() {
+    let frames = HISTORY + STEPS;
+    let later = |i: usize| {
+        let place =
+            move |f: usize| (f > 20).then_some((5.0 * (i % 20) as f64, 20.0 + 5.0 * (i / 20) as f64, 0.0));
+        vehicle(&i.to_string(), place, frames)
+    };
+    let made = scenario(HISTORY, &(0..MAX_PRESENT + 20).map(later).collect::<Vec<_>>());
+    let done = run(&made, Entering::Log, &keep());
+    assert_eq!((done.tracks.len(), done.outcomes[KEPT_OUT]), (MAX_PRESENT, 21));
+}

@@ -1,0 +1,146 @@
+//! What a simulator or an AV policy observes once agents have entered or left, or if it was built for another
+//! length of history.
+
+use std::sync::Mutex;
+
+use reactsim_scene::levels::LatestHeights;
+use reactsim_scene::{AgentState, Frame, LightState, Scenario, Start};
+
+use super::Observation;
+use super::entering::{Coming, obstacles};
+
+/// The realised states as an observation of their own: the agents that are present, over the last frames.
+pub(crate) struct View {
+    start: Start,
+    tracks: Vec<Vec<Frame>>,
+    lights: Vec<Vec<Option<LightState>>>,
+    /// Slot in the rollout of each agent.
+    slots: Vec<usize>,
+    /// Steps that were realised when the view was made.
+    first_step: usize,
+    /// Number of times that agents entered or left.
+    changes: usize,
+    heights: Mutex<LatestHeights>,
+}
+
+impl View {
+    /// Makes the view at the latest realised frame. `history`: number of frames up to that one; frames from
+    /// before the log are absent.
+    pub(crate) fn new(
+        scenario: &Scenario,
+        coming: Option<&Coming>,
+        tracks: &[Vec<Frame>],
+        lights: &[Vec<Option<LightState>>],
+        history: usize,
+    ) -> Self {
+        let (now, current) = (tracks[0].len() - 1, scenario.start.current());
+        let has_left = |slot: usize| coming.is_some_and(|coming| coming.has_left(slot));
+        let is_there = |slot: &usize| tracks[*slot][now].is_some() && !has_left(*slot);
+        let slots: Vec<usize> = (0..tracks.len()).filter(is_there).collect();
+        let recent = |track: &Vec<Frame>| last(track, history);
+        let tracks_now: Vec<Vec<Frame>> = slots.iter().map(|slot| recent(&tracks[*slot])).collect();
+        let light_history: Vec<_> = lights.iter().map(|states| last(states, history)).collect();
+        let has_levels = scenario.start.has_levels();
+        let heights = |slot: &usize| last(&heights(scenario, coming, *slot, &tracks[*slot]), history);
+        let agents = match coming {
+            Some(coming) => {
+                let all: Vec<_> = coming.agents(scenario).collect();
+                slots.iter().map(|slot| all[*slot].clone()).collect()
+            }
+            None => scenario.start.agents.clone(),
+        };
+        let mut start = Start {
+            agents,
+            history: tracks_now.clone(),
+            obstacles: scenario.start.obstacles.clone(),
+            map: scenario.start.map.clone(),
+            heights: if has_levels { slots.iter().map(heights).collect() } else { Vec::new() },
+            obstacle_heights: scenario.start.obstacle_heights.clone(),
+            lights: scenario.start.lights.clone(),
+            light_history: light_history.clone(),
+        };
+        if coming.is_some() && now > current {
+            (start.obstacles, start.obstacle_heights) = obstacles(scenario, now)
+                .map(|(_, logged, state)| {
+                    let height = logged.heights.get(now).copied().flatten();
+                    (state.footprint(&logged.agent), height)
+                })
+                .unzip();
+            if !has_levels {
+                start.obstacle_heights.clear();
+            }
+        }
+        let changes = coming.map_or(0, |coming| coming.changes);
+        Self {
+            start,
+            tracks: tracks_now,
+            lights: light_history,
+            slots,
+            first_step: now - current,
+            changes,
+            heights: Mutex::default(),
+        }
+    }
+
+    /// Adds the latest realised frame.
+    pub(crate) fn push(&mut self, tracks: &[Vec<Frame>], lights: &[Vec<Option<LightState>>]) {
+        for (own, slot) in self.tracks.iter_mut().zip(&self.slots) {
+            own.push(tracks[*slot].last().copied().flatten());
+        }
+        for (own, states) in self.lights.iter_mut().zip(lights) {
+            own.push(states.last().copied().flatten());
+        }
+    }
+
+    /// Returns the observation.
+    pub(crate) fn seen(&self, av_next: Option<AgentState>) -> Observation<'_> {
+        let seen = Observation::new(&self.start, &self.tracks, &self.lights, av_next);
+        seen.continued(self.first_step, self.changes).with_heights(&self.heights)
+    }
+
+    /// Returns the slot in the rollout of each agent.
+    pub(crate) fn slots(&self) -> &[usize] {
+        &self.slots
+    }
+
+    /// Returns the index in the view of the agent with this slot in the rollout.
+    pub(crate) fn index(&self, slot: usize) -> Option<usize> {
+        // Slots ascend.
+        self.slots.binary_search(&slot).ok()
+    }
+
+    /// Returns the start of the view.
+    pub(crate) fn start(&self) -> &Start {
+        &self.start
+    }
+}
+
+/// Returns the last values, preceded by absent ones if there are too few.
+fn last<T: Copy>(values: &[Option<T>], count: usize) -> Vec<Option<T>> {
+    let missing = count.saturating_sub(values.len());
+    let recent = &values[values.len() - (count - missing)..];
+    std::iter::repeat_n(None, missing).chain(recent.iter().copied()).collect()
+}
+
+/// Returns the height of an agent at each frame of its track, metres: the recorded one up to its beginning,
+/// then that of the road under it.
+fn heights(scenario: &Scenario, coming: Option<&Coming>, slot: usize, track: &[Frame]) -> Vec<Option<f64>> {
+    let (start, agents) = (&scenario.start, scenario.start.agents.len());
+    if slot < agents {
+        let recorded = start.heights.get(slot).cloned().unwrap_or_default();
+        let later = start.heights_along(slot, &track[start.current()..]);
+        let later = later.into_iter().skip(1).map(|height| Some(height).filter(|z| !z.is_nan()));
+        return recorded.into_iter().chain(later).collect();
+    }
+    let entered = coming.and_then(|coming| coming.entered.get(slot - agents));
+    let (logged, first) =
+        entered.map_or((None, 0), |e| (scenario.unselected.get(e.logged), e.frame - e.waited));
+    let recorded = logged.and_then(|logged| logged.heights.get(first).copied().flatten());
+    let mut height = recorded.unwrap_or(f64::NAN);
+    let at = |frame: &Frame| {
+        let state = (*frame)?;
+        height = start.road().ground_height(state.position(), height);
+        Some(height).filter(|z| !z.is_nan())
+    };
+    track.iter().map(at).collect()
+}

@@ -1,0 +1,191 @@
+//! Rollouts of any number of steps.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use reactsim::geometry::{Vec2, direction};
+use reactsim::models::find;
+use reactsim::rollout::{
+    Beginning, Controller, Episode, JointPlan, Memory, Observation, PlanError, Rollout, Simulator,
+};
+use reactsim::scene::{AgentState, DT, Frame, HISTORY, Length, LightState, LoggedAgent, MapParts, Scenario};
+
+use super::{every_baseline, roll, settings};
+use crate::scenes::{bits, car, lane, mini, scene};
+
+/// Steps of the long rollouts.
+const STEPS: usize = 200;
+/// Number of frames that models may look back, besides the history.
+const LOOK_BACK: usize = 90;
+
+/// Returns the state after some steps at constant velocity.
+fn later(state: &AgentState, steps: usize) -> AgentState {
+    let v = state.velocity().unwrap_or_default() * (DT * steps as f64);
+    AgentState { x: state.x + v.x, y: state.y + v.y, ..*state }
+}
+
+/// Extends a list of frames: who is there in the last one goes on.
+fn extend(track: &mut Vec<Frame>, frames: usize) {
+    let last = *track.last().unwrap();
+    track.extend((1..=frames).map(|k| last.map(|state| later(&state, k))));
+}
+
+/// Returns a scenario whose log is extended to this number of steps: agents keep their velocities, and lights
+/// their states.
+fn lengthened(scenario: &Scenario, future: usize) -> Scenario {
+    let mut long = scenario.clone();
+    let more = future - long.length().future;
+    long.log_future.tracks.iter_mut().for_each(|track| extend(track, more));
+    for states in &mut long.log_future.lights {
+        states.resize(future, states[states.len() - 1]);
+    }
+    for LoggedAgent { track, heights, .. } in &mut long.unselected {
+        extend(track, more);
+        if !heights.is_empty() {
+            heights.resize(HISTORY + future, None);
+        }
+    }
+    long.log_future.heights.iter_mut().for_each(|heights| heights.resize(future, None));
+    long.timestamps.clear();
+    long.deviation = None;
+    assert_eq!(long.length(), Length { history: HISTORY, future });
+    long
+}
+
+/// Returns a scenario, and the same with a longer log.
+fn short_and_long() -> [Scenario; 2] {
+    let short = mini().swap_remove(0);
+    let long = lengthened(&short, STEPS);
+    [short, long]
+}
+
+/// Returns a rollout in which the AV keeps its velocity.
+fn coasting(scenario: &Scenario, controller: &Controller, replan: usize) -> Rollout {
+    let now = scenario.start.now(0);
+    let av = (1..=scenario.length().future).map(|k| later(&now, k)).collect();
+    roll(scenario, av, controller, &settings(replan, true))
+}
+
+#[test]
+fn a_long_rollout_begins_as_a_short_one_and_goes_on() {
+    let [short, long] = short_and_long();
+    for (model, controller) in every_baseline() {
+        // A plan of 80 steps that ends with the log, and one that does not.
+        let intervals: &[usize] = if model.needs_weights { &[5] } else { &[1, 5, 80] };
+        for &replan in intervals {
+            let what = format!("{} every {replan}", model.id);
+            let (begun, whole) =
+                (coasting(&short, &controller, replan), coasting(&long, &controller, replan));
+            let frames = HISTORY + short.length().future;
+            let same: Vec<Vec<Frame>> = whole.tracks.iter().map(|track| track[..frames].to_vec()).collect();
+            assert!(bits(&same) == bits(&begun.tracks), "{what}: the first steps depend on the length");
+            for (slot, track) in whole.tracks.iter().enumerate() {
+                assert_eq!(track.len(), HISTORY + STEPS, "{what}");
+                for (frame, state) in track.iter().enumerate().skip(HISTORY) {
+                    assert!(
+                        model.oracle || state.is_some(),
+                        "{what}: agent {slot} vanishes at frame {frame}"
+                    );
+                    assert!(state.is_none_or(|s| s.is_finite()), "{what}: agent {slot} at frame {frame}");
+                    let near = |s: AgentState| s.position().norm() < 50.0 * DT * (STEPS + 500) as f64;
+                    assert!(state.is_none_or(near), "{what}: agent {slot} is far away at frame {frame}");
+                }
+            }
+        }
+    }
+}
+
+/// A simulator that observes another past: all frames since the history that are older than [`LOOK_BACK`].
+struct OtherPast(Box<dyn Simulator>);
+
+/// What an episode observes instead.
+struct Past {
+    tracks: Vec<Vec<Frame>>,
+    lights: Vec<Vec<Option<LightState>>>,
+}
+
+impl Past {
+    fn of(seen: &Observation<'_>) -> Self {
+        let forgotten = HISTORY..(seen.frame() - LOOK_BACK.min(seen.frame())).max(HISTORY);
+        let mut tracks = seen.tracks().to_vec();
+        for state in tracks.iter_mut().flat_map(|track| &mut track[forgotten.clone()]).flatten() {
+            *state = AgentState { x: state.x + 1000.0, y: -state.y, heading: 1.0, vx: -7.0, vy: 3.0 };
+        }
+        let mut lights: Vec<_> = (0..seen.start().lights.len()).map(|l| seen.light(l).to_vec()).collect();
+        lights.iter_mut().for_each(|states| states[forgotten.clone()].fill(None));
+        Self { tracks, lights }
+    }
+}
+
+impl Simulator for OtherPast {
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        self.0.begin_batch(batch)
+    }
+
+    fn end_batch(&self, memories: Vec<Memory>) {
+        self.0.end_batch(memories);
+    }
+
+    fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
+        let pasts: Vec<Past> = batch.iter().map(|episode| Past::of(&episode.seen)).collect();
+        let mut inner: Vec<Episode<'_>> = Vec::new();
+        for (episode, past) in batch.iter_mut().zip(&pasts) {
+            let seen = &episode.seen;
+            inner.push(Episode {
+                seen: Observation::new(seen.start(), &past.tracks, &past.lights, seen.av_next()),
+                memory: &mut *episode.memory,
+                stream: &mut *episode.stream,
+                moves_av: episode.moves_av,
+                shares_traffic: episode.shares_traffic,
+                plan: JointPlan::new(episode.plan.agents(), episode.plan.steps()),
+                outcomes: std::mem::take(&mut episode.outcomes),
+                error: None,
+            });
+        }
+        self.0.plan(&mut inner)?;
+        let done: Vec<_> = inner.into_iter().map(|e| (e.plan, e.outcomes, e.error)).collect();
+        for (episode, (plan, outcomes, error)) in batch.iter_mut().zip(done) {
+            (episode.plan, episode.outcomes, episode.error) = (plan, outcomes, error);
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn no_plan_depends_on_more_than_the_last_nine_seconds() {
+    let [_, long] = short_and_long();
+    let others = every_baseline();
+    for ((model, controller), (_, other)) in every_baseline().zip(others) {
+        let Controller::Fair(inner) = other else { continue };
+        let wanted = coasting(&long, &controller, 5);
+        let found = coasting(&long, &Controller::Fair(Box::new(OtherPast(inner))), 5);
+        let same = bits(&found.tracks) == bits(&wanted.tracks) && found.outcomes == wanted.outcomes;
+        assert!(same, "{}: an old frame changes a plan", model.id);
+    }
+}
+
+/// Paths are planned for 8 s, in which this car drives less than half of its round.
+#[test]
+fn drivers_of_idm_stay_on_their_road() {
+    const RADIUS: f64 = 60.0;
+    let half = |from: f64| (0..=90).map(|k| direction(from + PI * f64::from(k) / 90.0) * RADIUS).collect();
+    let mut lanes = [lane("first", half(0.0), Some(12.0)), lane("second", half(PI), Some(12.0))];
+    for (lane, next) in lanes.iter_mut().zip(["second", "first"]) {
+        lane.successors = vec![next.to_owned()];
+        lane.predecessors = vec![next.to_owned()];
+    }
+    let agents = vec![car("av", 0.0, 0.0, 0.0, 0.0), car("one", RADIUS, 0.0, FRAC_PI_2, 10.0)];
+    let ring = scene("ring", agents, MapParts { lanes: lanes.into(), ..MapParts::default() });
+    let ring = lengthened(&ring, 600);
+    for id in ["idm", "idm@styles"] {
+        let controller = find(id).unwrap().simulator().unwrap();
+        for replan in [1, 5, 7, 80] {
+            let rollout = coasting(&ring, &controller, replan);
+            let driven: Vec<Vec2> =
+                rollout.tracks[1][HISTORY..].iter().map(|state| state.unwrap().position()).collect();
+            let off = driven.iter().map(|p| (p.norm() - RADIUS).abs()).fold(0.0, f64::max);
+            let length: f64 = driven.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
+            assert!(off < 1.5, "{id} every {replan}: {off} m off the road");
+            assert!(length > 400.0, "{id} every {replan}: {length} m in a minute");
+        }
+    }
+}
