@@ -20,6 +20,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from . import nuplan as nuplan
 from .adaptation import Adaptation, train_adapt
 from .client import (
     DT,
@@ -40,6 +41,7 @@ from .client import (
     Scene,
     Scenes,
     Simulator,
+    Trajectory,
     serve,
 )
 from .command import command
@@ -99,6 +101,7 @@ __all__ = [
     "Simulator",
     "StatesScores",
     "Svg",
+    "Trajectory",
     "WosacRollouts",
     "WosacScores",
     "WosacShares",

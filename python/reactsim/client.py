@@ -73,6 +73,7 @@ __all__ = [
     "Scene",
     "Scenes",
     "Simulator",
+    "Trajectory",
     "serve",
 ]
 
@@ -567,6 +568,22 @@ class Lights:
         return len(self.lane)
 
 
+class Continuation:
+    """The episode of a planner that another one continues, as agents have entered or left.
+
+    Attributes:
+        memory: The value that `Planner.begin` returned for it.
+        frame: Its frame at which the history of the new episode ends.
+        slots: Its slot of each agent of the new episode, i32 [n]; -1 for agents that enter.
+
+    """
+
+    def __init__(self, memory: Any, frame: int, slots: Array) -> None:
+        self.memory = memory
+        self.frame = frame
+        self.slots = slots
+
+
 class Scenes:
     """Agents, histories and maps of a batch of episodes. All arrays are read-only.
 
@@ -594,6 +611,7 @@ class Scenes:
         agent_ids: Ids of the agents of each episode, only with `--reveal-ids`.
         origins: World coordinates of the local origins, metres, only with `--reveal-ids`.
         rollouts: Indices of the rollouts, only with `--reveal-ids`.
+        continues: The episode that this one continues, within `Planner.begin`; None if it is new.
 
     """
 
@@ -624,6 +642,7 @@ class Scenes:
         self.agent_ids: Optional[List[List[str]]] = _json_list(metadata, "agent_ids", batch)
         self.origins: Optional[List[List[float]]] = _json_list(metadata, "origins", batch)
         self.rollouts: Optional[List[int]] = _json_list(metadata, "rollouts", batch)
+        self.continues: Optional[Continuation] = None
         self._generators: Dict[int, np.random.Generator] = {}
 
     def __len__(self) -> int:
@@ -944,10 +963,20 @@ class PlannerObservation:
             m/s; 0 where absent, NaN velocity where unknown.
         valid: Whether each agent is present, bool [n, frame + 1].
         light_states: States of the traffic lights `scene.lights`, u8 [K, frame + 1]; see `Light`.
+        ego: Present motion of the rear axle of the AV, f64 [7]: velocity along and to the left of
+            the heading, m/s, acceleration, m/s^2, steering angle, rad, yaw rate, rad/s, yaw
+            acceleration, rad/s^2; None if the program does not send it.
 
     """
 
-    def __init__(self, scene: Scene, route: List[int], memory: Any, seen: Observation) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        route: List[int],
+        memory: Any,
+        seen: Observation,
+        ego: Optional[Array] = None,
+    ) -> None:
         self.scene = scene
         self.route = route
         self.memory = memory
@@ -956,12 +985,30 @@ class PlannerObservation:
         self.states: Array = seen.states[0]
         self.valid: Array = seen.valid[0]
         self.light_states: Array = seen.light_states
+        self.ego = ego
 
     @property
     def av(self) -> Array:
         """Present state of the AV, f64 [5]: x, y, heading, vx, vy; metres, radians and m/s."""
         state: Array = self.states[0, -1]
         return state
+
+
+class Trajectory:
+    """Poses that a planner returns, with the pose of its plan at present.
+
+    `poses` is [P, 3] as `Planner.plan` returns it; `present` is [3]: x, y, heading of the centre of
+    the AV, where the AV is by default. A tracker corrects the difference between both.
+    """
+
+    def __init__(self, poses: Any, present: Any = None) -> None:
+        self.poses = poses
+        self.present = present
+
+
+def most_poses(scene: Scene, frame: int) -> int:
+    """Returns the largest number of poses of a plan at a frame."""
+    return max(STEPS, scene.n_history + scene.n_steps - 1 - frame)
 
 
 class Planner:
@@ -984,13 +1031,18 @@ class Planner:
     any_length: bool = True
 
     def begin(self, scene: Scene) -> Any:
-        """Receives the scene of a new episode. The returned value is `memory` at its plans."""
+        """Receives the scene of a new episode. The returned value is `memory` at its plans.
+
+        When agents enter or leave, an episode ends and another one continues it, with the agents
+        that are present: `scene.scenes.continues` then describes the former, otherwise it is None.
+        """
 
     def plan(self, seen: PlannerObservation) -> Any:
         """Returns poses of the centre of the AV after 1, 2, ... steps, f64 or f32 [P, 3].
 
         A pose is x, y, heading; P is at least `seen.steps` and at most 80, or the steps that are
-        left if they are more. The tracker of the run follows the poses until the next plan.
+        left if they are more. The tracker of the run follows the poses until the next plan. A plan
+        that does not begin at the AV is a `Trajectory`.
         """
         raise NotImplementedError("a planner needs a method `plan`")
 
@@ -1131,11 +1183,26 @@ class _Drive:
 
     def observe(self, metadata: Mapping[str, str], tensors: Dict[str, Array]) -> PlannerObservation:
         seen = self.batch.observe(metadata, tensors)
-        return PlannerObservation(self.scene, self.route, self.memory, seen)
+        ego = _Tensors(tensors).take("ego", "F64", 1, 7)[0] if "ego" in tensors else None
+        return PlannerObservation(self.scene, self.route, self.memory, seen, ego)
 
-    def check(self, returned: Any, steps: int, place: str) -> Array:
-        """Checks the poses that `plan` returned, and returns them as an array [P, 3]."""
-        most = max(STEPS, self.batch.states.shape[2] - 1 - self.batch.frame)
+    def check(self, returned: Any, steps: int, place: str) -> Dict[str, Array]:
+        """Checks what `plan` returned, and returns the tensors of the answer."""
+        most = most_poses(self.scene, self.batch.frame)
+        if not (hasattr(returned, "poses") and hasattr(returned, "present")):
+            return {"trajectory": self._poses(returned, steps, most, place)[None]}
+        answer = {"trajectory": self._poses(returned.poses, steps, most, place)[None]}
+        if returned.present is not None:
+            present = as_array(returned.present)
+            if present.shape != (3,):
+                text = "%s returned a present pose of shape %s, expected (3,): x, y, heading"
+                raise _UserError(text % (place, present.shape))
+            answer["present"] = self._poses(present[None], 1, 1, place + " (present pose)")
+        return answer
+
+    @staticmethod
+    def _poses(returned: Any, steps: int, most: int, place: str) -> Array:
+        """Checks poses, and returns them as an array [P, 3]."""
         expected = "an array of shape [%d to %d, 3]" % (steps, most)
         if returned is None:
             raise _UserError("%s returned None, expected %s" % (place, expected))
@@ -1285,8 +1352,11 @@ class Session:
         if kind == "begin":
             scenes = Scenes(metadata, tensors)
             route = _Tensors(tensors).take_index("route", len(scenes[0].lanes), 0, "R")
+            scenes.continues = self._continued(metadata, tensors)
             begin = getattr(self.simulator, "begin", None)
             memory = begin(scenes[0]) if begin is not None else None
+            # Scenes that planners keep would otherwise keep all earlier ones.
+            scenes.continues = None
             self.drives[handle] = _Drive(scenes, route.tolist(), memory)
             return "begun", {}, {}
         if kind == "plan":
@@ -1294,13 +1364,28 @@ class Session:
                 raise ProtocolError("`plan` without `begin`")
             drive, place = self.drives[handle], self.title + ".plan"
             seen = drive.observe(metadata, tensors)
-            poses = drive.check(self.simulator.plan(seen), seen.steps, place)
-            return "planned", {}, {"trajectory": poses[None]}
+            return "planned", {}, drive.check(self.simulator.plan(seen), seen.steps, place)
         if kind == "end":
             if self.drives.pop(handle, None) is not None and self.on_end is not None:
                 self.on_end(1)
             return "ended", {}, {}
         raise ProtocolError("unknown request `%s`" % kind)
+
+    def _continued(
+        self, metadata: Mapping[str, str], tensors: Dict[str, Array]
+    ) -> Optional[Continuation]:
+        """Returns the open episode that a new one continues, which is over for the planner."""
+        if "continues" not in metadata:
+            return None
+        text = metadata["continues"]
+        before = self.drives.get(int(text)) if text.isdigit() else None
+        if before is None:
+            raise ProtocolError("metadata `continues` is %r, which is no open episode" % text)
+        frame = _integer(metadata, "continued_frame", before.batch.frame, 2 * MAX_STEPS)
+        take, agents = _Tensors(tensors), len(tensors["kind"][0])
+        slots = take.take_index("continued_slot", before.scene.n_agents, -1, 1, agents)[0]
+        del self.drives[int(text)]
+        return Continuation(before.memory, frame, slots)
 
     def _welcome(self) -> Dict[str, str]:
         def text(name: str, default: str = "") -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 import pytest
 import reactsim
-from fakes import Child, Loopback, Message, make_scenes
+from fakes import ROOT, Child, Loopback, Message, make_scenes
 from reactsim.client import Array, Planner, PlannerObservation, Scene
 from stop import Stop
 
@@ -20,13 +20,16 @@ class Straight(Planner):
 
     def __init__(self) -> None:
         self.answer: Any = None
+        self.ego: List[Any] = []
 
     def begin(self, scene: Scene) -> Dict[str, Any]:
+        self.continues = scene.scenes.continues
         return {"plans": 0, "agents": scene.n_agents}
 
     def plan(self, seen: PlannerObservation) -> Any:
         seen.memory["plans"] += 1
         self.last = seen
+        self.ego.append(seen.ego)
         if self.answer is not None:
             return self.answer
         ahead = reactsim.DT * np.arange(1, seen.steps + 3)[:, None]
@@ -38,11 +41,20 @@ class Straight(Planner):
 class Program(Loopback):
     """Plays the program for a planner: episodes of one scene each."""
 
-    def start(self, handle: int, agents: int, route: List[int]) -> Message:
+    def start(
+        self,
+        handle: int,
+        agents: int,
+        route: List[int],
+        continues: Optional[Dict[str, str]] = None,
+        slots: Sequence[int] = (),
+    ) -> Message:
         tensors = make_scenes(1, agents, seed=handle)
         tensors["episode"] = np.array([handle], np.uint64)
         tensors["route"] = np.array(route, np.int32)
-        return self.ask("begin", {"moves_av": "1", "steps": "80"}, tensors)
+        if continues:
+            tensors["continued_slot"] = np.array([slots], np.int32)
+        return self.ask("begin", {"moves_av": "1", "steps": "80", **(continues or {})}, tensors)
 
     def drive(self, handle: int, agents: int, frame: int, new: int, steps: int) -> Message:
         tensors: Dict[str, Array] = {
@@ -103,6 +115,78 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
     assert program.drive(1, 3, 15, 5, 5)[0]["type"] == "failed"
 
 
+@pytest.mark.parametrize(
+    ("present", "part"),
+    [
+        (None, ""),
+        ([1.0, 2.0, 0.5], ""),
+        ([1.0, 2.0], "returned a present pose of shape (2,), expected (3,): x, y, heading"),
+        ([1.0, np.nan, 0.5], "(present pose) returned x 1, y nan"),
+    ],
+)
+def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
+    planner = Straight()
+    program = Program(planner)
+    program.hello()
+    program.start(1, 3, [0])
+    planner.answer = reactsim.Trajectory(np.zeros((5, 3)), present)
+    text, tensors = program.drive(1, 3, 10, 0, 5)
+    if part:
+        assert text["type"] == "failed" and part in text["error"], text
+        return
+    assert tensors["trajectory"].shape == (1, 5, 3)
+    assert planner.last.ego is None
+    if present is None:
+        assert "present" not in tensors
+    else:
+        np.testing.assert_array_equal(tensors["present"], [present])
+
+
+def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
+    planner = Straight()
+    ended: List[int] = []
+    program = Program(planner)
+    program.session.on_end = ended.append
+    program.hello()
+    program.start(1, 3, [0])
+    assert planner.continues is None
+    program.drive(1, 3, 10, 0, 5)
+    memory = planner.last.memory
+    continues = {"continues": "1", "continued_frame": "14"}
+    assert program.start(2, 3, [0], continues, [0, 2, -1])[0]["type"] == "begun"
+    before = planner.continues
+    assert before is not None and before.memory is memory
+    assert (before.frame, before.slots.tolist()) == (14, [0, 2, -1])
+    # Both are one rollout.
+    assert program.ask("end", {}, {"episode": np.array([1], np.uint64)})[0]["type"] == "ended"
+    assert ended == []
+    assert program.drive(2, 3, 11, 1, 5)[0]["type"] == "planned"
+    assert planner.last.scene.scenes.continues is None
+    program.ask("end", {}, {"episode": np.array([2], np.uint64)})
+    assert ended == [1]
+
+
+@pytest.mark.parametrize(
+    ("changed", "slots", "part"),
+    [
+        ({"continues": "7"}, [0, 1, 2], "metadata `continues` is '7', which is no open episode"),
+        ({"continues": "-1"}, [0, 1, 2], "metadata `continues` is '-1', which is no open episode"),
+        ({"continued_frame": "9"}, [0, 1, 2], "metadata `continued_frame` is '9', expected 10 to"),
+        ({}, [0, 1, 3], "tensor `continued_slot` has an index outside -1 to 2"),
+        ({}, [0, 1], "tensor `continued_slot` has shape (1, 2), expected (1, 3)"),
+    ],
+)
+def test_wrong_continuations_are_refused(
+    changed: Dict[str, str], slots: List[int], part: str
+) -> None:
+    program = Program(Straight())
+    program.hello()
+    program.start(1, 3, [0])
+    continues = {"continues": "1", "continued_frame": "14", **changed}
+    text, _ = program.start(2, 3, [0], continues, slots)
+    assert text["type"] == "failed" and part in text["error"], text
+
+
 def test_long_scenarios_may_be_planned_to_their_end() -> None:
     planner = Straight()
     program = Program(planner)
@@ -149,6 +233,51 @@ def test_a_planner_drives_in_the_program() -> None:
     assert results.provenance["settings"]["av"] == "planner:external:Straight"
     assert "| AV score" in results.table(), results.table()
     assert results.provenance["driver"]["external"]["version"] == "3"
+
+
+class Beside(Straight):
+    """Drives 1 m to the left of the line on which the AV begins, along the x axis of the AV."""
+
+    version = ""
+
+    def begin(self, scene: Scene) -> Dict[str, Any]:
+        self.scenes = scene.scenes
+        return {"plans": 0, "agents": 0, "start": scene.history[0, -1].copy()}
+
+    def plan(self, seen: PlannerObservation) -> Any:
+        super().plan(seen)
+        x, y, heading, vx, vy = seen.memory["start"]
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        left = np.array([-ahead[1], ahead[0]])
+        time = reactsim.DT * np.arange(seen.frame - 10, seen.frame - 10 + 41)[:, None]
+        xy = np.array([x, y]) + left + np.hypot(vx, vy) * time * ahead
+        poses = np.concatenate([xy, np.full_like(time, heading)], axis=1)
+        return reactsim.Trajectory(poses[1:], present=poses[0])
+
+
+@pytest.mark.usefixtures("with_program")
+def test_the_tracker_reaches_a_plan_beside_the_av() -> None:
+    planner = Beside()
+    scenario = ROOT / "scenarios" / "mini" / "platoon.json"
+    results = reactsim.run(
+        planner=planner,
+        baselines=["log-replay"],
+        scenarios=[scenario],
+        progress=False,
+        reveal_ids=True,
+    )
+    x, y, heading, vx, vy = planner.last.states[0, 10]
+    offset = planner.last.av[:2] - [x, y]
+    aside = float(offset[1] * np.cos(heading) - offset[0] * np.sin(heading))
+    assert aside == pytest.approx(1.0, abs=0.1)
+    # The motion of the rear axle at the present frame: begins straight on, then turns to the left.
+    ego = np.array(planner.ego)
+    assert ego.shape == (80, 7) and np.isfinite(ego).all()
+    assert ego[0, 0] == pytest.approx(np.hypot(vx, vy)) and not ego[0, 4:].any()
+    assert (ego[1:6, 4] > 0.0).all() and (ego[1:, 1] == 0.0).all()
+    assert planner.scenes.scenario_ids == ["platoon"]
+    assert planner.scenes.origins is not None and planner.scenes.rollouts == [0]
+    assert results.provenance["driver"]["external"]["reveals_ids"] is True
 
 
 class Failing(Stop):  # type: ignore[misc]

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rand_chacha::rand_core::Rng;
 use reactsim_baseline::weights::{PLANNER, shipped};
-use reactsim_external::{self as external, ExternalPlanner};
+use reactsim_external::{self as external, EpisodeNames, ExternalPlanner};
 use reactsim_models::diffusion_planner::PlannerPolicy;
 use reactsim_nn::{Backend, device};
 use reactsim_planning::av::{PlannerAv, PlannerAvError};
@@ -114,7 +114,7 @@ impl Driver {
                 version: stated.version.clone(),
                 weights_sha256: stated.weights_sha256.clone(),
                 batch: 1,
-                reveals_ids: false,
+                reveals_ids: planner.reveals_ids(),
             }),
             ..SimulatorRecord::named(&name, &name)
         };
@@ -177,10 +177,12 @@ impl Driver {
             }
             DriverKind::External(planner) => {
                 let (planner, id, steps) = (planner.as_ref().clone(), scenario.id.clone(), every.steps());
-                let length = scenario.length();
+                let (origin, length) = (scenario.origin, scenario.length());
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
                     let seed = stream(seed, &id, rollout, Purpose::AvBegin).next_u64();
-                    let remote = RemotePlanner::new(planner.begin(seed, length), steps, length.future);
+                    let names = || EpisodeNames { scenario: id.clone(), origin, rollout };
+                    let episode = planner.begin(seed, length, planner.reveals_ids().then(names));
+                    let remote = RemotePlanner::new(episode, steps, length.future);
                     given.keep(Box::new(remote), controller, rollout)
                 };
                 Arc::new(PlannerAv::with_planner(scenario, new_planner, controller, every)?)

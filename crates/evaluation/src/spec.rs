@@ -214,8 +214,8 @@ impl RunSpec {
             let expected = Deviation::ALL.map(Deviation::name).join(", ");
             return Err(EvaluationError::spec("category", name, format!("one of {expected}")));
         }
-        if external.reveal_ids == Some(true) && external.external.is_empty() {
-            return Err(EvaluationError::Needs { key: "reveal-ids", other: "external" });
+        if external.reveal_ids == Some(true) && external.external.is_empty() && external.planner.is_empty() {
+            return Err(EvaluationError::Needs { key: "reveal-ids", other: "external or planner" });
         }
         input.reading.check()
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use reactsim_rollout::{Beginning, Episode, PlanError};
+use reactsim_rollout::{Beginning, Episode, Identity, PlanError};
 use reactsim_scene::Length;
 
 use super::connection::RequestError;
@@ -71,7 +71,10 @@ impl OpenBatch {
             .tensor("seed", Values::u64(&[batch.len()], seeds.iter().copied()));
         length::add(&mut request, length);
         scenes::add_scenes(&mut request, &starts);
-        add_identities(&mut request, batch);
+        let identities: Option<Vec<Identity<'_>>> = batch.iter().map(|e| e.identity).collect();
+        if let Some(identities) = identities {
+            scenes::add_identities(&mut request, &identities, &starts);
+        }
         match open.request(request, "begun", 0) {
             Ok(_) => Ok(open),
             Err(error) => {
@@ -143,24 +146,4 @@ impl Drop for OpenBatch {
         let worker = self.worker.take().filter(|_| self.has_ended);
         self.workers.put_back(worker);
     }
-}
-
-/// Adds the names of the episodes if the engine gives them.
-fn add_identities(request: &mut FrameWriter, batch: &[&Beginning<'_>]) {
-    let all: Option<Vec<_>> = batch.iter().map(|e| e.identity).collect();
-    let Some(identities) = all else { return };
-    let scenarios: Vec<&str> = identities.iter().map(|i| i.scenario).collect();
-    let agents: Vec<Vec<&str>> =
-        batch.iter().map(|e| e.start.agents.iter().map(|a| a.id.as_str()).collect()).collect();
-    let origins: Vec<[f64; 2]> = identities.iter().map(|i| [i.origin.x, i.origin.y]).collect();
-    let rollouts: Vec<u32> = identities.iter().map(|i| i.rollout).collect();
-    request
-        .text("scenario_ids", json(&scenarios))
-        .text("agent_ids", json(&agents))
-        .text("origins", json(&origins))
-        .text("rollouts", json(&rollouts));
-}
-
-fn json(value: &impl serde::Serialize) -> String {
-    serde_json::to_string(value).expect("lists of texts and finite numbers are JSON")
 }

@@ -173,10 +173,10 @@ mod tests {
             let scenario = scenario("a", history, future);
             let tracks = scenario.start.history.clone();
             let seen = Observation::new(&scenario.start, &tracks, &[], None);
-            let planned = planner.begin(0, scenario.length()).plan(&seen, 5, &[]);
+            let planned = planner.begin(0, scenario.length(), None).plan(&seen, 5, &[], [0.0; 7]);
             drop(planner);
             received.join().unwrap();
-            planned.map(|poses| poses.len())
+            planned.map(|planned| planned.poses.len())
         };
         assert_eq!(plan("any", 150, (11, 150)), Ok(150));
         assert_eq!(plan("any", 80, (2, 20)), Ok(80));

@@ -125,8 +125,17 @@ fn errors(frame: &Frame, b: usize) -> Result<BTreeMap<usize, String>, DocumentEr
     }
 }
 
-/// Returns the trajectory of `planned`: poses of the centre of the AV after 1, 2, … steps, from `steps` to
-/// `most` of them. `Err` inside if the planner reports a failure.
+/// Poses of the centre of the AV in a plan: x and y (m, frame of the scenario) and heading (rad).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedPoses {
+    /// After 1, 2, … steps.
+    pub poses: Vec<[f64; 3]>,
+    /// At the present time, if the planner states it. Otherwise the plan begins at the AV.
+    pub present: Option<[f64; 3]>,
+}
+
+/// Returns the trajectory of `planned`, with `steps` to `most` poses after the present. `Err` inside if the
+/// planner reports a failure.
 ///
 /// # Errors
 /// If the answer has not the shape that was asked for, or numbers that are no poses in metres and radians.
@@ -134,7 +143,7 @@ pub(super) fn trajectory(
     frame: &Frame,
     steps: usize,
     most: usize,
-) -> Result<Result<Vec<[f64; 3]>, String>, DocumentError> {
+) -> Result<Result<PlannedPoses, String>, DocumentError> {
     if let Some(text) = errors(frame, 1)?.remove(&0) {
         return Ok(Err(format!("the planner reports: {}", brief(text.trim_end()))));
     }
@@ -149,17 +158,21 @@ pub(super) fn trajectory(
         )));
     }
     let numbers = frame.floats("trajectory", &[1, poses, 3])?;
-    let poses = numbers.as_chunks::<3>().0;
-    for (step, pose) in (1..).zip(poses) {
+    let poses = numbers.as_chunks::<3>().0.to_vec();
+    let has_present = frame.shape("present").is_ok();
+    let present = if has_present { frame.floats("present", &[1, 3])? } else { Vec::new() };
+    let present = present.as_chunks::<3>().0.first().copied();
+    let later = (1..).zip(&poses).map(|(step, pose)| (step, "trajectory", pose));
+    for (step, tensor, pose) in present.iter().map(|pose| (0, "present", pose)).chain(later) {
         for (axis, value) in ["x", "y", "heading"].into_iter().zip(*pose) {
             if !is_possible(value) {
                 let expected = expected(axis);
-                let text = format!("`trajectory`: {axis} of pose {step} is {value}, expected {expected}");
+                let text = format!("`{tensor}`: {axis} of pose {step} is {value}, expected {expected}");
                 return Err(DocumentError(text));
             }
         }
     }
-    Ok(Ok(poses.to_vec()))
+    Ok(Ok(PlannedPoses { poses, present }))
 }
 
 /// Returns whether a coordinate or heading is possible; NaN is not.

@@ -1,6 +1,7 @@
 //! The content of `begin`: agents, history, map, lights, obstacles.
 
 use reactsim_geometry::{Vec2, math};
+use reactsim_rollout::Identity;
 use reactsim_scene::{AgentKind, AgentState, Frame, HISTORY, LaneArea, LaneKind, LightState, RoadMap, Start};
 
 use super::document::{FrameWriter, Values};
@@ -69,6 +70,24 @@ pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
         .tensor("obstacle_episode", Values::i32(&[obstacles.episode.len()], obstacles.episode))
         .tensor("obstacle", Values::f64(&[obstacles.boxes.len() / 5, 5], obstacles.boxes));
     lines.heights
+}
+
+/// Adds the names of the episodes of a batch, and the world coordinates of their origins.
+pub(super) fn add_identities(document: &mut FrameWriter, identities: &[Identity<'_>], starts: &[&Start]) {
+    let scenarios: Vec<&str> = identities.iter().map(|i| i.scenario).collect();
+    let agents: Vec<Vec<&str>> =
+        starts.iter().map(|start| start.agents.iter().map(|a| a.id.as_str()).collect()).collect();
+    let origins: Vec<[f64; 2]> = identities.iter().map(|i| [i.origin.x, i.origin.y]).collect();
+    let rollouts: Vec<u32> = identities.iter().map(|i| i.rollout).collect();
+    document
+        .text("scenario_ids", json(&scenarios))
+        .text("agent_ids", json(&agents))
+        .text("origins", json(&origins))
+        .text("rollouts", json(&rollouts));
+}
+
+fn json(value: &impl serde::Serialize) -> String {
+    serde_json::to_string(value).expect("lists of texts and finite numbers are JSON")
 }
 
 /// Returns the numbers of a frame: x, y, heading, vx, vy; 0 where absent.

@@ -153,11 +153,32 @@ impl Trajectory {
         ego: &EgoState,
         shape: &EgoShape,
     ) -> Result<Self, TrajectoryError> {
-        let mut states = vec![*ego];
-        for (i, &[x, y, heading]) in (1..).zip(poses) {
+        Self::through_centers_from(None, poses, ego, shape)
+    }
+
+    /// Creates a trajectory as [`Self::through_centers`] does, that begins at `present`: the pose of the
+    /// centre of the box that is planned for the present time, such as the one on a path beside ego. It
+    /// begins at ego if there is none. Controllers correct the difference between ego and the beginning.
+    ///
+    /// # Errors
+    /// As for [`validate`].
+    pub fn through_centers_from(
+        present: Option<[f64; 3]>,
+        poses: &[[f64; 3]],
+        ego: &EgoState,
+        shape: &EgoShape,
+    ) -> Result<Self, TrajectoryError> {
+        let rear_axle_of =
+            |[x, y, heading]: [f64; 3]| Vec2::new(x, y) - direction(heading) * shape.rear_axle_to_center;
+        let first = present.map_or(*ego, |pose| {
+            let rear_axle = rear_axle_of(pose);
+            EgoState { x: rear_axle.x, y: rear_axle.y, heading: pose[2], ..*ego }
+        });
+        let mut states = vec![first];
+        for (i, &pose) in (1..).zip(poses) {
             let before = states[states.len() - 1];
-            let ahead = direction(heading);
-            let rear_axle = Vec2::new(x, y) - ahead * shape.rear_axle_to_center;
+            let heading = pose[2];
+            let (rear_axle, ahead) = (rear_axle_of(pose), direction(heading));
             let velocity = (rear_axle - before.rear_axle()) / STEP;
             let (vx, vy) = (velocity.dot(&ahead), velocity.dot(&left(ahead)));
             states.push(EgoState {
@@ -296,6 +317,20 @@ mod tests {
         }
         let far = Trajectory::through_centers(&[[9.0, 0.0, 0.0]], &ego, &shape);
         assert!(matches!(far, Err(TrajectoryError::Teleport { index: 1, .. })));
+    }
+
+    #[test]
+    fn plans_may_begin_beside_ego() {
+        let (ego, shape) = (state(2.0, 0.0), EgoShape::PACIFICA);
+        let centers = [0.5, 1.5].map(|x| [x + shape.rear_axle_to_center, 1.0, 0.0]);
+        let beside = Trajectory::through_centers_from(Some(centers[0]), &centers[1..], &ego, &shape).unwrap();
+        let [now, one] = beside.states() else { panic!("{beside:?}") };
+        assert!((now.x - 0.5).abs() < 1e-12 && (now.y - 1.0).abs() < 1e-12);
+        assert_eq!((now.time, now.vx), (ego.time, ego.vx));
+        assert!((one.vx - 10.0).abs() < 1e-9 && one.vy.abs() < 1e-9);
+        let far = Some([shape.rear_axle_to_center, 10.1, 0.0]);
+        let far = Trajectory::through_centers_from(far, &[[1.0, 10.1, 0.0]], &ego, &shape);
+        assert!(matches!(far, Err(TrajectoryError::FarFromEgo { .. })));
     }
 
     #[test]

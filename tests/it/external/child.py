@@ -227,6 +227,8 @@ def fault(kind, answer, seq, texts, tensors):
         send(document(texts, {name: [dtype, shape, [float(kind)] * len(values)]}))
     elif kind == "one-pose":
         send(document(texts, {name: ["F64", [1, 1, 3], tensors[name][2][:3]]}))
+    elif kind == "present":
+        send(document(texts, {**tensors, "present": ["F64", [1, 3], [math.nan] * 3]}))
     elif kind == "far":
         dtype, shape, values = tensors[name]
         send(document(texts, {name: [dtype, shape, [value + 40.0 for value in values]]}))

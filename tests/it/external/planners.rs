@@ -88,6 +88,7 @@ fn only_the_culprit_fails() {
         ("shape", "plan 3", "`trajectory` has the shape [60] instead of [1, 5 to 80, 3]"),
         ("one-pose", "plan 3", "`trajectory` has 1 poses; it needs 5, the steps until the next plan, to 80"),
         ("nan", "plan 0", "x of pose 1 is NaN, expected metres"),
+        ("present", "plan 2", "`present`: x of pose 0 is NaN, expected metres"),
         ("far", "plan 4", "state 1 of the trajectory is reached at"),
         ("cut-and-hang", "plan 3", "no `planned` within 2 s; it was ended"),
     ] {

@@ -35,7 +35,9 @@ impl Planner for RemotePlanner {
             route.filter(|&lane| passed.insert(lane)).collect()
         });
         let steps = self.steps.min(self.future - seen.step());
-        let poses = self.episode.plan(&seen, steps, route).map_err(PlannerError::Failed)?;
-        Ok(Trajectory::through_centers(&poses, input.ego(), input.shape)?)
+        let ego = input.ego();
+        let motion = [ego.vx, ego.vy, ego.ax, ego.ay, ego.steering, ego.yaw_rate, ego.yaw_acceleration];
+        let planned = self.episode.plan(&seen, steps, route, motion).map_err(PlannerError::Failed)?;
+        Ok(Trajectory::through_centers_from(planned.present, &planned.poses, ego, input.shape)?)
     }
 }

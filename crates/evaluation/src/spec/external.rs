@@ -45,8 +45,8 @@ pub struct ExternalSpec {
     #[arg(long, value_name = "TIME", help_heading = HEADING)]
     #[serde(with = "super::text::option")]
     pub external_limit: Option<Time>,
-    /// Pass ids of scenarios and agents and world coordinates to external simulators; every table
-    /// marks them with §
+    /// Pass ids of scenarios and agents and world coordinates to external simulators, which every
+    /// table marks with §, and to external planners
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true",
           hide_possible_values = true, help_heading = HEADING)]
     pub reveal_ids: Option<bool>,
