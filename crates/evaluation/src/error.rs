@@ -25,8 +25,7 @@ fn mend(path: &Path) -> &'static str {
     }
 }
 
-/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`]
-/// instead.
+/// The reason why a run cannot start or finish. A problem with one scenario is a [`crate::row::Failure`] instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError {

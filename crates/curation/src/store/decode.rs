@@ -166,7 +166,7 @@ impl<'a> Rows<'a> {
         let (ade, speed) = (self.numbers("ade")?, self.numbers("mean_speed_difference")?);
         let mut reviews = self.reviews()?.into_iter();
         let mut certificates = certificates::decode(self.batch)?.into_iter();
-        let mut read = |row: usize| {
+        let mut read = |row: usize| -> Result<CandidateRecord, Cause> {
             Ok(CandidateRecord {
                 candidate: Candidate {
                     source: next(&mut sources)?,

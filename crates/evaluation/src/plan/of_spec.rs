@@ -49,8 +49,8 @@ impl RunSpec {
     ///
     /// # Errors
     /// [`EvaluationError`] as for [`Self::check_values`], and if a simulator is repeated, the AV and the
-    /// deviations do not fit together or to the protocol, the AV policy names a planner that is not given,
-    /// the file of deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
+    /// deviations do not fit together or to the protocol, the AV policy names a planner that is not given, the
+    /// file of deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
         let RunParts { sources, simulators, drivers, metrics, partition } = parts;
         refuse_repeated(&simulators)?;
@@ -121,8 +121,8 @@ pub(crate) fn with_driver(
     Ok(drivers)
 }
 
-/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which
-/// the run reports later. Known benchmarks are not read for it.
+/// Returns whether the first readable scenario has a deviated AV; `true` if no scenario is readable, which the
+/// run reports later. Known benchmarks are not read for it.
 pub fn are_deviated(sources: &[Source]) -> bool {
     if sources.first().is_some_and(|source| BenchmarkRecord::of(&source.file).is_some()) {
         return true;

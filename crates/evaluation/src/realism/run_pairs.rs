@@ -40,8 +40,8 @@ impl LogSource {
         if input.is_recording() { Self::Recording(input.path) } else { Self::Scenarios(input) }
     }
 
-    /// Returns whether a file is, by its name, one `Scenario` message without framing, which is of no format
-    /// that simulators read.
+    /// Returns whether a file is, by its name, one `Scenario` message without framing, which is of no format that
+    /// simulators read.
     pub fn is_message(path: &Path) -> bool {
         path.is_file() && path.to_string_lossy().contains(".binproto")
     }
