@@ -89,3 +89,44 @@ fn is_parked(start: &Start, agent: usize, route: &Route, parameters: &Parameters
     }
     route.offset.is_none_or(|(aside, angle)| aside > bounds.offset || angle > bounds.angle)
 }
+
+#[cfg(test)]
+mod tests {
+    use reactsim_geometry::Vec2;
+    use reactsim_scene::{Agent, Frame, LoggedAgent, Scenario, ScenarioParts};
+
+    use super::super::ParkedCriteria;
+    use super::*;
+
+    #[test]
+    fn vehicles_begin_a_new_route_every_eight_seconds() {
+        let at = |f: usize| Some(AgentState { x: f as f64, y: 2.0, heading: 0.0, vx: 10.0, vy: 0.0 });
+        let agent = Agent { id: "av".into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 };
+        let logged = LoggedAgent { agent, track: (0..91).map(at).collect(), heights: Vec::new() };
+        let parts = ScenarioParts { id: "av".into(), agents: vec![logged], ..Default::default() };
+        let scenario = Scenario::assemble(parts).unwrap();
+        let parameters = Parameters {
+            projection: true,
+            greedy: true,
+            goal_seconds: 3.0,
+            goal_nearest: 30.0,
+            goal_farthest: 60.0,
+            speed_limit: 13.4,
+            parked: ParkedCriteria { travel: 0.3, speed: 0.3, offset: 1.6, angle: 0.6 },
+        };
+        let mut vehicle = EpisodeMemory::begin(&scenario.start, &parameters).vehicles.remove(0);
+        let mut renewed = Vec::new();
+        for step in (0..400).step_by(5) {
+            let tracks: [Vec<Frame>; 1] = [(0..=10 + step).map(at).collect()];
+            vehicle.hidden.fill(1.0);
+            vehicle.renew(&Observation::new(&scenario.start, &tracks, &[], None), 5, &parameters);
+            if vehicle.hidden.iter().all(|h| *h == 0.0) {
+                renewed.push(step);
+                // Off the lanes the route leads straight ahead from where the vehicle is.
+                let ahead = vehicle.route.ahead(Vec2::new((10 + step) as f64, 2.0), 30.0);
+                assert!((ahead - Vec2::new((40 + step) as f64, 2.0)).norm() < 1e-9, "{ahead}");
+            }
+        }
+        assert_eq!(renewed, [80, 160, 240, 320]);
+    }
+}

@@ -1,12 +1,16 @@
 //! Rollouts of any number of steps.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use reactsim::geometry::{Vec2, direction};
+use reactsim::models::find;
 use reactsim::rollout::{
     Beginning, Controller, Episode, JointPlan, Memory, Observation, PlanError, Rollout, Simulator,
 };
-use reactsim::scene::{AgentState, DT, Frame, HISTORY, Length, LightState, LoggedAgent, Scenario};
+use reactsim::scene::{AgentState, DT, Frame, HISTORY, Length, LightState, LoggedAgent, MapParts, Scenario};
 
 use super::{every_baseline, roll, settings};
-use crate::scenes::{bits, mini};
+use crate::scenes::{bits, car, lane, mini, scene};
 
 /// Steps of the long rollouts.
 const STEPS: usize = 200;
@@ -156,5 +160,32 @@ fn no_plan_depends_on_more_than_the_last_nine_seconds() {
         let found = coasting(&long, &Controller::Fair(Box::new(OtherPast(inner))), 5);
         let same = bits(&found.tracks) == bits(&wanted.tracks) && found.outcomes == wanted.outcomes;
         assert!(same, "{}: an old frame changes a plan", model.id);
+    }
+}
+
+/// Paths are planned for 8 s, in which this car drives less than half of its round.
+#[test]
+fn drivers_of_idm_stay_on_their_road() {
+    const RADIUS: f64 = 60.0;
+    let half = |from: f64| (0..=90).map(|k| direction(from + PI * f64::from(k) / 90.0) * RADIUS).collect();
+    let mut lanes = [lane("first", half(0.0), Some(12.0)), lane("second", half(PI), Some(12.0))];
+    for (lane, next) in lanes.iter_mut().zip(["second", "first"]) {
+        lane.successors = vec![next.to_owned()];
+        lane.predecessors = vec![next.to_owned()];
+    }
+    let agents = vec![car("av", 0.0, 0.0, 0.0, 0.0), car("one", RADIUS, 0.0, FRAC_PI_2, 10.0)];
+    let ring = scene("ring", agents, MapParts { lanes: lanes.into(), ..MapParts::default() });
+    let ring = lengthened(&ring, 600);
+    for id in ["idm", "idm@styles"] {
+        let controller = find(id).unwrap().simulator().unwrap();
+        for replan in [1, 5, 7, 80] {
+            let rollout = coasting(&ring, &controller, replan);
+            let driven: Vec<Vec2> =
+                rollout.tracks[1][HISTORY..].iter().map(|state| state.unwrap().position()).collect();
+            let off = driven.iter().map(|p| (p.norm() - RADIUS).abs()).fold(0.0, f64::max);
+            let length: f64 = driven.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
+            assert!(off < 1.5, "{id} every {replan}: {off} m off the road");
+            assert!(length > 400.0, "{id} every {replan}: {length} m in a minute");
+        }
     }
 }
