@@ -109,7 +109,7 @@ mod tests {
         let logged: Vec<Vec<Frame>> = (0..2).map(|slot| scenario.logged(slot)).collect();
         let whole = |slot: usize, track: &[Frame]| *start.heights_along(slot, track).last().unwrap();
         let mut heights = RoadHeights::default();
-        for frame in (current..current + 60).step_by(3) {
+        for frame in (current..current + 42).step_by(3) {
             let mut tracks: Vec<Vec<Frame>> = logged.iter().map(|track| track[..=frame].to_vec()).collect();
             if let Some(absent) = tracks[1].get_mut(19) {
                 *absent = None;
