@@ -57,6 +57,7 @@ OF_RUN = [
     *("--external-start-limit=9s", "--external-first-limit=9s", "--external-limit=9s"),
     *("--allow=jumps", "--pose=centre", "--metric-option=a=b", "--backend=flex", "--batch=2"),
     *("--model-weights=a=b", "--set=a=b", "--smooth=qp", "--av-lookahead=0", "--check-batch=1"),
+    "--entering=log",
 ]
 
 

@@ -28,6 +28,7 @@ mod idm;
 mod import;
 mod leaderboard;
 mod levels;
+mod long_logs;
 mod long_tables;
 mod metric_constants;
 mod mini_scenarios;

@@ -1,0 +1,78 @@
+//! Logs of more than 8 s with agents that enter, from the file to the page.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::program::{json_of, lines_of, refused, said, text};
+
+/// Files of a run that repeat.
+const REPEATED: [&str; 4] = ["provenance.json", "rows.jsonl", "summary.json", "rollouts.parquet"];
+
+#[test]
+fn a_run_with_agents_that_enter_can_be_repeated_merged_and_verified() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (logs, first) = (path("logs.parquet"), path("first"));
+    said(&["generate", "--preset=train", "--count=2", "--future=12s", "--out", text(&logs)], 0);
+    let options = ["--models=log-replay,idm,constant-velocity", "--av=brake:2", "--entering=log"];
+    let run = |more: &[&str]| said(&[&["run", text(&logs)], &options[..], more].concat(), 0);
+    run(&["--keep-rollouts", "--out", text(&first)]);
+    let settings = &json_of(&first.join("provenance.json"))["settings"];
+    assert_eq!(settings["entering"], "log");
+    assert!(fs::read_to_string(first.join("spec.toml")).unwrap().contains("entering = \"log\""));
+
+    let rows: Vec<Value> = lines_of(&first.join("rows.jsonl"));
+    let entered = |row: &Value| row["outcomes"]["agents-entered"].as_u64().unwrap_or(0);
+    assert!(rows.iter().map(entered).sum::<u64>() > 0, "no agent enters");
+    // What enters is the same under every simulator, but for places that are taken.
+    assert!(rows.iter().all(|row| row["length"]["steps"] == 120));
+
+    // The specification of the folder, partitions, another number of threads.
+    let again = path("again");
+    said(&["run", text(&first.join("spec.toml")), "--out", text(&again), "--jobs=1"], 0);
+    let parts = ["1/2", "2/2"].map(|part| {
+        let folder = path(&part.replace('/', "-"));
+        run(&["--keep-rollouts", "--partition", part, "--out", text(&folder)]);
+        text(&folder).to_owned()
+    });
+    let merged = path("merged");
+    said(&["merge", &parts[0], &parts[1], "--out", text(&merged)], 0);
+    for (folder, name) in REPEATED.iter().flat_map(|name| [(&again, name), (&merged, name)]) {
+        let same = fs::read(folder.join(name)).unwrap() == fs::read(first.join(name)).unwrap();
+        assert!(same, "{}: {name}", folder.display());
+    }
+
+    // Kept rollouts reproduce the rows, which a reference states.
+    let reference = path("reference");
+    let make = ["reference", "make", text(&first), "--name=long", "--command=run", "--out", text(&reference)];
+    said(&make, 0);
+    said(&["verify", text(&reference), "--scenarios", text(&logs)], 0);
+
+    let page = path("page.html");
+    said(&["report", text(&first), "--format=html", "--out", text(&page)], 0);
+    let off = path("off");
+    said(&["run", text(&logs), options[0], options[1], "--out", text(&off)], 0);
+    let refusal = refused(&["compare", text(&first), text(&off)]);
+    assert!(refusal.contains("entering"), "{refusal}");
+}
+
+#[test]
+fn planners_on_logs_meet_agents_that_enter() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let logs = path("logs.parquet");
+    said(&["generate", "--preset=train", "--count=1", "--seed=5", "--future=10s", "--out", text(&logs)], 0);
+    let rows = |name: &str, more: &[&str]| {
+        let out = path(name);
+        said(&[&["run", text(&logs), "--models=idm", "--out", text(&out)], more].concat(), 0);
+        lines_of(&out.join("rows.jsonl"))
+    };
+    let on = rows("on", &["--av=planner:idm"]);
+    assert!(on[0]["outcomes"]["agents-entered"].as_u64() > Some(0), "{}", on[0]);
+    for (name, more) in
+        [("off", ["--av=planner:idm", "--entering=off"]), ("script", ["--av=brake:2", "--replan=2hz"])]
+    {
+        assert!(rows(name, &more)[0]["outcomes"].get("agents-entered").is_none(), "{name}");
+    }
+}
