@@ -61,7 +61,8 @@ impl Traffic {
             (0..self.states.len()).filter(is_gone).for_each(|slot| vehicles.remove(self.ids.agent(slot)));
         }
         let states = kept.iter().map(|slot| self.states[(*slot)?]).collect();
-        let entered = (0..kept.len()).filter(|slot| kept[*slot].is_none()).collect();
+        let is_new = |slot: &usize| kept[*slot].is_none_or(|before| self.entered.contains(&before));
+        let entered = (0..kept.len()).filter(is_new).collect();
         Self { ids: ObjectIds::new(start), states, entered, ..self }
     }
 

@@ -13,7 +13,7 @@ use crate::metrics::{Event, Options};
 use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map};
 use crate::planning::metrics::SampleJudge;
 use crate::planning::{EgoShape, PlanningMap};
-use crate::rollout::{AvError, AvPolicy, Lockstep, Observation, Rollout, RolloutBeginning};
+use crate::rollout::{AvError, AvPolicy, Entering, Lockstep, Observation, Rollout, RolloutBeginning};
 use crate::scene::{AgentState, FUTURE, Frame, Scenario};
 
 /// Slot of the AV among the agents.
@@ -350,7 +350,12 @@ impl Environment {
         let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.traffic.id);
         let mut tracks = self.lockstep.tracks(slot).to_vec();
         tracks.iter_mut().for_each(|track| track.resize(scenario.length().frames(), None));
-        let rollout = Rollout { tracks, entered: Vec::new(), outcomes: self.lockstep.outcomes(slot).clone() };
+        let rollout = Rollout {
+            tracks,
+            entering: Entering::Off,
+            entered: Vec::new(),
+            outcomes: self.lockstep.outcomes(slot).clone(),
+        };
         Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, true))
     }
 

@@ -13,8 +13,8 @@ use crate::evaluation::{Plan, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::EgoShape;
 use crate::rollout::{
-    Av, AvError, AvPolicy, Beginning, Controller, Episode, JointPlan, Lockstep, Memory, Observation,
-    PlanError, Protocol, Replan, Rollout, RolloutBeginning, Settings, Simulator,
+    Av, AvError, AvPolicy, Beginning, Controller, Entering, Episode, JointPlan, Lockstep, Memory,
+    Observation, PlanError, Protocol, Replan, Rollout, RolloutBeginning, Settings, Simulator,
 };
 use crate::scene::{AgentKind, AgentState, Frame, Scenario};
 
@@ -329,7 +329,12 @@ impl World {
         let (options, episode) = (self.options?, self.episode.as_ref()?);
         let (_, deviation) = self.plan.av(&episode.scenario).ok()?;
         let tracks = episode.lockstep.tracks(0).to_vec();
-        let rollout = Rollout { tracks, entered: Vec::new(), outcomes: episode.lockstep.outcomes(0).clone() };
+        let rollout = Rollout {
+            tracks,
+            entering: Entering::Off,
+            entered: Vec::new(),
+            outcomes: episode.lockstep.outcomes(0).clone(),
+        };
         Some(judge_in_memory(&episode.scenario, &self.id, rollout, &deviation, options, false))
     }
 }

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use reactsim_metrics::{Case, DeviationStats, Event, MetricSpec, Metrics, Options, Scope, Score, metric};
-use reactsim_rollout::Rollout;
+use reactsim_rollout::{Entering, Rollout};
 use reactsim_scene::{Certificate, Scenario};
 
 use crate::judge::av_scores::{JudgedAv, judge_av};
@@ -105,10 +105,13 @@ pub(super) fn judge(
     PairScores { rollouts: results, over_all, not_finite }
 }
 
-/// Returns the scenario with the agents that entered a rollout.
+/// Returns the scenario as it was in a rollout, with the agents that entered.
 fn rolled_out<'s>(scenario: &'s Scenario, rollout: &Rollout) -> Cow<'s, Scenario> {
+    if rollout.entering == Entering::Off {
+        return Cow::Borrowed(scenario);
+    }
     let entered: Vec<usize> = rollout.entered.iter().map(|agent| agent.logged).collect();
-    if entered.is_empty() { Cow::Borrowed(scenario) } else { Cow::Owned(scenario.with_entered(&entered)) }
+    Cow::Owned(scenario.with_entered(&entered))
 }
 
 /// Converts a score for files, which cannot represent numbers that are not finite: `None` for metrics of the

@@ -54,7 +54,7 @@ pub use deviation::pose::{AxleDistance, ParsePoseError, Pose};
 pub use driver::Driver;
 pub use error::{AV_CHOICES, EvaluationError, ForeignRollout};
 pub use folder::finished_run::FinishedRun;
-pub use folder::rollouts::recorded_tracks;
+pub use folder::rollouts::{entered_in, recorded_tracks};
 pub use folder::{RunFolder, read_provenance, read_rows, read_summary, read_tally};
 pub use judge::av_scores::ROUTE_ENDS;
 pub use layout::{

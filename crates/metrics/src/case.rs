@@ -85,7 +85,8 @@ impl<'a> Case<'a> {
     }
 
     /// Creates the case of one rollout of a scenario, with its time axis, log and lights. `tracks`: the
-    /// frames of each agent, in the order of the scenario, borrowed or owned.
+    /// frames of each agent, in the order of the scenario, borrowed or owned. Agents that are absent at the current
+    /// frame entered later ([`Scenario::with_entered`]): they are judged from their first step on.
     pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
         scenario: &'a Scenario,
         tracks: impl IntoIterator<Item = T>,
@@ -98,7 +99,13 @@ impl<'a> Case<'a> {
         let log = log.map(|(history, future)| LoggedTrack { history, future, recorded_history: None });
         let lights = ObservedLight::all(scenario);
         let length = scenario.length();
-        let case = Self::with_current(start.road(), objects, 0, length.current(), length.frames(), options);
+        let current = length.current();
+        let mut case = Self::with_current(start.road(), objects, 0, current, length.frames(), options);
+        for (i, object) in
+            case.objects.iter().enumerate().filter(|(i, _)| start.history[*i][current].is_none())
+        {
+            case.motion.enter(i, object, &case.options);
+        }
         case.with_log(log.collect()).with_lights(lights).with_heights(start)
     }
 
@@ -187,6 +194,11 @@ impl<'a> Case<'a> {
     /// Returns positions, boxes and velocities of all objects.
     pub fn motion(&self) -> &Motion {
         &self.motion
+    }
+
+    /// Returns the first frame from the current one on at which an object is present.
+    pub(super) fn first_frame(&self, object: usize) -> Option<usize> {
+        (self.current..self.frames()).find(|&f| self.motion.valid(object, f))
     }
 
     /// Returns the number of frames.

@@ -58,6 +58,14 @@ impl Motion {
         m
     }
 
+    /// Lets an object that is absent at the current frame take part from its first frame on.
+    pub(super) fn enter(&mut self, index: usize, object: &Object<'_>, options: &Options) {
+        self.present[index] = object.agent.has_extent();
+        if self.present[index] {
+            self.fill(index * self.frames, object, options);
+        }
+    }
+
     fn fill(&mut self, base: usize, object: &Object<'_>, options: &Options) {
         let states = object.track.iter().take(self.frames);
         for (f, state) in states.enumerate().filter_map(|(f, s)| Some((f, s.filter(|s| s.is_finite())?))) {

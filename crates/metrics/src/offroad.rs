@@ -37,7 +37,8 @@ pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
 fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {
     let mut steps = OffRoadSteps::default();
     let mut near = [None; 4];
-    if is_on_road(case, agent, case.current, &mut near) != Some(true) {
+    let first = case.first_frame(agent);
+    if first.and_then(|first| is_on_road(case, agent, first, &mut near)) != Some(true) {
         return steps;
     }
     let mut open: Option<(usize, usize)> = None;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use reactsim_scene::{Frame, Scenario};
 
-use super::entering::Entered;
+use super::entering::{Entered, Entering};
 use super::episode::{Beginning, Continuation, Controller, Episode, Memory, PlanError};
 use super::running::ScenarioRollout;
 use super::{Av, AvError, AvPolicy, Observation, Protocol, Settings};
@@ -31,6 +31,8 @@ pub struct Rollout {
     /// speed and drive another. A replayed recording (an oracle, or the logged AV) keeps its recorded
     /// velocities where they are finite. The first state after a gap keeps its stated velocity.
     pub tracks: Vec<Vec<Frame>>,
+    /// Whether agents could enter.
+    pub entering: Entering,
     /// Agents that entered after the beginning, in the order of their tracks.
     pub entered: Vec<Entered>,
     /// Counts of how parts of the plans ended, by outcome.

@@ -84,7 +84,7 @@ pub(crate) struct Coming {
 pub(crate) struct Changes {
     /// Number of agents that had entered or left.
     events: usize,
-    /// Indices of the objects of the static context.
+    /// Numbers of the objects of the static context.
     obstacles: Vec<usize>,
     /// Number of times that anything had changed.
     pub(crate) count: usize,
@@ -93,7 +93,7 @@ pub(crate) struct Changes {
 impl Changes {
     /// Returns whether agents or objects of the static context came or went since the last call, and counts it.
     pub(crate) fn has_changed(&mut self, events: usize, scenario: &Scenario, frame: usize) -> bool {
-        let obstacles: Vec<usize> = obstacles(scenario, frame).map(|(index, ..)| index).collect();
+        let obstacles: Vec<usize> = scenario.context_at(frame).map(|(number, ..)| number).collect();
         let has_changed = events != self.events || obstacles != self.obstacles;
         (self.events, self.obstacles) = (events, obstacles);
         self.count += usize::from(has_changed);
@@ -121,15 +121,15 @@ impl Coming {
         waiting.sort_by_key(|agent| agent.first);
         let agents = scenario.start.agents.len();
         let lost = (0..agents).map(|slot| lost(scenario, |frame| scenario.logged_at(slot, frame))).collect();
-        let obstacles = obstacles(scenario, current).map(|(index, ..)| index).collect();
+        let obstacles = scenario.context_at(current).map(|(number, ..)| number).collect();
         let none = Changes { events: 0, obstacles, count: 0 };
         let left = vec![false; agents];
         Self { waiting, entered: Vec::new(), lost, left, events: 0, simulator: none.clone(), av: none }
     }
 
-    /// Returns the number of agents that still wait for their place, although the log has shown them.
-    pub(crate) fn kept_out(&self) -> usize {
-        self.waiting.len()
+    /// Returns the number of agents that still wait for their place, although the log has shown them up to a frame.
+    pub(crate) fn kept_out(&self, frame: usize) -> usize {
+        self.waiting.iter().filter(|agent| agent.first <= frame).count()
     }
 
     /// Lets agents enter at the latest realised frame, those nearest to the AV first, and adds their tracks.
@@ -220,18 +220,6 @@ fn lost(scenario: &Scenario, logged: impl Fn(usize) -> Frame) -> Option<(usize, 
     let (av, state) = (scenario.logged_at(0, last)?, logged(last)?);
     let distance = (state.position() - av.position()).norm();
     (last + 1 < length.frames() && distance >= OBSERVED_DISTANCE).then_some((last, distance))
-}
-
-/// Returns the objects of the static context at a frame of the log, with their index in
-/// [`Scenario::unselected`].
-pub(crate) fn obstacles(
-    scenario: &Scenario,
-    frame: usize,
-) -> impl Iterator<Item = (usize, &LoggedAgent, AgentState)> {
-    let others = scenario.unselected.iter().enumerate();
-    others
-        .filter(|(_, logged)| logged.agent.kind == AgentKind::Other && logged.agent.has_extent())
-        .filter_map(move |(i, logged)| Some((i, logged, logged.track.get(frame).copied().flatten()?)))
 }
 
 #[cfg(test)]

@@ -10,12 +10,9 @@ use reactsim_scene::{AgentState, DT, Frame, LightState, Scenario};
 use super::engine::{ENTERED, ENTERED_LATE, KEPT_OUT, Rollout, RolloutBeginning, RolloutError};
 use super::entering::{Coming, Entering};
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
+use super::stream::after_changes;
 use super::view::View;
 use super::{AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
-
-/// Number of the ChaCha stream, under the key of the stream of the beginning, from which simulators draw when
-/// agents enter or leave for the first time. Each further time has the next number.
-const FIRST_CHANGE_STREAM: u64 = 1 << 32;
 
 /// State of one scenario of a batch during the rollout.
 pub(crate) struct ScenarioRollout<'a, S> {
@@ -149,15 +146,11 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
 
     /// Returns the beginning of the simulator's episode, from the present start on.
     pub(crate) fn beginning(&self, simulator: &dyn Simulator, settings: &Settings) -> Beginning<'_> {
-        let mut stream = stream(settings.seed, &self.scenario.id, self.rollout, Purpose::Begin);
-        // Agents that enter get other draws than those that are there.
+        let stream = stream(settings.seed, &self.scenario.id, self.rollout, Purpose::Begin);
         let changes = self.coming.as_ref().map_or(0, |coming| coming.simulator.count);
-        if changes > 0 {
-            stream.set_stream(FIRST_CHANGE_STREAM + changes as u64);
-        }
         Beginning {
             start: self.view.as_ref().map_or(&self.scenario.start, View::start),
-            stream,
+            stream: after_changes(stream, changes),
             moves_av: settings.protocol == Protocol::Realism,
             steps: settings.replan.steps(),
             future: self.scenario.length().future,
@@ -275,7 +268,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         match (index, &self.coming) {
             (_, Some(coming)) if coming.has_left(agent) => None,
             (Some(index), _) => self.plan.get(index, step),
-            (None, Some(coming)) if agent >= of_beginning => {
+            // A simulator that has no state for an agent has removed it.
+            (None, Some(coming)) if agent >= of_beginning && self.is_unplanned(coming, agent) => {
                 let next = coming.logged(&self.scenario, agent - of_beginning, self.tracks[0].len() - 1);
                 // Oracles replay gaps as well.
                 let on = || self.tracks[agent].last().copied().flatten().map(coasted);
@@ -285,21 +279,32 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         }
     }
 
+    /// Returns whether an agent entered after the simulator's view was made, or an oracle replays its log.
+    fn is_unplanned(&self, coming: &Coming, agent: usize) -> bool {
+        let start = &self.scenario.start;
+        let made = self.view.as_ref().map_or(0, View::first_step) + start.current();
+        self.replayed || coming.entered[agent - start.agents.len()].frame > made
+    }
+
     /// Returns the realised states, or the reason why the rollout failed.
     pub(crate) fn finish(mut self) -> Result<Rollout, RolloutError> {
         if let Some(error) = self.failed {
             return Err(error);
         }
-        let mut entered = Vec::new();
+        let (mut entered, is_on) = (Vec::new(), self.coming.is_some());
         if let Some(coming) = self.coming {
             let late = coming.entered.iter().filter(|agent| agent.waited > 0).count();
-            let counts =
-                [(ENTERED, coming.entered.len()), (ENTERED_LATE, late), (KEPT_OUT, coming.kept_out())];
+            let counts = [
+                (ENTERED, coming.entered.len()),
+                (ENTERED_LATE, late),
+                (KEPT_OUT, coming.kept_out(self.tracks[0].len() - 1)),
+            ];
             let counts = counts.into_iter().filter(|(_, count)| *count > 0);
             self.outcomes.extend(counts.map(|(outcome, count)| (outcome, count as u64)));
             entered = coming.entered;
         }
-        Ok(Rollout { tracks: self.tracks, entered, outcomes: self.outcomes })
+        let entering = if is_on { Entering::Log } else { Entering::Off };
+        Ok(Rollout { tracks: self.tracks, entering, entered, outcomes: self.outcomes })
     }
 
     fn agent_id(&self, slot: usize) -> String {

@@ -40,6 +40,19 @@ pub fn stream(seed: u64, scenario: &str, rollout: u32, purpose: Purpose) -> Stre
     ChaCha8Rng::from_seed(*blake3::hash(&name).as_bytes())
 }
 
+/// Number of the ChaCha stream, under the key of the stream of the beginning, from which simulators draw when
+/// agents enter or leave for the first time. Each further time has the next number.
+const FIRST_CHANGE_STREAM: u64 = 1 << 32;
+
+/// Returns the stream of a beginning after agents entered or left this many times: agents that enter get other
+/// draws than those that are there.
+pub(crate) fn after_changes(mut stream: Stream, changes: usize) -> Stream {
+    if changes > 0 {
+        stream.set_stream(FIRST_CHANGE_STREAM + changes as u64);
+    }
+    stream
+}
+
 #[cfg(test)]
 mod tests {
     use rand_chacha::rand_core::Rng;

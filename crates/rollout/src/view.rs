@@ -7,7 +7,7 @@ use reactsim_scene::levels::LatestHeights;
 use reactsim_scene::{AgentState, Frame, LightState, Scenario, Start};
 
 use super::Observation;
-use super::entering::{Coming, obstacles};
+use super::entering::Coming;
 
 /// The realised states as an observation of their own: the agents that are present, over the last frames.
 pub(crate) struct View {
@@ -53,6 +53,7 @@ impl View {
             agents,
             history: tracks_now.clone(),
             obstacles: scenario.start.obstacles.clone(),
+            obstacle_numbers: scenario.start.obstacle_numbers.clone(),
             map: scenario.start.map.clone(),
             heights: if has_levels { slots.iter().map(heights).collect() } else { Vec::new() },
             obstacle_heights: scenario.start.obstacle_heights.clone(),
@@ -60,15 +61,7 @@ impl View {
             light_history: light_history.clone(),
         };
         if coming.is_some() && now > current {
-            (start.obstacles, start.obstacle_heights) = obstacles(scenario, now)
-                .map(|(_, logged, state)| {
-                    let height = logged.heights.get(now).copied().flatten();
-                    (state.footprint(&logged.agent), height)
-                })
-                .unzip();
-            if !has_levels {
-                start.obstacle_heights.clear();
-            }
+            start.set_context(scenario, now);
         }
         Self {
             start,
@@ -100,6 +93,11 @@ impl View {
     pub(crate) fn seen(&self, av_next: Option<AgentState>) -> Observation<'_> {
         let seen = Observation::new(&self.start, &self.tracks, &self.lights, av_next);
         seen.continued(self.first_step, self.changes).with_heights(&self.heights)
+    }
+
+    /// Returns the number of steps that were realised when the view was made.
+    pub(crate) fn first_step(&self) -> usize {
+        self.first_step
     }
 
     /// Returns the slot in the rollout of each agent.

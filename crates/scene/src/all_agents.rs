@@ -2,8 +2,10 @@
 
 use std::sync::OnceLock;
 
+use reactsim_geometry::OrientedBox;
+
 use super::assemble::WITHOUT_EXTENT;
-use super::{LoggedAgent, Scenario};
+use super::{AgentKind, AgentState, LoggedAgent, Scenario, Start};
 
 impl Scenario {
     /// Selects all agents that are present at the current frame, of all kinds, sizes and any number, as the
@@ -39,12 +41,29 @@ impl Scenario {
         Self { unselected: rest, notes: OnceLock::new(), ..self }
     }
 
-    /// Returns the scenario as it is after agents of [`Self::unselected`] entered its rollout, for judging and
+    /// Returns the scenario as it is in a rollout that agents of [`Self::unselected`] enter, for judging and
     /// drawing: they follow the agents of the beginning in this order, and are absent at the current frame, where
-    /// [`Start::now`](super::Start::now) has no state of them.
+    /// [`Start::now`] has no state of them. Of the other agents it has the static context, which
+    /// is that of each frame.
     pub fn with_entered(&self, entered: &[usize]) -> Self {
         let length = self.length();
-        let mut scenario = Self { notes: OnceLock::from(self.notes().clone()), ..self.clone() };
+        let is_context = |logged: &&LoggedAgent| logged.agent.kind == AgentKind::Other;
+        let mut scenario = Self {
+            id: self.id.clone(),
+            source: self.source.clone(),
+            origin: self.origin,
+            timestamps: self.timestamps.clone(),
+            tracks_to_predict: self.tracks_to_predict.clone(),
+            objects_of_interest: self.objects_of_interest.clone(),
+            start: self.start.clone(),
+            log_future: self.log_future.clone(),
+            unselected: self.unselected.iter().filter(is_context).cloned().collect(),
+            context_changes: true,
+            deviation: self.deviation.clone(),
+            repairs: self.repairs.clone(),
+            // The notes are about the agents of the beginning.
+            notes: OnceLock::from(self.notes().clone()),
+        };
         let has_levels = self.start.has_levels();
         for LoggedAgent { agent, track, heights } in entered.iter().map(|logged| &self.unselected[*logged]) {
             let (history, future) = track.split_at(length.history);
@@ -63,5 +82,43 @@ impl Scenario {
             }
         }
         scenario
+    }
+
+    /// Returns the boxes of the static context at a frame: those of the start, or of the frame if it changes.
+    pub fn obstacles_at(&self, frame: usize) -> Vec<OrientedBox> {
+        if !self.context_changes {
+            return self.start.obstacles.clone();
+        }
+        self.context_at(frame).map(|(_, logged, state)| state.footprint(&logged.agent)).collect()
+    }
+
+    /// Returns the static context at a frame of the log: objects of kind `other` with an extent that are present.
+    /// Each has a number, which for those of the current frame is their place among the obstacles of the start.
+    pub fn context_at(&self, frame: usize) -> impl Iterator<Item = (usize, &LoggedAgent, AgentState)> {
+        let (current, mut now, mut others) = (self.start.current(), 0.., self.start.obstacles.len()..);
+        let context = self.unselected.iter();
+        let context = context.filter(|a| a.agent.kind == AgentKind::Other && a.agent.has_extent());
+        context.filter_map(move |logged| {
+            let is_now = logged.track[current].is_some();
+            let number = if is_now { now.next() } else { others.next() }?;
+            Some((number, logged, logged.track.get(frame).copied().flatten()?))
+        })
+    }
+}
+
+impl Start {
+    /// Replaces the obstacles by the static context at a frame of the log.
+    pub fn set_context(&mut self, scenario: &Scenario, frame: usize) {
+        let has_levels = self.has_levels();
+        self.obstacles.clear();
+        self.obstacle_numbers.clear();
+        self.obstacle_heights.clear();
+        for (number, logged, state) in scenario.context_at(frame) {
+            self.obstacles.push(state.footprint(&logged.agent));
+            self.obstacle_numbers.push(number);
+            if has_levels {
+                self.obstacle_heights.push(logged.heights.get(frame).copied().flatten());
+            }
+        }
     }
 }

@@ -77,6 +77,8 @@ pub struct Scenario {
     /// Recorded agents other than the AV and the selected world agents: absent now, too far away, or of kind
     /// `other`.
     pub unselected: Vec<LoggedAgent>,
+    /// Whether the static context is that of each frame of the log, not that of the current frame.
+    pub context_changes: bool,
     /// A deviated AV that came with the scenario.
     pub deviation: Option<DeviatedTrack>,
     /// Number of items that had to be dropped from the file's data, by description.
@@ -94,6 +96,8 @@ pub struct Start {
     pub history: Vec<Vec<Frame>>,
     /// Boxes of the static context (kind `other`, present now).
     pub obstacles: Vec<OrientedBox>,
+    /// Number of each obstacle, which it keeps when others come or go; empty if each has that of its place.
+    pub obstacle_numbers: Vec<usize>,
     /// The road map.
     pub map: SharedMap,
     /// Height of each agent at each frame, metres, if known; empty if the scenario has one level.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::bail;
 
-use super::recorded::{marks, rollout};
+use super::recorded::{marks, rollout, with_entered};
 use super::{InspectArgs, live, write_result};
 use crate::evaluation::PlannedSimulator;
 use crate::report::animation::{Animation, Panel};
@@ -33,6 +33,11 @@ pub(super) fn draw(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<()
     if let Some(step) = args.steps.iter().find(|step| usize::from(**step) > last) {
         bail!("--steps {step}: `{}` has {last} steps after the current frame", scenario.id);
     }
+    let entered = match &args.rollout {
+        Some(run) => with_entered(run, &args.simulator, args.index, scenario)?,
+        None => None,
+    };
+    let scenario = entered.as_ref().unwrap_or(scenario);
     let mut rollouts = match &args.rollout {
         Some(run) => {
             args.simulator.iter().map(|id| recorded(args, run, id, scenario)).collect::<Result<_, _>>()?

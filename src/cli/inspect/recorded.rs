@@ -1,5 +1,6 @@
 //! Rollouts and events of one scenario, from a run folder.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -7,10 +8,32 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use serde_json::Value;
 
-use crate::evaluation::{EVENTS, ROLLOUTS, recorded_tracks};
+use crate::evaluation::{EVENTS, ROLLOUTS, entered_in, read_provenance, recorded_tracks};
 use crate::formats;
 use crate::report::birdseye::{Mark, MarkKind};
 use crate::scene::{Frame, Scenario};
+
+/// Returns the scenario with the agents that entered rollouts of a run; `None` if none could.
+pub(super) fn with_entered(
+    run: &Path,
+    simulators: &[String],
+    index: u32,
+    scenario: &Scenario,
+) -> anyhow::Result<Option<Scenario>> {
+    let path = run.join(ROLLOUTS);
+    if !path.exists() || read_provenance(run)?.settings.entering.is_none() {
+        return Ok(None);
+    }
+    let mut entered = BTreeSet::new();
+    for record in formats::rollouts::read(&path)? {
+        let record = record?;
+        let is_drawn = simulators.contains(&record.simulator) && record.rollout == index;
+        if record.scenario_id == scenario.id && is_drawn {
+            entered.extend(entered_in(scenario, &record));
+        }
+    }
+    Ok(Some(scenario.with_entered(&entered.into_iter().collect::<Vec<_>>())))
+}
 
 /// Reads the realised tracks of a rollout in a run folder.
 pub(super) fn rollout(

@@ -43,7 +43,7 @@ fn agents<'s>(scenario: &'s Scenario, rollout: &'s Rollout) -> impl Iterator<Ite
 
 /// Returns the indices in [`Scenario::unselected`] of the agents of a recorded rollout that entered it: agents of
 /// the record that are absent at the current frame.
-pub(crate) fn entered_in(scenario: &Scenario, record: &RolloutRecord) -> Vec<usize> {
+pub fn entered_in(scenario: &Scenario, record: &RolloutRecord) -> Vec<usize> {
     let current = scenario.start.current();
     let is_later =
         |logged: &LoggedAgent| logged.track[current].is_none() && logged.agent.kind != AgentKind::Other;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Metrics, Options};
-use reactsim_rollout::{Entered, Rollout};
+use reactsim_rollout::{Entered, Entering, Rollout};
 use reactsim_scene::{Frame, Scenario};
 
 use crate::deviation::labels::DeviationLabels;
@@ -157,7 +157,8 @@ pub(crate) fn rollouts_of(
             Entered { logged, frame: frame.unwrap_or(track.len()), waited: 0 }
         };
         let later = entered.into_iter().zip(&tracks[scenario.start.agents.len()..]);
-        Ok(Rollout { entered: later.map(first).collect(), tracks, outcomes: BTreeMap::new() })
+        let entering = if enters { Entering::Log } else { Entering::Off };
+        Ok(Rollout { entering, entered: later.map(first).collect(), tracks, outcomes: BTreeMap::new() })
     });
     rollouts.collect()
 }

@@ -12,7 +12,8 @@ use crate::{ObjectId, ObjectKind, TrackedObject};
 use super::AV;
 
 /// Returns the objects at each frame from the current one on: the agents that are present, without the AV,
-/// and the obstacles, which stay where they are at the current frame. `tracks`: the frames of each agent.
+/// and the obstacles, which stay where they are at the current frame unless the context of the scenario
+/// changes. `tracks`: the frames of each agent.
 ///
 /// Agents without a box, and objects on another level than the AV, are left out. An unknown velocity is the
 /// displacement since the previous frame divided by the time step, else that to the next frame, else 0;
@@ -27,9 +28,15 @@ pub fn rollout_objects(
     let (current, samples) = (start.current(), scenario.length().future + 1);
     let heights = heights_per_sample(start, tracks, samples);
     let at = |k: usize| {
+        let changed = scenario.context_changes.then(|| {
+            let mut start = start.clone();
+            start.set_context(scenario, current + k);
+            (ObjectIds::new(&start), start)
+        });
+        let (ids, start) = changed.as_ref().map_or((&ids, start), |(ids, start)| (ids, start));
         let frame = ObjectFrame {
             start,
-            ids: &ids,
+            ids,
             tracks,
             frame: current + k,
             heights: heights.get(k).map_or(&[], Vec::as_slice),
@@ -53,7 +60,8 @@ pub struct ObjectIds {
 impl ObjectIds {
     /// Creates the ids of the agents and obstacles of a scenario.
     pub fn new(start: &Start) -> Self {
-        let obstacle = |i: usize| ObjectId::from(format!("obstacle:{i}"));
+        let number = |i: usize| start.obstacle_numbers.get(i).copied().unwrap_or(i);
+        let obstacle = |i: usize| ObjectId::from(format!("obstacle:{}", number(i)));
         Self {
             agents: start.agents.iter().map(|agent| ObjectId::from(agent.id.as_str())).collect(),
             obstacles: (0..start.obstacles.len()).map(obstacle).collect(),

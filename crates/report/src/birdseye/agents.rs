@@ -18,8 +18,8 @@ const GHOST_DISTANCE: f64 = 0.5;
 pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
     let last = steps[steps.len() - 1];
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
-    for obstacle in &scene.scenario.start.obstacles {
-        body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
+    for obstacle in scene.scenario.obstacles_at(scene.current + last) {
+        body(canvas, &obstacle, palette::of(AgentKind::Other), 1.0);
     }
     // The AV is drawn last, on top; what is on a higher level covers it.
     let mut order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();

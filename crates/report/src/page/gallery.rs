@@ -168,12 +168,13 @@ impl Gallery {
             }
         }
         let Some(mut scenario) = scenario else { return Ok(None) };
-        let mut entered = BTreeSet::new();
+        let (mut entered, mut enters) = (BTreeSet::new(), false);
         for subject in &self.subjects {
             let finished = &self.runs[subject.run].finished;
+            enters |= finished.summary().provenance.run.settings.entering.is_some();
             entered.extend(finished.entered(&scenario, subject.simulator, 0)?);
         }
-        if !entered.is_empty() {
+        if enters {
             scenario = scenario.with_entered(&entered.into_iter().collect::<Vec<_>>());
         }
         let mut rollouts = Vec::new();

@@ -8,6 +8,7 @@ use reactsim_scene::{AgentState, Scenario};
 
 use super::{Av, AvError, AvPolicy};
 use crate::episode::{Beginning, Continuation, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
+use crate::stream::after_changes;
 use crate::{Observation, Purpose, Replan, Stream, stream};
 
 /// AV that a simulator moves: it plans all agents, and the AV executes its own part of the plan.
@@ -82,7 +83,8 @@ impl AvPolicy for SimulatedPolicy<'_> {
 
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let failed = |reason| AvError::Simulator { step: seen.step() + 1, reason };
-        if self.next == self.plan.steps() || self.changes != seen.changes() {
+        // Slot 0 is the AV, whatever other agents come or go.
+        if self.next == self.plan.steps() {
             self.plan = self.planned(seen.without_av_next()).map_err(|error| failed(error.to_string()))?;
             self.next = 0;
         }
@@ -166,7 +168,7 @@ fn beginning<'a>(av: &'a SimulatedAv, rollout: u32, seen: &Observation<'a>) -> B
     let identity = Identity { scenario: &av.scenario, origin: av.origin, rollout };
     Beginning {
         start: seen.start(),
-        stream: stream(av.seed, &av.scenario, rollout, Purpose::AvBegin),
+        stream: after_changes(stream(av.seed, &av.scenario, rollout, Purpose::AvBegin), seen.changes()),
         moves_av: true,
         steps: av.replan.steps(),
         future: av.steps,
