@@ -1,9 +1,13 @@
 //! Agents of the log that enter a rollout, with every baseline.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use reactsim::metrics::{Case, Options, score_case};
+use reactsim::models::find;
+use reactsim::planning::from_scene::rollout_objects;
 use reactsim::rollout::{ENTERED, Entering, LogAv, Request, Rollout, Settings, roll_out};
-use reactsim::scene::{AgentKind, FRAMES, Frame, LoggedAgent, Scenario};
+use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, LoggedAgent, Scenario};
 
 use super::{every_baseline, settings};
 use crate::scenes::{agent, bits, car, scene, state, straight};
@@ -88,4 +92,34 @@ fn nothing_changes_if_no_agent_appears() {
         };
         assert_eq!(run(Entering::Log), run(Entering::Off), "{}", model.id);
     }
+}
+
+#[test]
+fn agents_that_enter_are_judged_and_obstacles_come_and_go() {
+    let mut cone = agent("cone", AgentKind::Other, state(30.0, 0.0, 0.0, 0.0));
+    cone.track[CURRENT + 5..].fill(None);
+    let agents = vec![
+        car("av", 0.0, 0.0, 0.0, 8.0),
+        from(CURRENT + 10, car("late", 40.0, 0.0, 0.0, 0.0)),
+        cone,
+        from(CURRENT + 20, agent("later cone", AgentKind::Other, state(70.0, 9.0, 0.0, 0.0))),
+    ];
+    let scenario = scene("judged", agents, straight());
+    let stop = find("stop").unwrap().simulator().unwrap();
+    let done = roll_out(vec![request(&scenario)], &stop, &settings_of(Entering::Log)).remove(0).unwrap();
+    let entered: Vec<usize> = done.entered.iter().map(|agent| agent.logged).collect();
+    let scene = scenario.with_entered(&entered);
+    let scores = score_case(&Case::of_rollout(&scene, &done.tracks, Options::default()));
+    let hits: Vec<_> = scores.events.iter().filter(|e| e.metric == "aav-collision").collect();
+    // The AV drives 8 m/s: its front is 40 - 4.6 m ahead after 4.4 s, about step 44.
+    assert_eq!(hits.len(), 1);
+    assert!(hits[0].agent == "late" && (42..=46).contains(&hits[0].step), "{:?}", hits[0]);
+
+    let mut labels = BTreeSet::new();
+    let objects = rollout_objects(&scene, &done.tracks, &mut labels);
+    let at = |step: usize| objects[step].iter().map(|object| object.id.to_string()).collect::<Vec<_>>();
+    assert_eq!(at(4), ["obstacle:0"]);
+    assert_eq!(at(5), [""; 0]);
+    assert_eq!(at(10), ["late"]);
+    assert_eq!(at(20), ["late", "obstacle:1"]);
 }
