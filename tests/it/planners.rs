@@ -84,6 +84,13 @@ fn a_planner_is_judged_next_to_the_agents() {
     }
     let summary = read_summary(&one).unwrap();
     assert!(summary.simulators["idm"].metrics["av-score"].mean.is_some());
+    assert!(printed.contains("driven by planner pdm-closed,every=5"), "{printed}");
+    let both = [one.to_str().unwrap(), two.to_str().unwrap()];
+    let compared = said(&[&["compare"], &both[..]].concat(), 0).0;
+    let head = "idm, AV driven by planner pdm-closed,every=5: 2 scenarios";
+    assert!(compared.contains(head) && compared.contains("| AV score ↑ "), "{compared}");
+    let table = said(&[&["report"], &both[..]].concat(), 0).0;
+    assert!(table.contains("| two | pdm-closed,every=5 | IDM"), "{table}");
 }
 
 #[test]
