@@ -545,6 +545,10 @@ fn studies_have_their_tables_and_figures() {
             let aggregates = simulator["aggregates"].as_object().unwrap().values();
             expected.extend(aggregates.filter_map(|e| e["mean"].as_f64()));
         }
+        for pair in of_study["planner_pairs"].as_array().into_iter().flatten() {
+            let differences = pair["differences"].as_array().unwrap().iter();
+            expected.extend(differences.chain([&pair["dependence"]]).filter_map(|d| d["mean"].as_f64()));
+        }
         for simulator in of_study["errors"]["simulators"].as_array().into_iter().flatten() {
             let groups = simulator["groups"].as_array().unwrap();
             expected.extend(groups.iter().filter_map(|group| group["displacement"].as_f64()));

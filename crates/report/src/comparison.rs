@@ -99,10 +99,15 @@ fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {
         column.number(paired.first),
         column.number(paired.second),
         format!("{}{interval}", signed(column, paired.second - paired.first)),
-        if paired.p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{:.4}", paired.p) },
+        p_text(paired.p),
         paired.better.len().to_string(),
         paired.worse.len().to_string(),
     ]
+}
+
+/// Formats a p-value.
+pub(super) fn p_text(p: f64) -> String {
+    if p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{p:.4}") }
 }
 
 /// Formats a number with its sign; numbers that round to 0 have none.

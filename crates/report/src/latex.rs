@@ -82,7 +82,7 @@ fn caption(runs: &[Run<'_>], lines: &[Line<'_>], bold: bool) -> String {
     if let [run] = runs
         && let Some(planner) = run.summary.provenance.run.settings.planner()
     {
-        text.extend([" The AV is driven by planner ", &escape(planner), "."]);
+        text.extend([" The AV is driven by planner ", escape(planner).as_str(), "."]);
     }
     text.push_str(&durations(runs.iter().map(|run| run.summary)));
     text.push_str(&meanings(lines.iter().map(|line| line.marks)));

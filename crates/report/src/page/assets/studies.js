@@ -20,7 +20,7 @@ const PROPERTIES = {
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
-const TEXTS = ["Method", "Variant", "Settings", "Agents"];
+const TEXTS = ["Method", "Planners", "Variant", "Settings", "Agents"];
 const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n) => el("th", { scope: "col", class: TEXTS.includes(n) ? null : "number" }, n))));
 const method = (s) => el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null);
 
@@ -89,8 +89,31 @@ function compared({ planners, scenario }, simulator, members) {
   return el("a", { href: `#${new URLSearchParams({ scenario, left, right })}` }, `${planners.join(" and ")} among ${simulator}`);
 }
 
-/** Scores by planner, ranks, agreement of simulators, and reasons of collisions. */
-function planners({ members, planners: found }) {
+/** A difference with its interval and p-value; `about` says of what it is. */
+function paired(m, w, about = "") {
+  const shown = difference(m, w);
+  if (!w || w.mean === null) return shown;
+  const range = w.low === null ? "" : ` ${number(m, w.low)} to ${number(m, w.high)},`;
+  shown.append(el("small", {}, `${range} p ${w.p < 0.0001 ? "< 0.0001" : w.p.toFixed(4)}${about}`));
+  return shown;
+}
+
+/** Every two planners: the difference of their scores under each simulator, and its largest change between two. */
+function pairs({ planner_pairs: all = [], planners: { score, simulators } }, title) {
+  if (!all.length) return [];
+  const m = metric(score);
+  const between = (change) => change && `, from ${title(change.simulators[0])} to ${title(change.simulators[1])}`;
+  return [
+    el("h4", {}, `Difference of ${m.title} between two planners, by traffic model`),
+    wide(head("Planners", ...simulators.map((s) => title(s.id)), "Largest change"), el("tbody", {}, ...all.map(({ planners: [first, second], differences, dependence }) =>
+      el("tr", {}, el("th", { scope: "row" }, `${second} minus ${first}`), ...differences.map((w) => paired(m, w)), paired(m, dependence, between(dependence)))))),
+    el("p", { class: "dim small" }, "Paired, scenario by scenario, with 95 % intervals; p by a permutation test of the signs. Bold if the interval excludes 0. The p-value of the largest change is times the number of pairs of traffic models."),
+  ];
+}
+
+/** Scores by planner, differences, ranks, agreement of simulators, and reasons of collisions. */
+function planners(numbers) {
+  const { members, planners: found } = numbers;
   const planned = members.filter((member) => member.planner);
   const title = (id) => find(planned[0], id)?.title ?? id;
   const fixed = members.filter((member) => !member.planner);
@@ -100,6 +123,7 @@ function planners({ members, planners: found }) {
   const change = found.change;
   return [
     ...scores,
+    ...pairs(numbers, title),
     el("h4", {}, "Rank by the score, 1 is best"),
     plain(["Method", ...found.planners], found.simulators.map((s) => [title(s.id), ...s.ranks.map(String)])),
     el("h4", {}, "Kendall's tau of the order of planners between two simulators"),
