@@ -41,9 +41,11 @@ function difference(m, w) {
 const find = (member, id) => member.simulators.find((s) => s.id === id);
 const wide = (...rows) => el("div", { class: "wide", tabindex: "0", role: "region", "aria-label": "Study, scrollable" }, el("table", { class: "data" }, ...rows));
 
-/** One table per metric: simulators by replan interval. */
+/** One table per metric with a value: simulators by replan interval. */
 function replan({ members }) {
-  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
+  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => (s.metrics[m.id]?.mean ?? null) !== null)));
+  // Those of the AV first.
+  columns.sort((a, b) => (b.av ?? false) - (a.av ?? false));
   return columns.flatMap((m) => [
     el("h4", {}, arrow(m)),
     wide(head("Method", ...members.map((member) => member.label)), el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...members.map((member) => cell(m, find(member, s.id)?.metrics[m.id])))))),
@@ -117,8 +119,8 @@ function planners(numbers) {
   const planned = members.filter((member) => member.planner);
   const title = (id) => find(planned[0], id)?.title ?? id;
   const fixed = members.filter((member) => !member.planner);
-  const scores = [planned, fixed].flatMap((some) => (some.length ? replan({ members: some }) : []));
-  if (!found) return scores;
+  const [scores, others] = [planned, fixed].map((some) => (some.length ? replan({ members: some }) : []));
+  if (!found) return [...scores, ...others];
   const two = (v) => v?.toFixed(2);
   const change = found.change;
   return [
@@ -132,6 +134,7 @@ function planners(numbers) {
     plain(["Method", "At fault", "Agents ignored the AV", "None, as agents were frozen"], found.simulators.map((s) => [title(s.id), s.at_fault, s.ignored, s.frozen])),
     change ? el("p", {}, `The difference of ${change.planners.join(" and ")} depends most on the simulator: ${change.differences.map((d, i) => `${d.toFixed(3)} among ${title(change.simulators[i])}`).join(", ")}. It changes most in scenario ${change.scenario}: `,
       compared(change, change.simulators[0], planned), ", ", compared(change, change.simulators[1], planned), ".") : null,
+    ...others,
   ].filter((part) => part !== null);
 }
 
