@@ -184,6 +184,8 @@ fn the_first_screen_shows_a_collision_and_a_reaction() {
             .count()
     };
     assert!(hits("left") > 0 && hits("right") == 0, "{}", data["lead"]);
+    let right = data["subjects"][lead("right")]["id"].as_str().unwrap();
+    assert!(!["constant-velocity", "stop", "log-replay"].contains(&right), "{right} cannot react");
 
     let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
     let mut page = Browser::new(&chromium);

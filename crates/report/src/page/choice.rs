@@ -20,8 +20,17 @@ const FAULT: &str = "av-at-fault-collisions";
 /// Least change of a score that is shown on the first screen.
 const LEAST_CHANGE: f64 = 0.05;
 
-/// Scenario of the first screen: the AV is hit with one simulator and not with another one, or the verdict on
-/// a planner depends on the simulator.
+/// Baselines whose agents take no notice of the AV.
+const UNREACTIVE: [&str; 3] = ["constant-velocity", "stop", "log-replay"];
+
+/// Returns whether agents of the simulator with this id can react to the AV: a stage behind a baseline keeps
+/// them clear of it.
+pub(super) fn reacts(id: &str) -> bool {
+    id.contains('+') || !UNREACTIVE.contains(&id.split('@').next().unwrap_or(id))
+}
+
+/// Scenario of the first screen: the AV is hit with one simulator and not with another one, which can react,
+/// or the verdict on a planner depends on the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Lead {
     pub(super) scenario: usize,
@@ -53,9 +62,9 @@ impl Gallery {
     }
 
     /// Returns the scenario in which the simulator changes the verdict on a planner most. Without one,
-    /// returns the scenario with the clearest difference between the first two simulators: one hits the AV, the other
-    /// one does not. If they do not differ in any scenario with a scene, the first other pair that does takes
-    /// their place.
+    /// returns the scenario with the clearest difference between the first two simulators: one hits the AV,
+    /// the other one, which can react, does not. If they do not differ in any scenario with a scene, the first
+    /// other pair that does takes their place.
     ///
     /// # Errors
     /// [`PageError`] if events cannot be read.
@@ -70,7 +79,7 @@ impl Gallery {
         let pairs = (0..self.subjects.len()).flat_map(|second| (0..second).map(move |first| (first, second)));
         for (left, right) in pairs.flat_map(|(first, second)| [(first, second), (second, first)]) {
             let (hitting, other) = (&self.subjects[left], &self.subjects[right]);
-            if groups[hitting.run] != groups[other.run] {
+            if groups[hitting.run] != groups[other.run] || !reacts(&other.id) {
                 continue;
             }
             let mut found: Vec<(i64, usize)> = (0..self.scenarios.len())
@@ -203,5 +212,20 @@ impl Gallery {
             weight *= 0.25;
         }
         contrast
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agents_that_follow_a_fixed_path_do_not_react() {
+        for id in ["constant-velocity", "stop", "log-replay", "stop@mine"] {
+            assert!(!reacts(id), "{id}");
+        }
+        for id in ["idm", "idm@styles", "constant-velocity+qp", "mix:idm=1+ntp-guarded=1", "stopping"] {
+            assert!(reacts(id), "{id}");
+        }
     }
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::PageError;
-use super::choice::Lead;
+use super::choice::{Lead, reacts};
 use super::gallery::{Gallery, GalleryScenario};
 use crate::paper::PaperTable;
 use crate::table::{self, Column};
@@ -90,6 +90,8 @@ struct SubjectData<'a> {
     id: &'a str,
     title: &'a str,
     oracle: bool,
+    /// Whether its agents can react to the AV.
+    reacts: bool,
     mark: String,
     meaning: String,
 }
@@ -185,6 +187,7 @@ impl Gallery {
                     id: &s.id,
                     title: &s.title,
                     oracle: s.marks.is_oracle(),
+                    reacts: reacts(&s.id),
                     mark: s.marks.signs(),
                     meaning: meaning(s.marks),
                 })

@@ -91,7 +91,7 @@ function verdicts(there) {
   return most > 0 ? pair : null;
 }
 
-/** Without a choice, selects two contrasting simulators: one that hits the AV and one that does not. */
+/** Without a choice, selects two contrasting simulators: one that hits the AV and one that does not, which can react. */
 function propose() {
   if (panes[0].subject !== null) return;
   const there = subjects.filter((s) => scene.subjects.has(s.index));
@@ -104,7 +104,7 @@ function propose() {
   const bad = there.filter((s) => hits(s) > 0), good = there.filter((s) => !hits(s) && !s.oracle);
   panes[0].subject = (bad[0] ?? there[0] ?? subjects[0]).index;
   const other = good.filter((s) => s.index !== panes[0].subject);
-  panes[1].subject = (other[other.length - 1] ?? there.find((s) => s.index !== panes[0].subject) ?? null)?.index ?? null;
+  panes[1].subject = (other.findLast((s) => s.reacts) ?? other[other.length - 1] ?? there.find((s) => s.index !== panes[0].subject) ?? null)?.index ?? null;
 }
 
 /** Fits the view to the AV's path and the agents in its events. */
