@@ -7,7 +7,9 @@ use clap::Args;
 
 use super::output::{ExitStatus, say, write_result};
 use crate::evaluation::suggestion::did_you_mean;
-use crate::evaluation::{Comparison, Condition, ConditionDifference, read_provenance, read_tally};
+use crate::evaluation::{
+    Comparison, Condition, ConditionDifference, Provenance, read_provenance, read_tally,
+};
 use crate::metrics::{MetricSpec, Unit};
 use crate::report::comparison;
 
@@ -63,7 +65,8 @@ struct Bound {
 }
 
 pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
-    let differences = differences(args)?;
+    let (before, after) = (read_provenance(&args.first)?, read_provenance(&args.second)?);
+    let differences = differences([&before, &after], args)?;
     let (first, second) = (read_tally(&args.first)?, read_tally(&args.second)?);
     let bounds = args.worse.iter().map(|text| bound(text, &first.metrics)).collect::<Result<Vec<_>, _>>()?;
     let pairs: Vec<(&str, &str)> = match args.models.as_slice() {
@@ -88,7 +91,9 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
     let comparisons: Vec<Comparison> = compared.collect::<Result<_, _>>()?;
     write_result(None, |out| match args.format.as_str() {
         "json" => writeln!(out, "{}", serde_json::to_string_pretty(&comparisons)?),
-        _ => comparison::write(&comparisons, &differences, args.top, out),
+        _ => {
+            comparison::write(&comparisons, [&before.settings, &after.settings], &differences, args.top, out)
+        }
     })?;
     let mut status = ExitStatus::Done;
     for comparison in &comparisons {
@@ -106,9 +111,11 @@ pub(super) fn compare(args: &CompareArgs) -> anyhow::Result<ExitStatus> {
 }
 
 /// Returns the settings in which the runs differ, all of which must be named by --despite.
-fn differences(args: &CompareArgs) -> anyhow::Result<Vec<ConditionDifference>> {
-    let (first, second) = (read_provenance(&args.first)?, read_provenance(&args.second)?);
-    let differences = Condition::differences(&first, &second);
+fn differences(
+    [first, second]: [&Provenance; 2],
+    args: &CompareArgs,
+) -> anyhow::Result<Vec<ConditionDifference>> {
+    let differences = Condition::differences(first, second);
     let refused = differences.iter().filter(|difference| !args.despite.contains(&difference.condition));
     let refused: Vec<String> =
         refused.map(|d| format!("\n  {}: {} and {}", d.condition.name(), d.first, d.second)).collect();

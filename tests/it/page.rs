@@ -184,6 +184,8 @@ fn the_first_screen_shows_a_collision_and_a_reaction() {
             .count()
     };
     assert!(hits("left") > 0 && hits("right") == 0, "{}", data["lead"]);
+    let right = data["subjects"][lead("right")]["id"].as_str().unwrap();
+    assert!(!["constant-velocity", "stop", "log-replay"].contains(&right), "{right} cannot react");
 
     let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
     let mut page = Browser::new(&chromium);
@@ -545,6 +547,10 @@ fn studies_have_their_tables_and_figures() {
             let aggregates = simulator["aggregates"].as_object().unwrap().values();
             expected.extend(aggregates.filter_map(|e| e["mean"].as_f64()));
         }
+        for pair in of_study["planner_pairs"].as_array().into_iter().flatten() {
+            let differences = pair["differences"].as_array().unwrap().iter();
+            expected.extend(differences.chain([&pair["dependence"]]).filter_map(|d| d["mean"].as_f64()));
+        }
         for simulator in of_study["errors"]["simulators"].as_array().into_iter().flatten() {
             let groups = simulator["groups"].as_array().unwrap();
             expected.extend(groups.iter().filter_map(|group| group["displacement"].as_f64()));
@@ -592,6 +598,63 @@ fn studies_have_their_tables_and_figures() {
     // Tables of all its runs are those of run folders.
     let (table, _) = said(&["report", text(&replan), "--format", "csv"], 0);
     assert!(table.contains("\nreplan/steps-05,") && table.contains("\nreplan/steps-20,"), "{table}");
+}
+
+#[test]
+fn the_page_of_planners_is_about_planners() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, path) = (folder.path().join("study"), folder.path().join("page.html"));
+    let study = ["study", "planners", "--limit", "10", "--models", "log-replay,idm", "--planners", "idm"];
+    said(&[&study[..], &["--out", text(&out)]].concat(), 0);
+    said(&["report", text(&out), "--format", "html", "--out", text(&path)], 0);
+    let page = fs::read_to_string(&path).unwrap();
+    let data = page.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
+    let data: Value = serde_json::from_str(data).unwrap();
+    // First, the traffic decides whether a planner is at fault.
+    let lead = &data["lead"];
+    let number = |value: &Value| usize::try_from(value.as_u64().unwrap()).unwrap();
+    let metric = data["metrics"].as_array().unwrap().iter().position(|m| m["id"] == "av-at-fault-collisions");
+    let fault = |side: &str| {
+        let values = &data["scenarios"]["values"][number(&lead[side])][metric.unwrap()];
+        values[number(&lead["scenario"])].as_f64().unwrap() < 1.0
+    };
+    let run = |side: &str| number(&data["subjects"][number(&lead[side])]["run"]);
+    assert!(lead["judged"] == true && fault("left") && !fault("right"), "{lead}");
+    assert_eq!(run("left"), run("right"));
+    assert_eq!(data["runs"][run("left")]["summary"]["provenance"]["settings"]["av"], "planner:idm");
+
+    let Some(chromium) = chromium() else { return crate::skipped("no Chromium on this machine") };
+    let mut page = Browser::new(&chromium);
+    open(&mut page, &format!("file://{}", path.display()));
+    assert_eq!(page.text("h-results"), "How do planners drive among simulated road users?");
+    page.until(&format!("document.body.dataset.lead === '{}'", number(&lead["scenario"])));
+    assert!(
+        page.text("lead-about").contains("The traffic changes the verdict on idm: its AV score is 0.000")
+    );
+    // Planners in the same traffic stand next to each other; every column has numbers.
+    let names = "[...document.querySelectorAll('#av-table tbody tr')].map(r => [...r.children].slice(1, 3).map(c => \
+                 c.textContent).join(' among '))";
+    let expected = ["log among Log Replay †", "idm among Log Replay †", "log among IDM", "idm among IDM"];
+    assert_eq!(page.evaluate(names), json!(expected));
+    let empty = "[...document.querySelectorAll('#av-table thead button')].slice(3).filter(b => \
+                 !document.querySelector(`#av-table td[data-metric=\"${b.dataset.key}\"][data-mean]`)).length";
+    assert_eq!(page.evaluate(empty), json!(0));
+    assert_eq!(page.evaluate("document.getElementById('list-metric').value"), "av-score");
+    let overflow = "[...document.querySelectorAll('#list-head > *')].filter(c => \
+                    c.scrollWidth > c.clientWidth + 1).length";
+    assert_eq!(page.evaluate(overflow), json!(0));
+    page.evaluate("{ const s = document.getElementById('list-condition'); s.value = 'verdict'; s.dispatchEvent(new Event('change')); }");
+    let listed =
+        page.evaluate("[...document.querySelectorAll('#list-body .row .id')].map(e => e.textContent)");
+    let case = &data["scenarios"]["id"][number(&lead["scenario"])];
+    assert!(listed.as_array().unwrap().contains(case), "{listed}");
+    // The viewer has the values and events of the AV.
+    page.evaluate("document.getElementById('lead-open').click()");
+    page.until("document.getElementById('events').textContent.includes('AV no collision violated')");
+    let whole =
+        "document.querySelector('#now [data-pane=\"0\"][data-whole=\"av-at-fault-collisions\"]').textContent";
+    assert_eq!(page.evaluate(whole), "0.000");
+    clean(&page);
 }
 
 /// The answer of a server to a request for a path.

@@ -84,6 +84,13 @@ fn a_planner_is_judged_next_to_the_agents() {
     }
     let summary = read_summary(&one).unwrap();
     assert!(summary.simulators["idm"].metrics["av-score"].mean.is_some());
+    assert!(printed.contains("driven by planner pdm-closed,every=5"), "{printed}");
+    let both = [one.to_str().unwrap(), two.to_str().unwrap()];
+    let compared = said(&[&["compare"], &both[..]].concat(), 0).0;
+    let head = "idm, AV driven by planner pdm-closed,every=5: 2 scenarios";
+    assert!(compared.contains(head) && compared.contains("| AV score ↑ "), "{compared}");
+    let table = said(&[&["report"], &both[..]].concat(), 0).0;
+    assert!(table.contains("| two | pdm-closed,every=5 | IDM"), "{table}");
 }
 
 #[test]
@@ -139,8 +146,14 @@ fn planners_are_studied_under_several_simulators() {
     let folder = out.to_str().unwrap();
     let study = ["study", "planners", "--limit", "3", "--models", "log-replay,idm", "--planners", "idm"];
     let (printed, _) = said(&[&study[..], &["--out", folder]].concat(), 0);
-    for part in ["AV score ↑ by planner:", "Rank of the planners", "Kendall's tau", "Agents ignored the AV"]
-    {
+    for part in [
+        "AV score ↑ by planner:",
+        "| idm minus log | IDM ",
+        "| idm minus log | change, ",
+        "Rank of the planners",
+        "Kendall's tau",
+        "Agents ignored the AV",
+    ] {
         assert!(printed.contains(part), "{part}: {printed}");
     }
     // The shipped scenarios have deviated AVs, whose run tells whether agents freeze.
@@ -186,6 +199,20 @@ fn planners_are_studied_under_several_simulators() {
     assert_eq!(fs::read(out.join("planners.json")).unwrap(), written);
     let latex = said(&["report", folder, "--format", "latex"], 0).0;
     assert!(latex.contains("Kendall's tau") && latex.contains("AV score"), "{latex}");
+    assert!(latex.contains("idm minus log & IDM & "), "{latex}");
+    // The differences are those of `compare`.
+    let json = said(&[&study[..], &["--out", folder, "--resume", "--format", "json"]].concat(), 0).0;
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let pair = &json["planner_pairs"][0];
+    let [first, second] = ["log", "idm"].map(|member| out.join(member).display().to_string());
+    let compared = ["compare", &first, &second, "--despite", "av,entering", "--format", "json"];
+    let compared: serde_json::Value = serde_json::from_str(&said(&compared, 0).0).unwrap();
+    for (i, simulator) in ["log-replay", "idm"].into_iter().enumerate() {
+        let found = compared.as_array().unwrap().iter().find(|c| c["first"] == simulator).unwrap();
+        let paired = &found["metrics"]["av-score"];
+        assert_eq!(pair["differences"][i]["mean"], paired["difference"]["mean"], "{simulator}");
+        assert_eq!(pair["differences"][i]["p"], paired["p"], "{simulator}");
+    }
 
     let refused = |more: &[&str]| said(&[&study[..6], more, &["--out", "never"]].concat(), 2).1;
     assert!(refused(&["--av", "log"]).contains("`study planners` sets it: leave out --av"));

@@ -94,9 +94,9 @@ pub use statistics::Estimate;
 pub use statistics::comparison::{Comparison, PairedDifference};
 pub use statistics::tally::{Cell, Entry, Tally};
 pub use study::{
-    Agreement, AxisPoint, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange, PLANNER_RANKS,
-    PlannerRanks, SimulatorErrors, SimulatorRanks, Study, StudyFolder, StudyKind, StudyPlan, StudyResults,
-    is_study, read_study,
+    Agreement, AxisPoint, Dependence, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange,
+    PLANNER_RANKS, PlannerPair, PlannerRanks, SimulatorErrors, SimulatorRanks, Study, StudyFolder, StudyKind,
+    StudyPlan, StudyResults, is_study, read_study,
 };
 pub use summary::{
     CategorySummary, LengthSummary, NoteSummary, PAIRING_REFERENCE, Pressure, SimulatorSummary, Summary,

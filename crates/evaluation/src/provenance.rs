@@ -121,9 +121,10 @@ impl SettingsRecord {
         }
     }
 
-    /// Returns whether the AV is judged by the metrics of planners.
-    pub(super) fn judges_av(&self) -> bool {
-        self.av.starts_with(PLANNER)
+    /// Returns the planner that drives the AV, with its settings, such as `idm,tracker=perfect`; it is judged
+    /// by the metrics of the AV. `None` if no planner does.
+    pub fn planner(&self) -> Option<&str> {
+        self.av.strip_prefix(PLANNER)
     }
 
     /// Returns the record of agents that enter; `None` if none do.

@@ -147,6 +147,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
         let Some(of_part) = part.get(id) else { continue };
         lines.push(Line {
             run: None,
+            av: None,
             group: 0,
             title,
             marks: simulator.marks(),

@@ -2,18 +2,20 @@
 
 use std::io::{self, Write};
 
-use reactsim_evaluation::{Comparison, ConditionDifference, PairedDifference};
+use reactsim_evaluation::{Comparison, ConditionDifference, PairedDifference, SettingsRecord};
 
 use super::markdown::{escape, write_aligned};
 use super::table::{COLUMNS, Column, count};
 
-/// Writes comparisons of two runs as Markdown, with the conditions in which the runs differ. Per metric,
-/// lists at most `most` scenarios that got better and at most `most` that got worse.
+/// Writes comparisons of two runs with these settings as Markdown, with the conditions in which the runs
+/// differ. Metrics of the AV come first. Per metric, lists at most `most` scenarios that got better and at
+/// most `most` that got worse.
 ///
 /// # Errors
 /// If `out` cannot be written.
 pub fn write(
     comparisons: &[Comparison],
+    settings: [&SettingsRecord; 2],
     differences: &[ConditionDifference],
     most: usize,
     out: &mut dyn Write,
@@ -22,8 +24,10 @@ pub fn write(
         let Comparison { first, second, scenarios, unpaired, .. } = comparison;
         let same = first == second;
         let title = if same { escape(first) } else { format!("{} and {}", escape(first), escape(second)) };
-        writeln!(out, "{}{title}: {}\n", if i > 0 { "\n" } else { "" }, count(*scenarios, "scenario"))?;
-        let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
+        let av = common_planner(settings).map(|av| format!(", AV driven by planner {}", escape(av)));
+        let (gap, av) = (if i > 0 { "\n" } else { "" }, av.unwrap_or_default());
+        writeln!(out, "{gap}{title}{av}: {}\n", count(*scenarios, "scenario"))?;
+        let mut rows = vec![head(settings).to_vec()];
         rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
         write_aligned(out, &rows, 1)?;
         if *unpaired > 0 {
@@ -57,14 +61,32 @@ pub fn write(
 /// Smallest p-value that is printed as a number.
 const MIN_PRINTED_P: f64 = 0.0001;
 
-/// Column heads.
-const HEAD: [&str; 7] = ["Metric", "First", "Second", "Difference", "p", "Better in", "Worse in"];
+/// Returns the planner that drives the AV of both runs.
+fn common_planner(settings: [&SettingsRecord; 2]) -> Option<&str> {
+    let [first, second] = settings.map(SettingsRecord::planner);
+    first.filter(|_| first == second)
+}
 
-/// Returns the metrics of a comparison in the order of the tables, then those that only the runs have.
+/// Returns the column heads; runs with different AVs are named by them if one of these is a planner.
+fn head(settings: [&SettingsRecord; 2]) -> [String; 7] {
+    let are_named = settings.iter().any(|of| of.planner().is_some()) && settings[0].av != settings[1].av;
+    let name = |which: &str, of: &SettingsRecord| match are_named {
+        true => format!("{which}: {}", escape(of.planner().unwrap_or(&of.av))),
+        false => which.to_owned(),
+    };
+    let [first, second] = [name("First", settings[0]), name("Second", settings[1])];
+    let [metric, difference, p, better, worse] =
+        ["Metric", "Difference", "p", "Better in", "Worse in"].map(str::to_owned);
+    [metric, first, second, difference, p, better, worse]
+}
+
+/// Returns the metrics of a comparison: those of the AV, those of the tables in their order, then those that
+/// only the runs have.
 fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &PairedDifference)> {
     let paired = comparison.metrics.values();
     let own = paired.map(|p| Column::of_spec(p.metric)).filter(|c| Column::of(c.metric).is_none());
-    COLUMNS.iter().copied().chain(own).filter_map(|c| Some((c, comparison.metrics.get(c.metric)?)))
+    let of_benchmark = Column::av_of_benchmark().chain(COLUMNS.iter().copied());
+    of_benchmark.chain(own).filter_map(|c| Some((c, comparison.metrics.get(c.metric)?)))
 }
 
 fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {
@@ -77,10 +99,15 @@ fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {
         column.number(paired.first),
         column.number(paired.second),
         format!("{}{interval}", signed(column, paired.second - paired.first)),
-        if paired.p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{:.4}", paired.p) },
+        p_text(paired.p),
         paired.better.len().to_string(),
         paired.worse.len().to_string(),
     ]
+}
+
+/// Formats a p-value.
+pub(super) fn p_text(p: f64) -> String {
+    if p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{p:.4}") }
 }
 
 /// Formats a number with its sign; numbers that round to 0 have none.
@@ -90,5 +117,58 @@ pub(super) fn signed(column: &Column, value: f64) -> String {
         _ if text.chars().all(|c| matches!(c, '0' | '.')) => text,
         v if v < 0.0 => format!("-{text}"),
         _ => format!("+{text}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(av: &str) -> SettingsRecord {
+        SettingsRecord { av: av.to_owned(), ..SettingsRecord::recorded(1) }
+    }
+
+    #[test]
+    fn planners_are_named() {
+        let [idm, pdm, log] = ["planner:idm", "planner:pdm-closed", "log"].map(settings);
+        assert_eq!(common_planner([&idm, &idm]), Some("idm"));
+        assert_eq!((common_planner([&idm, &pdm]), common_planner([&log, &log])), (None, None));
+        assert_eq!(head([&idm, &pdm])[1..3], ["First: idm", "Second: pdm-closed"]);
+        assert_eq!(head([&log, &pdm])[1..3], ["First: log", "Second: pdm-closed"]);
+        assert_eq!(head([&idm, &idm])[1..3], ["First", "Second"]);
+    }
+
+    #[test]
+    fn metrics_of_the_av_come_first() {
+        let paired = |metric: &str| {
+            let metric = reactsim_metrics::metric(metric).unwrap().spec();
+            let estimate = reactsim_evaluation::Estimate::default();
+            let (better, worse) = (Vec::new(), Vec::new());
+            let found = PairedDifference {
+                metric,
+                first: 0.5,
+                second: 0.75,
+                difference: estimate,
+                p: 1.0,
+                better,
+                worse,
+            };
+            (metric.id, found)
+        };
+        let comparison = Comparison {
+            first: "idm".to_owned(),
+            second: "idm".to_owned(),
+            scenarios: 3,
+            unpaired: 0,
+            metrics: ["aav-collision", "av-comfort", "av-score"].map(paired).into(),
+        };
+        let shown: Vec<&str> = columns(&comparison).map(|(column, _)| column.metric).collect();
+        assert_eq!(shown, ["av-score", "av-comfort", "aav-collision"]);
+        let mut out = Vec::new();
+        let idm = settings("planner:idm");
+        write(&[comparison], [&idm, &idm], &[], 3, &mut out).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        assert!(text.starts_with("idm, AV driven by planner idm: 3 scenarios\n"), "{text}");
+        assert!(text.contains("+0.250"), "{text}");
     }
 }

@@ -25,14 +25,16 @@ impl Exporter for Latex {
         let columns = style.columns_of(runs);
         let lines = table::lines(runs);
         let best = table::best_of_columns(&columns, &lines);
-        let several = runs.len() > 1;
+        let texts: Vec<&str> = lines.first().map_or(vec!["Method"], |line| {
+            let run = line.run.map(|_| "Run").into_iter().chain(line.av.map(|_| "AV"));
+            run.chain(["Method"]).collect()
+        });
         let caption = style.caption.map_or_else(|| caption(runs, &lines, style.bold), escape);
         begin_table(&table::provenances(runs), &caption, style.label, out)?;
-        let texts = if several { "ll" } else { "l" };
-        writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(columns.len()))?;
+        let align = format!("{}{}", "l".repeat(texts.len()), "c".repeat(columns.len()));
+        writeln!(out, "  \\begin{{tabular}}{{{align}}}\n    \\toprule")?;
         let heads: Vec<String> = columns.iter().map(column_head).collect();
-        let first = if several { "Run & Method" } else { "Method" };
-        writeln!(out, "    {first} & {} \\\\\n    \\midrule", heads.join(" & "))?;
+        writeln!(out, "    {} & {} \\\\\n    \\midrule", texts.join(" & "), heads.join(" & "))?;
         for (i, line) in lines.iter().enumerate() {
             // The paper separates the oracles.
             if i > 0 && lines[i - 1].marks.is_oracle() && !line.marks.is_oracle() {
@@ -77,6 +79,11 @@ fn caption(runs: &[Run<'_>], lines: &[Line<'_>], bold: bool) -> String {
     if bold {
         text.push_str(" Bold: the best simulator among comparable runs, oracles excepted.");
     }
+    if let [run] = runs
+        && let Some(planner) = run.summary.provenance.run.settings.planner()
+    {
+        text.extend([" The AV is driven by planner ", escape(planner).as_str(), "."]);
+    }
     text.push_str(&durations(runs.iter().map(|run| run.summary)));
     text.push_str(&meanings(lines.iter().map(|line| line.marks)));
     text
@@ -115,7 +122,7 @@ fn sign(mark: Mark) -> &'static str {
 
 /// Returns the cells of a line; `best` says which of its numbers are bold.
 fn row(columns: &[Column], line: &Line<'_>, best: &[bool]) -> String {
-    let mut cells: Vec<String> = line.run.map(escape).into_iter().collect();
+    let mut cells: Vec<String> = line.run.into_iter().chain(line.av).map(escape).collect();
     cells.push(format!("{}{}", escape(line.title), mark(line.marks)));
     cells.extend(columns.iter().zip(best).map(|(column, best)| {
         let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {

@@ -26,8 +26,8 @@ impl Exporter for Markdown {
         write_table(out, &columns, &lines, style.bold)?;
         let of_av = Column::of_av(runs);
         if !of_av.is_empty() {
-            writeln!(out, "\n{}:\n", table::AV_TITLE)?;
-            write_table(out, &of_av, &lines, style.bold)?;
+            writeln!(out, "\n{}:\n", escape(&table::av_title(runs)))?;
+            write_table(out, &of_av, &table::av_lines(runs), style.bold)?;
         }
         for division in Division::ALL {
             for part in division.parts(runs) {
@@ -55,17 +55,19 @@ pub(super) fn write_table(
     bold: bool,
 ) -> io::Result<()> {
     let with_run = lines.iter().any(|l| l.run.is_some());
+    let with_av = lines.iter().any(|l| l.av.is_some());
     let with_failed = lines.iter().any(|l| l.failed > 0);
     let mut head: Vec<String> = Vec::new();
     head.extend(with_run.then(|| "Run".to_owned()));
+    head.extend(with_av.then(|| "AV".to_owned()));
     head.push("Method".to_owned());
     head.extend(columns.iter().map(Column::head));
     head.extend(with_failed.then(|| "Failed".to_owned()));
-    let texts = 1 + usize::from(with_run);
+    let texts = 1 + usize::from(with_run) + usize::from(with_av);
     let mut rows = vec![head];
     let best = table::best_of_columns(columns, lines);
     for (i, line) in lines.iter().enumerate() {
-        let mut row: Vec<String> = line.run.map(escape).into_iter().collect();
+        let mut row: Vec<String> = line.run.into_iter().chain(line.av).map(escape).collect();
         row.push(method(line.title, line.marks));
         row.extend(columns.iter().zip(&best).map(|(column, best)| {
             let text = cell(column, line.metrics.get(column.metric));

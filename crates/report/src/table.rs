@@ -121,6 +121,12 @@ impl Column {
         }
     }
 
+    /// Returns the columns of the metrics of the AV that the benchmark has.
+    pub(super) fn av_of_benchmark() -> impl Iterator<Item = Self> {
+        let all = METRICS.iter().map(|metric| Self::benchmark(metric.spec().id));
+        all.filter(Self::is_of_av)
+    }
+
     fn is_of_av(&self) -> bool {
         self.spec().is_some_and(|spec| spec.scope == Scope::Av)
     }
@@ -131,9 +137,8 @@ impl Column {
             let simulators = runs.iter().flat_map(|run| run.summary.simulators.values());
             simulators.flat_map(|s| s.metrics.get(column.metric)).any(|e| e.mean.is_some())
         };
-        let of_benchmark = METRICS.iter().map(|metric| Self::benchmark(metric.spec().id));
-        let all = of_benchmark.chain(Self::own(runs.iter().map(|run| run.summary)));
-        all.filter(|column| column.is_of_av() && has(column)).collect()
+        let own = Self::own(runs.iter().map(|run| run.summary)).into_iter().filter(Self::is_of_av);
+        Self::av_of_benchmark().chain(own).filter(has).collect()
     }
 
     /// Returns the columns for which at least one simulator has a number, and those of `also`.
@@ -153,13 +158,39 @@ impl Column {
     }
 }
 
-/// Title of the table of the AV.
-pub(super) const AV_TITLE: &str = "The AV, driven by a planner and judged by nuPlan's closed-loop metrics";
+/// Returns the title of the table of the AV, which names the planner if all runs have the same.
+pub(super) fn av_title(runs: &[super::Run<'_>]) -> String {
+    let mut planners: Vec<&str> = runs.iter().filter_map(planner).collect();
+    planners.dedup();
+    let by = match planners.as_slice() {
+        [one] => format!("planner {one}"),
+        _ => "a planner".to_owned(),
+    };
+    format!("The AV, driven by {by} and judged by nuPlan's closed-loop metrics")
+}
+
+fn planner<'a>(run: &super::Run<'a>) -> Option<&'a str> {
+    run.summary.provenance.run.settings.planner()
+}
+
+/// Returns what drives the AV of each run, if a planner drives that of at least one of several runs.
+fn avs<'a>(runs: &[super::Run<'a>]) -> Vec<Option<&'a str>> {
+    let are_shown = runs.len() > 1 && runs.iter().any(|run| planner(run).is_some());
+    let av = |run: &super::Run<'a>| planner(run).unwrap_or(&run.summary.provenance.run.settings.av);
+    runs.iter().map(|run| are_shown.then(|| av(run))).collect()
+}
+
+/// Returns the lines of a table over runs whose AV a planner drives.
+pub(super) fn av_lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
+    lines_of(runs, |run| planner(run).is_some())
+}
 
 /// A line of a table: a simulator and its numbers.
 pub(super) struct Line<'a> {
     /// Name of the run, if the table has several runs.
     pub(super) run: Option<&'a str>,
+    /// What drives the AV, if the table has several runs of which at least one has a planner.
+    pub(super) av: Option<&'a str>,
     /// Number of the group of runs with which its numbers can be compared.
     pub(super) group: usize,
     pub(super) title: &'a str,
@@ -171,10 +202,16 @@ pub(super) struct Line<'a> {
 
 /// Returns the lines of a table over runs, in the order of their simulators.
 pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
+    lines_of(runs, |_| true)
+}
+
+/// As [`lines`], of the runs for which `is_shown` holds.
+fn lines_of<'a>(runs: &'a [super::Run<'a>], is_shown: fn(&super::Run<'a>) -> bool) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
-    let of = move |(run, group): (&'a super::Run<'a>, usize)| {
+    let of = move |((run, group), av): ((&'a super::Run<'a>, usize), Option<&'a str>)| {
         run.summary.order().map(move |(_, title, s)| Line {
             run: several.then_some(run.name),
+            av,
             group,
             title,
             marks: s.marks(),
@@ -183,7 +220,8 @@ pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
             metrics: &s.metrics,
         })
     };
-    runs.iter().zip(groups(runs)).flat_map(of).collect()
+    let shown = runs.iter().zip(groups(runs)).zip(avs(runs)).filter(|((run, _), _)| is_shown(run));
+    shown.flat_map(of).collect()
 }
 
 /// Returns the provenance of every run, behind its name if there are several.
@@ -275,12 +313,14 @@ impl Division {
 /// Returns the lines of a table over one part of the scenarios of runs.
 pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, part: &str) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
-    let all = runs.iter().zip(groups(runs));
-    let all = all.flat_map(|(run, group)| run.summary.order().map(move |simulator| (run, group, simulator)));
-    let lines = all.filter_map(|(run, group, (_, title, simulator))| {
+    let all = runs.iter().zip(groups(runs)).zip(avs(runs));
+    let all =
+        all.flat_map(|(of_run, av)| of_run.0.summary.order().map(move |simulator| (of_run, av, simulator)));
+    let lines = all.filter_map(|((run, group), av, (_, title, simulator))| {
         let part = division.of(simulator).get(part)?;
         Some(Line {
             run: several.then_some(run.name),
+            av,
             group,
             title,
             marks: simulator.marks(),

@@ -41,6 +41,8 @@ pub struct TerminalStyle<'a> {
 
 /// Largest width of the names of simulators; longer ones are cut.
 const MAX_NAME: usize = 34;
+/// Largest width of what drives the AV, behind the name of a simulator.
+const MAX_AV: usize = 20;
 /// Space between two columns.
 const GAP: usize = 2;
 
@@ -58,8 +60,8 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
     write_table(&style.table.columns_of(runs), &lines, style, out)?;
     let of_av = Column::of_av(runs);
     if !of_av.is_empty() {
-        writeln!(out, "\n{}\n", table::AV_TITLE)?;
-        write_table(&of_av, &lines, style, out)?;
+        writeln!(out, "\n{}\n", plain(&table::av_title(runs)))?;
+        write_table(&of_av, &table::av_lines(runs), style, out)?;
     }
     if let Some(division) = style.by {
         for part in division.parts(runs) {
@@ -166,18 +168,26 @@ impl TextColumn {
     }
 }
 
-/// Returns the name of a simulator with its mark, and its run if there are several.
+/// Returns the name of a simulator with its mark, and its run and AV if there are several.
 fn name(line: &Line<'_>) -> String {
     let run = line.run.map(|run| format!("{run}: ")).unwrap_or_default();
     let mark = line.marks.signs();
     let name = format!("{run}{}", line.title);
     let room = MAX_NAME - if mark.is_empty() { 0 } else { length(&mark) + 1 };
-    let name = match length(&name) > room {
-        true => format!("{}…", name.chars().take(room - 1).collect::<String>()),
-        false => name,
-    };
-    let name: String = name.chars().filter(|c| !is_unsafe(*c)).collect();
-    format!("{name} {mark}").trim_end().to_owned()
+    let name = cut(&name, room);
+    let av = line.av.map(|av| format!(" · {}", cut(av, MAX_AV))).unwrap_or_default();
+    format!("{}{av}", format!("{name} {mark}").trim_end())
+}
+
+/// Returns a name of at most `room` characters, none of which controls terminals.
+fn cut(name: &str, room: usize) -> String {
+    let mut shown: String = name.chars().take(room).collect();
+    if length(name) > room {
+        shown.pop();
+        shown.push('…');
+    }
+    shown.retain(|c| !is_unsafe(c));
+    shown
 }
 
 /// Writes a text in lines of the width of the window.

@@ -44,7 +44,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     for row in rows {
         pairs.entry(row.place()).or_default().entry(row.simulator.clone()).or_default().push(row);
     }
-    let (judges_av, enters) = (run.settings.judges_av(), run.settings.entering.is_some());
+    let (judges_av, enters) = (run.settings.planner().is_some(), run.settings.entering.is_some());
     // Rows have a category only if the AV is the deviated one.
     let deviated = run.settings.av.parse::<AvChoice>().is_ok_and(|av| av.follows_deviations());
     let mut scored = 0;

@@ -63,6 +63,16 @@ impl Comparison {
     /// [`EvaluationError`] for a simulator that is not in its run, an id that names different scenarios in
     /// the two runs or scenarios of different length, and runs without a scenario in common.
     pub fn of(first: (&Tally, &str), second: (&Tally, &str), seed: u64) -> Result<Self, EvaluationError> {
+        Self::of_metrics(first, second, seed, |_| true)
+    }
+
+    /// As [`Comparison::of`], with the metrics for which `is_wanted` holds.
+    pub(crate) fn of_metrics(
+        first: (&Tally, &str),
+        second: (&Tally, &str),
+        seed: u64,
+        is_wanted: impl Fn(&MetricSpec) -> bool,
+    ) -> Result<Self, EvaluationError> {
         let cells = |(tally, id): (&Tally, &str)| {
             let unknown =
                 || EvaluationError::NotInRun { id: id.to_owned(), known: tally.simulators.join(", ") };
@@ -86,7 +96,7 @@ impl Comparison {
             return Err(EvaluationError::NothingInCommon);
         }
         let metrics = first.0.metrics.iter().enumerate().filter_map(|(m, &metric)| {
-            let n = second.0.metrics.iter().position(|other| *other == metric)?;
+            let n = second.0.metrics.iter().position(|other| *other == metric && is_wanted(metric))?;
             let both: Vec<(&str, f64, f64)> =
                 pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[n]?))).collect();
             Some((metric.id, PairedDifference::of(metric, &both, seed)?))
@@ -113,7 +123,7 @@ fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&Entry, &[Option<f64
 
 impl PairedDifference {
     /// Computes the difference from the values of both by scenario; `None` without scenarios.
-    fn of(metric: &'static MetricSpec, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
+    pub(crate) fn of(metric: &'static MetricSpec, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
         if values.is_empty() {
             return None;
         }

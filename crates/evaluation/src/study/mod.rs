@@ -10,6 +10,7 @@ mod file;
 mod folder;
 mod guards;
 mod plan;
+mod planner_pairs;
 mod planners;
 mod results;
 
@@ -23,6 +24,7 @@ pub use errors::{ErrorGroup, LOG_ERRORS, LogErrors, SimulatorErrors};
 pub use file::{is_study, read_study};
 pub use folder::StudyFolder;
 pub use plan::{AxisPoint, StudyPlan};
+pub use planner_pairs::{Dependence, PlannerPair};
 pub use planners::{Agreement, OrderChange, PLANNER_RANKS, PlannerRanks, SimulatorRanks};
 pub use results::{Difference, StudyResults};
 

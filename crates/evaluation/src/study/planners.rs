@@ -9,6 +9,7 @@ use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_rollout::{Purpose, stream};
 use serde::{Deserialize, Serialize};
 
+use super::planner_pairs::two;
 use super::{Member, read_study};
 use crate::error::EvaluationError;
 use crate::folder::finished_run::FinishedRun;
@@ -267,7 +268,6 @@ impl<'a> Common<'a> {
 
     /// Returns the planners and simulators with the largest change of a difference; reversals come first.
     fn change(&self, planners: &[String], ids: &[String], means: &[Vec<f64>]) -> Option<OrderChange> {
-        let two = |n: usize| (0..n).flat_map(move |i| (i + 1..n).map(move |j| [i, j]));
         let all = two(planners.len()).flat_map(|planners| two(ids.len()).map(move |pair| (planners, pair)));
         let found = all.map(|([p, q], [s, t])| {
             let differences = [means[s][p] - means[s][q], means[t][p] - means[t][q]];
@@ -293,7 +293,7 @@ impl<'a> Common<'a> {
 }
 
 /// Returns the values of a metric by scenario, averaged over rollouts.
-fn values<'a>(tally: &'a Tally, simulator: usize, metric: &str) -> BTreeMap<&'a str, f64> {
+pub(super) fn values<'a>(tally: &'a Tally, simulator: usize, metric: &str) -> BTreeMap<&'a str, f64> {
     let Some(at) = tally.metric(metric) else { return BTreeMap::new() };
     let value =
         |entry: &'a Entry| Some((entry.scenario.as_str(), entry.cells.get(simulator)?.as_ref()?.values[at]?));

@@ -1,10 +1,10 @@
 //! The results of a study.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::{LogErrors, PlannerRanks, Study, StudyKind, read_study};
+use super::{LogErrors, PlannerPair, PlannerRanks, Study, StudyKind, read_study};
 use crate::error::EvaluationError;
 use crate::folder::{read_summary, read_tally};
 use crate::realism::RealismSummary;
@@ -27,6 +27,8 @@ pub struct StudyResults {
     /// Order of the planners in a study of kind `planners` ([`PlannerRanks::write`]); `None` in other
     /// studies.
     pub planners: Option<PlannerRanks>,
+    /// Every two planners of a study of kind `planners` with ranks; empty in other studies.
+    pub planner_pairs: Vec<PlannerPair>,
     /// Displacements from the log in a study of kind `errors` ([`LogErrors::write`]); `None` in other studies.
     pub errors: Option<LogErrors>,
 }
@@ -54,23 +56,30 @@ impl StudyResults {
         let study = read_study(folder)?;
         let members = || study.members.iter().map(|m| folder.join(&m.folder));
         let summaries: Vec<Summary> = members().map(|path| read_summary(&path)).collect::<Result<_, _>>()?;
-        let mut differences = Vec::new();
-        if study.kind == StudyKind::Guards {
-            let mut tallies = Vec::new();
-            for (summary, path) in summaries.iter().zip(members()) {
-                let tally = read_tally(&path)?;
-                if !summary.is_of(&tally) {
-                    return Err(EvaluationError::Unfinished { path });
-                }
-                tallies.push(tally);
-            }
-            differences = compare(&study, &summaries, &tallies)?;
-        }
         let planners = PlannerRanks::read(folder)?;
+        let (mut differences, mut planner_pairs) = (Vec::new(), Vec::new());
+        if study.kind == StudyKind::Guards {
+            differences = compare(&study, &summaries, &tallies(&summaries, members())?)?;
+        } else if let Some(ranks) = &planners {
+            let seed = summaries.first().map_or(0, |first| first.provenance.run.settings.seed);
+            planner_pairs = PlannerPair::of_study(&study, &tallies(&summaries, members())?, ranks, seed)?;
+        }
         let errors = LogErrors::read(folder)?;
         let realism = RealismSummary::read_all(folder)?;
-        Ok(Self { study, summaries, differences, realism, planners, errors })
+        Ok(Self { study, summaries, differences, realism, planners, planner_pairs, errors })
     }
+}
+
+/// Reads the results by scenario of members with these summaries.
+fn tallies(
+    summaries: &[Summary],
+    members: impl Iterator<Item = PathBuf>,
+) -> Result<Vec<Tally>, EvaluationError> {
+    let read = |(summary, path): (&Summary, PathBuf)| {
+        let tally = read_tally(&path)?;
+        if summary.is_of(&tally) { Ok(tally) } else { Err(EvaluationError::Unfinished { path }) }
+    };
+    summaries.iter().zip(members).map(read).collect()
 }
 
 /// Compares every simulator of every member but the first with its original in the first member.

@@ -115,7 +115,7 @@ impl<'a> SummaryBuilder<'a> {
             .then(|| format!("{RESAMPLES_OF_MANY} resamples of more than {MANY} scenarios"));
         let has_reference = self.provenance.simulators.iter().any(|s| s.id == PAIRING_REFERENCE);
         let estimates = self.samples.finish();
-        let judges_av = self.provenance.settings.judges_av();
+        let judges_av = self.provenance.settings.planner().is_some();
         let is_kept = |id: &str| judges_av || !self.of_av.contains(&id);
         let estimates_of = |simulator: usize, part: &Part| {
             let mut all = estimates.of(simulator, part);

@@ -13,14 +13,33 @@ const CONTRAST_METRICS: [&str; 4] = ["aav-collision", "aav-ttc", "aa-collision",
 /// Metric whose events are collisions with the AV.
 const COLLISION: &str = CONTRAST_METRICS[0];
 
-/// Scenario of the first screen: the AV is hit with one simulator and not with another one.
+/// Scores of the AV, in the order of preference.
+const SCORES: [&str; 2] = ["av-score", "av-score-partial"];
+/// Metric of collisions that are the fault of the AV: 1 without one.
+const FAULT: &str = "av-at-fault-collisions";
+/// Least change of a score that is shown on the first screen.
+const LEAST_CHANGE: f64 = 0.05;
+
+/// Baselines whose agents take no notice of the AV.
+const UNREACTIVE: [&str; 3] = ["constant-velocity", "stop", "log-replay"];
+
+/// Returns whether agents of the simulator with this id can react to the AV: a stage behind a baseline keeps
+/// them clear of it.
+pub(super) fn reacts(id: &str) -> bool {
+    id.contains('+') || !UNREACTIVE.contains(&id.split('@').next().unwrap_or(id))
+}
+
+/// Scenario of the first screen: the AV is hit with one simulator and not with another one, which can react,
+/// or the verdict on a planner depends on the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Lead {
     pub(super) scenario: usize,
-    /// Subject that collides.
+    /// Subject that collides, or with which the planner is worse.
     left: usize,
-    /// Subject that does not.
+    /// The other subject.
     right: usize,
+    /// Whether it is about a planner.
+    judged: bool,
 }
 
 impl Gallery {
@@ -42,13 +61,17 @@ impl Gallery {
         chosen
     }
 
-    /// Returns the scenario with the clearest difference between the first two simulators: one hits the AV, the
-    /// other one does not. If they do not differ in any scenario with a scene, the first other pair that does
-    /// takes their place.
+    /// Returns the scenario in which the simulator changes the verdict on a planner most. Without one,
+    /// returns the scenario with the clearest difference between the first two simulators: one hits the AV,
+    /// the other one, which can react, does not. If they do not differ in any scenario with a scene, the first
+    /// other pair that does takes their place.
     ///
     /// # Errors
     /// [`PageError`] if events cannot be read.
     pub(super) fn lead(&self) -> Result<Option<Lead>, PageError> {
+        if let Some(lead) = self.planner_lead()? {
+            return Ok(Some(lead));
+        }
         let runs: Vec<Run<'_>> =
             self.runs.iter().map(|r| Run { name: &r.name, summary: r.finished.summary() }).collect();
         // Other AVs and settings make other scenarios.
@@ -56,7 +79,7 @@ impl Gallery {
         let pairs = (0..self.subjects.len()).flat_map(|second| (0..second).map(move |first| (first, second)));
         for (left, right) in pairs.flat_map(|(first, second)| [(first, second), (second, first)]) {
             let (hitting, other) = (&self.subjects[left], &self.subjects[right]);
-            if groups[hitting.run] != groups[other.run] {
+            if groups[hitting.run] != groups[other.run] || !reacts(&other.id) {
                 continue;
             }
             let mut found: Vec<(i64, usize)> = (0..self.scenarios.len())
@@ -66,8 +89,8 @@ impl Gallery {
             found.sort_unstable();
             for (_, scenario) in found {
                 // Scenes have the first rollout only.
-                if self.collides_first(scenario, hitting)? {
-                    return Ok(Some(Lead { scenario, left, right }));
+                if self.is_first(scenario, hitting, COLLISION)? {
+                    return Ok(Some(Lead { scenario, left, right, judged: false }));
                 }
             }
         }
@@ -93,17 +116,86 @@ impl Gallery {
         Some(10 * i64::try_from(faults.count()).ok()? + (hits - 1))
     }
 
-    /// Returns whether the AV is hit in the first rollout of a simulator.
-    fn collides_first(&self, index: usize, subject: &Subject) -> Result<bool, PageError> {
-        let Some(place) = self.scenarios[index].places[subject.run] else { return Ok(false) };
-        let events = self.runs[subject.run].finished.events(place, subject.simulator)?;
-        Ok(events.iter().any(|event| event.rollout == 0 && event.counted && event.metric == COLLISION))
+    /// Returns the scenario in which the verdict on a planner other than the log depends most on the
+    /// simulator; collisions for which the AV is at fault come first.
+    fn planner_lead(&self) -> Result<Option<Lead>, PageError> {
+        let is_judged = |subject: &Subject| {
+            let finished = &self.runs[subject.run].finished;
+            finished.keeps_rollouts() && self.planner(subject).is_some_and(|planner| planner != "log")
+        };
+        let judged: Vec<usize> = (0..self.subjects.len()).filter(|&i| is_judged(&self.subjects[i])).collect();
+        let mut found: Vec<(bool, f64, Lead)> = Vec::new();
+        for scenario in (0..self.scenarios.len()).filter(|&index| self.has_scene(index)) {
+            for (&left, &right) in
+                judged.iter().flat_map(|left| judged.iter().map(move |right| (left, right)))
+            {
+                let [worse, better] = [left, right].map(|i| &self.subjects[i]);
+                if worse.run != better.run {
+                    continue;
+                }
+                if let Some((is_fault, change)) = self.verdict(scenario, worse, better)
+                    && change >= LEAST_CHANGE
+                {
+                    found.push((is_fault, change, Lead { scenario, left, right, judged: true }));
+                }
+            }
+        }
+        found.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+        for (is_fault, _, lead) in found {
+            // Scenes have the first rollout only.
+            if !is_fault || self.is_first(lead.scenario, &self.subjects[lead.left], FAULT)? {
+                return Ok(Some(lead));
+            }
+        }
+        Ok(None)
     }
 
-    /// Returns how much the simulators other than oracles differ in a scenario.
+    /// Returns the planner that drives the AV of a subject.
+    fn planner(&self, subject: &Subject) -> Option<&str> {
+        self.runs[subject.run].finished.summary().provenance.run.settings.planner()
+    }
+
+    /// Returns whether the AV is at fault for a collision with the first simulator only, and by how much its
+    /// score is larger with the second one; `None` without the scores.
+    fn verdict(&self, index: usize, worse: &Subject, better: &Subject) -> Option<(bool, f64)> {
+        let is_fault = |subject: &Subject| self.value(index, subject, FAULT).is_some_and(|value| value < 1.0);
+        let of = |score: &&str| Some(self.value(index, better, score)? - self.value(index, worse, score)?);
+        Some((is_fault(worse) && !is_fault(better), SCORES.iter().find_map(of)?))
+    }
+
+    /// Returns the largest difference of the scores of one planner between simulators in a scenario; 0
+    /// without planners.
+    fn spread(&self, index: usize) -> f64 {
+        let mut ranges: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+        for subject in self.subjects.iter().filter(|subject| self.planner(subject).is_some()) {
+            let score = SCORES.iter().find_map(|score| self.value(index, subject, score));
+            let Some(score) = score else { continue };
+            let range = ranges.entry(subject.run).or_insert((score, score));
+            *range = (range.0.min(score), range.1.max(score));
+        }
+        ranges.values().map(|(low, high)| high - low).fold(0.0, f64::max)
+    }
+
+    /// Returns the value of a metric with a subject in a scenario.
+    fn value(&self, index: usize, subject: &Subject, metric: &str) -> Option<f64> {
+        let place = self.scenarios[index].places[subject.run]?;
+        let tally = self.runs[subject.run].finished.tally();
+        let cell = tally.entries.get(&place)?.cells.get(subject.simulator)?.as_ref()?;
+        cell.values[tally.metric(metric)?]
+    }
+
+    /// Returns whether the first rollout of a simulator has a counted event of a metric.
+    fn is_first(&self, index: usize, subject: &Subject, metric: &str) -> Result<bool, PageError> {
+        let Some(place) = self.scenarios[index].places[subject.run] else { return Ok(false) };
+        let events = self.runs[subject.run].finished.events(place, subject.simulator)?;
+        Ok(events.iter().any(|event| event.rollout == 0 && event.counted && event.metric == metric))
+    }
+
+    /// Returns how much the simulators other than oracles differ in a scenario; first of all in the scores of
+    /// planners.
     fn contrast(&self, index: usize) -> f64 {
         let mut weight = 1.0;
-        let mut contrast = 0.0;
+        let mut contrast = self.spread(index);
         for metric in CONTRAST_METRICS {
             let counts = self.subjects.iter().filter(|s| !s.marks.is_oracle()).filter_map(|subject| {
                 let place = self.scenarios[index].places[subject.run]?;
@@ -120,5 +212,20 @@ impl Gallery {
             weight *= 0.25;
         }
         contrast
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agents_that_follow_a_fixed_path_do_not_react() {
+        for id in ["constant-velocity", "stop", "log-replay", "stop@mine"] {
+            assert!(!reacts(id), "{id}");
+        }
+        for id in ["idm", "idm@styles", "constant-velocity+qp", "mix:idm=1+ntp-guarded=1", "stopping"] {
+            assert!(reacts(id), "{id}");
+        }
     }
 }

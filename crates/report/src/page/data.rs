@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use reactsim_evaluation::{Entry, Mark, Summary, TableMarks, program_commit, program_version};
-use reactsim_metrics::{EVENT_UNITS, METRICS, MetricSpec, metric};
+use reactsim_metrics::{EVENT_UNITS, METRICS, MetricSpec, Scope, metric};
 use serde::Serialize;
 use serde_json::value::RawValue;
 
 use super::PageError;
-use super::choice::Lead;
+use super::choice::{Lead, reacts};
 use super::gallery::{Gallery, GalleryScenario};
 use crate::paper::PaperTable;
 use crate::table::{self, Column};
@@ -33,6 +33,8 @@ pub(super) struct Data<'a> {
     metrics: Vec<MetricData>,
     /// Metrics of the main table.
     columns: Vec<&'static str>,
+    /// Metrics of the table of the AV; empty if no planner drives.
+    av_columns: Vec<&'static str>,
     /// Columns of the realism metrics of the Sim Agents challenge.
     aggregates: [Aggregate; AGGREGATES.len()],
     /// Units of the values of events, by name.
@@ -60,6 +62,9 @@ struct MetricData {
     unit: &'static str,
     lower_is_better: bool,
     source: &'static str,
+    /// Whether it judges the AV.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    av: bool,
     /// Whether the benchmark does not have the metric.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     own: bool,
@@ -85,6 +90,8 @@ struct SubjectData<'a> {
     id: &'a str,
     title: &'a str,
     oracle: bool,
+    /// Whether its agents can react to the AV.
+    reacts: bool,
     mark: String,
     meaning: String,
 }
@@ -150,10 +157,12 @@ impl Gallery {
                     unit: spec.unit.name(),
                     lower_is_better: spec.lower_is_better,
                     source: spec.source,
+                    av: spec.scope == Scope::Av,
                     own: metric(spec.id).is_none(),
                 })
                 .collect(),
             columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
+            av_columns: Column::of_av(&runs).iter().map(|c| c.metric).collect(),
             aggregates: AGGREGATES,
             event_units: EVENT_UNITS.iter().copied().collect(),
             runs: self
@@ -178,6 +187,7 @@ impl Gallery {
                     id: &s.id,
                     title: &s.title,
                     oracle: s.marks.is_oracle(),
+                    reacts: reacts(&s.id),
                     mark: s.marks.signs(),
                     meaning: meaning(s.marks),
                 })

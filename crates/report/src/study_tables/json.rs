@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use reactsim_evaluation::{
-    Comparison, Estimate, LogErrors, Member, PlannerRanks, SimulatorSummary, StudyKind, StudyResults,
-    realism::RealismSummary,
+    Comparison, Dependence, Estimate, LogErrors, Member, PairedDifference, PlannerPair, PlannerRanks,
+    SimulatorSummary, StudyKind, StudyResults, realism::RealismSummary,
 };
 use serde::Serialize;
 
@@ -23,6 +23,9 @@ struct Numbers<'a> {
     /// Order of the planners under each simulator.
     #[serde(skip_serializing_if = "Option::is_none")]
     planners: Option<&'a PlannerRanks>,
+    /// Every two planners, compared scenario by scenario.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    planner_pairs: Vec<PairNumbers<'a>>,
     /// Displacements from the log of each simulator.
     #[serde(skip_serializing_if = "Option::is_none")]
     errors: Option<&'a LogErrors>,
@@ -51,6 +54,39 @@ struct SimulatorNumbers<'a> {
     /// By metric: this simulator minus the unchanged one, with the p-value of the difference.
     #[serde(skip_serializing_if = "Option::is_none")]
     difference: Option<BTreeMap<&'static str, PairedEstimate>>,
+}
+
+/// The score of the second planner minus that of the first.
+#[derive(Serialize)]
+struct PairNumbers<'a> {
+    planners: &'a [String; 2],
+    /// By simulator, in the order of the ranks.
+    differences: Vec<Option<PairedEstimate>>,
+    /// The largest change of the difference between two simulators.
+    dependence: Option<DependenceNumbers<'a>>,
+}
+
+/// The difference under the second simulator minus that under the first.
+#[derive(Serialize)]
+struct DependenceNumbers<'a> {
+    simulators: &'a [String; 2],
+    #[serde(flatten)]
+    change: PairedEstimate,
+}
+
+impl<'a> PairNumbers<'a> {
+    fn of(pair: &'a PlannerPair) -> Self {
+        let estimate = |found: &PairedDifference| PairedEstimate { estimate: found.difference, p: found.p };
+        let of_dependence = |found: &'a Dependence| DependenceNumbers {
+            simulators: &found.simulators,
+            change: PairedEstimate { estimate: found.change.difference, p: found.p },
+        };
+        Self {
+            planners: &pair.planners,
+            differences: pair.differences.iter().map(|found| found.as_ref().map(estimate)).collect(),
+            dependence: pair.dependence.as_ref().map(of_dependence),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -92,6 +128,7 @@ pub fn write_json(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn W
         members: members.collect(),
         realism: &results.realism,
         planners: results.planners.as_ref(),
+        planner_pairs: results.planner_pairs.iter().map(PairNumbers::of).collect(),
         errors: results.errors.as_ref(),
     };
     serde_json::to_writer_pretty(&mut *out, &numbers)?;

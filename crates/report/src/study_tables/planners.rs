@@ -1,6 +1,9 @@
 //! The order of planners under each simulator, as rows of texts.
 
-use reactsim_evaluation::{PlannerRanks, StudyResults};
+use reactsim_evaluation::{Estimate, PlannerPair, PlannerRanks, StudyResults};
+
+use crate::comparison::{p_text, signed};
+use crate::table::Column;
 
 /// A table of texts; the first row is its head.
 pub(super) struct TextTable {
@@ -10,7 +13,7 @@ pub(super) struct TextTable {
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// Returns the tables of ranks, agreement and reasons of a study of planners.
+/// Returns the tables of differences, ranks, agreement and reasons of a study of planners.
 pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
     let Some(found) = &results.planners else { return Vec::new() };
     let title = |id: &str| title(results, id);
@@ -38,7 +41,8 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
         std::iter::once(head).chain(rows).collect()
     };
     let heads = |heads: &[&str]| heads.iter().map(|head| (*head).to_owned()).collect::<Vec<_>>();
-    vec![
+    let mut tables: Vec<TextTable> = pair_table(results, found).into_iter().collect();
+    tables.extend([
         TextTable {
             title: "Rank of the planners by their score, 1 is best",
             texts: 1,
@@ -57,7 +61,54 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
                 reasons.collect(),
             ),
         },
-    ]
+    ]);
+    tables
+}
+
+/// Returns the table of every two planners: a row per traffic model, and one for how much the difference
+/// depends on it. `None` with one planner.
+fn pair_table(results: &StudyResults, found: &PlannerRanks) -> Option<TextTable> {
+    let column = Column::of(&found.score)?;
+    let mut rows = vec![["Planners", "Traffic", "Difference", "p"].map(str::to_owned).to_vec()];
+    for pair in &results.planner_pairs {
+        rows.extend(pair_rows(results, found, pair, &column));
+    }
+    let title = "Paired difference of the score between two planners, by traffic model";
+    (rows.len() > 1).then_some(TextTable { title, texts: 2, rows })
+}
+
+fn pair_rows(
+    results: &StudyResults,
+    found: &PlannerRanks,
+    pair: &PlannerPair,
+    column: &Column,
+) -> Vec<Vec<String>> {
+    let [first, second] = &pair.planners;
+    let row = |traffic: String, numbers: Option<(&Estimate, f64)>| {
+        let number = |value: f64| signed(column, value);
+        let text = numbers.and_then(|(estimate, _)| {
+            let mean = number(estimate.mean?);
+            Some(match estimate.low.zip(estimate.high) {
+                Some((low, high)) => format!("{mean} [{}, {}]", number(low), number(high)),
+                None => mean,
+            })
+        });
+        let p = numbers.map(|(_, p)| p_text(p));
+        let dash = || "–".to_owned();
+        vec![format!("{second} minus {first}"), traffic, text.unwrap_or_else(dash), p.unwrap_or_else(dash)]
+    };
+    let of_simulators = found.simulators.iter().zip(&pair.differences);
+    let mut rows: Vec<Vec<String>> = of_simulators
+        .map(|(simulator, of)| {
+            row(title(results, &simulator.id), of.as_ref().map(|found| (&found.difference, found.p)))
+        })
+        .collect();
+    rows.extend(pair.dependence.as_ref().map(|found| {
+        let [s, t] = &found.simulators;
+        let change = format!("change, {} to {}", title(results, s), title(results, t));
+        row(change, Some((&found.change.difference, found.p)))
+    }));
+    rows
 }
 
 /// Returns the title of a simulator.
@@ -72,6 +123,13 @@ pub(super) fn notes(found: &PlannerRanks) -> Vec<String> {
         "Ranks and tau are of `{}` on the {} scenarios that have it for every planner and simulator.",
         found.score, found.scenarios
     )];
+    if found.planners.len() > 1 {
+        notes.push(
+            "Differences are paired, scenario by scenario, with 95 % bootstrap intervals; p by a permutation test of the \
+             signs. The change is the largest between two traffic models, its p-value times the number of their pairs."
+                .to_owned(),
+        );
+    }
     if let Some(change) = &found.change {
         let [p, q] = &change.planners;
         let [s, t] = &change.simulators;

@@ -1,9 +1,10 @@
-// The first screen: one scenario in which a simulator hits the AV and another one does not, side by side.
+// The first screen: one scenario in which a simulator hits the AV and another one does not, or in which the verdict on a
+// planner depends on the simulator, side by side.
 
 import { Camera } from "./camera.js";
-import { data, scenarios, subjects } from "./data.js";
+import { data, metric, scenarios, subjects, value } from "./data.js";
 import { $, el, toast } from "./dom.js";
-import { seconds } from "./format.js";
+import { number, seconds } from "./format.js";
 import { between } from "./geometry.js";
 import { paint } from "./painter.js";
 import { onChange } from "./palette.js";
@@ -42,10 +43,18 @@ class Side {
   }
 }
 
+/** What the traffic changes for a planner. */
+function verdict(scenario, worse, better, hit, scene) {
+  const id = ["av-score", "av-score-partial"].find((id) => value(worse.index, id, scenario) !== null && value(better.index, id, scenario) !== null);
+  const of = (s) => `${number(metric(id), value(s.index, id, scenario))} among ${s.title}`;
+  const why = hit.metric ? ` (${metric(hit.metric).title} violated at ${seconds(hit.from, scene.now)})` : "";
+  return `The traffic changes the verdict on ${worse.planner}: its ${metric(id).title} is ${of(worse)}${why} and ${of(better)}.`;
+}
+
 /** Shows the leading scenario; `open` is called with it, the time of the collision in seconds, and both simulators. */
 export async function lead(open) {
   if (!data.lead) return;
-  const { scenario, left, right } = data.lead;
+  const { scenario, left, right, judged } = data.lead;
   let scene;
   try {
     scene = await load(scenario);
@@ -55,16 +64,19 @@ export async function lead(open) {
   }
   if (![left, right].every((i) => scene.subjects.has(i))) return;
   const sides = [left, right].map((i) => new Side(subjects[i], scene));
-  const hit = sides[0].part.events.find((e) => e.metric === "aav-collision" && e.counted);
+  const events = sides[0].part.events.filter((e) => e.counted);
+  const collision = events.find((e) => e.metric === (judged ? "av-at-fault-collisions" : "aav-collision"));
+  // A planner can also be worse without a collision.
+  const hit = collision ?? (judged ? events.find((e) => metric(e.metric).av) ?? { from: scene.now + BEFORE, agent: 0 } : null);
   if (!hit) return;
   const first = Math.max(0, hit.from - BEFORE), last = Math.min(scene.frames - 1, hit.from + AFTER);
   // Both agents on their way to the collision, in both rollouts.
-  const points = sides.flatMap(({ part }) => [0, hit.agent].flatMap((i) => [first, hit.from, last].map((f) => between(part.tracks[i], f)))).filter(Boolean);
+  const points = sides.flatMap(({ part }) => [0, hit.agent, hit.partner].filter((i) => i !== undefined).flatMap((i) => [first, hit.from, last].map((f) => between(part.tracks[i], f)))).filter(Boolean);
   const about = [scenarios.category[scenario] && `${scenarios.category[scenario]} deviation`, scenarios.difficulty[scenario] && `${scenarios.difficulty[scenario]} conflict`].filter(Boolean).join(", ");
   const time = (hit.from - scene.now) / 10;
   $("lead-panes").replaceChildren(...sides.map((side) => side.root));
   $("lead-about").replaceChildren(
-    `With ${subjects[left].name}, a vehicle hits the AV at ${seconds(hit.from, scene.now)}; with ${subjects[right].name}, none does. Dashed: the log. `,
+    `${judged ? verdict(scenario, subjects[left], subjects[right], hit, scene) : `With ${subjects[left].name}, a vehicle hits the AV at ${seconds(hit.from, scene.now)}; with ${subjects[right].name}, none does.`} Dashed: the log. `,
     `Scenario ${scenarios.id[scenario]}${about && ` (${about})`}. `,
     el("button", { id: "lead-open", onclick: () => open(scenario, time, left, right) }, "open in the viewer"));
   $("lead").hidden = false;

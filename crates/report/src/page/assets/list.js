@@ -1,7 +1,7 @@
 // The list of scenarios. Only visible rows are elements, so that thousands of rows cost no more than a
 // dozen.
 
-import { categories, counted, difficulties, metric, ownMetrics, scenarios, subjects, value } from "./data.js";
+import { avMetrics, categories, counted, difficulties, hasValues, metric, ownMetrics, runs, scenarios, subjects, value, verdict } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, number, titled } from "./format.js";
 import { drawable } from "./scenes.js";
@@ -9,18 +9,28 @@ import { drawable } from "./scenes.js";
 /** Height of a row, pixels. */
 const ROW = 26;
 /** Metrics that are meaningful for a single scenario. */
-const SHOWN = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "red-light", "log-clinging", ...ownMetrics];
+const SHOWN = [...avMetrics, "aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "ade", "progress", "over-reaction", "over-braking", "undisturbed-loss", "red-light", "log-clinging", ...ownMetrics];
 /** Maximum number of subjects with a column. */
 const MOST = 12;
 
 const fair = subjects.filter((s) => !s.oracle).map((s) => s.index);
 const collides = (s, i) => counted(s, "aav-collision", i) > 0;
+/** Whether the AV is at fault for a collision; null if it is not judged. */
+const atFault = (s, i) => {
+  const v = value(s.index, "av-at-fault-collisions", i);
+  return v === null ? null : v < 1;
+};
+const judged = subjects.filter((s) => s.planner);
 const ran = (s, i) => value(s, "aav-collision", i) !== null;
 
 /** Filters in addition to category, difficulty and id. */
 const CONDITIONS = [
   ["", "all", () => true],
   ["scene", "with a scene", drawable],
+  ...(judged.length ? [
+    ["verdict", "traffic decides whether the AV is at fault", (i) => runs.some((_, run) => new Set(judged.filter((s) => s.run === run).map((s) => atFault(s, i)).filter((v) => v !== null)).size > 1)],
+    ["fault", "the AV is at fault for a collision", (i) => judged.some((s) => atFault(s, i))],
+  ] : []),
   ["differ", "simulators differ", (i) => fair.some((s) => ran(s, i) && collides(s, i)) && fair.some((s) => ran(s, i) && !collides(s, i))],
   ["collision", "some simulator hits the AV", (i) => fair.some((s) => collides(s, i))],
   ["risky", "some simulator is risky", (i) => fair.some((s) => counted(s, "aav-ttc", i) > 0)],
@@ -30,12 +40,18 @@ const CONDITIONS = [
   ["red", "a vehicle runs a red light", (i) => fair.some((s) => counted(s, "red-light", i) > 0)],
 ];
 
-const state = { text: "", category: "", difficulty: "", condition: "", metric: SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
+const state = { text: "", category: "", difficulty: "", condition: "", metric: verdict ?? SHOWN.find((id) => metric(id)) ?? null, by: null, down: true };
 const USUAL = { ...state };
 let order = [];
 let cursor = 0;
 let open = null;
-const columns = subjects.slice(0, MOST);
+/** Subjects with values of the chosen metric; the log as planner last. */
+let columns = [];
+
+function choose() {
+  const having = subjects.filter((s) => hasValues(s.index, state.metric)).sort((a, b) => (a.planner === "log") - (b.planner === "log"));
+  columns = (having.length ? having : subjects).slice(0, MOST);
+}
 
 function sift() {
   const condition = CONDITIONS.find(([key]) => key === state.condition)[2];
@@ -68,7 +84,7 @@ function row(at) {
   const m = metric(state.metric);
   const cells = columns.map((s) => {
     const v = value(s.index, state.metric, i);
-    const isBad = m.lower_is_better && v > 0 && !m.own && !["m", "m/s²"].includes(m.unit);
+    const isBad = m.av ? v === 0 : m.lower_is_better && v > 0 && !m.own && !["m", "m/s²"].includes(m.unit);
     return el("span", { role: "gridcell", class: `number${isBad ? " bad" : ""}` }, v === null ? "–" : number(m, v));
   });
   return el("div", { role: "row", id: `row-${i}`, class: `row${at === cursor ? " cursor" : ""}${i === open ? " open" : ""}`, "aria-rowindex": at + 2, "aria-selected": String(i === open), style: `top:${at * ROW}px`, "data-scenario": i, onclick: () => go(at) },
@@ -114,6 +130,7 @@ function heads() {
 }
 
 function refresh() {
+  choose();
   heads();
   sift();
   draw();

@@ -1,6 +1,6 @@
 // The page: assembly, addresses and keys.
 
-import { data, runs, scenarios, subjects } from "./data.js";
+import { avMetrics, data, runs, scenarios, subjects } from "./data.js";
 import { $, el, save, toast } from "./dom.js";
 import { figures } from "./figures.js";
 import { count } from "./format.js";
@@ -93,6 +93,7 @@ function begin() {
   $("runs").textContent = runs.map((r) => r.name).join(", ");
   const abouts = runs.map((r) => el("p", {}, runs.length > 1 ? el("b", {}, `${r.name}: `) : null, r.about));
   $("about").replaceChildren(...(runs.length > 3 ? [el("details", {}, el("summary", {}, count(runs.length, "run")), ...abouts)] : abouts));
+  if (avMetrics.length) $("h-results").textContent = "How do planners drive among simulated road users?";
   // A long table is folded.
   $("events-fold").open = subjects.length <= 12;
   $("stage-note").dataset.lacks = data.lacks.join(" ");

@@ -19,6 +19,7 @@ export const LOOKS = {
   offroad: { name: "off-road", fill: "offroad", line: "offroad", width: 2, dash: [1.5, 2.5], ring: false },
   against: { name: "against the lane", fill: "pedestrian", line: "text", width: 2, dash: [7, 3, 1.5, 3], ring: false },
   red: { name: "running a red light", fill: "fault", line: "fault", width: 2, dash: [3, 2, 1, 2], ring: false },
+  av: { name: "event of a metric of the AV", fill: "av", line: "text", width: 2, dash: [], ring: false },
   own: { name: "event of another metric", fill: "accent", line: "accent", width: 2, dash: [2, 2], ring: false },
 };
 

@@ -1,7 +1,7 @@
 // Information next to the views: timeline, current values, events, and the agent under the pointer.
 
 import { sharp } from "./curves.js";
-import { data, metric, ownMetrics, value } from "./data.js";
+import { avMetrics, data, metric, ownMetrics, value } from "./data.js";
 import { spacing } from "./decode.js";
 import { el } from "./dom.js";
 import { number, seconds, titled } from "./format.js";
@@ -12,7 +12,7 @@ import { colour } from "./palette.js";
 const EVENTS = { "aav-collision": "fault", "aa-collision": "contact", "aav-ttc": "risky", offroad: "offroad", direction: "against", "red-light": "red" };
 
 /** The style of an event; undefined if it has no mark. */
-export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : metric(e.metric)?.own ? "own" : EVENTS[e.metric]);
+export const eventKind = (e) => (e.metric === "aav-collision" && !e.counted ? "contact" : metric(e.metric)?.av ? "av" : metric(e.metric)?.own ? "own" : EVENTS[e.metric]);
 
 /** The timeline of a scene: a row for every simulator with its events. */
 export function timeline(canvas, { now, frames }, parts, t) {
@@ -56,7 +56,8 @@ export function timeline(canvas, { now, frames }, parts, t) {
 
 /** Table of current values and values of the whole rollout, for these simulators (null for none). */
 export function facts(table, simulators, index) {
-  const shown = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", "ade", ...ownMetrics].filter((id) => metric(id));
+  const judged = avMetrics.filter((id) => simulators.some((subject) => subject !== null && value(subject, id, index) !== null));
+  const shown = [...judged, "aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", "ade", ...ownMetrics].filter((id) => metric(id));
   const row = (id, title) => el("tr", {}, el("th", { scope: "row" }, title), ...simulators.flatMap((subject, i) => (subject === null ? [] : [
     el("td", { class: "number", "data-pane": i, "data-now": id }),
     el("td", { class: "number dim", "data-pane": i, "data-whole": id }, metric(id) ? number(metric(id), value(subject, id, index)) : ""),
@@ -76,6 +77,7 @@ export function now(table, scene, parts, f) {
       cell.textContent = !part || f < scene.now ? "–"
         : id === "aav-collision" ? String(part.analysis.touching[f]?.size ?? 0)
         : id === "aav-ttc" ? (ttc === null || ttc === undefined ? "–" : `${ttc >= NO_RISK ? "≥ " : ""}${ttc.toFixed(2)} s`)
+        : metric(id)?.av ? String(covering(part, id) || "")
         : id === "gap" ? (gap === null || gap === undefined ? "–" : `${gap.toFixed(1)} m`)
         : id === "ade" ? `${displacement(scene, part, f)} m`
         : String(covering(part, id));
@@ -106,7 +108,7 @@ export function events(list, scene, parts, several, pick) {
   };
   list.replaceChildren(...(all.length ? all.slice(0, 200).map((e) => {
     const kind = eventKind(e);
-    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from, scene.now)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${kind === "own" ? metric(e.metric).title : LOOKS[kind].name}: ${words(e)}`));
+    return el("li", {}, el("button", { class: "event", "data-from": e.from, onclick: () => pick(e) }, el("i", { class: `dot ${kind}`, "aria-hidden": "true" }), el("b", {}, seconds(e.from, scene.now)), ` ${!several ? "" : e.pane ? "right: " : "left: "}${kind === "own" ? metric(e.metric).title : kind === "av" ? `${metric(e.metric).title} violated` : LOOKS[kind].name}: ${words(e)}`));
   }) : [el("li", { class: "dim" }, "No events.")]));
 }
 

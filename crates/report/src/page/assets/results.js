@@ -1,6 +1,6 @@
 // The main table, the tables of categories and difficulties, and events per scenario.
 
-import { categories, counted, data, difficulties, metric, metrics, ownMetrics, runs, scenarios, subjects } from "./data.js";
+import { avMetrics, categories, counted, data, difficulties, metric, metrics, ownMetrics, runs, scenarios, subjects } from "./data.js";
 import { $, el } from "./dom.js";
 import { count, half, interval, number, titled } from "./format.js";
 
@@ -8,7 +8,16 @@ const several = runs.length > 1;
 /** Explanations of the marks behind names of simulators. */
 const marks = [...new Set(subjects.filter((s) => s.mark).map((s) => ` ${s.mark} ${s.meaning}.`))].join("");
 /** Metrics in the table of events, in the order of the columns. */
-const EVENT_METRICS = ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", ...ownMetrics.filter((id) => scenarios.events.some((of) => of[metrics.findIndex((m) => m.id === id)].length))];
+const hasEvents = (id) => scenarios.events.some((of) => of[metrics.findIndex((m) => m.id === id)].length);
+const EVENT_METRICS = [...avMetrics.filter(hasEvents), "aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature", "red-light", ...ownMetrics.filter(hasEvents)];
+/** What drives the AV of a subject. */
+const avOf = (s) => s.planner ?? s.settings.av;
+/** Planners in the order of their runs, simulators in that of the tables. */
+const planners = [...new Set(subjects.filter((s) => s.planner).map((s) => s.planner))], traffic = [...new Set(subjects.map((s) => s.id))];
+
+/** Which subjects of a table are ranked, and among which others: simulators in comparable runs; planners in the same traffic. */
+const SIMULATORS = { is: (s) => !s.oracle, group: (s) => runs[s.run].group };
+const PLANNERS = { is: () => true, group: (s) => JSON.stringify([s.id, runs[s.run].summary.provenance.scenarios_blake3, { ...s.settings, av: null }]) };
 
 /** Parts of the scenarios with a table: the estimates of a subject, and whether a scenario of a run belongs to it. */
 const PARTS = [
@@ -32,29 +41,26 @@ const estimates = (subject) => part.of(subject.summary);
 
 /** Metrics of the table. */
 function tableMetrics() {
-  const extra = metrics.map((m) => m.id).filter((id) => !data.columns.includes(id) && subjects.some((s) => (s.summary?.metrics[id]?.mean ?? null) !== null));
+  const extra = metrics.map((m) => m.id).filter((id) => !data.columns.includes(id) && !metric(id).av && subjects.some((s) => (s.summary?.metrics[id]?.mean ?? null) !== null));
   return [...data.columns, ...(isWhole ? extra : [])].map(metric);
 }
 
-/**
- * The best number among simulators other than oracles, by group of comparable runs; as printed, so that equal
- * numbers tie.
- */
-function best(rows, column) {
-  const groups = Map.groupBy(rows.filter((r) => !r.oracle), (r) => runs[r.run].group);
+/** The best number of each group of ranked rows; as printed, so that equal numbers tie. */
+function best(rows, column, ranked) {
+  const groups = Map.groupBy(rows.filter(ranked.is), ranked.group);
   return new Map([...groups].map(([group, members]) => {
     const shown = members.map((r) => estimates(r)?.metrics[column.id]?.mean).filter((v) => v !== null && v !== undefined);
     return [group, shown.length < 2 ? null : number(column, column.lower_is_better ? Math.min(...shown) : Math.max(...shown))];
   }));
 }
 
-function cell(subject, column, top) {
+function cell(subject, column, top, ranked) {
   const estimate = estimates(subject)?.metrics[column.id];
   const about = { class: "number", "data-metric": column.id };
   if (!estimate || estimate.mean === null) return el("td", { ...about, title: "no scenario has a value" }, "–");
   const { mean } = estimate;
   const text = number(column, mean);
-  const isBest = !subject.oracle && text === top.get(runs[subject.run].group);
+  const isBest = ranked.is(subject) && text === top.get(ranked.group(subject));
   return el(
     "td",
     { ...about, "data-mean": mean, title: `${text}, ${interval(column, estimate)}, ${count(estimate.scenarios, "scenario")}` },
@@ -63,13 +69,13 @@ function cell(subject, column, top) {
   );
 }
 
-function head(label, key, numeric, about) {
+function head(table, label, key, numeric, about) {
   const isBy = sorted.by === key;
   const turn = () => {
     sorted = { by: key, down: isBy ? !sorted.down : false };
     show();
     // The table was rebuilt: restore the keyboard focus.
-    $("main-table").querySelector(`button[data-key="${key}"]`)?.focus();
+    $(table).querySelector(`button[data-key="${key}"]`)?.focus();
   };
   return el(
     "th",
@@ -78,28 +84,41 @@ function head(label, key, numeric, about) {
   );
 }
 
-function show() {
-  const columns = tableMetrics();
-  const rows = subjects.filter((s) => estimates(s));
+/** Fills a table with rows of subjects. */
+function fill(table, rows, columns, ranked) {
   if (sorted.by !== null) {
-    const key = (s) => (sorted.by === "name" ? s.name : sorted.by === "run" ? runs[s.run].name : estimates(s).metrics[sorted.by]?.mean ?? Infinity);
+    const key = (s) => (sorted.by === "name" ? s.name : sorted.by === "run" ? runs[s.run].name : sorted.by === "av" ? avOf(s) : estimates(s).metrics[sorted.by]?.mean ?? Infinity);
     const sign = sorted.down ? -1 : 1;
     rows.sort((a, b) => sign * (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0));
   }
-  const tops = columns.map((c) => best(rows, c));
+  const tops = columns.map((c) => best(rows, c, ranked));
   const failed = part === PARTS[0] && rows.some((s) => s.summary.failed > 0);
-  $("main-table").replaceChildren(
+  $(table).replaceChildren(
     el("thead", {}, el("tr", {},
-      several ? head("Run", "run") : null,
-      head("Method", "name"),
-      ...columns.map((c) => head(el("span", {}, `${c.title} `, el("span", { class: "unit" }, `${titled(c).slice(c.title.length)} ${c.lower_is_better ? "↓" : "↑"}`.trim())), c.id, true, `${c.id} · ${c.source}`)),
+      several ? head(table, "Run", "run") : null,
+      avMetrics.length ? head(table, "AV", "av") : null,
+      head(table, avMetrics.length ? "Traffic" : "Method", "name"),
+      ...columns.map((c) => head(table, el("span", {}, `${c.title} `, el("span", { class: "unit" }, `${titled(c).slice(c.title.length)} ${c.lower_is_better ? "↓" : "↑"}`.trim())), c.id, true, `${c.id} · ${c.source}`)),
       failed ? el("th", { scope: "col", class: "number" }, "Failed") : null)),
     el("tbody", {}, ...rows.map((s) => el("tr", { "data-subject": s.index },
       several ? el("td", {}, runs[s.run].name) : null,
+      avMetrics.length ? el("td", {}, avOf(s)) : null,
       el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null),
-      ...columns.map((c, i) => cell(s, c, tops[i])),
+      ...columns.map((c, i) => cell(s, c, tops[i], ranked)),
       failed ? el("td", { class: "number" }, String(s.summary.failed)) : null))),
   );
+}
+
+function show() {
+  const rows = subjects.filter((s) => estimates(s));
+  $("av").hidden = !avMetrics.length;
+  if (avMetrics.length) {
+    // Planners in the same traffic stand next to each other.
+    const judged = rows.filter((s) => s.planner).sort((a, b) => traffic.indexOf(a.id) - traffic.indexOf(b.id));
+    fill("av-table", judged, avMetrics.map(metric), PLANNERS);
+    $("av-about").textContent = `Driven by ${planners.join(", ")}; judged by nuPlan's closed-loop metrics.${planners.length > 1 ? " Bold: best planner in the same traffic." : ""}`;
+  }
+  fill("main-table", rows, tableMetrics(), SIMULATORS);
   for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
   $("main-about").textContent = `${count(size(part), "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles${isOneGroup ? "" : " among runs on the same scenarios with the same AV and settings"}.${marks}`;
   eventTable();
@@ -130,6 +149,7 @@ function eventTable() {
     el("tbody", {}, ...subjects.map((s) => el("tr", {}, el("th", { scope: "row" }, s.name), ...shown.map((id) => {
       let [events, having, all] = [0, 0, 0];
       const rollouts = s.settings.rollouts || 1;
+      if (metric(id).av && !s.planner) return el("td", { class: "number" }, "–");
       for (let i = 0; i < scenarios.id.length; i++) {
         if (!has(s.index, i) || !part.has(s.run, i)) continue;
         const n = counted(s.index, id, i);

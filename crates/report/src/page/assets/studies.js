@@ -20,7 +20,7 @@ const PROPERTIES = {
 };
 
 const arrow = (m) => `${titled(m)} ${m.lower_is_better ? "↓" : "↑"}`;
-const TEXTS = ["Method", "Variant", "Settings", "Agents"];
+const TEXTS = ["Method", "Planners", "Variant", "Settings", "Agents"];
 const head = (...names) => el("thead", {}, el("tr", {}, ...names.map((n) => el("th", { scope: "col", class: TEXTS.includes(n) ? null : "number" }, n))));
 const method = (s) => el("th", { scope: "row" }, s.title, s.mark ? el("abbr", { title: s.meaning }, ` ${s.mark}`) : null);
 
@@ -41,9 +41,11 @@ function difference(m, w) {
 const find = (member, id) => member.simulators.find((s) => s.id === id);
 const wide = (...rows) => el("div", { class: "wide", tabindex: "0", role: "region", "aria-label": "Study, scrollable" }, el("table", { class: "data" }, ...rows));
 
-/** One table per metric: simulators by replan interval. */
+/** One table per metric with a value: simulators by replan interval. */
 function replan({ members }) {
-  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => s.metrics[m.id])));
+  const columns = data.metrics.filter((m) => members.some((member) => member.simulators.some((s) => (s.metrics[m.id]?.mean ?? null) !== null)));
+  // Those of the AV first.
+  columns.sort((a, b) => (b.av ?? false) - (a.av ?? false));
   return columns.flatMap((m) => [
     el("h4", {}, arrow(m)),
     wide(head("Method", ...members.map((member) => member.label)), el("tbody", {}, ...members[0].simulators.map((s) => el("tr", {}, method(s), ...members.map((member) => cell(m, find(member, s.id)?.metrics[m.id])))))),
@@ -89,17 +91,41 @@ function compared({ planners, scenario }, simulator, members) {
   return el("a", { href: `#${new URLSearchParams({ scenario, left, right })}` }, `${planners.join(" and ")} among ${simulator}`);
 }
 
-/** Scores by planner, ranks, agreement of simulators, and reasons of collisions. */
-function planners({ members, planners: found }) {
+/** A difference with its interval and p-value; `about` says of what it is. */
+function paired(m, w, about = "") {
+  const shown = difference(m, w);
+  if (!w || w.mean === null) return shown;
+  const range = w.low === null ? "" : ` ${number(m, w.low)} to ${number(m, w.high)},`;
+  shown.append(el("small", {}, `${range} p ${w.p < 0.0001 ? "< 0.0001" : w.p.toFixed(4)}${about}`));
+  return shown;
+}
+
+/** Every two planners: the difference of their scores under each simulator, and its largest change between two. */
+function pairs({ planner_pairs: all = [], planners: { score, simulators } }, title) {
+  if (!all.length) return [];
+  const m = metric(score);
+  const between = (change) => change && `, from ${title(change.simulators[0])} to ${title(change.simulators[1])}`;
+  return [
+    el("h4", {}, `Difference of ${m.title} between two planners, by traffic model`),
+    wide(head("Planners", ...simulators.map((s) => title(s.id)), "Largest change"), el("tbody", {}, ...all.map(({ planners: [first, second], differences, dependence }) =>
+      el("tr", {}, el("th", { scope: "row" }, `${second} minus ${first}`), ...differences.map((w) => paired(m, w)), paired(m, dependence, between(dependence)))))),
+    el("p", { class: "dim small" }, "Paired, scenario by scenario, with 95 % intervals; p by a permutation test of the signs. Bold if the interval excludes 0. The p-value of the largest change is times the number of pairs of traffic models."),
+  ];
+}
+
+/** Scores by planner, differences, ranks, agreement of simulators, and reasons of collisions. */
+function planners(numbers) {
+  const { members, planners: found } = numbers;
   const planned = members.filter((member) => member.planner);
   const title = (id) => find(planned[0], id)?.title ?? id;
   const fixed = members.filter((member) => !member.planner);
-  const scores = [planned, fixed].flatMap((some) => (some.length ? replan({ members: some }) : []));
-  if (!found) return scores;
+  const [scores, others] = [planned, fixed].map((some) => (some.length ? replan({ members: some }) : []));
+  if (!found) return [...scores, ...others];
   const two = (v) => v?.toFixed(2);
   const change = found.change;
   return [
     ...scores,
+    ...pairs(numbers, title),
     el("h4", {}, "Rank by the score, 1 is best"),
     plain(["Method", ...found.planners], found.simulators.map((s) => [title(s.id), ...s.ranks.map(String)])),
     el("h4", {}, "Kendall's tau of the order of planners between two simulators"),
@@ -108,6 +134,7 @@ function planners({ members, planners: found }) {
     plain(["Method", "At fault", "Agents ignored the AV", "None, as agents were frozen"], found.simulators.map((s) => [title(s.id), s.at_fault, s.ignored, s.frozen])),
     change ? el("p", {}, `The difference of ${change.planners.join(" and ")} depends most on the simulator: ${change.differences.map((d, i) => `${d.toFixed(3)} among ${title(change.simulators[i])}`).join(", ")}. It changes most in scenario ${change.scenario}: `,
       compared(change, change.simulators[0], planned), ", ", compared(change, change.simulators[1], planned), ".") : null,
+    ...others,
   ].filter((part) => part !== null);
 }
 

@@ -2,7 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { Chart, seekable } from "./curves.js";
-import { counted, ownMetrics, runs, scenarios, subjects } from "./data.js";
+import { counted, ownMetrics, runs, scenarios, score, subjects } from "./data.js";
 import { USUAL } from "./decode.js";
 import { $, el, save, saveBlob, toast } from "./dom.js";
 import { seconds } from "./format.js";
@@ -81,15 +81,30 @@ export async function show(i, { t = null, left = null, right = undefined } = {})
   onState();
 }
 
-/** Without a choice, selects two contrasting simulators: one that hits the AV and one that does not. */
+/** The two simulators between which the score of a planner differs most, the worse one first; null if none differ. */
+function verdicts(there) {
+  const judged = there.filter((s) => s.planner && score(s.index, index) !== null);
+  const planned = judged.filter((s) => s.planner !== "log");
+  const scored = planned.length ? planned : judged;
+  const pairs = scored.flatMap((a) => scored.filter((b) => b.run === a.run).map((b) => [score(b.index, index) - score(a.index, index), a.index, b.index]));
+  const [most, ...pair] = pairs.reduce((a, b) => (b[0] > a[0] ? b : a), [0]);
+  return most > 0 ? pair : null;
+}
+
+/** Without a choice, selects two contrasting simulators: one that hits the AV and one that does not, which can react. */
 function propose() {
   if (panes[0].subject !== null) return;
   const there = subjects.filter((s) => scene.subjects.has(s.index));
+  const pair = verdicts(there);
+  if (pair) {
+    [panes[0].subject, panes[1].subject] = pair;
+    return;
+  }
   const hits = (s) => counted(s.index, "aav-collision", index);
   const bad = there.filter((s) => hits(s) > 0), good = there.filter((s) => !hits(s) && !s.oracle);
   panes[0].subject = (bad[0] ?? there[0] ?? subjects[0]).index;
   const other = good.filter((s) => s.index !== panes[0].subject);
-  panes[1].subject = (other[other.length - 1] ?? there.find((s) => s.index !== panes[0].subject) ?? null)?.index ?? null;
+  panes[1].subject = (other.findLast((s) => s.reacts) ?? other[other.length - 1] ?? there.find((s) => s.index !== panes[0].subject) ?? null)?.index ?? null;
 }
 
 /** Fits the view to the AV's path and the agents in its events. */
@@ -385,7 +400,7 @@ export function viewer(changed) {
   } }), label)));
   $("legend").replaceChildren(
     el("li", {}, el("i", { class: "dot av" }), "AV"), el("li", {}, el("i", { class: "dot vehicle" }), "vehicle"), el("li", {}, el("i", { class: "dot pedestrian" }), "pedestrian"), el("li", {}, el("i", { class: "dot cyclist" }), "cyclist"), el("li", {}, el("i", { class: "dot ghost" }), "log"),
-    ...Object.entries(LOOKS).filter(([kind]) => kind !== "own" || ownMetrics.length).map(([kind, look]) => el("li", {}, el("i", { class: `dot ${kind}` }), look.name)));
+    ...Object.entries(LOOKS).filter(([kind]) => (kind !== "own" || ownMetrics.length) && kind !== "av").map(([kind, look]) => el("li", {}, el("i", { class: `dot ${kind}` }), look.name)));
   $("speed").replaceChildren(...SPEEDS.map((s) => el("option", { value: s }, `${s}×`)));
   $("speed").value = speed;
   $("speed").onchange = () => (speed = Number($("speed").value));
