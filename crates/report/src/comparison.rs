@@ -23,9 +23,7 @@ pub fn write(
         let same = first == second;
         let title = if same { escape(first) } else { format!("{} and {}", escape(first), escape(second)) };
         writeln!(out, "{}{title}: {}\n", if i > 0 { "\n" } else { "" }, count(*scenarios, "scenario"))?;
-        let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
-        rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
-        write_aligned(out, &rows, 1)?;
+        write_differences(comparison, out)?;
         if *unpaired > 0 {
             writeln!(out, "\n{} in one run alone.", count(*unpaired, "scenario"))?;
         }
@@ -42,11 +40,7 @@ pub fn write(
             }
         }
     }
-    writeln!(
-        out,
-        "\nSecond minus first, scenario by scenario: mean with its 95 % bootstrap interval; \
-         p by a permutation test of the signs."
-    )?;
+    writeln!(out, "\n{LEGEND}")?;
     for ConditionDifference { condition, first, second } in differences {
         let (first, second) = (escape(first), escape(second));
         writeln!(out, "The runs differ in `{}`: {first} and {second}.", condition.name())?;
@@ -54,11 +48,42 @@ pub fn write(
     Ok(())
 }
 
+/// What the tables of differences show.
+pub const LEGEND: &str = "\
+    n: scenarios in which both have a value; all numbers are of them. Second minus first, scenario by \
+    scenario: mean with its 95 % bootstrap interval; p by a permutation test of the signs; the verdict is for p \
+    below 0.05, one column at a time. Seen from: so large a difference is found in four of five cases.";
+
+/// Writes the table of a comparison, and which doublings it would not show.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_differences(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
+    let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
+    rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
+    write_aligned(out, &rows, 1)?;
+    let hidden = columns(comparison).filter(|(_, paired)| paired.may_hide_doubling());
+    let hidden: Vec<&str> = hidden.map(|(column, _)| column.title()).collect();
+    if hidden.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "\nToo few scenarios to see a doubling: {}.", hidden.join(", "))
+}
+
+/// Returns the change of a metric in words, such as `Progress 0.855 → 0.810 (p 0.0400)`.
+pub fn change(paired: &PairedDifference) -> String {
+    let column = Column::of_spec(paired.metric);
+    let unit = column.unit().map(|unit| format!(" {unit}")).unwrap_or_default();
+    let [first, second] = [paired.first, paired.second].map(|value| column.number(value));
+    format!("{} {first} → {second}{unit} (p {})", column.title(), p_text(paired.p))
+}
+
 /// Smallest p-value that is printed as a number.
 const MIN_PRINTED_P: f64 = 0.0001;
 
 /// Column heads.
-const HEAD: [&str; 7] = ["Metric", "First", "Second", "Difference", "p", "Better in", "Worse in"];
+const HEAD: [&str; 10] =
+    ["Metric", "n", "First", "Second", "Difference", "p", "Verdict", "Seen from", "Better in", "Worse in"];
 
 /// Returns the metrics of a comparison in the order of the tables, then those that only the runs have.
 fn columns(comparison: &Comparison) -> impl Iterator<Item = (Column, &PairedDifference)> {
@@ -74,13 +99,20 @@ fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {
     };
     vec![
         column.head(),
+        paired.difference.scenarios.to_string(),
         column.number(paired.first),
         column.number(paired.second),
         format!("{}{interval}", signed(column, paired.second - paired.first)),
-        if paired.p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{:.4}", paired.p) },
+        p_text(paired.p),
+        paired.verdict.words().to_owned(),
+        paired.visible.map_or_else(|| "–".to_owned(), |visible| format!("±{}", column.number(visible))),
         paired.better.len().to_string(),
         paired.worse.len().to_string(),
     ]
+}
+
+fn p_text(p: f64) -> String {
+    if p < MIN_PRINTED_P { format!("< {MIN_PRINTED_P}") } else { format!("{p:.4}") }
 }
 
 /// Formats a number with its sign; numbers that round to 0 have none.
