@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from .comparison import Comparison, comparison_of
 from .options import PathLike, each, paths, reading
 from .program import arguments, local_folder, produce
 from .results import Results
@@ -15,7 +17,7 @@ __all__ = ["Adaptation", "train_adapt"]
 
 @dataclasses.dataclass(frozen=True)
 class Adaptation:
-    """A simulator that was adapted to logs.
+    """A simulator that was trained on logs, and whether that made it better.
 
     Attributes:
         baseline: Name of the simulator for `run(baselines=[...])`, such as "ntp-guarded@mine".
@@ -23,6 +25,10 @@ class Adaptation:
         weights: File of the weights.
         realism: Results before and after on the scenarios to judge by, in the realism protocol.
         reactive: The same in the reactive protocol, with AVs that deviate; None if none could.
+        verdict: "worse" if a column of the table got worse with p below 0.05, in which case `text`
+            names a setting that works against it; else "better" or "no-difference-seen".
+        text: The verdict in words, with what led to it.
+        differences: Before (first) and after (second) by protocol, "reactive" and "realism".
 
     """
 
@@ -31,6 +37,9 @@ class Adaptation:
     weights: Path
     realism: Results
     reactive: Results | None
+    verdict: str
+    text: str
+    differences: Mapping[str, Comparison]
 
 
 def train_adapt(
@@ -90,10 +99,15 @@ def train_adapt(
     if haste.exists():
         options.append(f"--set={baseline}.haste.weight={haste.read_text('utf-8').strip()}")
     reactive = folder / "reactive"
+    verdict = json.loads((folder / "verdict.json").read_text("utf-8"))
+    protocols = [name for name in ("reactive", "realism") if name in verdict]
     return Adaptation(
         baseline,
         options,
         weights,
         Results(folder / "realism"),
         Results(reactive) if reactive.is_dir() else None,
+        verdict["verdict"],
+        verdict["text"],
+        {name: comparison_of(verdict[name]) for name in protocols},
     )

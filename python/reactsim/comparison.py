@@ -29,6 +29,9 @@ class MetricDifference:
         high: Upper end of it.
         scenarios: Number of scenarios in which both have a value.
         p: p-value of the two-sided permutation test over scenarios.
+        verdict: "better", "worse" (p below 0.05) or "no-difference-seen", of the second simulator.
+        visible: Smallest difference that these scenarios show in four of five cases; None if they
+            cannot tell.
         better: Ids of the scenarios in which the second simulator is better, with second minus
             first; largest change first.
         worse: The same for scenarios in which it is worse.
@@ -42,6 +45,8 @@ class MetricDifference:
     high: float
     scenarios: int
     p: float
+    verdict: str
+    visible: float | None
     better: tuple[tuple[str, float], ...]
     worse: tuple[tuple[str, float], ...]
 
@@ -175,11 +180,12 @@ def compare(
     runs = [*paths(first), *paths(second)]
     given = [*common, *bounds, ("--format", "json"), ("--quiet", True)]
     output = invoke(["compare", *arguments(given, runs)], codes=(0, 1) if bounds else (0,))
-    pairs = [_comparison(pair) for pair in output.document]
+    pairs = [comparison_of(pair) for pair in output.document]
     return Comparisons(pairs, output.messages if output.code == 1 else (), common, runs)
 
 
-def _comparison(pair: dict[str, Any]) -> Comparison:
+def comparison_of(pair: dict[str, Any]) -> Comparison:
+    """Returns a comparison as the program writes it in JSON."""
     metrics = {name: _difference(metric) for name, metric in pair["metrics"].items()}
     return Comparison(pair["first"], pair["second"], pair["scenarios"], pair["unpaired"], metrics)
 
@@ -195,6 +201,8 @@ def _difference(metric: dict[str, Any]) -> MetricDifference:
         estimate["high"],
         estimate["scenarios"],
         metric["p"],
+        metric["verdict"],
+        metric["visible"],
         better,
         worse,
     )

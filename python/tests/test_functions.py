@@ -64,6 +64,9 @@ class TestCompare:
         assert ade.difference == pytest.approx(sum(second.values()) / 12 - ade.first)
         assert ade.low <= ade.difference <= ade.high
         assert 0 < ade.p <= 1
+        direction = "worse" if ade.difference > 0 else "better"
+        assert ade.verdict == (direction if ade.p < 0.05 else "no-difference-seen")
+        assert ade.visible is not None and ade.visible > 0
         changes = dict(ade.better + ade.worse)
         assert changes == pytest.approx({id: second[id] - first[id] for id in changes})
         assert all(change < 0 for _, change in ade.better)
@@ -88,7 +91,9 @@ class TestCompare:
         pandas = pytest.importorskip("pandas")
         rows = reactsim.compare(*runs).rows
         assert isinstance(rows, pandas.DataFrame)
-        assert {"first_simulator", "metric", "difference", "low", "high", "p"} <= set(rows.columns)
+        assert {"first_simulator", "metric", "difference", "low", "high", "p", "verdict"} <= set(
+            rows.columns
+        )
 
     def test_other_runs(self, runs: Any, tmp_path: Path) -> None:
         with pytest.raises(reactsim.ReactsimError, match="is not a run folder"):

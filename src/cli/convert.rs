@@ -52,7 +52,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     let inputs = inputs_of(&args.reading, &args.inputs)?;
     let mut futures = match (&args.futures, &args.model, &args.certificates) {
         (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Box::new(Futures::open(path, model)?))),
-        (_, _, Some(path)) => Some(NewFutures::Certificates(Certified::open(path)?)),
+        (_, _, Some(path)) => Some(NewFutures::Certificates(Box::new(Certified::open(path)?))),
         _ => None,
     };
     let progress = Progress::new();
@@ -66,7 +66,7 @@ pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
 /// Futures that replace the logged ones.
 enum NewFutures {
     Rollouts(Box<Futures>),
-    Certificates(Certified),
+    Certificates(Box<Certified>),
 }
 
 impl NewFutures {

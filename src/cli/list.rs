@@ -42,7 +42,7 @@ enum Kind {
     MetricOptions,
     /// The scenarios of files: id, source, number of agents with the AV, category and difficulty of the
     /// deviated AV
-    Scenarios(ScenarioSpec),
+    Scenarios(Box<ScenarioSpec>),
     /// The scenario formats that can be read
     Formats,
     /// The weights of learned models

@@ -483,11 +483,20 @@ fn shipped_networks_are_adapted_to_logs() {
     refused(&[&adapt[..], &["--model", "smart-smal"]].concat(), "did you mean `smart-small`");
     refused(&["train", "adapt", BENCH, "--out", text(&out)], "this is the benchmark");
 
-    let (_, notes) = said(&adapt, 0);
-    for part in
-        ["scenarios to learn from is little", "the adapted simulator runs with: reactsim run --models"]
-    {
+    let (table, notes) = said(&adapt, 0);
+    for part in ["scenarios to learn from is little", "simulator runs with: reactsim run --models"] {
         assert!(notes.contains(part), "{notes}");
+    }
+    // The verdict comes first, then the paired differences.
+    let verdict = json_of(&out.join("verdict.json"));
+    assert_eq!(table.lines().next(), verdict["text"].as_str());
+    assert!(table.contains("Before and after, realism protocol:"), "{table}");
+    let (called_adapted, is_better) =
+        (table.starts_with("adapted"), verdict["verdict"].as_str() == Some("better"));
+    assert_eq!((called_adapted, notes.contains("the adapted simulator")), (is_better, is_better), "{table}");
+    for run in ["reactive", "realism"] {
+        let metrics = verdict[run]["metrics"].as_object().unwrap();
+        assert!(metrics.contains_key("ade") && !metrics.contains_key("min-ade"), "{metrics:?}");
     }
     let ids = |name: &str| -> Vec<String> {
         formats::open(&out.join(name)).unwrap().map(|scenario| scenario.unwrap().id).collect()

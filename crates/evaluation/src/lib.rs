@@ -91,7 +91,7 @@ pub use spec::{
     metric_options, split_metric_option, weights,
 };
 pub use statistics::Estimate;
-pub use statistics::comparison::{Comparison, PairedDifference};
+pub use statistics::comparison::{Comparison, PairedDifference, Verdict};
 pub use statistics::tally::{Cell, Entry, Tally};
 pub use study::{
     Agreement, AxisPoint, Dependence, Difference, ErrorGroup, LOG_ERRORS, LogErrors, Member, OrderChange,

@@ -27,9 +27,8 @@ pub fn write(
         let av = common_planner(settings).map(|av| format!(", AV driven by planner {}", escape(av)));
         let (gap, av) = (if i > 0 { "\n" } else { "" }, av.unwrap_or_default());
         writeln!(out, "{gap}{title}{av}: {}\n", count(*scenarios, "scenario"))?;
-        let mut rows = vec![head(settings).to_vec()];
-        rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
-        write_aligned(out, &rows, 1)?;
+        let names = names(settings);
+        write_differences(comparison, names.each_ref().map(String::as_str), out)?;
         if *unpaired > 0 {
             writeln!(out, "\n{} in one run alone.", count(*unpaired, "scenario"))?;
         }
@@ -46,16 +45,49 @@ pub fn write(
             }
         }
     }
-    writeln!(
-        out,
-        "\nSecond minus first, scenario by scenario: mean with its 95 % bootstrap interval; \
-         p by a permutation test of the signs."
-    )?;
+    writeln!(out, "\n{LEGEND}")?;
     for ConditionDifference { condition, first, second } in differences {
         let (first, second) = (escape(first), escape(second));
         writeln!(out, "The runs differ in `{}`: {first} and {second}.", condition.name())?;
     }
     Ok(())
+}
+
+/// What the tables of differences show.
+pub const LEGEND: &str = "\
+    n: scenarios in which both have a value; all numbers are of them. Second minus first, scenario by \
+    scenario: mean with its 95 % bootstrap interval; p by a permutation test of the signs; the verdict is for p \
+    below 0.05, one column at a time. Seen from: so large a difference is found in four of five cases.";
+
+/// Writes the table of a comparison, and which doublings it would not show. `names`: heads of the values of the
+/// first and the second.
+///
+/// # Errors
+/// If `out` cannot be written.
+pub fn write_differences(
+    comparison: &Comparison,
+    [first, second]: [&str; 2],
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let head =
+        ["Metric", "n", first, second, "Difference", "p", "Verdict", "Seen from", "Better in", "Worse in"];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
+    write_aligned(out, &rows, 1)?;
+    let hidden = columns(comparison).filter(|(_, paired)| paired.may_hide_doubling());
+    let hidden: Vec<&str> = hidden.map(|(column, _)| column.title()).collect();
+    if hidden.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "\nToo few scenarios to see a doubling: {}.", hidden.join(", "))
+}
+
+/// Returns the change of a metric in words, such as `Progress 0.855 → 0.810 (p 0.0400)`.
+pub fn change(paired: &PairedDifference) -> String {
+    let column = Column::of_spec(paired.metric);
+    let unit = column.unit().map(|unit| format!(" {unit}")).unwrap_or_default();
+    let [first, second] = [paired.first, paired.second].map(|value| column.number(value));
+    format!("{} {first} → {second}{unit} (p {})", column.title(), p_text(paired.p))
 }
 
 /// Smallest p-value that is printed as a number.
@@ -67,17 +99,15 @@ fn common_planner(settings: [&SettingsRecord; 2]) -> Option<&str> {
     first.filter(|_| first == second)
 }
 
-/// Returns the column heads; runs with different AVs are named by them if one of these is a planner.
-fn head(settings: [&SettingsRecord; 2]) -> [String; 7] {
+/// Returns the names of the two runs in column heads; runs with different AVs are named by them if one of these
+/// is a planner.
+fn names(settings: [&SettingsRecord; 2]) -> [String; 2] {
     let are_named = settings.iter().any(|of| of.planner().is_some()) && settings[0].av != settings[1].av;
     let name = |which: &str, of: &SettingsRecord| match are_named {
         true => format!("{which}: {}", escape(of.planner().unwrap_or(&of.av))),
         false => which.to_owned(),
     };
-    let [first, second] = [name("First", settings[0]), name("Second", settings[1])];
-    let [metric, difference, p, better, worse] =
-        ["Metric", "Difference", "p", "Better in", "Worse in"].map(str::to_owned);
-    [metric, first, second, difference, p, better, worse]
+    [name("First", settings[0]), name("Second", settings[1])]
 }
 
 /// Returns the metrics of a comparison: those of the AV, those of the tables in their order, then those that
@@ -96,10 +126,13 @@ fn row(column: &Column, paired: &PairedDifference) -> Vec<String> {
     };
     vec![
         column.head(),
+        paired.difference.scenarios.to_string(),
         column.number(paired.first),
         column.number(paired.second),
         format!("{}{interval}", signed(column, paired.second - paired.first)),
         p_text(paired.p),
+        paired.verdict.words().to_owned(),
+        paired.visible.map_or_else(|| "–".to_owned(), |visible| format!("±{}", column.number(visible))),
         paired.better.len().to_string(),
         paired.worse.len().to_string(),
     ]

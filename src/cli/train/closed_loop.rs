@@ -7,10 +7,12 @@ use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use clap::Args;
+use parking_lot::Mutex;
 
 use crate::cli::inputs::find_inputs;
 use crate::evaluation::{
-    self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, RunParts, RunSpec, Source,
+    self, AvChoice, EvaluationError, Execution, Outcome, Plan, PlannedSimulator, Row, RunObserver, RunParts,
+    RunSpec, Source, Summary, Tally,
 };
 use crate::formats::native::ByNumber;
 use crate::rollout::Controller;
@@ -22,7 +24,7 @@ const REPORTED: [&str; 7] =
 /// Number of scenarios rolled out together.
 const BATCH: usize = 4;
 /// Id of the network as a simulator.
-const NETWORK: &str = "network";
+pub(super) const NETWORK: &str = "network";
 
 /// Scenarios for closed-loop evaluation.
 #[derive(Debug, Args)]
@@ -90,26 +92,51 @@ impl ClosedLoop {
         spec.plan(RunParts { sources, simulators, ..RunParts::default() })
     }
 
+    fn plan_of(&self, network: Controller) -> Result<Plan, String> {
+        self.plan(vec![PlannedSimulator::own(NETWORK, network)]).map_err(|error| error.to_string())
+    }
+
     /// Returns the ids of the scenarios.
     pub(super) fn ids(&self) -> impl Iterator<Item = &str> {
         self.scenarios.iter().map(|scenario| scenario.id.as_str())
     }
 
+    /// Returns the values of a simulator in the scenarios, in which it is called [`NETWORK`].
+    pub(super) fn tally(&self, network: Controller, jobs: usize) -> Result<Tally, String> {
+        let plan = self.plan_of(network)?;
+        let tally = Mutex::new(plan.tally());
+        run(&plan, jobs, &Collecting(&tally))?;
+        Ok(tally.into_inner())
+    }
+
     /// Returns the means over scenarios of a simulator's metrics, by metric id.
     pub(super) fn measure(&self, network: Controller, jobs: usize) -> Result<BTreeMap<String, f64>, String> {
-        let run = || {
-            let plan = self.plan(vec![PlannedSimulator::own(NETWORK, network)])?;
-            // An interrupted training ends after this evaluation, which is short.
-            let stop = AtomicBool::new(false);
-            evaluation::run(&plan, Execution { jobs, batch: BATCH }, None, plan.tally(), &(), &stop)
-        };
-        let Outcome::Finished(summary) = run().map_err(|error| error.to_string())? else {
-            unreachable!("nothing stops the run")
-        };
-        if let Some(failure) = summary.provenance.failures.first() {
-            return Err(failure.error.clone());
-        }
+        let summary = run(&self.plan_of(network)?, jobs, &())?;
         let metrics = &summary.simulators[NETWORK].metrics;
         Ok(REPORTED.iter().filter_map(|id| Some(((*id).to_owned(), metrics.get(*id)?.mean?))).collect())
+    }
+}
+
+/// Collects the values of a run.
+struct Collecting<'a>(&'a Mutex<Tally>);
+
+impl RunObserver for Collecting<'_> {
+    fn rows(&self, rows: &[Row]) {
+        self.0.lock().add(rows);
+    }
+}
+
+/// Runs a plan to its end. The first scenario that fails is an error.
+fn run(plan: &Plan, jobs: usize, observer: &dyn RunObserver) -> Result<Summary, String> {
+    // An interrupted training ends after this evaluation, which is short.
+    let stop = AtomicBool::new(false);
+    let execution = Execution { jobs, batch: BATCH };
+    let ended = evaluation::run(plan, execution, None, plan.tally(), observer, &stop);
+    let Outcome::Finished(summary) = ended.map_err(|error| error.to_string())? else {
+        unreachable!("nothing stops the run")
+    };
+    match summary.provenance.failures.first() {
+        Some(failure) => Err(failure.error.clone()),
+        None => Ok(*summary),
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use rand_chacha::rand_core::Rng;
-use reactsim_metrics::MetricSpec;
+use reactsim_metrics::{MetricSpec, Unit};
 use reactsim_rollout::{Purpose, stream};
 use serde::Serialize;
 
@@ -17,6 +17,36 @@ const PERMUTATIONS: u32 = 20_000;
 const MAX_ENUMERATED: usize = 14;
 /// Difference of two sums, relative to the sum of magnitudes, up to which they are equal.
 const RELATIVE_TOLERANCE: f64 = 1e-12;
+/// p-value below which a difference is more than chance.
+const SIGNIFICANT: f64 = 0.05;
+/// Smallest number of differences with a p-value below [`SIGNIFICANT`]: with five of one sign it is 2/32.
+const MIN_FOR_VERDICT: usize = 6;
+/// Difference that is found in four of five cases, as a multiple of half the width of the 95 % interval:
+/// 1.96 standard errors to be significant, and 0.84 more.
+const VISIBLE: f64 = (1.96 + 0.84) / 1.96;
+
+/// What the scenarios say about the second simulator. Several metrics are not corrected for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// It is better, with p below 0.05.
+    Better,
+    /// It is worse, with p below 0.05.
+    Worse,
+    /// Any difference may be chance.
+    NoDifferenceSeen,
+}
+
+impl Verdict {
+    /// Returns the verdict in words.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Better => "better",
+            Self::Worse => "worse",
+            Self::NoDifferenceSeen => "no difference seen",
+        }
+    }
+}
 
 /// The difference of one metric between two simulators.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,6 +63,11 @@ pub struct PairedDifference {
     /// p-value: share of random sign assignments whose mean is at least as far from 0 (two-sided permutation
     /// test over scenarios).
     pub p: f64,
+    /// Whether the second simulator is better or worse.
+    pub verdict: Verdict,
+    /// Smallest difference of either sign that so many scenarios of this spread show in four of five cases,
+    /// in the unit of the metric. `None` if they cannot tell: fewer than six, or equal values in all.
+    pub visible: Option<f64>,
     /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
     pub better: Vec<(String, f64)>,
     /// Ids of the scenarios in which the second simulator is worse, largest change first, with the change.
@@ -137,21 +172,52 @@ impl PairedDifference {
         let good = changed.partition_point(|c| (c.1 < 0.0) == less_is_better);
         let mut worse = changed.split_off(good);
         worse.reverse();
-        Some(Self {
+        let mut found = Self {
             metric,
             first: values.iter().map(|v| v.1).sum::<f64>() / n,
             second: values.iter().map(|v| v.2).sum::<f64>() / n,
             difference: Estimate::of(&differences, seed, &format!("difference {}", metric.id)),
             p: permutation(&differences, seed, metric.id),
+            verdict: Verdict::NoDifferenceSeen,
+            visible: None,
             better: changed,
             worse,
-        })
+        };
+        found.verdict = match found.worsening() {
+            _ if found.p >= SIGNIFICANT => Verdict::NoDifferenceSeen,
+            worsening if worsening > 0.0 => Verdict::Worse,
+            _ => Verdict::Better,
+        };
+        found.visible = found.smallest_visible();
+        Some(found)
     }
 
     /// Returns the amount by which the second simulator is worse; negative if it is better.
     pub fn worsening(&self) -> f64 {
         let difference = self.second - self.first;
         if self.metric.lower_is_better { difference } else { -difference }
+    }
+
+    /// Returns whether the second simulator could have twice the value of the first, which would be worse,
+    /// and the scenarios would not show it in four of five cases.
+    pub fn may_hide_doubling(&self) -> bool {
+        let are_few = self.difference.scenarios < MIN_FOR_VERDICT;
+        let is_hidden = || self.visible.map_or(are_few, |visible| visible > self.first);
+        self.metric.lower_is_better && self.first > 0.0 && is_hidden()
+    }
+
+    fn smallest_visible(&self) -> Option<f64> {
+        let scenarios = self.difference.scenarios;
+        let (low, high) = self.difference.low.zip(self.difference.high)?;
+        let changes = || self.better.iter().chain(&self.worse).map(|(_, change)| change.abs());
+        let size = match changes().count() {
+            // A count changes by one.
+            0 => (self.metric.unit == Unit::Count).then_some(1.0)?,
+            n => changes().sum::<f64>() / n as f64,
+        };
+        // The test needs six changes, however narrow the interval of fewer is.
+        let least = size * MIN_FOR_VERDICT as f64 / scenarios as f64;
+        (scenarios >= MIN_FOR_VERDICT).then(|| least.max(VISIBLE * (high - low) / 2.0))
     }
 }
 
@@ -270,5 +336,49 @@ mod tests {
         assert_eq!(more.better, [("b".to_owned(), 2.0), ("e".to_owned(), 1.0)]);
         assert_eq!(more.worse, [("d".to_owned(), -2.5), ("a".to_owned(), -1.0)]);
         assert_eq!((more.first, more.second), (1.0, 0.9));
+    }
+
+    /// The difference of a metric from 1 in these scenarios.
+    fn judged(id: &str, changes: &[f64]) -> PairedDifference {
+        let ids: Vec<String> = (0..changes.len()).map(|i| format!("{i:03}")).collect();
+        let values: Vec<(&str, f64, f64)> =
+            ids.iter().zip(changes).map(|(id, change)| (id.as_str(), 1.0, 1.0 + change)).collect();
+        PairedDifference::of(metric(id).unwrap().spec(), &values, 0).unwrap()
+    }
+
+    #[test]
+    fn a_verdict_needs_more_than_chance() {
+        let verdict = |id, changes: &[f64]| judged(id, changes).verdict;
+        assert_eq!(verdict("progress", &[-0.1; 6]), Verdict::Worse);
+        assert_eq!(verdict("progress", &[0.1; 6]), Verdict::Better);
+        assert_eq!(verdict("over-reaction", &[1.0; 6]), Verdict::Worse);
+        assert_eq!(verdict("over-reaction", &[-1.0; 6]), Verdict::Better);
+        // p is 1/16, and 1.
+        assert_eq!(verdict("progress", &[-0.1; 5]), Verdict::NoDifferenceSeen);
+        assert_eq!(verdict("ade", &[1.0, -1.0, 1.0, -1.0, 1.0, -1.0]), Verdict::NoDifferenceSeen);
+        assert_eq!(verdict("ade", &[0.0; 40]), Verdict::NoDifferenceSeen);
+        assert_eq!(serde_json::to_value(Verdict::NoDifferenceSeen).unwrap(), "no-difference-seen");
+    }
+
+    #[test]
+    fn what_could_be_seen_follows_from_spread_and_number() {
+        // 400 changes of standard error 0.05 are seen from 2.8 standard errors on.
+        let many: Vec<f64> = (0..400).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let found = judged("ade", &many);
+        assert!((found.visible.unwrap() - 0.14).abs() < 0.01, "{:?}", found.visible);
+        assert!(!found.may_hide_doubling());
+        // Six of twelve counts would have to change by one.
+        let none = judged("aav-collision", &[0.0; 12]);
+        assert_eq!((none.visible, none.may_hide_doubling()), (Some(0.5), false));
+        let few = judged("aav-collision", &[0.0; 5]);
+        assert_eq!((few.visible, few.may_hide_doubling()), (None, true));
+        // One change of 2 in twelve, of which six would be needed.
+        let one = judged("aav-collision", &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!(one.visible >= Some(1.0), "{:?}", one.visible);
+        // Equal results say nothing about how far others would be apart.
+        let equal = judged("ade", &[0.0; 12]);
+        assert_eq!((equal.visible, equal.may_hide_doubling()), (None, false));
+        // Twice the progress would not be worse.
+        assert!(!judged("progress", &[0.1; 3]).may_hide_doubling());
     }
 }

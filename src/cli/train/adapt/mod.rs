@@ -3,6 +3,7 @@
 mod choice;
 mod data;
 mod model;
+mod verdict;
 
 use std::ffi::OsString;
 use std::fs::{self, DirEntry};
@@ -17,6 +18,7 @@ use serde_json::{Map, Value, json};
 
 use self::data::{Files, Logs};
 use self::model::AdaptableModel;
+use self::verdict::Judgement;
 use super::data::Data;
 use super::exclusion::Exclusion;
 use super::recipe::RecipeArgs;
@@ -24,9 +26,9 @@ use super::session::{self, SessionArgs};
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
 use crate::cli::inputs::inputs_of;
-use crate::cli::output::{ExitStatus, lock_folder, say, stop_on_interrupt};
+use crate::cli::output::{ExitStatus, lock_folder, say, stop_on_interrupt, write_result};
 use crate::cli::run::{RunArgs, finished_until};
-use crate::evaluation::ReadingSpec;
+use crate::evaluation::{Comparison, EvaluationError, ReadingSpec, Verdict, read_tally};
 use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
 use crate::models;
@@ -56,8 +58,11 @@ const MOST_DEVIATED: f64 = 60.0;
 const MOST_JUDGED: f64 = 15.0;
 /// Largest number of scenarios by which haste is chosen, per minute.
 const MOST_TRIED: f64 = 6.0;
-/// Rollouts of each scenario for the choice of haste and for the table.
+/// Rollouts of each scenario for the choice of haste, and for the table if there are as many scenarios as
+/// time allows.
 const ROLLOUTS: u32 = 2;
+/// Largest number of rollouts of each scenario for the table: if there are few scenarios, they get more.
+const MOST_ROLLOUTS: u32 = 8;
 /// Name of the file with the arguments in the folder.
 const ARGUMENTS: &str = "adapt.json";
 /// Name of the recipe in the folder.
@@ -69,6 +74,8 @@ const REALISM: &str = "realism";
 const COLUMNS: &str = "aav-collision,aav-ttc,aa-collision,offroad,ade,progress,over-reaction";
 /// Name of the choice of haste in the folder.
 const HASTE: &str = "haste.txt";
+/// Name of the verdict in the folder.
+const VERDICT: &str = "verdict.json";
 
 const AFTER: &str = "\
 1. Divides the logs by their recordings: four fifths are learned from, the others are judged by.
@@ -76,10 +83,12 @@ const AFTER: &str = "\
    certificate of the deviated AV says.
 3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as \
    --minutes allow, and keeps the network with the lowest validation loss.
-4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the largest one with \
-   which it is no worse than before.
-5. Prints the table of the part to judge by: before, after, `idm` and constant velocity, in both \
-   protocols.
+4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the smallest one that \
+   keeps progress, if it is as safe and, beyond chance, no worse in displacement and over-reaction.
+5. Judges by the other part, in both protocols: prints whether the network is adapted, the paired \
+   differences between before and after, and the table with `idm` and constant velocity.
+
+A network that is worse in a column, with p below 0.05, is not called adapted.
 
 The files in --out are the files of `generate`, `train` and `run`.
 
@@ -171,10 +180,14 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
         return interrupted();
     }
     let arguments = variant_arguments(model, &weights, haste.as_deref());
-    let status = table(args, &arguments, &files, &stop)?;
-    if status != ExitStatus::Interrupted {
-        say(format_args!("the adapted simulator runs with: reactsim run {}", arguments.join(" ")));
-    }
+    let judgement =
+        Judgement { model, haste: haste.as_deref(), minutes: args.minutes, protocols: Vec::new() };
+    let Some((status, verdict)) = table(args, &arguments, (&files, logs.most_judged), judgement, &stop)?
+    else {
+        return Ok(ExitStatus::Interrupted);
+    };
+    let name = if verdict == Verdict::Better { "adapted" } else { "trained" };
+    say(format_args!("the {name} simulator runs with: reactsim run {}", arguments.join(" ")));
     Ok(status)
 }
 
@@ -335,7 +348,8 @@ fn chosen_haste(
         return Ok(Some(text.trim().to_owned()));
     }
     let scenarios = (args.minutes * MOST_TRIED).clamp(10.0, 200.0) as usize;
-    let Some(value) = choice::choose(model, weights, &files.tuning, scenarios, jobs, stop)? else {
+    let Some(value) = choice::choose(model, weights, &files.tuning, scenarios, (args.seed, jobs), stop)?
+    else {
         return Ok(None);
     };
     replace(&path, |out| writeln!(out, "{value}"))
@@ -358,45 +372,46 @@ fn variant_arguments(model: &AdaptableModel, weights: &Path, haste: Option<&str>
     arguments
 }
 
-/// Runs the model before and after, and baselines, on the part to judge by, in both protocols, and prints one
-/// table.
+/// Runs the model before and after, and baselines, on the part to judge by, in both protocols. Prints the
+/// verdict, the differences and one table. `None` if it was interrupted.
 fn table(
     args: &AdaptArgs,
     arguments: &[String],
-    files: &Files,
+    (files, most): (&Files, usize),
+    mut judgement: Judgement<'_>,
     stop: &AtomicBool,
-) -> anyhow::Result<ExitStatus> {
+) -> anyhow::Result<Option<(ExitStatus, Verdict)>> {
     let runs: [(&str, &PathBuf, &[&str]); 2] =
         [(REACTIVE, &files.deviated, &[]), (REALISM, &files.judged, &["--protocol", REALISM])];
     let mut summaries = Vec::new();
     for (name, scenarios, protocol) in runs {
-        if ByNumber::open(scenarios)?.is_empty() {
+        let count = ByNumber::open(scenarios)?.len();
+        if count == 0 {
             say(format_args!(
                 "warning: no AV of the part to judge by could deviate: there is no run in the reactive protocol"
             ));
             continue;
         }
-        let folder = args.out.join(name);
+        let out = args.out.join(name);
         let mut line: Vec<OsString> = vec!["run".into(), scenarios.into()];
         line.extend(protocol.iter().map(OsString::from));
         line.extend(arguments.iter().map(OsString::from));
-        line.extend(["--out".into(), folder.clone().into_os_string(), "--keep-rollouts".into()]);
+        line.extend(["--out".into(), out.clone().into_os_string(), "--keep-rollouts".into()]);
         line.extend(["--columns".into(), COLUMNS.into()]);
-        line.extend(["--rollouts".into(), ROLLOUTS.to_string().into()]);
-        if args.resume && folder.exists() {
+        line.extend(["--rollouts".into(), rollouts(count, most).to_string().into()]);
+        if args.resume && out.exists() {
             line.push("--resume".into());
         }
         if let Some(jobs) = args.jobs {
             line.extend(["--jobs".into(), jobs.to_string().into()]);
         }
         let run = RunArgs::parse(line)?;
-        let Some((folder, mut summary)) = finished_until(&run, stop)? else {
-            return Ok(ExitStatus::Interrupted);
-        };
+        let Some((folder, mut summary)) = finished_until(&run, stop)? else { return Ok(None) };
         if let Some(folder) = folder {
             put_table(&folder, &summary, TableStyle::default())?;
         }
         report_problems(&summary);
+        judgement.protocols.extend(compared(&out, judgement.model.id, args.seed)?.map(|found| (name, found)));
         // The table is for all scenarios: that of the folder has the categories of deviations.
         for simulator in summary.simulators.values_mut() {
             simulator.by_category.clear();
@@ -406,7 +421,42 @@ fn table(
     }
     let rows: Vec<Run<'_>> = summaries.iter().map(|(name, summary, _)| Run { name, summary }).collect();
     let Some((.., style)) = summaries.last() else { bail!("there is no scenario to judge by") };
+    let path = args.out.join(VERDICT);
+    replace(&path, |file| writeln!(file, "{:#}", judgement.to_json()))
+        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(None, |out| judgement.write(out))?;
     style.write(&rows, None, None, "")?;
     let failed = rows.iter().any(|run| !run.summary.provenance.failures.is_empty());
-    Ok(if failed { ExitStatus::SomeFailed } else { ExitStatus::Done })
+    let status = if failed { ExitStatus::SomeFailed } else { ExitStatus::Done };
+    Ok(Some((status, judgement.verdict())))
+}
+
+/// Returns the number of rollouts of each of `count` scenarios, with which a table takes as long as one of
+/// `most` scenarios.
+fn rollouts(count: usize, most: usize) -> u32 {
+    let as_long = u32::try_from(most / count.max(1)).unwrap_or(u32::MAX);
+    ROLLOUTS.saturating_mul(as_long).clamp(ROLLOUTS, MOST_ROLLOUTS)
+}
+
+/// Compares the model before and after in a run, in the columns of the table. `None` if there is no scenario
+/// in which both have a result.
+fn compared(run: &Path, id: &str, seed: u64) -> anyhow::Result<Option<Comparison>> {
+    let tally = read_tally(run)?;
+    let mut found = match Comparison::of((&tally, id), (&tally, &format!("{id}@mine")), seed) {
+        Err(EvaluationError::NothingInCommon) => return Ok(None),
+        found => found?,
+    };
+    found.metrics.retain(|metric, _| COLUMNS.split(',').any(|column| column == *metric));
+    Ok(Some(found))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_scenarios_have_more_rollouts() {
+        assert_eq!([rollouts(45, 45), rollouts(40, 45), rollouts(15, 45)], [2, 2, 6]);
+        assert_eq!([rollouts(3, 45), rollouts(60, 45)], [8, 2]);
+    }
 }
