@@ -62,6 +62,7 @@ mod tests {
         "columns",
         "deviations",
         "format",
+        "future",
         "id",
         "limit",
         "maps",

@@ -166,9 +166,9 @@ mod tests {
         let [idm, pdm, log] = ["planner:idm", "planner:pdm-closed", "log"].map(settings);
         assert_eq!(common_planner([&idm, &idm]), Some("idm"));
         assert_eq!((common_planner([&idm, &pdm]), common_planner([&log, &log])), (None, None));
-        assert_eq!(head([&idm, &pdm])[1..3], ["First: idm", "Second: pdm-closed"]);
-        assert_eq!(head([&log, &pdm])[1..3], ["First: log", "Second: pdm-closed"]);
-        assert_eq!(head([&idm, &idm])[1..3], ["First", "Second"]);
+        assert_eq!(names([&idm, &pdm]), ["First: idm", "Second: pdm-closed"]);
+        assert_eq!(names([&log, &pdm]), ["First: log", "Second: pdm-closed"]);
+        assert_eq!(names([&idm, &idm]), ["First", "Second"]);
     }
 
     #[test]
@@ -183,6 +183,8 @@ mod tests {
                 second: 0.75,
                 difference: estimate,
                 p: 1.0,
+                verdict: reactsim_evaluation::Verdict::NoDifferenceSeen,
+                visible: None,
                 better,
                 worse,
             };

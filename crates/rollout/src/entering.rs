@@ -184,11 +184,11 @@ impl Coming {
         self.left[slot]
     }
 
-    /// Returns the logged state of the agent that entered as this one, after the frame `now`. The log of an agent
-    /// that waited is late by as much.
-    pub(crate) fn logged(&self, scenario: &Scenario, entered: usize, now: usize) -> Frame {
+    /// Returns the logged state at a frame of the agent that entered as this one. The log of an agent that waited
+    /// is late by as much.
+    pub(crate) fn logged(&self, scenario: &Scenario, entered: usize, frame: usize) -> Frame {
         let Entered { logged, waited, .. } = self.entered[entered];
-        scenario.unselected[logged].track.get(now + 1 - waited).copied().flatten()
+        scenario.unselected[logged].track.get(frame - waited).copied().flatten()
     }
 
     /// Returns the agents of the rollout, in the order of their slots.

@@ -270,7 +270,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             (Some(index), _) => self.plan.get(index, step),
             // A simulator that has no state for an agent has removed it.
             (None, Some(coming)) if agent >= of_beginning && self.is_unplanned(coming, agent) => {
-                let next = coming.logged(&self.scenario, agent - of_beginning, self.tracks[0].len() - 1);
+                let next = coming.logged(&self.scenario, agent - of_beginning, self.tracks[agent].len());
                 // Oracles replay gaps as well.
                 let on = || self.tracks[agent].last().copied().flatten().map(coasted);
                 if self.replayed { next } else { next.or_else(on) }

@@ -222,7 +222,7 @@ fn recordings_of_other_lengths() {
     assert_eq!(read_at(&path, 100).unwrap().origin.x, 1110.0);
     let error = read_at(&path, 9).unwrap_err().to_string();
     assert!(
-        error.contains("the current frame is 9, expected a frame with ten before it, 10 to 197"),
+        error.contains("the current frame is 9, expected a frame with 10 before it, 10 to 197"),
         "{error}"
     );
     let two_hertz = read_of(made(20), |v| v["metadata"]["ts"] = numbers(20, |f| f as f64 * 0.5));
