@@ -102,7 +102,11 @@ fn x(track: &[Frame], frame: usize) -> Option<f64> {
 fn an_agent_enters_at_its_first_pose_and_is_simulated_from_then_on() {
     let frames = HISTORY + STEPS;
     // Seen at frames 2 to 4, hidden now, and again from frame 33 on.
-    let hidden = vehicle("hidden", |f| ((2..5).contains(&f) || f >= 33).then_some((30.0, 20.0, 5.0)), frames);
+    let hidden = vehicle(
+        "hidden",
+        |f| ((2..5).contains(&f) || f >= 33).then_some((f as f64 - 3.0, 20.0, 5.0)),
+        frames,
+    );
     let made = scenario(HISTORY, &[hidden]);
     let off = run(&made, Entering::Off, &keep());
     assert_eq!((off.tracks.len(), off.entered.len()), (1, 0));
@@ -114,8 +118,8 @@ fn an_agent_enters_at_its_first_pose_and_is_simulated_from_then_on() {
     let seen: Vec<usize> = (0..33).filter(|f| track[*f].is_some()).collect();
     assert_eq!(seen, [2, 3, 4]);
     assert_eq!(x(track, 33), Some(30.0));
-    // It follows its log, which stands, up to the next plan at frame 35, and then keeps its velocity.
-    assert_eq!(x(track, 35), Some(30.0));
+    // It follows its log, of 1 m per frame, up to the next plan at frame 35, and then keeps its velocity.
+    assert_eq!((x(track, 34), x(track, 35)), (Some(31.0), Some(32.0)));
     let last = track[35].unwrap();
     assert_eq!(x(track, 45), Some(later(last, 10).x));
     assert_eq!(on.tracks[0], off.tracks[0]);
