@@ -3,13 +3,12 @@
 
 use reactsim_formats::deviations;
 use reactsim_generation::{GenerationSettings, Generator};
-use reactsim_rollout::{Purpose, Stream, stream};
 use reactsim_scene::{Length, Scenario};
 
 use crate::rules::Rules;
 use crate::{
-    AvoidanceSettings, CandidateSource, CurationOutcome, CurationProvenance, CurationSettings, Preselection,
-    ScenarioRecord, Unavoidable, certify, curate_scenario, store,
+    AvoidanceSettings, CurationOutcome, CurationProvenance, CurationSettings, Preselection, ScenarioRecord,
+    Unavoidable, certify, curate_scenario, store,
 };
 
 /// Generates some scenarios of a length.
@@ -73,20 +72,6 @@ fn candidates_and_certificates_have_the_steps_of_the_scenario() {
         }
     }
     assert!(certified > 0 && late > 0, "{certified} responses, {late} conflicts after 8 s");
-}
-
-#[test]
-fn short_scenarios_have_candidates_too() {
-    for (history, future) in [(2, 1), (2, 5), (3, 13), (100, 20)] {
-        for scenario in scenarios(history, future) {
-            let mut streams: Vec<Stream> =
-                (0..16).map(|n| stream(0, &scenario.id, n, Purpose::Candidate)).collect();
-            let proposals = Rules.propose(&scenario, &mut streams);
-            assert!(proposals.iter().flatten().all(|proposal| proposal.future.len() == future));
-            assert!(proposals.iter().any(Result::is_ok));
-            curated(&scenario);
-        }
-    }
 }
 
 #[test]

@@ -478,7 +478,7 @@ mod tests {
         let mut done = roll_out(requests, &Controller::Fair(Box::new(Still)), &settings);
         done.remove(0).unwrap();
         let received: Vec<String> = received.join().unwrap().iter().map(|bytes| summary(bytes)).collect();
-        // Simulators observe changes when they plan: at step 4, at which an agent enters, at 9 and at 14.
+        // Planners observe changes at once: at step 4, at which an agent enters, and at 10, at which one leaves.
         let [a, b, c] = [0, 1, 2].map(|k| {
             let begun = received.iter().filter_map(|text| text.strip_prefix("begin "));
             begun.map(|text| text.split(' ').next().unwrap()).nth(k).unwrap()
@@ -492,12 +492,12 @@ mod tests {
                 format!("begin {b} after {a} at 14 with [0, 1, -1]"),
                 format!("end {a}"),
                 format!("plan {b} at 11"),
-                format!("plan {b} at 16"),
-                format!("begin {c} after {b} at 20 with [0, 2]"),
+                format!("begin {c} after {b} at 16 with [0, 2]"),
                 format!("end {b}"),
-                format!("plan {c} at 11"),
-                format!("plan {c} at 16"),
-                format!("plan {c} at 21"),
+                format!("plan {c} at 10"),
+                format!("plan {c} at 15"),
+                format!("plan {c} at 20"),
+                format!("plan {c} at 25"),
                 format!("end {c}"),
             ]
         );

@@ -244,8 +244,8 @@ fn windows_of_nuplan_logs_have_the_requested_length() {
     let short = one(&made.log, Some(2), steps(60)).unwrap();
     assert_eq!((short.length(), &short.id), (Length { history: 2, future: 60 }, &usual.id));
     assert_eq!(short.logged_at(0, 61), usual.logged_at(0, 70));
-    let error = one(&made.log, Some(12), steps(99)).unwrap_err();
-    assert!(error.contains("with 22 rows of the 20 Hz clock before it and 198 after it"), "{error}");
+    let error = one(&made.log, Some(12), steps(100)).unwrap_err();
+    assert!(error.contains("with 22 rows of the 20 Hz clock before it and 200 after it"), "{error}");
     // Time jumps after row 120.
     let jump = "UPDATE lidar_pc SET timestamp = timestamp + 5000000 WHERE hex(token) > '7000000000000078'";
     let made = made.log(jump);
