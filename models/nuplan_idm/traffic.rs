@@ -143,7 +143,7 @@ impl Moving<'_> {
         let slots = usize::from(!self.moves_av)..self.states.len();
         for slot in slots.clone() {
             if self.start.agents[slot].kind != AgentKind::Other {
-                self.states[slot] = self.states[slot].map(coasted);
+                self.states[slot] = self.states[slot].map(AgentState::coasted);
             }
         }
         let object = |slot| object(self.start, self.ids, slot, self.states[slot]);
@@ -158,13 +158,6 @@ impl Moving<'_> {
             }
         }
     }
-}
-
-/// Returns the state after a step at constant velocity; a state of unknown velocity stays.
-fn coasted(state: AgentState) -> AgentState {
-    let velocity = state.velocity().unwrap_or_default();
-    let p = state.position() + velocity * DT;
-    AgentState { x: p.x, y: p.y, vx: velocity.x, vy: velocity.y, ..state }
 }
 
 /// Returns an agent as an object, its velocity NaN if unknown; `None` if it is absent or has no extent.

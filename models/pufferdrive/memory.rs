@@ -52,7 +52,8 @@ impl EpisodeMemory {
         Self { vehicles: vehicles.collect(), road: RoadPieces::of(&start.map) }
     }
 
-    /// Returns this memory with the vehicles of another one, which go on as they were: parked ones stay parked.
+    /// Returns this memory with the vehicles of another one, which go on as they were: parked ones stay
+    /// parked.
     /// `kept`: the slots that the agents had there.
     pub(super) fn resumed(self, before: Self, kept: &[Option<usize>]) -> Self {
         let mut earlier = before.vehicles;

@@ -94,7 +94,7 @@ pub(super) fn judge(
         }
     });
     let results = results.collect();
-    // Agents that enter differ from rollout to rollout: metrics over all are about those of the beginning.
+    // Other agents enter in each rollout. Metrics over all rollouts judge the agents of the beginning only.
     let agents = scenario.start.agents.len();
     let tracks: Vec<_> = rollouts.iter().map(|r| &r.tracks[..agents]).collect();
     if let Some(last) = rollouts.last().filter(|rollout| !rollout.entered.is_empty()) {

@@ -81,9 +81,9 @@ pub struct RolloutSpec {
     /// For step t+1, agents see the AV up to t+1 (1) or only up to t (0) [default: 1]
     #[arg(long, value_name = "0|1", value_parser = clap::value_parser!(u8).range(0..=1))]
     pub av_lookahead: u8,
-    /// Agents of the log that appear after the current frame: off (they never exist, as in the benchmark) or log
-    /// (they enter where the log shows them first, and the simulator moves them) [default: log if a planner
-    /// drives on logs, else off]
+    /// Agents of the log that appear after the current frame: off (they never exist, as in the benchmark) or
+    /// log (they enter where the log shows them first, and the simulator moves them) [default: log if a
+    /// planner drives on logs, else off]
     #[arg(long, value_name = "off|log")]
     #[serde(with = "text::option")]
     pub entering: Option<Entering>,

@@ -21,7 +21,7 @@ pub(super) fn add(message: &mut FrameWriter, length: Length) {
 /// Checks that a program supports scenarios of a length.
 ///
 /// # Errors
-/// What it supports, what the scenario has, and how a program states that it supports more.
+/// A text with the length of the scenario, and with what a program states to support other lengths.
 pub(super) fn check(description: &Description, length: Length) -> Result<(), String> {
     if description.any_length || length == Length::BENCHMARK {
         return Ok(());

@@ -428,7 +428,7 @@ mod tests {
         }
     }
 
-    /// What a planner received: the type, the frame of a plan, and what an episode continues.
+    /// Returns a message to a planner in words: its type, the frame of a plan, the episode that it continues.
     fn summary(bytes: &[u8]) -> String {
         let (frame, tensors) =
             (Frame::read(bytes.to_vec()).unwrap(), SafeTensors::deserialize(bytes).unwrap());
@@ -478,7 +478,8 @@ mod tests {
         let mut done = roll_out(requests, &Controller::Fair(Box::new(Still)), &settings);
         done.remove(0).unwrap();
         let received: Vec<String> = received.join().unwrap().iter().map(|bytes| summary(bytes)).collect();
-        // Planners observe changes at once: at step 4, at which an agent enters, and at 10, at which one leaves.
+        // Planners observe changes at once: at step 4, at which an agent enters, and at 10, at which one
+        // leaves.
         let [a, b, c] = [0, 1, 2].map(|k| {
             let begun = received.iter().filter_map(|text| text.strip_prefix("begin "));
             begun.map(|text| text.split(' ').next().unwrap()).nth(k).unwrap()

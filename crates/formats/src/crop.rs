@@ -1,5 +1,7 @@
 //! Scenarios that are shorter than stored.
 
+use std::ops::Range;
+
 use reactsim_scene::{Frame, Length, LightState, Scenario};
 
 use super::error::Cause;
@@ -31,6 +33,7 @@ pub fn crop(scenario: &mut Scenario, choice: LengthChoice) -> Result<(), Cause> 
 /// Reduces a scenario of length `own` to `length`, which is not longer.
 fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
     let early = own.history - length.history;
+    let kept = early..early + length.frames();
     let (start, future) = (&mut scenario.start, &mut scenario.log_future);
     start.history.iter_mut().for_each(|track| drop(track.drain(..early)));
     start.heights.iter_mut().for_each(|heights| drop(heights.drain(..early)));
@@ -40,12 +43,12 @@ fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
     future.heights.iter_mut().for_each(|heights| heights.truncate(length.future));
     future.lights.iter_mut().for_each(|states| states.truncate(length.future));
     for other in &mut scenario.unselected {
-        window(&mut other.track, early, length);
-        window(&mut other.heights, early, length);
+        keep(&mut other.track, kept.clone());
+        keep(&mut other.heights, kept.clone());
     }
     let is_seen = |track: &[Frame]| track.iter().any(Option::is_some);
     scenario.unselected.retain(|other| is_seen(&other.track));
-    window(&mut scenario.timestamps, early, length);
+    keep(&mut scenario.timestamps, kept);
     if let Some(deviation) = &mut scenario.deviation
         && length.future < own.future
     {
@@ -59,8 +62,8 @@ fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
     }
 }
 
-/// Reduces a list with an entry per frame, or an empty one, to those of a window.
-fn window<T>(list: &mut Vec<T>, first: usize, length: Length) {
-    list.truncate(first + length.frames());
-    list.drain(..first.min(list.len()));
+/// Removes the entries outside of a range from a list, which may be shorter.
+pub(crate) fn keep<T>(list: &mut Vec<T>, range: Range<usize>) {
+    list.truncate(range.end);
+    list.drain(..range.start.min(list.len()));
 }

@@ -61,7 +61,9 @@ pub trait ScenarioFormat: Sync {
     ///
     /// # Errors
     /// [`FormatError`] if the file cannot be read at all.
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError>;
+    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
+        Ok(Box::new(self.open_undecoded(path)?.map(|record| record.and_then(|decode| decode()))))
+    }
     /// Opens one file for reading by several threads, with these current frames and this length. Formats that
     /// are slow to decode leave decoding to the threads.
     ///

@@ -85,8 +85,8 @@ impl<'a> Case<'a> {
     }
 
     /// Creates the case of one rollout of a scenario, with its time axis, log and lights. `tracks`: the
-    /// frames of each agent, in the order of the scenario, borrowed or owned. Agents that are absent at the current
-    /// frame entered later ([`Scenario::with_entered`]): they are judged from their first step on.
+    /// frames of each agent, in the order of the scenario, borrowed or owned. Agents that are absent at the
+    /// current frame entered later ([`Scenario::with_entered`]): they are judged from their first step on.
     pub fn of_rollout<T: Into<Cow<'a, [Frame]>>>(
         scenario: &'a Scenario,
         tracks: impl IntoIterator<Item = T>,

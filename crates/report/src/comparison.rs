@@ -59,8 +59,8 @@ pub const LEGEND: &str = "\
     scenario: mean with its 95 % bootstrap interval; p by a permutation test of the signs; the verdict is for p \
     below 0.05, one column at a time. Seen from: so large a difference is found in four of five cases.";
 
-/// Writes the table of a comparison, and which doublings it would not show. `names`: heads of the values of the
-/// first and the second.
+/// Writes the table of a comparison, and which doublings it would not show. `names`: heads of the values of
+/// the first and the second.
 ///
 /// # Errors
 /// If `out` cannot be written.
@@ -99,8 +99,8 @@ fn common_planner(settings: [&SettingsRecord; 2]) -> Option<&str> {
     first.filter(|_| first == second)
 }
 
-/// Returns the names of the two runs in column heads; runs with different AVs are named by them if one of these
-/// is a planner.
+/// Returns the names of the two runs in column heads; runs with different AVs are named by them if one of
+/// these is a planner.
 fn names(settings: [&SettingsRecord; 2]) -> [String; 2] {
     let are_named = settings.iter().any(|of| of.planner().is_some()) && settings[0].av != settings[1].av;
     let name = |which: &str, of: &SettingsRecord| match are_named {

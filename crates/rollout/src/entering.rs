@@ -12,7 +12,8 @@ pub enum Entering {
     /// No agent enters or leaves, and obstacles stay: the protocol of the benchmark.
     #[default]
     Off,
-    /// An agent that the log shows later enters at its first pose, and is moved by the simulator from then on.
+    /// An agent that the log shows later enters at its first pose, and is moved by the simulator from then
+    /// on.
     Log,
 }
 
@@ -91,12 +92,15 @@ pub(crate) struct Changes {
 }
 
 impl Changes {
-    /// Returns whether agents or objects of the static context came or went since the last call, and counts it.
+    /// Returns whether agents or objects of the static context came or went since the last call, and counts
+    /// it.
     pub(crate) fn has_changed(&mut self, events: usize, scenario: &Scenario, frame: usize) -> bool {
-        let obstacles: Vec<usize> = scenario.context_at(frame).map(|(number, ..)| number).collect();
-        let has_changed = events != self.events || obstacles != self.obstacles;
-        (self.events, self.obstacles) = (events, obstacles);
-        self.count += usize::from(has_changed);
+        let obstacles = || scenario.context_at(frame).map(|(number, ..)| number);
+        let has_changed = events != self.events || !obstacles().eq(self.obstacles.iter().copied());
+        if has_changed {
+            (self.events, self.obstacles) = (events, obstacles().collect());
+            self.count += 1;
+        }
         has_changed
     }
 }
@@ -108,8 +112,8 @@ struct Waiting {
 }
 
 impl Coming {
-    /// Finds the agents of the log that appear after the current frame: vehicles, pedestrians and cyclists with
-    /// an extent.
+    /// Finds the agents of the log that appear after the current frame: vehicles, pedestrians and cyclists
+    /// with an extent.
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let current = scenario.start.current();
         let enters = |(logged, LoggedAgent { agent, track, .. }): (usize, &LoggedAgent)| {
@@ -127,14 +131,15 @@ impl Coming {
         Self { waiting, entered: Vec::new(), lost, left, events: 0, simulator: none.clone(), av: none }
     }
 
-    /// Returns the number of agents that still wait for their place, although the log has shown them up to a frame.
+    /// Returns the number of agents that still wait for their place, although the log has shown them up to a
+    /// frame.
     pub(crate) fn kept_out(&self, frame: usize) -> usize {
         self.waiting.iter().filter(|agent| agent.first <= frame).count()
     }
 
     /// Lets agents enter at the latest realised frame, those nearest to the AV first, and adds their tracks.
-    /// `waits`: whether an agent waits while another stands in its place; those of an oracle would jump when it
-    /// replays their log.
+    /// `waits`: whether an agent waits while another stands in its place; those of an oracle would jump when
+    /// it replays their log.
     pub(crate) fn admit(&mut self, scenario: &Scenario, tracks: &mut Vec<Vec<Frame>>, waits: bool) {
         let frame = tracks[0].len() - 1;
         if self.waiting.first().is_none_or(|next| next.first > frame) {
@@ -184,8 +189,8 @@ impl Coming {
         self.left[slot]
     }
 
-    /// Returns the logged state at a frame of the agent that entered as this one. The log of an agent that waited
-    /// is late by as much.
+    /// Returns the logged state at a frame of the agent that entered as this one. The log of an agent that
+    /// waited is late by as much.
     pub(crate) fn logged(&self, scenario: &Scenario, entered: usize, frame: usize) -> Frame {
         let Entered { logged, waited, .. } = self.entered[entered];
         scenario.unselected[logged].track.get(frame - waited).copied().flatten()
@@ -198,8 +203,8 @@ impl Coming {
         scenario.start.agents.iter().chain(entered)
     }
 
-    /// Marks the agents that leave at the latest realised frame: the log has lost them outside of the observed
-    /// area, and they are as far from the AV as then.
+    /// Marks the agents that leave at the latest realised frame: the log has lost them outside of the
+    /// observed area, and they are as far from the AV as then.
     pub(crate) fn let_go(&mut self, tracks: &[Vec<Frame>]) {
         let frame = tracks[0].len() - 1;
         let Some(av) = tracks[0][frame] else { return };

@@ -163,8 +163,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         }
     }
 
-    /// Makes a new view for the simulator if agents, or objects of the static context, have come or gone since
-    /// the last one. Returns the slot that each agent had in that, `None` for those that entered.
+    /// Makes a new view for the simulator if agents, or objects of the static context, have come or gone
+    /// since the last one. Returns the slot that each agent had in that, `None` for those that entered.
     pub(crate) fn regroup(&mut self, controller: &Controller) -> Option<Vec<Option<usize>>> {
         let coming = self.coming.as_mut()?;
         let now = self.tracks[0].len() - 1;
@@ -184,7 +184,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         Some(kept)
     }
 
-    /// Makes a new view for the AV policy, as [`Self::regroup`] does at plans, whenever something has changed.
+    /// Makes a new view for the AV policy, as [`Self::regroup`] does at plans, whenever something has
+    /// changed.
     fn renew_av_view(&mut self) {
         let Some(coming) = &mut self.coming else { return };
         let now = self.tracks[0].len() - 1;
@@ -257,8 +258,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         Ok(())
     }
 
-    /// Returns the next state of an agent, which is `step` in the plan. Agents that entered since the plan was
-    /// made follow their log until the next plan; those of an oracle always do.
+    /// Returns the next state of an agent, which is `step` in the plan. Agents that entered since the plan
+    /// was made follow their log until the next plan; those of an oracle always do.
     fn planned(&self, agent: usize, step: usize) -> Frame {
         let of_beginning = self.scenario.start.agents.len();
         let index = match &self.view {
@@ -272,7 +273,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             (None, Some(coming)) if agent >= of_beginning && self.is_unplanned(coming, agent) => {
                 let next = coming.logged(&self.scenario, agent - of_beginning, self.tracks[agent].len());
                 // Oracles replay gaps as well.
-                let on = || self.tracks[agent].last().copied().flatten().map(coasted);
+                let on = || self.tracks[agent].last().copied().flatten().map(AgentState::coasted);
                 if self.replayed { next } else { next.or_else(on) }
             }
             (None, _) => None,
@@ -330,10 +331,4 @@ fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState
         Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
         None => state,
     }
-}
-
-/// Returns the state one step later at constant velocity.
-fn coasted(state: AgentState) -> AgentState {
-    let v = state.velocity().unwrap_or_default() * DT;
-    AgentState { x: state.x + v.x, y: state.y + v.y, ..state }
 }

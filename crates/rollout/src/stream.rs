@@ -44,8 +44,8 @@ pub fn stream(seed: u64, scenario: &str, rollout: u32, purpose: Purpose) -> Stre
 /// agents enter or leave for the first time. Each further time has the next number.
 const FIRST_CHANGE_STREAM: u64 = 1 << 32;
 
-/// Returns the stream of a beginning after agents entered or left this many times: agents that enter get other
-/// draws than those that are there.
+/// Returns the stream of a beginning after agents entered or left this many times: agents that enter get
+/// other draws than those that are there.
 pub(crate) fn after_changes(mut stream: Stream, changes: usize) -> Stream {
     if changes > 0 {
         stream.set_stream(FIRST_CHANGE_STREAM + changes as u64);

@@ -4,6 +4,8 @@ use std::fmt;
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, math};
 
+use super::DT;
+
 /// The class of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum AgentKind {
@@ -91,6 +93,13 @@ impl AgentState {
     #[inline]
     pub fn velocity(&self) -> Option<Vec2> {
         (self.vx.is_finite() && self.vy.is_finite()).then(|| Vec2::new(self.vx, self.vy))
+    }
+
+    /// Returns the state one frame later at constant velocity; a state of unknown velocity stays.
+    pub fn coasted(self) -> Self {
+        let velocity = self.velocity().unwrap_or_default();
+        let p = self.position() + velocity * DT;
+        Self { x: p.x, y: p.y, vx: velocity.x, vy: velocity.y, ..self }
     }
 
     /// Returns the magnitude of the velocity, m/s; NaN if unknown.

@@ -42,7 +42,8 @@ impl Scenario {
     }
 
     /// Returns the scenario as it is in a rollout that agents of [`Self::unselected`] enter, for judging and
-    /// drawing: they follow the agents of the beginning in this order, and are absent at the current frame, where
+    /// drawing: they follow the agents of the beginning in this order, and are absent at the current frame,
+    /// where
     /// [`Start::now`] has no state of them. Of the other agents it has the static context, which
     /// is that of each frame.
     pub fn with_entered(&self, entered: &[usize]) -> Self {
@@ -92,8 +93,9 @@ impl Scenario {
         self.context_at(frame).map(|(_, logged, state)| state.footprint(&logged.agent)).collect()
     }
 
-    /// Returns the static context at a frame of the log: objects of kind `other` with an extent that are present.
-    /// Each has a number, which for those of the current frame is their place among the obstacles of the start.
+    /// Returns the static context at a frame of the log: objects of kind `other` with an extent that are
+    /// present. Each has a number, which for those of the current frame is their place among the obstacles of
+    /// the start.
     pub fn context_at(&self, frame: usize) -> impl Iterator<Item = (usize, &LoggedAgent, AgentState)> {
         let (current, mut now, mut others) = (self.start.current(), 0.., self.start.obstacles.len()..);
         let context = self.unselected.iter();

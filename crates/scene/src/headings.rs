@@ -7,10 +7,10 @@ use super::{AgentState, DT, Frame};
 /// Speed in m/s above which an agent moves along its heading. Slower motion is mostly noise of positions.
 const MOVING_SPEED: f64 = 0.5;
 
-/// Replaces unknown headings (NaN) in a track whose first `history` frames are those up to now: by the direction of motion from the frame before
-/// where the agent moves, else by the last known heading. Before the first known heading, the first one
-/// counts. Frames after the current one are never used for the history. Headings stay unknown if the track
-/// states none and does not move.
+/// Replaces unknown headings (NaN) in a track whose first `history` frames are those up to now: by the
+/// direction of motion from the frame before where the agent moves, else by the last known heading. Before
+/// the first known heading, the first one counts. Frames after the current one are never used for the
+/// history. Headings stay unknown if the track states none and does not move.
 pub(super) fn estimate_headings(track: &mut [Frame], history: usize) {
     if track.iter().flatten().all(|state| !state.heading.is_nan()) {
         return;

@@ -18,8 +18,8 @@ fn from(first: usize, mut logged: LoggedAgent) -> LoggedAgent {
     logged
 }
 
-/// A road on which a car follows the AV; another car and a pedestrian appear later, and an object of the static
-/// context.
+/// A road on which a car follows the AV; another car and a pedestrian appear later, and an object of the
+/// static context.
 fn street(id: &str) -> Scenario {
     let agents = vec![
         car("av", 0.0, 0.0, 0.0, 8.0),

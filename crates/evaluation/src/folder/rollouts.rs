@@ -41,8 +41,8 @@ fn agents<'s>(scenario: &'s Scenario, rollout: &'s Rollout) -> impl Iterator<Ite
     scenario.start.agents.iter().chain(entered)
 }
 
-/// Returns the indices in [`Scenario::unselected`] of the agents of a recorded rollout that entered it: agents of
-/// the record that are absent at the current frame.
+/// Returns the indices in [`Scenario::unselected`] of the agents of a recorded rollout that entered it:
+/// agents of the record that are absent at the current frame.
 pub fn entered_in(scenario: &Scenario, record: &RolloutRecord) -> Vec<usize> {
     let current = scenario.start.current();
     let is_later =

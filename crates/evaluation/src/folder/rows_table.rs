@@ -26,8 +26,8 @@ const MAX_COUNT: u64 = 1 << 53;
 ///
 /// A metric is an element of four parallel lists: `metric`, `kind` (`rate`, `count`, `mean` or `value`; null
 /// if nothing was evaluated), `numerator` and `denominator`. The value of rates and means is numerator over
-/// denominator, the value of the others is the numerator. The columns of notes exist only if a row has notes,
-/// and those of the length only if a scenario has another length than the benchmark.
+/// denominator, the value of the others is the numerator. The columns of notes exist only if a row has notes.
+/// The columns of the length exist only if a scenario is longer or shorter than those of the benchmark.
 ///
 /// # Errors
 /// [`FormatError`] if the file cannot be written, or a count is too large for it.

@@ -10,7 +10,7 @@ use crate::statistics::Estimate;
 /// Pairs per thread that are in memory at a time.
 const PAIRS_PER_THREAD: usize = 2;
 
-/// What is computed for every scenario, and with how many threads.
+/// The configurations of a scoring and its number of threads.
 #[derive(Clone, Copy, Debug)]
 pub struct RealismSettings<'a> {
     /// Configurations of the metrics.

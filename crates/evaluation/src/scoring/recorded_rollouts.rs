@@ -131,8 +131,8 @@ fn to_centres(pose: Pose, scenario: &Scenario, rollout: &mut Rollout) -> Result<
 }
 
 /// Returns the recorded rollouts of one scenario and one simulator, given in their order, with the tracks of
-/// all agents of the scenario. `enters`: whether recorded agents that appear later in the log entered; otherwise
-/// they are left out.
+/// all agents of the scenario. `enters`: whether recorded agents that appear later in the log entered;
+/// otherwise they are left out.
 ///
 /// # Errors
 /// A text that names the rollout that is missing, repeated or not of this scenario.

@@ -25,7 +25,7 @@ const MIN_FOR_VERDICT: usize = 6;
 /// 1.96 standard errors to be significant, and 0.84 more.
 const VISIBLE: f64 = (1.96 + 0.84) / 1.96;
 
-/// What the scenarios say about the second simulator. Several metrics are not corrected for.
+/// Whether the second simulator is better or worse in a metric. There is no correction for several metrics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {

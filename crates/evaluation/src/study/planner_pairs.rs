@@ -13,7 +13,7 @@ use crate::statistics::tally::Tally;
 /// Two planners of a study, compared scenario by scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannerPair {
-    /// The planners; differences are those of the second minus the first.
+    /// Names of the planners. A difference is the second minus the first.
     pub planners: [String; 2],
     /// Difference of the score of the ranks under each simulator, in the order of the ranks; `None` without a
     /// scenario that has the score with both planners.

@@ -12,9 +12,7 @@ use arrow_array::RecordBatch;
 
 use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, is_parquet, named, refused_frames,
-};
+use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, is_parquet, named, refused_frames};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::table::{self, TableReader, TableWriter};
 use reactsim_scene::{HISTORY, Scenario};
@@ -47,11 +45,6 @@ impl ScenarioFormat for Native {
             Ok(false) => named(path, ".parquet"),
             Err(_) => false,
         }
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let records = Reader::over(path, TableReader::open(path)?)?;
-        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
     fn open_at(

@@ -38,7 +38,7 @@ use self::selection::{Anchors, Selection, WindowChoice, logs_at};
 use self::sqlite::Database;
 pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, named, refused_frames};
+use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, named, refused_frames};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::list::Input;
 
@@ -102,11 +102,6 @@ impl ScenarioFormat for NuPlan {
 
     fn reads_urls(&self) -> bool {
         false
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let records = self.reader(path, LengthChoice::default())?;
-        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
     fn open_at(

@@ -20,7 +20,7 @@ use self::record::Records;
 use self::window::Window;
 use super::error::{Cause, FormatError};
 use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
+    PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
 };
 use super::frames::{CurrentFrames, LengthChoice};
 
@@ -38,11 +38,6 @@ impl ScenarioFormat for Womd {
 
     fn recognises(&self, path: &Path) -> bool {
         !is_parquet(path).unwrap_or(false) && (Records::starts(path) || has_tfrecord_name(path))
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let records = Reader::open(path, CurrentFrames::Stated, LengthChoice::default())?;
-        Ok(Box::new(records.map(|record| record.and_then(|decode| decode()))))
     }
 
     fn open_at(

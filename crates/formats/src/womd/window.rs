@@ -4,6 +4,7 @@ use reactsim_scene::Length;
 
 use super::message::Scenario as Proto;
 use super::size::Fields;
+use crate::crop::keep;
 use crate::error::Cause;
 use crate::frames::{LengthChoice, seconds};
 
@@ -88,9 +89,9 @@ fn crop(proto: &mut Proto, field: &str, current: usize, choice: LengthChoice) ->
         let expected = format!("{frames} entries, as in timestamps_seconds, or none");
         return Err(Cause::value("dynamic_map_states", entries(lights), expected));
     }
-    reduce(&mut proto.timestamps_seconds, first, end);
-    reduce(&mut proto.dynamic_map_states, first, end);
-    proto.tracks.iter_mut().for_each(|track| reduce(&mut track.states, first, end));
+    keep(&mut proto.timestamps_seconds, first..end);
+    keep(&mut proto.dynamic_map_states, first..end);
+    proto.tracks.iter_mut().for_each(|track| keep(&mut track.states, first..end));
     if usize::try_from(proto.current_time_index) != Ok(current) {
         proto.tracks_to_predict.clear();
         proto.objects_of_interest.clear();
@@ -113,12 +114,6 @@ fn too_short(field: &str, current: usize, choice: LengthChoice, frames: usize) -
     let without = if choice.pads() { format!(", or {history} without the future") } else { String::new() };
     let expected = format!("{all} entries ({} s at 10 Hz) or more{without}", seconds(all));
     Cause::value("timestamps_seconds", entries(frames), expected)
-}
-
-/// Removes the elements outside of a range.
-fn reduce<T>(frames: &mut Vec<T>, first: usize, end: usize) {
-    frames.truncate(end);
-    frames.drain(..first.min(frames.len()));
 }
 
 fn entries(count: usize) -> String {

@@ -1,5 +1,6 @@
 //! The objects around ego in a rollout.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use reactsim_geometry::Vec2;
@@ -23,20 +24,18 @@ pub fn rollout_objects(
     tracks: &[Vec<Frame>],
     labels: &mut BTreeSet<Label>,
 ) -> Vec<Vec<TrackedObject>> {
-    let start = &scenario.start;
-    let ids = ObjectIds::new(start);
+    let mut start = Cow::Borrowed(&scenario.start);
+    let mut ids = ObjectIds::new(&start);
     let (current, samples) = (start.current(), scenario.length().future + 1);
-    let heights = heights_per_sample(start, tracks, samples);
+    let heights = heights_per_sample(&start, tracks, samples);
     let at = |k: usize| {
-        let changed = scenario.context_changes.then(|| {
-            let mut start = start.clone();
-            start.set_context(scenario, current + k);
-            (ObjectIds::new(&start), start)
-        });
-        let (ids, start) = changed.as_ref().map_or((&ids, start), |(ids, start)| (ids, start));
+        if scenario.context_changes {
+            start.to_mut().set_context(scenario, current + k);
+            ids.obstacles = obstacle_ids(&start);
+        }
         let frame = ObjectFrame {
-            start,
-            ids,
+            start: &start,
+            ids: &ids,
             tracks,
             frame: current + k,
             heights: heights.get(k).map_or(&[], Vec::as_slice),
@@ -60,11 +59,9 @@ pub struct ObjectIds {
 impl ObjectIds {
     /// Creates the ids of the agents and obstacles of a scenario.
     pub fn new(start: &Start) -> Self {
-        let number = |i: usize| start.obstacle_numbers.get(i).copied().unwrap_or(i);
-        let obstacle = |i: usize| ObjectId::from(format!("obstacle:{}", number(i)));
         Self {
             agents: start.agents.iter().map(|agent| ObjectId::from(agent.id.as_str())).collect(),
-            obstacles: (0..start.obstacles.len()).map(obstacle).collect(),
+            obstacles: obstacle_ids(start),
         }
     }
 
@@ -106,6 +103,11 @@ pub(crate) enum Differences {
     BackwardOrForward,
     /// The frame before only: what is known at the frame.
     Backward,
+}
+
+fn obstacle_ids(start: &Start) -> Vec<ObjectId> {
+    let number = |i: usize| start.obstacle_numbers.get(i).copied().unwrap_or(i);
+    (0..start.obstacles.len()).map(|i| ObjectId::from(format!("obstacle:{}", number(i)))).collect()
 }
 
 /// One frame of a rollout.

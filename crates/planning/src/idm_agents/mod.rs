@@ -119,8 +119,8 @@ impl IdmAgents {
         agents
     }
 
-    /// Makes agents of the vehicles among the objects that are none yet, by the rules of [`Self::new`]. In the
-    /// devkit none are added after the beginning.
+    /// Makes agents of the vehicles among the objects that are none yet, by the rules of [`Self::new`]. In
+    /// the devkit none are added after the beginning.
     pub fn add(&mut self, objects: &[TrackedObject], ego: Option<&SeenEgo>) {
         let mut taken: Vec<OrientedBox> = seen(objects).map(TrackedObject::footprint).collect();
         taken.extend(ego.map(|ego| ego.footprint));

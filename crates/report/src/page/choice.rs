@@ -63,8 +63,8 @@ impl Gallery {
 
     /// Returns the scenario in which the simulator changes the verdict on a planner most. Without one,
     /// returns the scenario with the clearest difference between the first two simulators: one hits the AV,
-    /// the other one, which can react, does not. If they do not differ in any scenario with a scene, the first
-    /// other pair that does takes their place.
+    /// the other one, which can react, does not. If they do not differ in any scenario with a scene, the
+    /// first other pair that does takes their place.
     ///
     /// # Errors
     /// [`PageError`] if events cannot be read.

@@ -111,9 +111,9 @@ fn means(comparison: &Comparison) -> String {
 }
 
 /// Returns the index of the first behaviour with as much progress as before, among those that are as safe
-/// and, beyond chance, no worse in displacement and over-reaction: adaptation can cost progress, which a larger
-/// haste makes up for at the price of displacement. If none has as much, returns the index of the last of
-/// these; if there are none, that of the safest one.
+/// and, beyond chance, no worse in displacement and over-reaction: adaptation can cost progress, which a
+/// larger haste makes up for at the price of displacement. If none has as much, returns the index of the last
+/// of these; if there are none, that of the safest one.
 fn smallest_that_keeps_progress(before: &Behavior, tried: &[Behavior], one: f64) -> usize {
     let fits = |b: &Behavior| b.is_as_safe_as(before, one) && !b.is_worse;
     let safest = || tried.iter().enumerate().min_by(|a, b| a.1.danger.total_cmp(&b.1.danger));
