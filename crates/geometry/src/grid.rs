@@ -92,6 +92,9 @@ const MAX_ENTRIES: f64 = 4e6;
 /// row by row.
 const NEAR_CELLS: f64 = 16.0;
 
+/// Distance of a point from the grid, in cells, up to which nearest items are searched in rings around it.
+const FAR_RINGS: i64 = 4;
+
 impl Grid {
     /// Indexes `bounds` (item `i` is `bounds[i]`) in cells of about `cell` metres. Empty bounds are left out.
     pub fn new(bounds: &[Bounds], cell: f64) -> Self {
@@ -232,42 +235,69 @@ impl Grid {
         mut distance2: impl FnMut(u32) -> f64,
     ) -> (u32, f64) {
         let (column, row) = (self.column(p.x), self.row(p.y));
-        let outside = |v: i64, n: i64| (-v).max(v - (n - 1)).max(0);
-        let first = outside(column, self.columns).max(outside(row, self.rows));
-        let last = (column.max(self.columns - 1 - column)).max(row.max(self.rows - 1 - row));
-        for ring in first..=last {
+        let (inside_column, inside_row) = (column.clamp(0, self.columns - 1), row.clamp(0, self.rows - 1));
+        if (column - inside_column).abs().max((row - inside_row).abs()) > FAR_RINGS {
+            // Rings around a distant point cross most cells of the grid before they reach the nearest item.
+            let start = self.any_near(inside_column, inside_row);
+            let found = (start, distance2(start));
+            let best = if found.1 < best.1 { found } else { best };
+            return self.nearest_by_rows(p, best, distance2);
+        }
+        let local = (p - self.origin) / self.cell - Vec2::new(column as f64, row as f64);
+        let inner = local.x.min(1.0 - local.x).min(local.y).min(1.0 - local.y);
+        for ring in 0..=self.last_ring(column, row) {
             // Every cell of this ring is at least this far away.
-            let local = (p - self.origin) / self.cell - Vec2::new(column as f64, row as f64);
-            let inner = local.x.min(1.0 - local.x).min(local.y).min(1.0 - local.y);
             let reach = ((ring - 1) as f64 + inner) * self.cell;
             if ring > 0 && reach > 0.0 && reach * reach > best.1 {
                 break;
             }
-            for r in (row - ring).max(0)..=(row + ring).min(self.rows - 1) {
-                let mut visit = |c: i64| {
-                    let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
-                    let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
-                    let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
-                    // The slack covers ties exactly on the border of a cell.
-                    if dx * dx + dy * dy <= best.1 + 1e-9 {
-                        for &i in self.items_of((r * self.columns + c) as usize) {
-                            let d2 = distance2(i);
-                            if d2 < best.1 || (d2 == best.1 && i < best.0) {
-                                best = (i, d2);
-                            }
+            self.for_ring(column, row, ring, |c, r| {
+                let low = self.origin + Vec2::new(c as f64, r as f64) * self.cell;
+                let dx = (low.x - p.x).max(p.x - low.x - self.cell).max(0.0);
+                let dy = (low.y - p.y).max(p.y - low.y - self.cell).max(0.0);
+                // The slack covers ties exactly on the border of a cell.
+                if dx * dx + dy * dy <= best.1 + 1e-9 {
+                    for &i in self.items_of((r * self.columns + c) as usize) {
+                        let d2 = distance2(i);
+                        if d2 < best.1 || (d2 == best.1 && i < best.0) {
+                            best = (i, d2);
                         }
                     }
-                };
-                // A ring around a distant point is much longer than the grid: only its part inside counts.
-                if (r - row).abs() == ring {
-                    ((column - ring).max(0)..=(column + ring).min(self.columns - 1)).for_each(&mut visit);
-                } else {
-                    let sides = [column - ring, column + ring];
-                    sides.into_iter().filter(|c| (0..self.columns).contains(c)).for_each(&mut visit);
                 }
-            }
+            });
         }
         best
+    }
+
+    /// Returns an item of a cell that is among the nearest ones with items to a cell. The grid has items.
+    fn any_near(&self, column: i64, row: i64) -> u32 {
+        let mut found = None;
+        for ring in 0..=self.last_ring(column, row) {
+            self.for_ring(column, row, ring, |c, r| {
+                found = found.or(self.items_of((r * self.columns + c) as usize).first().copied());
+            });
+            if found.is_some() {
+                break;
+            }
+        }
+        found.unwrap_or(self.items[0])
+    }
+
+    /// Returns the index of the last ring of cells around a cell that has cells of the grid.
+    fn last_ring(&self, column: i64, row: i64) -> i64 {
+        column.max(self.columns - 1 - column).max(row).max(self.rows - 1 - row)
+    }
+
+    /// Visits the cells of the grid at `ring` columns or rows from a cell, row by row.
+    fn for_ring(&self, column: i64, row: i64, ring: i64, mut visit: impl FnMut(i64, i64)) {
+        for r in (row - ring).max(0)..=(row + ring).min(self.rows - 1) {
+            if (r - row).abs() == ring {
+                ((column - ring).max(0)..=(column + ring).min(self.columns - 1)).for_each(|c| visit(c, r));
+            } else {
+                let sides = [column - ring, column + ring];
+                sides.into_iter().filter(|c| (0..self.columns).contains(c)).for_each(|c| visit(c, r));
+            }
+        }
     }
 
     /// Finds the nearest item as [`Self::nearest`] does, in the cells that are no farther than `best`, an
