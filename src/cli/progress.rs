@@ -17,15 +17,20 @@ const MAX_PRINTED_FAILURES: usize = 20;
 /// Time between two drawings of the preliminary table.
 const TABLE_INTERVAL: Duration = Duration::from_millis(500);
 
+/// Time without a finished scenario after which the step that is being computed is shown.
+const STEP_DELAY: Duration = Duration::from_secs(2);
+
 /// Style with a known number of scenarios, and without.
-const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {left}{msg}";
-const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{msg}";
+const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {left}{prefix}{msg}";
+const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{prefix}{msg}";
 
 /// Bar with the number of scenarios, and the preliminary table of a run below it. Hidden if stderr is not a
 /// terminal. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
     failures: AtomicUsize,
+    /// Time of the last finished scenario.
+    last_done: Mutex<Instant>,
     table: Option<Mutex<Preliminary>>,
 }
 
@@ -44,7 +49,7 @@ impl Progress {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self { bar, failures: AtomicUsize::new(0), table: None }
+        Self { bar, failures: AtomicUsize::new(0), last_done: Mutex::new(Instant::now()), table: None }
     }
 
     /// Shows progress with a table of what is finished.
@@ -68,6 +73,8 @@ impl Progress {
 
     /// Shows how many scenarios are finished.
     pub(super) fn set_done(&self, done: usize) {
+        *self.last_done.lock() = Instant::now();
+        self.bar.set_prefix("");
         self.bar.set_position(done as u64);
     }
 
@@ -122,6 +129,12 @@ fn style(template: &str) -> ProgressStyle {
 impl RunObserver for Progress {
     fn started(&self, total: Option<usize>) {
         self.set_total(total);
+    }
+
+    fn stepped(&self, step: usize, steps: usize) {
+        if !self.bar.is_hidden() && self.last_done.lock().elapsed() >= STEP_DELAY {
+            self.bar.set_prefix(format!(", step {step} of {steps}"));
+        }
     }
 
     fn scenario_done(&self, done: usize) {

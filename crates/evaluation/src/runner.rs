@@ -11,12 +11,12 @@ use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_files::work::{MAX_THREADS, Pool};
-use reactsim_rollout::{Av, Request, Rollout, roll_out};
+use reactsim_rollout::{Av, Request, Rollout, roll_out_while};
 use reactsim_scene::Scenario;
 
 use crate::av::AvChoice;
 use crate::deviation::labels::DeviationLabels;
-use crate::driver::{Driver, GivenPlans};
+use crate::driver::GivenPlans;
 use crate::error::EvaluationError;
 use crate::folder::completion::complete;
 use crate::folder::rollouts;
@@ -47,6 +47,8 @@ pub struct Execution {
 pub trait RunObserver: Sync {
     /// Called at the start with the number of records of all sources, if it is known.
     fn started(&self, _total: Option<usize>) {}
+    /// Called after each step of a batch of rollouts, with the number of its steps so far and in all.
+    fn stepped(&self, _step: usize, _steps: usize) {}
     /// Called after scenarios succeeded or failed. `done` is the number of finished scenarios, including
     /// those of an earlier interrupted run.
     fn scenario_done(&self, _done: usize) {}
@@ -429,7 +431,13 @@ impl Runner<'_> {
                 requests.push(Request { scenario: &ready.scenario, av: ready.av.clone(), rollout });
                 requested.push(i);
             }
-            let results = roll_out(requests, &planned.controller, &self.plan.spec.settings());
+            let steps = requests.first().map_or(0, |request| request.scenario.length().future);
+            let wanted = |step| {
+                self.observer.stepped(step, steps);
+                !self.stopped()
+            };
+            let settings = self.plan.spec.settings();
+            let results = roll_out_while(requests, &planned.controller, &settings, &wanted);
             for (i, result) in requested.into_iter().zip(results) {
                 match result {
                     Ok(done) => finished[i].push(done),
@@ -461,8 +469,9 @@ impl Runner<'_> {
                 }
                 // Not a result of this scenario: it runs again when the run is resumed.
                 Some(_) if given_up.is_some() => {}
-                // So it is with a simulator that was ended because it did not answer in time.
-                Some(_) if self.has_processes(planned) && self.is_interrupted() => {}
+                // So it is with a rollout that was stopped, and with a simulator that was ended because it did
+                // not answer in time.
+                Some(_) if self.stopped() => {}
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());
                     let text = self.named(ready.place, &error);
@@ -474,11 +483,6 @@ impl Runner<'_> {
             return Err(EvaluationError::GivenUp { simulator, reason });
         }
         stopped.map_or(Ok(()), Err)
-    }
-
-    /// Returns whether the agents or the AV are moved by processes of their own.
-    fn has_processes(&self, simulator: &PlannedSimulator) -> bool {
-        simulator.external.is_some() || self.plan.driver().is_some_and(Driver::is_foreign)
     }
 
     /// Checks the motion of an external simulator or planner, and marks rollouts that fail allowed checks.

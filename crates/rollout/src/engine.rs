@@ -72,6 +72,14 @@ pub enum RolloutError {
         /// Id of the scenario.
         scenario: String,
     },
+    /// The caller stopped the rollout.
+    #[error("scenario `{scenario}`: stopped after {step} steps")]
+    Stopped {
+        /// Id of the scenario.
+        scenario: String,
+        /// Realised steps.
+        step: usize,
+    },
     /// The AV policy returned no state.
     #[error("scenario `{scenario}`: {source}")]
     Av {
@@ -105,11 +113,24 @@ pub fn roll_out(
     controller: &Controller,
     settings: &Settings,
 ) -> Vec<Result<Rollout, RolloutError>> {
-    let first = attempt(&batch, controller, settings);
+    roll_out_while(batch, controller, settings, &|_| true)
+}
+
+/// Rolls out a batch as [`roll_out`] does, and asks before every step whether to continue.
+///
+/// `wanted` takes the number of realised steps. Once it returns `false`, rollouts that have not all their
+/// steps fail with [`RolloutError::Stopped`].
+pub fn roll_out_while(
+    batch: Vec<Request<'_>>,
+    controller: &Controller,
+    settings: &Settings,
+    wanted: &dyn Fn(usize) -> bool,
+) -> Vec<Result<Rollout, RolloutError>> {
+    let first = attempt(&batch, controller, settings, wanted);
     if !is_broken_off(&first) {
         return first;
     }
-    let mut second = attempt(&batch, controller, settings);
+    let mut second = attempt(&batch, controller, settings, wanted);
     for rollout in second.iter_mut().flatten() {
         *rollout.outcomes.entry(PLANNED_AGAIN).or_default() += 1;
     }
@@ -117,7 +138,7 @@ pub fn roll_out(
         return second;
     }
     let alone = |request| {
-        let mut result = attempt(std::slice::from_ref(request), controller, settings).remove(0);
+        let mut result = attempt(std::slice::from_ref(request), controller, settings, wanted).remove(0);
         if let Ok(rollout) = &mut result {
             *rollout.outcomes.entry(PLANNED_ALONE).or_default() += 1;
         }
@@ -136,6 +157,7 @@ fn attempt(
     batch: &[Request<'_>],
     controller: &Controller,
     settings: &Settings,
+    wanted: &dyn Fn(usize) -> bool,
 ) -> Vec<Result<Rollout, RolloutError>> {
     let is_reactive = settings.protocol == Protocol::Reactive;
     let beginning = batch.iter().map(|request| RolloutBeginning {
@@ -144,7 +166,14 @@ fn attempt(
         rollout: request.rollout,
     });
     let mut lockstep = Lockstep::begin(beginning, controller, settings);
-    while !lockstep.is_over() {
+    for step in 0.. {
+        if lockstep.is_over() {
+            break;
+        }
+        if !wanted(step) {
+            lockstep.abandon();
+            break;
+        }
         lockstep.step(controller, settings);
     }
     lockstep.finish(controller)
@@ -203,6 +232,14 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
     /// Ends a rollout early: it takes no further steps.
     pub fn stop(&mut self, index: usize) {
         self.running[index].is_stopped = true;
+    }
+
+    /// Fails all rollouts that have steps left.
+    fn abandon(&mut self) {
+        for rollout in self.running.iter_mut().filter(|rollout| rollout.is_active()) {
+            let (scenario, step) = (rollout.scenario.id.clone(), rollout.steps());
+            rollout.failed = Some(RolloutError::Stopped { scenario, step });
+        }
     }
 
     /// Returns whether every rollout has all its steps, is stopped or has failed.

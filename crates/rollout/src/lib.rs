@@ -20,7 +20,7 @@ pub use av::{
 };
 pub use engine::{
     ENTERED, ENTERED_LATE, KEPT_OUT, Lockstep, PLANNED_ALONE, Request, Rollout, RolloutBeginning,
-    RolloutError, roll_out,
+    RolloutError, roll_out, roll_out_while,
 };
 pub use entering::{Entered, Entering, MAX_PRESENT};
 pub use episode::{

@@ -2,6 +2,7 @@
 
 use reactsim::rollout::{
     Controller, Episode, Memory, PlanError, Planning, Settings, Simulator, SingleEpisode, Stream, roll_out,
+    roll_out_while,
 };
 use reactsim::scene::{AgentState, Scenario, Start};
 
@@ -124,6 +125,26 @@ fn a_request_without_an_av_fails_in_the_reactive_protocol() {
     let errors: Vec<_> = done.into_iter().map(|result| result.err().map(|error| error.to_string())).collect();
     let [None, Some(error), None] = errors.as_slice() else { panic!("{errors:?}") };
     assert!(error.contains("`road-001`") && error.contains("has no AV"), "{error}");
+}
+
+#[test]
+fn rollouts_stop_when_they_are_no_longer_wanted() {
+    let (all, steps) = (three(), std::cell::RefCell::default());
+    // The middle one has failed before.
+    let batch = || all.iter().map(|s| request(s, coasting(s), 0)).collect();
+    let controller = faulty(12, Fault::GivesUp);
+    let wanted = |step: usize| {
+        Vec::push(&mut steps.borrow_mut(), step);
+        step < 33
+    };
+    let done = roll_out_while(batch(), &controller, &settings(5, true), &wanted);
+    assert_eq!(*steps.borrow(), (0..=33).collect::<Vec<_>>());
+    let errors: Vec<String> = done.into_iter().map(|result| result.unwrap_err().to_string()).collect();
+    assert_eq!(errors[0], "scenario `road-000`: stopped after 33 steps");
+    assert!(errors[1].contains("no way on"), "{}", errors[1]);
+    assert_eq!(errors[2], "scenario `road-002`: stopped after 33 steps");
+    let done = roll_out_while(batch(), &controller, &settings(5, true), &|step| step < 80);
+    assert!(done[0].is_ok() && done[1].is_err() && done[2].is_ok());
 }
 
 #[test]
