@@ -105,6 +105,9 @@ pub const ENTERED_LATE: &str = "agents-entered-late";
 /// Outcome of an agent that the log shows, but whose place was never free.
 pub const KEPT_OUT: &str = "agents-kept-out";
 
+/// Outcome of an agent that left the map past the end of a road, where the log's agents vanish.
+pub const PAST_ROAD_END: &str = "agents-past-road-end";
+
 /// Rolls out a batch of scenarios in lockstep. The result of a scenario does not depend on the rest of
 /// the batch, unless the simulator breaks off the whole batch ([`PlanError::BrokenOff`]): then the batch is
 /// repeated once, and after that its scenarios are rolled out singly.

@@ -1,10 +1,14 @@
 //! Agents of the log that enter a rollout after its beginning, and agents that leave it.
 
+mod road_ends;
+
 use std::fmt;
 use std::str::FromStr;
 
 use reactsim_geometry::OrientedBox;
 use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario};
+
+use road_ends::RoadEnds;
 
 /// Whether agents of the log that appear after the current frame enter a rollout.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,8 +51,8 @@ impl FromStr for Entering {
 
 /// Largest number of agents that are present at one time, the AV included, if agents enter.
 pub const MAX_PRESENT: usize = 256;
-/// Distance in metres from the AV, at the last frame at which the log shows an agent, from which the agent is
-/// thought to have left the observed area. Nearer ones were hidden.
+/// Distance in metres from the AV from which an agent is outside of the observed area. An agent that the log
+/// loses nearer was hidden.
 const OBSERVED_DISTANCE: f64 = 50.0;
 
 /// An agent that entered a rollout.
@@ -70,8 +74,11 @@ pub(crate) struct Coming {
     /// Last logged frame of each agent of the rollout, and its distance to the logged AV there, if the log
     /// loses it outside of the observed area.
     lost: Vec<Option<(usize, f64)>>,
+    road_ends: RoadEnds,
     /// Whether each agent of the rollout has left.
     left: Vec<bool>,
+    /// Number of agents that left past the end of a road.
+    pub(crate) past_road_end: usize,
     /// Number of agents that entered or left so far.
     pub(crate) events: usize,
     /// What the simulator knows of it.
@@ -128,7 +135,17 @@ impl Coming {
         let obstacles = scenario.context_at(current).map(|(number, ..)| number).collect();
         let none = Changes { events: 0, obstacles, count: 0 };
         let left = vec![false; agents];
-        Self { waiting, entered: Vec::new(), lost, left, events: 0, simulator: none.clone(), av: none }
+        Self {
+            waiting,
+            entered: Vec::new(),
+            lost,
+            road_ends: RoadEnds::new(&scenario.start),
+            left,
+            past_road_end: 0,
+            events: 0,
+            simulator: none.clone(),
+            av: none,
+        }
     }
 
     /// Returns the number of agents that still wait for their place, although the log has shown them up to a
@@ -203,16 +220,20 @@ impl Coming {
         scenario.start.agents.iter().chain(entered)
     }
 
-    /// Marks the agents that leave at the latest realised frame: the log has lost them outside of the
-    /// observed area, and they are as far from the AV as then.
-    pub(crate) fn let_go(&mut self, tracks: &[Vec<Frame>]) {
+    /// Marks the agents that leave at the latest realised frame. They are outside of the observed area, and
+    /// either reach the end of a road, or are as far from the AV as when the log lost them.
+    pub(crate) fn let_go(&mut self, scenario: &Scenario, tracks: &[Vec<Frame>]) {
         let frame = tracks[0].len() - 1;
         let Some(av) = tracks[0][frame] else { return };
-        for (slot, left) in self.left.iter_mut().enumerate().skip(1).filter(|(_, left)| !**left) {
-            let Some((last, distance)) = self.lost[slot] else { continue };
-            let away = |state: AgentState| (state.position() - av.position()).norm() >= distance;
-            *left = frame >= last && tracks[slot][frame].is_some_and(away);
-            self.events += usize::from(*left);
+        let agents: Vec<&Agent> = self.agents(scenario).collect();
+        for (slot, agent) in agents.into_iter().enumerate().skip(1) {
+            let Some(state) = tracks[slot][frame].filter(|_| !self.left[slot]) else { continue };
+            let distance = (state.position() - av.position()).norm();
+            let is_lost = self.lost[slot].is_some_and(|(last, far)| frame >= last && distance >= far);
+            let is_past = distance >= OBSERVED_DISTANCE && self.road_ends.reaches(agent, state);
+            self.left[slot] = is_lost || is_past;
+            self.past_road_end += usize::from(is_past && !is_lost);
+            self.events += usize::from(self.left[slot]);
         }
     }
 }

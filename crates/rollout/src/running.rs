@@ -7,7 +7,9 @@ use std::sync::Mutex;
 use reactsim_scene::levels::LatestHeights;
 use reactsim_scene::{AgentState, DT, Frame, LightState, Scenario};
 
-use super::engine::{ENTERED, ENTERED_LATE, KEPT_OUT, Rollout, RolloutBeginning, RolloutError};
+use super::engine::{
+    ENTERED, ENTERED_LATE, KEPT_OUT, PAST_ROAD_END, Rollout, RolloutBeginning, RolloutError,
+};
 use super::entering::{Coming, Entering};
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
 use super::stream::after_changes;
@@ -248,7 +250,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         }
         if let Some(coming) = &mut self.coming {
             if !self.replayed {
-                coming.let_go(&self.tracks);
+                coming.let_go(&self.scenario, &self.tracks);
             }
             coming.admit(&self.scenario, &mut self.tracks, !self.replayed);
         }
@@ -299,6 +301,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
                 (ENTERED, coming.entered.len()),
                 (ENTERED_LATE, late),
                 (KEPT_OUT, coming.kept_out(self.tracks[0].len() - 1)),
+                (PAST_ROAD_END, coming.past_road_end),
             ];
             let counts = counts.into_iter().filter(|(_, count)| *count > 0);
             self.outcomes.extend(counts.map(|(outcome, count)| (outcome, count as u64)));

@@ -2,14 +2,14 @@ use std::sync::Arc;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, Length, LoggedAgent, Scenario, ScenarioParts,
-    Start,
+    Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, LaneParts, Length, LoggedAgent, MapParts,
+    Scenario, ScenarioParts, Start,
 };
 
 use super::{Entered, Entering, MAX_PRESENT};
 use crate::{
-    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LogAv, PlanError, Planning, Request, Rollout, Settings,
-    SingleEpisode, Stream, roll_out,
+    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LogAv, PAST_ROAD_END, PlanError, Planning, Request, Rollout,
+    Settings, SingleEpisode, Stream, roll_out,
 };
 
 /// Steps of the scenarios here.
@@ -70,6 +70,10 @@ fn vehicle(id: &str, at: impl Fn(usize) -> Option<(f64, f64, f64)>, frames: usiz
 }
 
 fn scenario(history: usize, others: &[LoggedAgent]) -> Scenario {
+    scenario_on(MapParts::default(), history, others)
+}
+
+fn scenario_on(map: MapParts, history: usize, others: &[LoggedAgent]) -> Scenario {
     let length = Length { history, future: STEPS };
     let av = vehicle("av", |f| Some((f as f64 - (history - 1) as f64, 0.0, 10.0)), length.frames());
     let agents = std::iter::once(av).chain(others.iter().cloned()).collect();
@@ -78,6 +82,7 @@ fn scenario(history: usize, others: &[LoggedAgent]) -> Scenario {
         origin: Some(Vec2::zeros()),
         length,
         agents,
+        map,
         ..Default::default()
     };
     Scenario::assemble(parts).unwrap()
@@ -183,4 +188,47 @@ fn no_more_agents_enter_than_can_be_present() {
     let made = scenario(HISTORY, &(0..MAX_PRESENT + 20).map(later).collect::<Vec<_>>());
     let done = run(&made, Entering::Log, &keep());
     assert_eq!((done.tracks.len(), done.outcomes[KEPT_OUT]), (MAX_PRESENT, 21));
+}
+
+#[test]
+fn vehicles_leave_past_the_end_of_a_road() {
+    let frames = HISTORY + STEPS;
+    let lane = |id: &str, from: (f64, f64), to: (f64, f64)| LaneParts {
+        id: id.into(),
+        points: vec![Vec2::new(from.0, from.1), Vec2::new(to.0, to.1)],
+        ..LaneParts::default()
+    };
+    // The AV drives along y = 0 from x = 0 to 60 m. Each road carries one vehicle at 10 m/s.
+    let roads = [
+        lane("end", (0.0, 20.0), (200.0, 20.0)),
+        // Without a link, but the road continues.
+        lane("gap", (0.0, 40.0), (200.0, 40.0)),
+        lane("further", (200.5, 40.0), (400.0, 40.0)),
+        // Within 50 m of the AV.
+        lane("near", (0.0, -20.0), (60.0, -20.0)),
+        lane("crossing", (160.0, 0.0), (160.0, 70.0)),
+    ];
+    let map = MapParts { lanes: roads.to_vec(), ..MapParts::default() };
+    let driven = |id, x: f64, y| vehicle(id, |f| Some((x + f as f64 - 10.0, y, 10.0)), frames);
+    let others = [
+        driven("ends", 170.0, 20.0),
+        driven("continues", 170.0, 40.0),
+        driven("observed", 40.0, -20.0),
+        driven("crosses", 140.0, 70.0),
+        driven("unaligned", 170.0, 23.0),
+        vehicle("parked", |_| Some((199.0, 20.5, 0.0)), frames),
+    ];
+    let made = scenario_on(map, HISTORY, &others);
+    let on = run(&made, Entering::Log, &keep());
+    let of = |id: &str| made.start.agents.iter().position(|agent| agent.id == id).unwrap();
+    // Its front is at 199 m, and would be at 200 m after another step.
+    let track = &on.tracks[of("ends")];
+    assert_eq!((x(track, 37), x(track, 38)), (Some(197.0), None));
+    assert!(track[38..].iter().all(Option::is_none));
+    for id in ["continues", "observed", "crosses", "unaligned", "parked"] {
+        assert!(on.tracks[of(id)].iter().all(Option::is_some), "{id}");
+    }
+    assert_eq!(on.outcomes[PAST_ROAD_END], 1);
+    let off = run(&made, Entering::Off, &keep());
+    assert!(off.tracks.iter().flatten().all(Option::is_some));
 }
