@@ -145,6 +145,10 @@ impl Simulator for Smoothed {
         self.inner.wants_identity()
     }
 
+    fn horizon(&self) -> Option<usize> {
+        self.inner.horizon()
+    }
+
     fn end_batch(&self, memories: Vec<Memory>) {
         let inner = |mut memory: Memory| memory.take::<EpisodeMemory>().map(|m| m.inner);
         self.inner.end_batch(memories.into_iter().filter_map(inner).collect());

@@ -33,6 +33,12 @@ pub trait AvPolicy {
         None
     }
 
+    /// Returns the number of steps after which the policy needs a new start, as
+    /// [`Simulator::horizon`](crate::Simulator::horizon). `None`: never.
+    fn horizon(&self) -> Option<usize> {
+        None
+    }
+
     /// Returns whether the states come from a recording, so that their velocities were measured. For all
     /// other policies velocities are replaced by position differences.
     fn replays_recording(&self) -> bool {

@@ -81,35 +81,6 @@ pub(crate) struct Coming {
     pub(crate) past_road_end: usize,
     /// Number of agents that entered or left so far.
     pub(crate) events: usize,
-    /// What the simulator knows of it.
-    pub(crate) simulator: Changes,
-    /// What the AV policy knows of it.
-    pub(crate) av: Changes,
-}
-
-/// The changes that an observer has been shown.
-#[derive(Clone)]
-pub(crate) struct Changes {
-    /// Number of agents that had entered or left.
-    events: usize,
-    /// Numbers of the objects of the static context.
-    obstacles: Vec<usize>,
-    /// Number of times that anything had changed.
-    pub(crate) count: usize,
-}
-
-impl Changes {
-    /// Returns whether agents or objects of the static context came or went since the last call, and counts
-    /// it.
-    pub(crate) fn has_changed(&mut self, events: usize, scenario: &Scenario, frame: usize) -> bool {
-        let obstacles = || scenario.context_at(frame).map(|(number, ..)| number);
-        let has_changed = events != self.events || !obstacles().eq(self.obstacles.iter().copied());
-        if has_changed {
-            (self.events, self.obstacles) = (events, obstacles().collect());
-            self.count += 1;
-        }
-        has_changed
-    }
 }
 
 /// An agent that has not entered.
@@ -132,8 +103,6 @@ impl Coming {
         waiting.sort_by_key(|agent| agent.first);
         let agents = scenario.start.agents.len();
         let lost = (0..agents).map(|slot| lost(scenario, |frame| scenario.logged_at(slot, frame))).collect();
-        let obstacles = scenario.context_at(current).map(|(number, ..)| number).collect();
-        let none = Changes { events: 0, obstacles, count: 0 };
         let left = vec![false; agents];
         Self {
             waiting,
@@ -143,8 +112,6 @@ impl Coming {
             left,
             past_road_end: 0,
             events: 0,
-            simulator: none.clone(),
-            av: none,
         }
     }
 

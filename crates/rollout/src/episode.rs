@@ -217,7 +217,14 @@ pub trait Simulator: Send + Sync {
         Some(HISTORY)
     }
 
-    /// Continues episodes in which agents entered or left: fills in their memories for the new start, whose
+    /// Returns the number of steps after which an episode continues from a new start at the present frame, if
+    /// its future is longer: that of a network that was trained for this time, with a map around the position
+    /// of the AV at the start. `None`: it does not.
+    fn horizon(&self) -> Option<usize> {
+        None
+    }
+
+    /// Continues episodes in which agents entered or left, or whose [`Self::horizon`] is over: fills in their memories for the new start, whose
     /// current frame is the present one. By default they begin anew.
     ///
     /// # Errors
@@ -252,7 +259,13 @@ pub trait SingleEpisode: Send + Sync {
     /// Creates the memory of an episode; called once before its first plan.
     fn begin(&self, start: &Start, stream: &mut Stream) -> Self::Memory;
 
-    /// Creates the memory of an episode in which agents entered or left: `kept` has the slot that each agent
+    /// Returns the number of steps after which an episode continues from a new start, as
+    /// [`Simulator::horizon`] does.
+    fn horizon(&self) -> Option<usize> {
+        None
+    }
+
+    /// Creates the memory of an episode in which agents entered or left, or whose horizon is over: `kept` has the slot that each agent
     /// of the new start had before. By default the episode begins anew.
     fn resume(
         &self,
@@ -300,6 +313,10 @@ impl Planning<'_, '_> {
 impl<S: SingleEpisode> Simulator for S {
     fn begin(&self, start: &Start, stream: &mut Stream) -> Memory {
         Memory::new(SingleEpisode::begin(self, start, stream))
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        SingleEpisode::horizon(self)
     }
 
     fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {

@@ -151,6 +151,10 @@ impl Simulator for Mix {
         continued
     }
 
+    fn horizon(&self) -> Option<usize> {
+        self.members.iter().filter_map(|member| member.simulator.horizon()).min()
+    }
+
     fn wants_identity(&self) -> bool {
         self.members.iter().any(|member| member.simulator.wants_identity())
     }

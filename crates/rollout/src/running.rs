@@ -13,7 +13,7 @@ use super::engine::{
 use super::entering::{Coming, Entering};
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
 use super::stream::after_changes;
-use super::view::View;
+use super::view::{Changes, View};
 use super::{AvPolicy, Observation, Protocol, Purpose, Settings, Stream, stream};
 
 /// State of one scenario of a batch during the rollout.
@@ -37,8 +37,10 @@ pub(crate) struct ScenarioRollout<'a, S> {
     pub(crate) coming: Option<Coming>,
     /// What the simulator observes; `None`: everything.
     view: Option<View>,
+    changes: Changes,
     /// What the AV policy observes; `None`: everything.
     av_view: Option<View>,
+    av_changes: Changes,
     pub(crate) plan: JointPlan,
     /// Number of steps of the plan that are realised.
     pub(crate) plan_step: usize,
@@ -83,7 +85,9 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             av_next: None,
             coming: (settings.entering == Entering::Log).then(|| Coming::new(&scenario)),
             view,
+            changes: Changes::new(&scenario),
             av_view,
+            av_changes: Changes::new(&scenario),
             plan: JointPlan::new(0, 0),
             plan_step: 0,
             is_stopped: false,
@@ -149,10 +153,9 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     /// Returns the beginning of the simulator's episode, from the present start on.
     pub(crate) fn beginning(&self, simulator: &dyn Simulator, settings: &Settings) -> Beginning<'_> {
         let stream = stream(settings.seed, &self.scenario.id, self.rollout, Purpose::Begin);
-        let changes = self.coming.as_ref().map_or(0, |coming| coming.simulator.count);
         Beginning {
             start: self.view.as_ref().map_or(&self.scenario.start, View::start),
-            stream: after_changes(stream, changes),
+            stream: after_changes(stream, self.changes.count),
             moves_av: settings.protocol == Protocol::Realism,
             steps: settings.replan.steps(),
             future: self.scenario.length().future,
@@ -166,39 +169,37 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     }
 
     /// Makes a new view for the simulator if agents, or objects of the static context, have come or gone
-    /// since the last one. Returns the slot that each agent had in that, `None` for those that entered.
+    /// since the last one, or its horizon is over. Returns the slot that each agent had in that, `None` for
+    /// those that entered.
     pub(crate) fn regroup(&mut self, controller: &Controller) -> Option<Vec<Option<usize>>> {
-        let coming = self.coming.as_mut()?;
         let now = self.tracks[0].len() - 1;
-        if self.tracks[0][now].is_none() || !coming.simulator.has_changed(coming.events, &self.scenario, now)
-        {
+        let (coming, horizon) = (self.coming.as_ref(), horizon_of(controller));
+        if self.tracks[0][now].is_none() || !self.changes.has_changed(&self.scenario, coming, now, horizon) {
             return None;
         }
         let all = 0..self.scenario.start.agents.len();
         let before = self.view.as_ref().map_or_else(|| all.collect(), |view| view.slots().to_vec());
         let history = history_of(controller).unwrap_or(self.scenario.length().history);
-        let changes = coming.simulator.count;
-        let view =
-            View::new(&self.scenario, Some(&*coming), &self.tracks, &self.lights, history).after(changes);
+        let view = View::new(&self.scenario, coming, &self.tracks, &self.lights, history);
         let slot_before = |slot: &usize| before.iter().position(|other| other == slot);
         let kept = view.slots().iter().map(slot_before).collect();
-        self.view = Some(view);
+        self.view = Some(view.after(self.changes.count));
         Some(kept)
     }
 
     /// Makes a new view for the AV policy, as [`Self::regroup`] does at plans, whenever something has
     /// changed.
     fn renew_av_view(&mut self) {
-        let Some(coming) = &mut self.coming else { return };
         let now = self.tracks[0].len() - 1;
-        if self.tracks[0][now].is_none() || !coming.av.has_changed(coming.events, &self.scenario, now) {
+        let (of_av, coming) = (self.av.as_ref(), self.coming.as_ref());
+        let horizon = of_av.and_then(|av| av.horizon());
+        if self.tracks[0][now].is_none() || !self.av_changes.has_changed(&self.scenario, coming, now, horizon)
+        {
             return;
         }
-        let of_av = self.av.as_ref().and_then(|av| av.history());
-        let history = of_av.unwrap_or(self.scenario.length().history);
-        let changes = coming.av.count;
-        let view = View::new(&self.scenario, Some(&*coming), &self.tracks, &self.lights, history);
-        self.av_view = Some(view.after(changes));
+        let history = of_av.and_then(|av| av.history()).unwrap_or(self.scenario.length().history);
+        let view = View::new(&self.scenario, coming, &self.tracks, &self.lights, history);
+        self.av_view = Some(view.after(self.av_changes.count));
     }
 
     /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
@@ -322,6 +323,14 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
 fn history_of(controller: &Controller) -> Option<usize> {
     match controller {
         Controller::Fair(simulator) => simulator.history(),
+        Controller::Oracle(_) => None,
+    }
+}
+
+/// Returns the number of steps after which a simulator needs a new start, if it does.
+fn horizon_of(controller: &Controller) -> Option<usize> {
+    match controller {
+        Controller::Fair(simulator) => simulator.horizon(),
         Controller::Oracle(_) => None,
     }
 }

@@ -1,13 +1,60 @@
-//! What a simulator or an AV policy observes once agents have entered or left, or if it was built for another
-//! length of history.
+//! What a simulator or an AV policy observes once agents have entered or left, after its horizon, or if it was
+//! built for another length of history.
 
 use std::sync::Mutex;
 
 use reactsim_scene::levels::LatestHeights;
-use reactsim_scene::{AgentState, Frame, LightState, Scenario, Start};
+use reactsim_scene::{Agent, AgentState, Frame, LightState, Scenario, Start};
 
 use super::Observation;
 use super::entering::Coming;
+
+/// The changes for which an observer has got new views: agents, or objects of the static context, came or went,
+/// or its horizon was over.
+pub(crate) struct Changes {
+    /// Number of agents that had entered or left.
+    events: usize,
+    /// Numbers of the objects of the static context.
+    obstacles: Vec<usize>,
+    /// Frame of the last change.
+    frame: usize,
+    pub(crate) count: usize,
+}
+
+impl Changes {
+    /// Begins at the current frame.
+    pub(crate) fn new(scenario: &Scenario) -> Self {
+        let frame = scenario.start.current();
+        Self { events: 0, obstacles: obstacles(scenario, frame).collect(), frame, count: 0 }
+    }
+
+    /// Returns whether there is a change since the last call, and counts it. `horizon`: number of steps after
+    /// which the observer needs a new view in any case.
+    pub(crate) fn has_changed(
+        &mut self,
+        scenario: &Scenario,
+        coming: Option<&Coming>,
+        frame: usize,
+        horizon: Option<usize>,
+    ) -> bool {
+        let differs = |coming: &Coming| {
+            coming.events != self.events || !obstacles(scenario, frame).eq(self.obstacles.iter().copied())
+        };
+        let is_over = horizon.is_some_and(|steps| frame - self.frame >= steps);
+        let has_changed = is_over || coming.is_some_and(differs);
+        if has_changed {
+            (self.events, self.obstacles) =
+                (coming.map_or(0, |coming| coming.events), obstacles(scenario, frame).collect());
+            (self.frame, self.count) = (frame, self.count + 1);
+        }
+        has_changed
+    }
+}
+
+/// Returns the numbers of the objects of the static context at a frame.
+fn obstacles(scenario: &Scenario, frame: usize) -> impl Iterator<Item = usize> + '_ {
+    scenario.context_at(frame).map(|(number, ..)| number)
+}
 
 /// The realised states as an observation of their own: the agents that are present, over the last frames.
 pub(crate) struct View {
@@ -18,7 +65,7 @@ pub(crate) struct View {
     slots: Vec<usize>,
     /// Steps that were realised when the view was made.
     first_step: usize,
-    /// Number of times that agents entered or left.
+    /// Number of changes before it.
     changes: usize,
     heights: Mutex<LatestHeights>,
 }
@@ -42,15 +89,12 @@ impl View {
         let light_history: Vec<_> = lights.iter().map(|states| last(states, history)).collect();
         let has_levels = scenario.start.has_levels();
         let heights = |slot: &usize| last(&heights(scenario, coming, *slot, &tracks[*slot]), history);
-        let agents = match coming {
-            Some(coming) => {
-                let all: Vec<_> = coming.agents(scenario).collect();
-                slots.iter().map(|slot| all[*slot].clone()).collect()
-            }
-            None => scenario.start.agents.clone(),
+        let all: Vec<&Agent> = match coming {
+            Some(coming) => coming.agents(scenario).collect(),
+            None => scenario.start.agents.iter().collect(),
         };
         let mut start = Start {
-            agents,
+            agents: slots.iter().map(|slot| all[*slot].clone()).collect(),
             history: tracks_now.clone(),
             obstacles: scenario.start.obstacles.clone(),
             obstacle_numbers: scenario.start.obstacle_numbers.clone(),
@@ -74,7 +118,7 @@ impl View {
         }
     }
 
-    /// Returns the view as the one after agents entered or left this many times.
+    /// Returns the view as the one after this many changes.
     pub(crate) fn after(self, changes: usize) -> Self {
         Self { changes, ..self }
     }

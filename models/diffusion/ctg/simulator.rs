@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use reactsim_nn::perception::SceneView;
 use reactsim_rollout::{PlanError, Planning, SingleEpisode, Stream};
-use reactsim_scene::Start;
+use reactsim_scene::{FUTURE, Start};
 
 use super::guidance::others;
 use super::inputs::Seen;
@@ -45,6 +45,10 @@ impl SingleEpisode for CtgSimulator {
     fn begin(&self, start: &Start, _stream: &mut Stream) -> CtgMemory {
         let ground = Ground::of(&GroundShapes::of(start), self.policy.sight.radius + WAY_OF_AV);
         CtgMemory(if self.parameters.rules.road > 0.0 { ground.with_distances() } else { ground })
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        Some(FUTURE)
     }
 
     fn plan_one(&self, memory: &mut CtgMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {

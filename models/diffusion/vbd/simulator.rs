@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use reactsim_nn::perception::{KnownMap, SceneView};
 use reactsim_rollout::{PlanError, Planning, SingleEpisode, Stream};
-use reactsim_scene::Start;
+use reactsim_scene::{FUTURE, Start};
 
 use super::inputs::{Seen, Sight};
 use super::network::VbdConfig;
@@ -49,6 +49,10 @@ impl SingleEpisode for VbdSimulator {
 
     fn begin(&self, start: &Start, _stream: &mut Stream) -> VbdMemory {
         VbdMemory { map: self.policy.sight.map(start), noise: Noise::default() }
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        Some(FUTURE)
     }
 
     fn plan_one(&self, memory: &mut VbdMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {

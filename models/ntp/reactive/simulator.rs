@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor};
 use reactsim_nn::perception::{Body, Class, RoadHeights};
 use reactsim_nn::{RowCollector, SharedRows, is_host};
 use reactsim_rollout::{Beginning, Episode, JointPlan, Memory, NOT_FINITE, PlanError, Simulator};
-use reactsim_scene::Frame;
+use reactsim_scene::{FUTURE, Frame};
 
 use super::super::clearance::{Reversals, Traffic};
 use super::super::execute::Executor;
@@ -115,6 +115,10 @@ impl Simulator for ReactiveSimulator {
             episode.memory = Memory::new(Some(memory));
         }
         Ok(())
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        Some(FUTURE)
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {

@@ -3,7 +3,7 @@
 use burn::tensor::Device;
 use reactsim_nn::is_host;
 use reactsim_rollout::{Beginning, Episode, Memory, PlanError, Simulator};
-use reactsim_scene::Start;
+use reactsim_scene::{FUTURE, Start};
 use serde::{Deserialize, Serialize};
 
 use super::super::execute::Executor;
@@ -169,6 +169,10 @@ impl Simulator for SmartSimulator {
             episode.memory = memory.map_or(Memory::NONE, Memory::new::<BegunMemory>);
         }
         Ok(())
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        Some(FUTURE)
     }
 
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {

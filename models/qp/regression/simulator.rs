@@ -6,7 +6,7 @@ use reactsim_geometry::{direction, heading_of};
 use reactsim_nn::perception::{Nearest, RoadHeights};
 use reactsim_rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::dynamics::STANDSTILL_SPEED;
-use reactsim_scene::{AgentKind, AgentState, DT, Start};
+use reactsim_scene::{AgentKind, AgentState, DT, FUTURE, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
@@ -140,6 +140,10 @@ impl SingleEpisode for RegressionSimulator {
 
     // One episode at a time: a dozen agents are enough for matrix products of a good size, and the
     // result does not depend on the rest of a batch.
+    fn horizon(&self) -> Option<usize> {
+        Some(FUTURE)
+    }
+
     fn plan_one(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.driving.agents);

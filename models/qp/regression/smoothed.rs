@@ -2,7 +2,7 @@
 
 use burn::tensor::Device;
 use reactsim_rollout::{NOT_FINITE, PlanError, Planning, SingleEpisode, Stream};
-use reactsim_scene::{AgentState, Start};
+use reactsim_scene::{AgentState, FUTURE, Start};
 use serde::{Deserialize, Serialize};
 
 use super::follow::follow;
@@ -98,6 +98,10 @@ impl SingleEpisode for QpRegressionSimulator {
 
     fn begin(&self, start: &Start, _stream: &mut Stream) -> StagedMemory {
         StagedMemory { memory: self.memory(start), stage: self.stage() }
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        Some(FUTURE)
     }
 
     fn plan_one(&self, memory: &mut StagedMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {

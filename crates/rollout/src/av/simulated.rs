@@ -81,6 +81,10 @@ impl AvPolicy for SimulatedPolicy<'_> {
         self.av.simulator.history()
     }
 
+    fn horizon(&self) -> Option<usize> {
+        self.av.simulator.horizon()
+    }
+
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let failed = |reason| AvError::Simulator { step: seen.step() + 1, reason };
         // Slot 0 is the AV, whatever other agents come or go.

@@ -232,3 +232,49 @@ fn vehicles_leave_past_the_end_of_a_road() {
     let off = run(&made, Entering::Off, &keep());
     assert!(off.tracks.iter().flatten().all(Option::is_some));
 }
+
+/// Vehicles that stand still, planned from a new start every 20 steps. The memory counts the starts; the list
+/// has the step of each, and where the AV was in it.
+struct Renewed(Arc<std::sync::Mutex<Vec<(usize, f64)>>>);
+
+impl SingleEpisode for Renewed {
+    type Memory = usize;
+
+    fn id(&self) -> &'static str {
+        "renewed"
+    }
+
+    fn begin(&self, _: &Start, _: &mut Stream) -> usize {
+        0
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        Some(20)
+    }
+
+    fn resume(&self, before: usize, kept: &[Option<usize>], _: &Start, _: &mut Stream) -> usize {
+        assert_eq!(kept, [Some(0), Some(1)]);
+        before + 1
+    }
+
+    fn plan_one(&self, starts: &mut usize, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
+        let seen = episode.seen;
+        let mut known = self.0.lock().unwrap();
+        if known.len() == *starts {
+            known.push((seen.step(), seen.start().now(0).x));
+        }
+        assert_eq!(seen.changes(), *starts);
+        (0..episode.plan.steps()).for_each(|step| episode.plan.set(1, step, seen.state(1)));
+        Ok(())
+    }
+}
+
+#[test]
+fn simulators_get_a_new_start_when_their_horizon_is_over() {
+    let known = Arc::default();
+    let controller = Controller::Fair(Box::new(Renewed(Arc::clone(&known))));
+    let made = scenario(HISTORY, &[vehicle("other", |_| Some((0.0, 20.0, 0.0)), HISTORY + STEPS)]);
+    let done = run(&made, Entering::Off, &controller);
+    assert_eq!(*known.lock().unwrap(), [(0, 0.0), (20, 20.0), (40, 40.0)]);
+    assert!(done.tracks.iter().flatten().all(Option::is_some));
+}
