@@ -1,13 +1,17 @@
 //! Rollouts of any number of steps.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
 use reactsim::geometry::{Vec2, direction};
 use reactsim::models::find;
 use reactsim::rollout::{
-    Beginning, Controller, Episode, JointPlan, Memory, Observation, PlanError, Rollout, Simulator,
+    Beginning, Controller, ENTERED, Entering, Episode, JointPlan, LogAv, Memory, Observation, PlanError,
+    Request, Rollout, Settings, Simulator, roll_out,
 };
-use reactsim::scene::{AgentState, DT, Frame, HISTORY, Length, LightState, LoggedAgent, MapParts, Scenario};
+use reactsim::scene::{
+    AgentState, CURRENT, DT, Frame, HISTORY, Length, LightState, LoggedAgent, MapParts, Scenario,
+};
 
 use super::{every_baseline, roll, settings};
 use crate::scenes::{bits, car, lane, mini, scene};
@@ -187,5 +191,47 @@ fn drivers_of_idm_stay_on_their_road() {
             assert!(off < 1.5, "{id} every {replan}: {off} m off the road");
             assert!(length > 400.0, "{id} every {replan}: {length} m in a minute");
         }
+    }
+}
+
+/// A minute on a motorway of eight lanes, on which cars arrive every 2.5 s until 249 are there.
+#[test]
+fn a_minute_with_hundreds_of_agents_is_rolled_out() {
+    const LANES: usize = 8;
+    const FIRST_CARS: usize = 7;
+    const INTERVAL: usize = 25;
+    let lanes = (0..LANES).map(|lane_index| {
+        let y = 3.5 * lane_index as f64;
+        lane(&format!("lane-{lane_index}"), vec![Vec2::new(-100.0, y), Vec2::new(2000.0, y)], Some(12.0))
+    });
+    let map = MapParts { lanes: lanes.collect(), ..MapParts::default() };
+    let on_lane = |id: &str, x: f64, lane_index: usize| car(id, x, 3.5 * lane_index as f64, 0.0, 10.0);
+    let mut agents = vec![on_lane("av", 0.0, 0)];
+    for lane_index in 0..LANES {
+        let cars = (0..FIRST_CARS).map(|i| (format!("first-{lane_index}-{i}"), 40.0 * (i + 1) as f64));
+        agents.extend(cars.map(|(id, x)| on_lane(&id, x, lane_index)));
+    }
+    let mut street = lengthened(&scene("motorway", agents, map), 600);
+    let first_frames = (HISTORY..HISTORY + 600).step_by(INTERVAL);
+    for (first, lane_index) in first_frames.flat_map(|first| (0..LANES).map(move |l| (first, l))) {
+        let mut late = on_lane(&format!("late-{lane_index}-{first}"), -50.0, lane_index);
+        let enters = late.track[CURRENT].unwrap();
+        let logged = |frame: usize| (frame >= first).then(|| later(&enters, frame - first));
+        late.track = (0..HISTORY + 600).map(logged).collect();
+        street.unselected.push(late);
+    }
+    let entering = Settings { entering: Entering::Log, ..settings(5, true) };
+    for id in ["idm", "nuplan-idm", "constant-velocity"] {
+        let controller = find(id).unwrap().simulator().unwrap();
+        let request =
+            Request { scenario: &street, av: Some(Arc::new(LogAv::new(&street).unwrap())), rollout: 0 };
+        let done = roll_out(vec![request], &controller, &entering).remove(0).unwrap();
+        assert_eq!(done.outcomes[ENTERED], 192, "{id}");
+        let mut last: Vec<Vec2> = done.tracks.iter().map(|t| t.last().unwrap().unwrap().position()).collect();
+        assert_eq!(last.len(), 249, "{id}");
+        last.sort_by(|a, b| (a.y.round(), a.x).partial_cmp(&(b.y.round(), b.x)).unwrap());
+        let gaps = last.windows(2).filter(|pair| (pair[1].y - pair[0].y).abs() < 1.0);
+        let least = gaps.map(|pair| pair[1].x - pair[0].x).fold(f64::INFINITY, f64::min);
+        assert!(least > 4.6, "{id}: {least} m between two cars");
     }
 }
