@@ -3,6 +3,7 @@
 
 mod columns;
 mod compact;
+mod group;
 mod pages;
 mod reader;
 mod writer;

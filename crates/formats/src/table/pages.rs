@@ -21,14 +21,16 @@ const LZ4_RATIO: u64 = 255;
 const ZSTD_BLOCK_SIZE: u64 = 128 << 10;
 /// Size of a value in memory in bytes; in the file, null and repeated values may take no space.
 const VALUE_SIZE: u64 = 8;
+/// Number of `PageType::INDEX_PAGE` (parquet.thrift).
+const INDEX_PAGE: i64 = 1;
 
-/// Checks all pages of a column chunk and returns the memory they need in bytes: that of the longest page or
-/// of all values, whichever is larger.
+/// Checks all pages of a column chunk and returns the memory they need in bytes, that of the longest page or
+/// of all values, whichever is larger; and the size in bytes that each page states, without pages of an index.
 ///
 /// # Errors
 /// [`Cause`] if a header cannot be read or exceeds the limits.
-pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<u64, Cause> {
-    let (mut rest, mut longest, mut values) = (chunk, 0, 0);
+pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<(u64, Vec<usize>), Cause> {
+    let (mut rest, mut longest, mut values, mut sizes) = (chunk, 0, 0, Vec::new());
     let damaged = |what: &str| Cause::Undecodable(format!("{what} of column `{column}` is damaged"));
     while !rest.is_empty() {
         let mut reader = CompactReader::new(rest);
@@ -54,17 +56,19 @@ pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<u6
             return Err(Cause::value(what, format!("{length} bytes"), most));
         }
         (longest, values) = (longest.max(length), values + page.values);
+        sizes.extend((page.kind != INDEX_PAGE).then_some(page.stated as usize));
         if values > MAX_VALUES {
             let most = format!("at most {MAX_VALUES}: write smaller row groups");
             let what = format!("the number of values of column `{column}` in a row group");
             return Err(Cause::value(what, values, most));
         }
     }
-    Ok(longest.max(values * VALUE_SIZE))
+    Ok((longest.max(values * VALUE_SIZE), sizes))
 }
 
 /// Header of a page.
 struct PageHeader {
+    kind: i64,
     /// Decompressed size in bytes.
     stated: u64,
     /// Size in the file in bytes.
@@ -78,11 +82,12 @@ struct PageHeader {
 
 /// Reads a `PageHeader` (parquet.thrift); `None` if it is malformed.
 fn header(reader: &mut CompactReader<'_>) -> Option<PageHeader> {
-    let (mut stated, mut compressed) = (None, None);
+    let (mut kind, mut stated, mut compressed) = (None, None, None);
     let (mut values, mut plain, mut is_compressed) = (0_i64, 0_i64, true);
     let mut last = 0;
-    while let Some((id, kind)) = reader.field(&mut last)? {
+    while let Some((id, field_kind)) = reader.field(&mut last)? {
         match id {
+            1 => kind = Some(reader.whole()?),
             2 => stated = Some(reader.whole()?),
             3 => compressed = Some(reader.whole()?),
             // The headers of data pages, dictionary pages and data pages of version 2.
@@ -97,10 +102,11 @@ fn header(reader: &mut CompactReader<'_>) -> Option<PageHeader> {
                     }
                 }
             }
-            _ => reader.skip(kind)?,
+            _ => reader.skip(field_kind)?,
         }
     }
     Some(PageHeader {
+        kind: kind?,
         stated: u64::try_from(stated?).ok()?,
         compressed: usize::try_from(compressed?).ok()?,
         plain: usize::try_from(plain).ok()?,
@@ -247,9 +253,9 @@ mod tests {
     #[test]
     fn valid_pages_pass() {
         let two = [page(1000, 10, &[0; 30]), page(50, 10, &[0; 20])].concat();
-        assert_eq!(check(&two, "x", Compression::SNAPPY).unwrap(), 1000);
-        assert!(check(&page(90_000, 10, &gzip(90_000)), "x", GZIP()).unwrap() >= 90_000);
-        assert_eq!(check(&page(9, 10, &runs(20)), "x", ZSTD()).unwrap(), 20 * ZSTD_BLOCK_SIZE);
+        assert_eq!(check(&two, "x", Compression::SNAPPY).unwrap().0, 1000);
+        assert!(check(&page(90_000, 10, &gzip(90_000)), "x", GZIP()).unwrap().0 >= 90_000);
+        assert_eq!(check(&page(9, 10, &runs(20)), "x", ZSTD()).unwrap().0, 20 * ZSTD_BLOCK_SIZE);
         assert_eq!(
             zstd::decode_all(&runs(20)[..]).unwrap().len() as u64,
             20 * ZSTD_BLOCK_SIZE,
@@ -260,7 +266,7 @@ mod tests {
         let mut out = GzEncoder::new(Vec::new(), flate2::Compression::none());
         out.write_all(&noise).unwrap();
         let page = page(400_000, 10, &out.finish().unwrap());
-        assert_eq!(check(&page, "x", GZIP()).unwrap(), 400_000);
+        assert_eq!(check(&page, "x", GZIP()).unwrap().0, 400_000);
     }
 
     #[test]
@@ -284,7 +290,7 @@ mod tests {
 
     #[test]
     fn values_without_bytes_are_counted() {
-        assert_eq!(check(&page(9, 1 << 26, &[]), "x", Compression::UNCOMPRESSED).unwrap(), 1 << 29);
+        assert_eq!(check(&page(9, 1 << 26, &[]), "x", Compression::UNCOMPRESSED).unwrap().0, 1 << 29);
     }
 
     #[test]

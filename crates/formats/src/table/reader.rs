@@ -8,16 +8,17 @@ use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 use bytes::Bytes;
-use parquet::arrow::ProjectionMask;
-use parquet::arrow::arrow_reader::{
-    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
-};
+use parking_lot::Mutex;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader};
+use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::{ChunkReader, Length};
 use reactsim_files::open_regular;
+use zstd::bulk::Decompressor;
 
 use super::compact::{CompactReader, STRUCTURE};
+use super::group::Group;
 use super::{GROUP_CHECKSUMS, KIND, MAX_GROUP_ROWS, METADATA_CHECKSUM, VERSION, pages};
 use crate::error::{Cause, FormatError};
 
@@ -181,17 +182,8 @@ impl TableReader {
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
         let data = load(&mut *self.file, group)?;
-        let metadata = self.metadata.clone();
-        let mask = mask(&metadata, columns);
-        data.check(&metadata, index, &mask)?;
-        let batch = guarded(|| {
-            let mut batches = ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
-                .with_row_groups(vec![index])
-                .with_projection(mask)
-                .with_batch_size(group.rows.max(1))
-                .build()?;
-            batches.next().transpose().map_err(ParquetError::from)
-        })?;
+        let mut batches = data.decode(&self.metadata, index, columns, group.rows.max(1))?;
+        let batch = guarded(|| batches.next().transpose().map_err(ParquetError::from))?;
         match batch {
             Some(batch) if batch.num_rows() == group.rows => Ok(batch),
             other => {
@@ -224,16 +216,8 @@ impl TableReader {
             }
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
-            let (metadata, index) = (self.metadata.clone(), self.next);
-            let mask = mask(&metadata, self.columns);
-            data.check(&metadata, index, &mask)?;
-            self.batches = Some(guarded(|| {
-                ParquetRecordBatchReaderBuilder::new_with_metadata(data, metadata)
-                    .with_row_groups(vec![index])
-                    .with_projection(mask)
-                    .with_batch_size(group.rows.clamp(1, BATCH_SIZE))
-                    .build()
-            })?);
+            let batch_size = group.rows.clamp(1, BATCH_SIZE);
+            self.batches = Some(data.decode(&self.metadata, self.next, self.columns, batch_size)?);
             self.rows = group.rows;
             self.next += 1;
         }
@@ -373,21 +357,45 @@ struct RowGroupData {
 }
 
 impl RowGroupData {
-    /// Checks that the pages of these columns can be decompressed within bounds.
-    fn check(
-        &self,
+    /// Begins to decode these columns, or all if `columns` is empty, in batches of so many rows. `index` is
+    /// that of the row group.
+    fn decode(
+        self,
         metadata: &ArrowReaderMetadata,
         index: usize,
+        columns: &[&str],
+        batch_size: usize,
+    ) -> Result<ParquetRecordBatchReader, Cause> {
+        let (mask, metadata) = (mask(metadata, columns), Arc::clone(metadata.metadata()));
+        let sizes = self.check(&metadata, index, &mask)?;
+        guarded(|| {
+            let schema = metadata.file_metadata().schema_descr();
+            let levels = parquet_to_arrow_field_levels(schema, mask, None)?;
+            let zstd = Arc::new(Mutex::new(Decompressor::new()?));
+            let group = Group { data: Arc::new(self), metadata: Arc::clone(&metadata), index, sizes, zstd };
+            ParquetRecordBatchReader::try_new_with_row_groups(&levels, &group, batch_size, None)
+        })
+    }
+
+    /// Checks that the pages of these columns can be decompressed within bounds, and returns the sizes that
+    /// the pages of each column state, in bytes.
+    fn check(
+        &self,
+        metadata: &ParquetMetaData,
+        index: usize,
         mask: &ProjectionMask,
-    ) -> Result<(), Cause> {
-        let mut total = 0_u64;
-        for (leaf, column) in metadata.metadata().row_group(index).columns().iter().enumerate() {
+    ) -> Result<Vec<Vec<usize>>, Cause> {
+        let (mut total, mut sizes) = (0_u64, Vec::new());
+        for (leaf, column) in metadata.row_group(index).columns().iter().enumerate() {
             if !mask.leaf_included(leaf) {
+                sizes.push(Vec::new());
                 continue;
             }
             let (start, length) = column.byte_range();
             let chunk = self.slice(start, length as usize).map_err(|e| Cause::Undecodable(e.to_string()))?;
-            total += pages::check(&chunk, &column.column_path().string(), column.compression())?;
+            let (memory, pages) = pages::check(&chunk, &column.column_path().string(), column.compression())?;
+            total += memory;
+            sizes.push(pages);
             if total > MAX_GROUP_MEMORY {
                 let (found, most) = (
                     format!("more than {} MiB", MAX_GROUP_MEMORY >> 20),
@@ -396,7 +404,7 @@ impl RowGroupData {
                 return Err(Cause::value("the decompressed pages of a row group", found, most));
             }
         }
-        Ok(())
+        Ok(sizes)
     }
 
     fn slice(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
