@@ -8,7 +8,7 @@ impl Scenario {
     /// Returns the BLAKE3 digest of the whole content, as 64 hexadecimal digits. Equal scenarios have equal
     /// digests on every machine.
     pub fn digest(&self) -> String {
-        let mut sink = Sink(Vec::with_capacity(1 << 19));
+        let mut sink = Sink::default();
         sink.text("reactsim-scenario-1");
         sink.text(&self.id);
         sink.text(&self.source);
@@ -46,7 +46,7 @@ impl Scenario {
         if self.start.has_levels() {
             self.hash_heights(&mut sink);
         }
-        blake3::hash(&sink.0).to_hex().to_string()
+        sink.digest()
     }
 
     /// Adds all heights. Nothing is written for scenarios of one level, which have none: their digests are
@@ -117,18 +117,31 @@ impl Scenario {
 impl DeviatedTrack {
     /// Returns the BLAKE3 digest of the whole content, as 64 hexadecimal digits.
     pub fn digest(&self) -> String {
-        let mut sink = Sink(Vec::new());
+        let mut sink = Sink::default();
         sink.deviation(self);
-        blake3::hash(&sink.0).to_hex().to_string()
+        sink.digest()
     }
 }
 
 /// Serialized bytes, with a length before every list, so that different contents never give the same bytes.
-struct Sink(Vec<u8>);
+#[derive(Default)]
+struct Sink {
+    hasher: blake3::Hasher,
+    /// Bytes that are not hashed yet.
+    rest: Vec<u8>,
+}
+
+/// Number of bytes that are hashed at a time: the processor's cache holds them, and whole parts of this length
+/// are hashed fastest.
+const PART: usize = 1 << 16;
 
 impl Sink {
+    fn digest(mut self) -> String {
+        self.hasher.update(&self.rest).finalize().to_hex().to_string()
+    }
+
     fn byte(&mut self, v: u8) {
-        self.0.push(v);
+        self.rest.push(v);
     }
 
     fn deviation(&mut self, deviation: &DeviatedTrack) {
@@ -142,18 +155,30 @@ impl Sink {
     }
 
     fn count(&mut self, v: usize) {
-        self.0.extend_from_slice(&(v as u64).to_le_bytes());
+        let whole = self.rest.len() / PART * PART;
+        if whole > 0 {
+            self.hasher.update(&self.rest[..whole]);
+            self.rest.drain(..whole);
+        }
+        self.rest.extend_from_slice(&(v as u64).to_le_bytes());
     }
 
     fn number(&mut self, v: f64) {
-        // All NaNs are equal: they mean "unknown".
-        let v = if v.is_nan() { f64::NAN } else { v };
-        self.0.extend_from_slice(&v.to_bits().to_le_bytes());
+        self.rest.extend_from_slice(&bytes(v));
+    }
+
+    /// Adds groups of numbers.
+    fn numbers<const N: usize>(&mut self, groups: impl ExactSizeIterator<Item = [f64; N]>) {
+        let from = self.rest.len();
+        self.rest.resize(from + 8 * N * groups.len(), 0);
+        for (place, group) in self.rest[from..].chunks_exact_mut(8 * N).zip(groups) {
+            place.chunks_exact_mut(8).zip(group).for_each(|(place, v)| place.copy_from_slice(&bytes(v)));
+        }
     }
 
     fn text(&mut self, v: &str) {
         self.count(v.len());
-        self.0.extend_from_slice(v.as_bytes());
+        self.rest.extend_from_slice(v.as_bytes());
     }
 
     fn list<T>(&mut self, items: &[T], mut put: impl FnMut(&mut Self, &T)) {
@@ -167,7 +192,8 @@ impl Sink {
     }
 
     fn points(&mut self, points: &[Vec2]) {
-        self.list(points, |s, p| s.point(*p));
+        self.count(points.len());
+        self.numbers(points.iter().map(|p| [p.x, p.y]));
     }
 
     fn agent(&mut self, agent: &super::Agent) {
@@ -184,9 +210,8 @@ impl Sink {
             s.text(r.leader.as_deref().unwrap_or(""));
             s.count(r.reaction_step);
             let effort = r.effort.map_or([f64::NAN; 2], |e| [e.required_deceleration, e.time_to_react]);
-            [r.nudge, r.peak_deceleration, r.clearance, effort[0], effort[1]]
-                .into_iter()
-                .for_each(|v| s.number(v));
+            let values = [r.nudge, r.peak_deceleration, r.clearance, effort[0], effort[1]];
+            s.numbers(std::iter::once(values));
             s.list(&r.track, |s, state| s.frame(&Some(*state)));
         });
     }
@@ -194,7 +219,12 @@ impl Sink {
     fn frame(&mut self, frame: &Frame) {
         self.byte(u8::from(frame.is_some()));
         if let Some(s) = frame {
-            [s.x, s.y, s.heading, s.vx, s.vy].into_iter().for_each(|v| self.number(v));
+            self.numbers(std::iter::once([s.x, s.y, s.heading, s.vx, s.vy]));
         }
     }
+}
+
+/// Returns the bytes of a number. All NaNs are equal: they mean "unknown".
+fn bytes(v: f64) -> [u8; 8] {
+    (if v.is_nan() { f64::NAN } else { v }).to_le_bytes()
 }
