@@ -33,8 +33,9 @@ const CLOSED_GAP: f64 = 1.0;
 
 impl OrientedEdges {
     /// Indexes `polylines`. Drops repeated points, and polylines of fewer than two distinct points.
-    pub fn new<'a>(polylines: impl IntoIterator<Item = &'a [Vec2]>) -> Self {
-        let mut segments: Vec<Segment> = Vec::new();
+    pub fn new<'a>(polylines: impl IntoIterator<Item = &'a [Vec2], IntoIter: Clone>) -> Self {
+        let polylines = polylines.into_iter();
+        let mut segments: Vec<Segment> = Vec::with_capacity(polylines.clone().map(<[Vec2]>::len).sum());
         for polyline in polylines {
             let first = segments.len() as u32;
             for pair in polyline.windows(2) {

@@ -1,5 +1,7 @@
 //! A uniform grid over axis-aligned bounds: the spatial index of every map query.
 
+use std::ops::Range;
+
 use super::Vec2;
 
 /// An axis-aligned rectangle.
@@ -72,6 +74,24 @@ pub struct Grid {
     items: Vec<u32>,
 }
 
+/// Cells of a grid in some rows and columns.
+struct Cells {
+    rows: Range<u32>,
+    columns: Range<u32>,
+    /// Number of columns of the grid.
+    width: u32,
+}
+
+impl Cells {
+    /// Visits each cell by number.
+    #[inline]
+    fn visit(&self, mut visit: impl FnMut(usize)) {
+        for row in self.rows.clone() {
+            self.columns.clone().for_each(|column| visit((row * self.width + column) as usize));
+        }
+    }
+}
+
 /// Returns the largest whole number up to `v`. Avoids `f64::floor`, which is a function call on processors
 /// without a rounding instruction.
 #[inline]
@@ -137,19 +157,20 @@ impl Grid {
             starts: Vec::new(),
             items: Vec::new(),
         };
+        let areas: Vec<Cells> = bounds.iter().map(|b| grid.cells(b)).collect();
         let mut starts = vec![0_u32; (columns * rows) as usize + 1];
-        for b in bounds {
-            grid.for_cells(b, |c| starts[c + 1] += 1);
+        areas.iter().for_each(|area| area.visit(|c| starts[c] += 1));
+        // The ends of the cells, which become their starts when they are filled, the last item first.
+        let mut entries = 0;
+        for start in &mut starts {
+            entries += *start;
+            *start = entries;
         }
-        for c in 1..starts.len() {
-            starts[c] += starts[c - 1];
-        }
-        let mut next = starts.clone();
-        let mut items = vec![0_u32; starts[starts.len() - 1] as usize];
-        for (i, b) in bounds.iter().enumerate() {
-            grid.for_cells(b, |c| {
-                items[next[c] as usize] = i as u32;
-                next[c] += 1;
+        let mut items = vec![0_u32; entries as usize];
+        for (i, area) in areas.iter().enumerate().rev() {
+            area.visit(|c| {
+                starts[c] -= 1;
+                items[starts[c] as usize] = i as u32;
             });
         }
         grid.starts = starts;
@@ -165,15 +186,15 @@ impl Grid {
         floor((y - self.origin.y) * self.cells_per_metre).clamp(-FARTHEST_CELL, FARTHEST_CELL)
     }
 
-    fn for_cells(&self, b: &Bounds, mut visit: impl FnMut(usize)) {
-        if !(b.min.x <= b.max.x) {
-            return;
-        }
-        for row in self.row(b.min.y).max(0)..=self.row(b.max.y).min(self.rows - 1) {
-            for column in self.column(b.min.x).max(0)..=self.column(b.max.x).min(self.columns - 1) {
-                visit((row * self.columns + column) as usize);
-            }
-        }
+    /// Returns the cells that bounds touch.
+    #[inline]
+    fn cells(&self, b: &Bounds) -> Cells {
+        let range =
+            |low: i64, high: i64, count: i64| low.clamp(0, count) as u32..(high + 1).clamp(0, count) as u32;
+        let rows = range(self.row(b.min.y), self.row(b.max.y), self.rows);
+        let columns = range(self.column(b.min.x), self.column(b.max.x), self.columns);
+        let is_empty = !(b.min.x <= b.max.x);
+        Cells { rows: if is_empty { 0..0 } else { rows }, columns, width: self.columns as u32 }
     }
 
     fn items_of(&self, cell: usize) -> &[u32] {
@@ -193,7 +214,7 @@ impl Grid {
 
     /// Visits the items of every cell that `within` touches. An item may be visited more than once.
     pub fn visit(&self, within: &Bounds, mut visit: impl FnMut(u32)) {
-        self.for_cells(within, |c| self.items_of(c).iter().for_each(|&i| visit(i)));
+        self.cells(within).visit(|c| self.items_of(c).iter().for_each(|&i| visit(i)));
     }
 
     /// Finds the item nearest to `p` and its squared distance; the smallest index on ties.

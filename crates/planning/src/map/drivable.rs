@@ -27,7 +27,10 @@ impl DrivableArea {
     }
 
     /// Returns the ground left of road edges, and on driveways.
-    pub fn of_road_edges<'a>(edges: impl IntoIterator<Item = &'a [Vec2]>, driveways: Vec<Area>) -> Self {
+    pub fn of_road_edges<'a>(
+        edges: impl IntoIterator<Item = &'a [Vec2], IntoIter: Clone>,
+        driveways: Vec<Area>,
+    ) -> Self {
         Self::RoadEdges { edges: OrientedEdges::new(edges), driveways: Areas::new(driveways) }
     }
 
