@@ -1,6 +1,6 @@
 //! Lanes: baselines, links between them, and the removal of lanes without extent.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeSet, HashMap};
 
 use reactsim_geometry::Polyline;
 
@@ -11,7 +11,7 @@ use crate::{Lane, LaneArea, LaneNeighbor, LaneParts, NeighborParts, SceneError, 
 const MAX_LINK_COMPARISONS: usize = 50_000_000;
 
 /// Indices of lanes by id.
-pub(super) type LaneIndex = BTreeMap<String, usize>;
+pub(super) type LaneIndex = HashMap<String, usize>;
 
 impl Builder {
     /// Checks and shifts lanes, and resolves their links.
@@ -25,24 +25,22 @@ impl Builder {
             let field = || format!("map.lanes[{i}].id");
             self.check_new_name(&mut seen, field, &lane.id, "an id that no other lane has")?;
         }
-        let mut baselines = BTreeMap::new();
-        let mut kept_heights = BTreeMap::new();
+        let mut baselines = Vec::with_capacity(parts.len());
+        let (mut kept_heights, mut without_extent) = (Vec::new(), BTreeSet::new());
         for (i, lane) in parts.iter_mut().enumerate() {
             self.shift_points(&mut lane.points, || format!("map.lanes[{i}].points"))?;
             if let Ok(line) = Polyline::new(&lane.points) {
-                baselines.insert(lane.id.clone(), line);
-                if let Some(heights) = heights.get(i) {
-                    kept_heights.insert(lane.id.clone(), levels::of_polyline(&lane.points, heights));
-                }
+                baselines.push(line);
+                kept_heights.extend(heights.get(i).map(|h| levels::of_polyline(&lane.points, h)));
+            } else {
+                without_extent.insert(lane.id.clone());
             }
         }
-        self.splice(&mut parts, |id| baselines.contains_key(id))?;
-        heights.clear();
-        heights.extend(parts.iter().filter_map(|lane| kept_heights.remove(&lane.id)));
+        *heights = kept_heights;
+        self.splice(&mut parts, |id| !without_extent.contains(id))?;
         let index: LaneIndex = parts.iter().enumerate().map(|(i, l)| (l.id.clone(), i)).collect();
         let mut lanes = Vec::with_capacity(parts.len());
-        for (i, lane) in parts.into_iter().enumerate() {
-            let baseline = baselines.remove(&lane.id).expect("lanes without a baseline were removed");
+        for (i, (lane, baseline)) in parts.into_iter().zip(baselines).enumerate() {
             lanes.push(self.lane(i, lane, baseline, &index)?);
         }
         Ok((lanes, index))
