@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use reactsim_scene::levels::LatestHeights;
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{AgentState, Frame, LightState, Start};
 
 /// Input of a simulator or an AV policy: the start, and realised states up to the current time. It gives
@@ -17,7 +17,7 @@ pub struct Observation<'a> {
     first_step: usize,
     changes: usize,
     /// Heights of the agents up to an earlier time; `None`: they are looked up from the start on.
-    heights: Option<&'a Mutex<LatestHeights>>,
+    heights: Option<&'a Mutex<RoadHeights>>,
 }
 
 impl<'a> Observation<'a> {
@@ -32,7 +32,7 @@ impl<'a> Observation<'a> {
     }
 
     /// Returns the observation with the heights of the rollout so far.
-    pub(super) fn with_heights(self, heights: &'a Mutex<LatestHeights>) -> Self {
+    pub(super) fn with_heights(self, heights: &'a Mutex<RoadHeights>) -> Self {
         Self { heights: Some(heights), ..self }
     }
 
@@ -86,10 +86,11 @@ impl<'a> Observation<'a> {
     /// Returns the present height of the road under each agent, metres; NaN if unknown. Empty in scenarios of
     /// one level.
     pub fn heights(&self) -> Vec<f64> {
-        let tracks = self.tracks.iter().map(Vec::as_slice);
         match self.heights {
-            Some(known) => known.lock().unwrap_or_else(PoisonError::into_inner).follow(self.start, tracks),
-            None => self.start.heights_at_end(tracks),
+            Some(known) => {
+                known.lock().unwrap_or_else(PoisonError::into_inner).at_end(self.start, self.tracks)
+            }
+            None => RoadHeights::default().at_end(self.start, self.tracks),
         }
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::sync::Mutex;
 
-use reactsim_scene::levels::LatestHeights;
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{AgentState, DT, Frame, LightState, Scenario};
 
 use super::engine::{
@@ -28,7 +28,7 @@ pub(crate) struct ScenarioRollout<'a, S> {
     pub(crate) tracks: Vec<Vec<Frame>>,
     lights: Vec<Vec<Option<LightState>>>,
     /// Heights of the agents of the scenario.
-    heights: Mutex<LatestHeights>,
+    heights: Mutex<RoadHeights>,
     pub(crate) memory: Memory,
     pub(crate) stream: Stream,
     pub(crate) outcomes: BTreeMap<&'static str, u64>,

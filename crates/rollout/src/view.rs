@@ -3,7 +3,7 @@
 
 use std::sync::Mutex;
 
-use reactsim_scene::levels::LatestHeights;
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{Agent, AgentState, Frame, LightState, Scenario, Start};
 
 use super::Observation;
@@ -67,7 +67,7 @@ pub(crate) struct View {
     first_step: usize,
     /// Number of changes before it.
     changes: usize,
-    heights: Mutex<LatestHeights>,
+    heights: Mutex<RoadHeights>,
 }
 
 impl View {
@@ -183,10 +183,6 @@ fn heights(scenario: &Scenario, coming: Option<&Coming>, slot: usize, track: &[F
         entered.map_or((None, 0), |e| (scenario.unselected.get(e.logged), e.frame - e.waited));
     let recorded = logged.and_then(|logged| logged.heights.get(first).copied().flatten());
     let mut height = recorded.unwrap_or(f64::NAN);
-    let at = |frame: &Frame| {
-        let state = (*frame)?;
-        height = start.road().ground_height(state.position(), height);
-        Some(height).filter(|z| !z.is_nan())
-    };
+    let at = |frame| Some(start.follow_height(frame, &mut height, false)).filter(|z| !z.is_nan());
     track.iter().map(at).collect()
 }

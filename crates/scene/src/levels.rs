@@ -271,16 +271,9 @@ impl Start {
         if !self.has_levels() {
             return Vec::new();
         }
-        let road = self.road();
         let mut last = self.height_now(agent);
-        let mut height = |(k, frame): (usize, &Frame)| {
-            let Some(state) = frame else { return f64::NAN };
-            if k > 0 {
-                last = road.ground_height(state.position(), last);
-            }
-            last
-        };
-        track.iter().enumerate().map(&mut height).collect()
+        let height = |(k, frame)| self.follow_height(frame, &mut last, k == 0);
+        track.iter().enumerate().map(height).collect()
     }
 
     /// Returns the height of an agent at each of these states, metres, which follow its current one; NaN
@@ -293,40 +286,74 @@ impl Start {
         self.heights_along(agent, &track).split_off(1)
     }
 
-    /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown. The first
-    /// frame of a track is frame 0. Without levels the result is empty.
-    pub fn heights_at_end<'t>(&self, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
-        LatestHeights::default().follow(self, tracks)
+    /// Returns the height of the road below an agent at a frame, metres; NaN if unknown, or if the agent is
+    /// absent. `last` is the height where it was last seen, which is `known` to be its present one.
+    pub fn follow_height(&self, frame: &Frame, last: &mut f64, known: bool) -> f64 {
+        let Some(state) = frame else { return f64::NAN };
+        if !known {
+            *last = self.road().ground_height(state.position(), *last);
+        }
+        *last
     }
 }
 
-/// Heights of agents at the end of tracks that grow: each frame is looked up once.
+/// Heights of the road under agents at the latest frames of tracks that grow: each frame is looked up once.
+/// In scenarios of one level there are none.
 #[derive(Clone, Debug, Default)]
-pub struct LatestHeights {
-    /// Frames that are done, from frame 0 on, and the last known height, per agent.
-    agents: Vec<(usize, f64)>,
+pub struct RoadHeights {
+    /// First frame that is kept.
+    first: usize,
+    /// Height of each agent where it was last seen, metres; NaN if unknown.
+    last: Vec<f64>,
+    /// Height of each agent at each kept frame, metres; NaN if unknown, or if the agent is absent.
+    kept: Vec<Vec<f64>>,
 }
 
-impl LatestHeights {
-    /// Returns the height of each agent at the last frame of its track, metres; NaN if unknown or absent. The
-    /// tracks begin with those of the last call. Without levels the result is empty.
-    pub fn follow<'t>(&mut self, start: &Start, tracks: impl IntoIterator<Item = &'t [Frame]>) -> Vec<f64> {
+impl RoadHeights {
+    /// Follows the road under all agents to the ends of their tracks, which begin at frame 0 and with those of
+    /// the last call, and forgets frames before `first`, but not the last one.
+    pub fn follow(&mut self, start: &Start, tracks: &[impl AsRef<[Frame]>], first: usize) {
         if !start.has_levels() {
-            return Vec::new();
+            return;
         }
-        let (road, current) = (start.road(), start.current());
-        let mut follow = |(agent, track): (usize, &[Frame])| {
-            if agent == self.agents.len() {
-                self.agents.push((current + 1, start.height_now(agent)));
+        if self.last.is_empty() {
+            self.last = (0..start.agents.len()).map(|agent| start.height_now(agent)).collect();
+            self.kept = vec![Vec::new(); start.agents.len()];
+            self.first = start.current();
+        }
+        for ((last, kept), track) in self.last.iter_mut().zip(&mut self.kept).zip(tracks) {
+            let next = self.first + kept.len();
+            for (f, frame) in (next..).zip(track.as_ref().get(next..).unwrap_or_default()) {
+                kept.push(start.follow_height(frame, last, f == start.current()));
             }
-            let (done, height) = &mut self.agents[agent];
-            for state in track.iter().skip(*done).flatten() {
-                *height = road.ground_height(state.position(), *height);
-            }
-            *done = track.len().max(*done);
-            if track.last().is_some_and(Option::is_some) { *height } else { f64::NAN }
-        };
-        tracks.into_iter().enumerate().map(&mut follow).collect()
+        }
+        let frames = self.kept.iter().map(Vec::len).min().unwrap_or_default();
+        let forgotten = first.saturating_sub(self.first).min(frames.saturating_sub(1));
+        self.kept.iter_mut().for_each(|kept| drop(kept.drain(..forgotten)));
+        self.first += forgotten;
+    }
+
+    /// Follows the road as [`Self::follow`] does, and returns the height of each agent at the last frame of
+    /// its track, metres; NaN if unknown or absent. Without levels the result is empty.
+    pub fn at_end(&mut self, start: &Start, tracks: &[impl AsRef<[Frame]>]) -> Vec<f64> {
+        self.follow(start, tracks, usize::MAX);
+        let is_there = |track: &[Frame]| track.last().is_some_and(Option::is_some);
+        let heights = self.last.iter().zip(tracks);
+        heights.map(|(last, track)| if is_there(track.as_ref()) { *last } else { f64::NAN }).collect()
+    }
+
+    /// Returns the height of an agent at a frame from the first kept one on, metres; NaN if unknown. `track`
+    /// has its frames up to this one, from frame `from` on; those after the followed ones are planned.
+    pub fn at(&self, start: &Start, agent: usize, frame: usize, track: &[Frame], from: usize) -> f64 {
+        let Some(kept) = self.kept.get(agent) else { return f64::NAN };
+        let next = self.first + kept.len();
+        if frame < next {
+            return frame.checked_sub(self.first).map_or(f64::NAN, |k| kept[k]);
+        }
+        let mut last = self.last[agent];
+        let planned = next.checked_sub(from).and_then(|k| track.get(k..=frame - from)).unwrap_or_default();
+        let heights = planned.iter().map(|frame| start.follow_height(frame, &mut last, false));
+        heights.last().unwrap_or(f64::NAN)
     }
 }
 

@@ -148,7 +148,11 @@ impl<'a> Road<'a> {
     /// Returns the road on the level of a point at `height`, metres: its queries leave out what is on another
     /// level. A NaN height is on every level.
     pub fn on_level(self, p: Vec2, height: f64) -> Self {
-        if self.map.heights.is_empty() { self } else { Self { level: (p, height), ..self } }
+        if height.is_nan() || !self.map.heights.is_empty() {
+            Self { level: (p, height), ..self }
+        } else {
+            self
+        }
     }
 
     /// Returns whether the point of a lane nearest to `p` is on another level than the road.

@@ -2,11 +2,11 @@
 
 use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{Agent, AgentState, Frame, LightState, Start};
 
 use super::body::Body;
 use super::class::Class;
-use super::heights::RoadHeights;
 use super::lane::CandidatePath;
 use super::nearest::Nearest;
 use super::places::Places;

@@ -1,9 +1,10 @@
 //! The reactive network as a simulator.
 
 use burn::tensor::{Device, Tensor};
-use reactsim_nn::perception::{Body, Class, RoadHeights};
+use reactsim_nn::perception::{Body, Class};
 use reactsim_nn::{RowCollector, SharedRows, is_host};
 use reactsim_rollout::{Beginning, Episode, JointPlan, Memory, NOT_FINITE, PlanError, Simulator};
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{FUTURE, Frame};
 
 use super::super::clearance::{Reversals, Traffic};
@@ -131,7 +132,7 @@ impl Simulator for ReactiveSimulator {
                 continue;
             };
             let recent = RecentTracks::of(&episode.seen, self.policy.config.past);
-            memory.heights.follow(&episode.seen, recent.first);
+            memory.heights.follow(episode.seen.start(), episode.seen.tracks(), recent.first);
             memory.reversals.follow(episode.seen.track(0));
             planned.push(DecodingState {
                 episode,

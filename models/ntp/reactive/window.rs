@@ -1,9 +1,10 @@
 //! Memory of computed steps between plans.
 
 use reactsim_nn::SharedRows;
-use reactsim_nn::perception::{Body, RoadHeights, SceneView, denoised};
+use reactsim_nn::perception::{Body, SceneView, denoised};
 use reactsim_rollout::Observation;
 use reactsim_scene::Frame;
+use reactsim_scene::levels::RoadHeights;
 
 use super::super::tokens::TOKEN_FRAMES;
 use super::choice::Surroundings;

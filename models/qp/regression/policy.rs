@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
-use reactsim_nn::perception::{KnownMotion, RoadHeights, SceneView};
+use reactsim_nn::perception::{KnownMotion, SceneView};
 use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
 use reactsim_rollout::Observation;
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{HISTORY, Start};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -137,7 +138,7 @@ impl Policy {
         device: &Device,
     ) -> Vec<Prediction> {
         let lights = seen.lights_now();
-        heights.follow(seen, seen.frame());
+        heights.follow(seen.start(), seen.tracks(), seen.frame());
         // Only recorded frames have noise, and the network no longer sees them.
         let tracks = match seen.step() > SEEN_FRAMES {
             true => Cow::Borrowed(seen.tracks()),

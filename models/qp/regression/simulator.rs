@@ -3,9 +3,10 @@
 use burn::tensor::Device;
 use rand::RngExt;
 use reactsim_geometry::{direction, heading_of};
-use reactsim_nn::perception::{Nearest, RoadHeights};
+use reactsim_nn::perception::Nearest;
 use reactsim_rollout::{NOT_FINITE, Observation, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::dynamics::STANDSTILL_SPEED;
+use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{AgentKind, AgentState, DT, FUTURE, Start};
 use serde::{Deserialize, Serialize};
 

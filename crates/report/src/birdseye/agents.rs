@@ -3,7 +3,8 @@
 use std::fmt::Write;
 
 use reactsim_geometry::{Bounds, OrientedBox, Vec2, direction};
-use reactsim_scene::{Agent, AgentKind, AgentState, levels};
+use reactsim_scene::levels::{LEVEL_GAP, RoadHeights};
+use reactsim_scene::{Agent, AgentKind, AgentState};
 
 use super::canvas::{Canvas, PathData};
 use super::palette::{self, Paint};
@@ -25,9 +26,8 @@ pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
     let mut order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
     let frames = scene.current + last + 1;
     let tracks = scene.tracks().iter().map(|track| &track[..frames.min(track.len())]);
-    let heights = scene.scenario.start.heights_at_end(tracks);
-    let level =
-        |agent: usize| heights.get(agent).map_or(0, |height| (height / levels::LEVEL_GAP).round() as i64);
+    let heights = RoadHeights::default().at_end(&scene.scenario.start, &tracks.collect::<Vec<_>>());
+    let level = |agent: usize| heights.get(agent).map_or(0, |height| (height / LEVEL_GAP).round() as i64);
     order.sort_by_key(|&agent| level(agent));
     for &agent in &order {
         if scene.view.rollout.is_some() {

@@ -240,11 +240,10 @@ fn a_future_height_is_not_known_at_the_current_frame() {
 fn heights_that_are_followed_are_those_from_the_start() {
     let scenario = assembled(6.0, 0.0);
     let start = &scenario.start;
-    let mut followed = LatestHeights::default();
+    let mut followed = RoadHeights::default();
     let mut tracks: Vec<Vec<Frame>> = start.history.clone();
     for step in 0..30 {
-        let ends = tracks.iter().map(Vec::as_slice);
-        let (known, all) = (followed.follow(start, ends.clone()), start.heights_at_end(ends));
+        let (known, all) = (followed.at_end(start, &tracks), RoadHeights::default().at_end(start, &tracks));
         assert_eq!(known.len(), start.agents.len());
         let bits = |heights: &[f64]| heights.iter().map(|z| z.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&known), bits(&all), "step {step}");
@@ -261,6 +260,36 @@ fn heights_that_are_followed_are_those_from_the_start() {
             for (i, track) in tracks.iter_mut().enumerate() {
                 track.push(scenario.logged_at(i, CURRENT + 2 + step));
             }
+        }
+    }
+}
+
+#[test]
+fn heights_of_the_latest_and_of_planned_frames_are_those_along_the_whole_track() {
+    let scenario = assembled(6.0, 0.0);
+    let start = &scenario.start;
+    let logged: Vec<Vec<Frame>> = (0..start.agents.len()).map(|agent| scenario.logged(agent)).collect();
+    let whole = |agent: usize, track: &[Frame]| *start.heights_along(agent, track).last().unwrap();
+    let mut heights = RoadHeights::default();
+    for frame in (CURRENT..CURRENT + 42).step_by(3) {
+        let mut tracks: Vec<Vec<Frame>> = logged.iter().map(|track| track[..=frame].to_vec()).collect();
+        if let Some(absent) = tracks[1].get_mut(19) {
+            *absent = None;
+        }
+        heights.follow(start, &tracks, frame - 4);
+        assert!(heights.kept.iter().all(|kept| kept.len() <= 5), "only the latest frames are kept");
+        for (agent, track) in tracks.iter_mut().enumerate() {
+            for at in (frame - 4).max(CURRENT)..=frame {
+                let (found, wanted) =
+                    (heights.at(start, agent, at, track, 0), whole(agent, &track[CURRENT..=at]));
+                assert_eq!(found.to_bits(), wanted.to_bits(), "agent {agent} at frame {at}");
+            }
+            // Two planned frames, at the end of a part of the track.
+            track.extend_from_slice(&logged[agent][frame + 1..frame + 3]);
+            let found = heights.at(start, agent, frame + 2, &track[frame - 2..], frame - 2);
+            let wanted = whole(agent, &track[CURRENT..]);
+            assert_eq!(found.to_bits(), wanted.to_bits(), "agent {agent} after frame {frame}");
+            assert!(!found.is_nan());
         }
     }
 }
