@@ -551,10 +551,7 @@ fn stands(track: &[Frame]) -> Option<AgentState> {
 /// Returns the extent of a box along a line: first and last arc length, smallest and largest lateral
 /// offset. `None` if it is far from the line.
 fn extent_along(line: &Polyline, o: &OrientedBox) -> Option<(f64, f64, f64, f64)> {
-    let center = line.project(o.center);
-    if center.distance > o.radius() + 2.5 {
-        return None;
-    }
+    let center = line.project_within(o.center, o.radius() + 2.5)?;
     let axis = direction(line.heading(center.segment));
     let (cos, sin) = (axis.dot(&o.axis).abs(), axis.perp(&o.axis).abs());
     let along = o.half_length * cos + o.half_width * sin;

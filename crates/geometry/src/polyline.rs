@@ -171,11 +171,26 @@ impl Polyline {
         self.project_between(p, 0, self.segments())
     }
 
+    /// Projects `p` onto the nearest point over all segments; `None` if that is more than `distance` metres
+    /// away.
+    pub fn project_within(&self, p: Vec2, distance: f64) -> Option<Projection> {
+        // The slack is larger than the error of the distances.
+        let limit = distance * (1.0 + 1e-9) + 1e-9;
+        let found = self.project_nearer(p, 0, self.segments(), limit * limit);
+        (found.distance <= distance).then_some(found)
+    }
+
     /// Projects `p` onto the nearest point over the segments `first..last` (clamped, at least one).
     pub fn project_between(&self, p: Vec2, first: usize, last: usize) -> Projection {
         let last = last.clamp(1, self.segments());
-        let first = first.min(last - 1);
-        let (mut best, mut segment, mut at) = (f64::INFINITY, first, 0.0);
+        self.project_nearer(p, first.min(last - 1), last, f64::INFINITY)
+    }
+
+    /// Projects `p` onto the nearest point over the segments `first..last` whose squared distance is less than
+    /// `limit2`, m²; without such a point, the result has that distance.
+    #[inline]
+    fn project_nearer(&self, p: Vec2, first: usize, last: usize, limit2: f64) -> Projection {
+        let (mut best, mut segment, mut at) = (limit2, first, 0.0);
         let mut i = first;
         while i < last {
             let (d2, t) = point_segment(p, self.points[i], self.points[i + 1]);
@@ -234,6 +249,10 @@ mod tests {
             let nearest = all.fold((f64::INFINITY, 0), |a, i| if d2(i) < a.0 { (d2(i), i) } else { a });
             let found = line.project_between(p, first, first + count);
             prop_assert_eq!((found.distance, found.segment), (nearest.0.sqrt(), nearest.1));
+            let whole = line.project(p);
+            for distance in [0.0, 1.0, 5.0, whole.distance] {
+                prop_assert_eq!(line.project_within(p, distance), Some(whole).filter(|w| w.distance <= distance));
+            }
         }
     }
 
