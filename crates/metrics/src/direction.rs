@@ -174,9 +174,11 @@ impl Evaluator<'_, '_> {
         let case = self.case;
         let any_step = case.options.dir_candidate == DirCandidate::Lane;
         let mut hint = None;
-        for f in frames {
+        for f in frames.clone() {
             let fast = moving(f);
-            if !fast && (found.candidate || !any_step) {
+            // At rest, the answer for the frame before holds.
+            let rests = || f > frames.start && case.motion.rests(agent, f);
+            if !fast && (found.candidate || !any_step || rests()) {
                 continue;
             }
             let k = case.motion.at(agent, f);
