@@ -96,6 +96,9 @@ impl<'a> OwnMotion<'a> {
 
     /// Returns the arc length at sample `k`, from 1, metres.
     fn arc(&mut self, k: usize) -> f64 {
+        if self.arcs.is_empty() {
+            self.arcs.reserve(self.count);
+        }
         while self.arcs.len() < k {
             let t = (self.arcs.len() + 1) as f64 * self.sample;
             self.arcs.push(self.s + self.profile.distance(self.own.speed, t));
@@ -113,6 +116,9 @@ impl<'a> OwnMotion<'a> {
 
     /// Returns the box at sample `k`, from 1.
     pub(super) fn at(&mut self, k: usize) -> OrientedBox {
+        if self.boxes.is_empty() {
+            self.boxes.reserve(self.count);
+        }
         while self.boxes.len() < k {
             let s = self.arc(self.boxes.len() + 1);
             let point = self.path.point_at(s);
