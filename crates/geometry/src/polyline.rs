@@ -12,8 +12,6 @@ pub struct Polyline {
 /// Squared ratio of the distance of a point to the least distance so far above which [`Polyline::project`]
 /// skips segments: below it hardly any could be.
 const FAR2: f64 = 9.0;
-/// Number of segments that are examined without an attempt to skip some.
-const FEW: usize = 3;
 
 /// The reason why points do not form a polyline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -186,27 +184,31 @@ impl Polyline {
         self.project_nearer(p, first.min(last - 1), last, f64::INFINITY)
     }
 
-    /// Projects `p` onto the nearest point over the segments `first..last` whose squared distance is less than
-    /// `limit2`, m²; without such a point, the result has that distance.
+    /// Projects `p` onto the nearest point over the segments `first..last` whose squared distance is less
+    /// than `limit2`, m²; without such a point, the result has that distance.
     #[inline]
     fn project_nearer(&self, p: Vec2, first: usize, last: usize, limit2: f64) -> Projection {
         let (mut best, mut segment, mut at) = (limit2, first, 0.0);
         let mut i = first;
         while i < last {
+            // Along the line the distance shrinks at most by the arc length: segments that end within the
+            // difference to the best one are farther away.
+            let here2 = (self.points[i] - p).norm_squared();
+            if here2 > FAR2 * best {
+                let within = self.arc[i] + (here2.sqrt() - best.sqrt()) * (1.0 - 1e-9) - 1e-9;
+                let from = i;
+                while i < last && self.arc[i + 1] < within {
+                    i += 1;
+                }
+                if i > from {
+                    continue;
+                }
+            }
             let (d2, t) = point_segment(p, self.points[i], self.points[i + 1]);
             if d2 < best {
                 (best, segment, at) = (d2, i, t);
             }
             i += 1;
-            // Along the line the distance shrinks at most by the arc length: segments that end within the
-            // difference to the best one are farther away.
-            let next2 = (self.points[i] - p).norm_squared();
-            if i + FEW < last && next2 > FAR2 * best {
-                let within = self.arc[i] + (next2.sqrt() - best.sqrt()) * (1.0 - 1e-9) - 1e-9;
-                while i < last && self.arc[i + 1] < within {
-                    i += 1;
-                }
-            }
         }
         let (a, b) = self.segment(segment);
         let ab = b - a;
@@ -251,7 +253,8 @@ mod tests {
             prop_assert_eq!((found.distance, found.segment), (nearest.0.sqrt(), nearest.1));
             let whole = line.project(p);
             for distance in [0.0, 1.0, 5.0, whole.distance] {
-                prop_assert_eq!(line.project_within(p, distance), Some(whole).filter(|w| w.distance <= distance));
+                let wanted = (whole.distance <= distance).then_some(whole);
+                prop_assert_eq!(line.project_within(p, distance), wanted);
             }
         }
     }
