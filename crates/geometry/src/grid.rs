@@ -51,6 +51,15 @@ impl Bounds {
         self.min.x <= p.x && p.x <= self.max.x && self.min.y <= p.y && p.y <= self.max.y
     }
 
+    /// Returns the squared distance to `p`, m²; 0 inside.
+    #[inline]
+    pub fn distance2(&self, p: Vec2) -> f64 {
+        let beyond = |min: f64, max: f64, at: f64| (min - at).max(at - max).max(0.0);
+        let x = beyond(self.min.x, self.max.x, p.x);
+        let y = beyond(self.min.y, self.max.y, p.y);
+        x * x + y * y
+    }
+
     /// Returns whether the closed rectangles intersect.
     #[inline]
     pub fn intersects(&self, other: &Self) -> bool {
@@ -95,7 +104,7 @@ impl Cells {
 /// Returns the largest whole number up to `v`. Avoids `f64::floor`, which is a function call on processors
 /// without a rounding instruction.
 #[inline]
-fn floor(v: f64) -> i64 {
+pub fn floor(v: f64) -> i64 {
     let whole = v as i64;
     if (whole as f64) > v { whole.saturating_sub(1) } else { whole }
 }

@@ -12,17 +12,19 @@ mod obb;
 mod polygon;
 mod polyline;
 mod ring_index;
+mod segment_index;
 mod sweep;
 mod union;
 
 pub use angle::{direction, heading_of, into_frame, left, signed_angle_between, wrap};
 pub use edges::{NearestEdge, OrientedEdges};
-pub use grid::{Bounds, Grid};
+pub use grid::{Bounds, Grid, floor};
 pub use obb::{OrientedBox, rounded_distance};
 
 pub use polygon::{Polygon, point_in_ring, ring_distance};
 pub use polyline::{Polyline, PolylineError, Projection};
 pub use ring_index::{PolygonIndex, RingIndex};
+pub use segment_index::SegmentIndex;
 pub use sweep::time_to_impact;
 pub use union::{GRID_SPACING, on_grid, ring_area, union, union_of};
 

@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
-use reactsim_geometry::{Projection, Vec2};
+use reactsim_geometry::{Projection, Vec2, floor};
 
 use super::{AgentKind, AgentState, Frame, Road, RoadMap, Scenario, Start};
 
@@ -200,8 +200,7 @@ fn sample(points: &[Vec2], heights: &[f64], samples: &mut Vec<(Vec2, f64)>) {
 
 /// Counts levels over places that are shifted by some metres, so that things close to one another share one.
 fn count_shifted(samples: &[(Vec2, f64)], shift: f64) -> usize {
-    let place =
-        |p: Vec2| (((p.x + shift) / PLACE_SIZE).floor() as i64, ((p.y + shift) / PLACE_SIZE).floor() as i64);
+    let place = |p: Vec2| (floor((p.x + shift) / PLACE_SIZE), floor((p.y + shift) / PLACE_SIZE));
     // Successive points mostly share a place.
     let mut runs: Vec<((i64, i64), Range<usize>)> = Vec::new();
     for (i, &(p, _)) in samples.iter().enumerate() {
@@ -310,8 +309,8 @@ pub struct RoadHeights {
 }
 
 impl RoadHeights {
-    /// Follows the road under all agents to the ends of their tracks, which begin at frame 0 and with those of
-    /// the last call, and forgets frames before `first`, but not the last one.
+    /// Follows the road under all agents to the ends of their tracks, which begin at frame 0 and with those
+    /// of the last call, and forgets frames before `first`, but not the last one.
     pub fn follow(&mut self, start: &Start, tracks: &[impl AsRef<[Frame]>], first: usize) {
         if !start.has_levels() {
             return;
