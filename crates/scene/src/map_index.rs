@@ -53,6 +53,8 @@ struct Piece {
 const PIECE_SEGMENTS: usize = 8;
 /// Cell size of the grids, metres.
 const CELL_SIZE: f64 = 6.0;
+/// Squared distance, m², which is more than the error of bounds.
+const BOUNDS_ERROR2: f64 = 1e-12;
 
 impl MapIndex {
     /// Builds the index.
@@ -119,14 +121,6 @@ fn edge_heights(map: &RoadMap) -> Vec<[f64; 2]> {
         all.extend(pairs.map(|(k, _)| [height(k), height(k + 1)]));
     }
     all
-}
-
-/// Returns the squared distance from `p` to bounds, m²; 0 inside.
-fn distance2_to_bounds(bounds: &Bounds, p: Vec2) -> f64 {
-    let beyond = |min: f64, max: f64, at: f64| (min - at).max(at - max).max(0.0);
-    let x = beyond(bounds.min.x, bounds.max.x, p.x);
-    let y = beyond(bounds.min.y, bounds.max.y, p.y);
-    x * x + y * y
 }
 
 /// A map with its spatial index, which answers all map queries.
@@ -239,7 +233,7 @@ impl<'a> Road<'a> {
     fn project_on(&self, p: Vec2, lane: usize) -> Projection {
         let line = &self.map.lanes[lane].baseline;
         let pieces = self.index.first_pieces[lane]..self.index.first_pieces[lane + 1];
-        let distance2 = |piece: usize| distance2_to_bounds(&self.index.piece_bounds[piece], p);
+        let distance2 = |piece: usize| self.index.piece_bounds[piece].distance2(p);
         let (mut closest, mut start) = (f64::INFINITY, pieces.start);
         for piece in pieces.clone() {
             let found = distance2(piece);
@@ -273,6 +267,10 @@ impl<'a> Road<'a> {
         let mut inside = false;
         let mut nearest = (f64::INFINITY, 0_usize);
         for &piece in pieces {
+            // Pieces are bounded with their corridor.
+            if self.index.piece_bounds[piece as usize].distance2(p) > BOUNDS_ERROR2 {
+                continue;
+            }
             let Piece { first, last, .. } = self.index.pieces[piece as usize];
             for i in first as usize..last as usize {
                 let (a, b) = line.segment(i);
