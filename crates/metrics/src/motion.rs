@@ -71,7 +71,9 @@ impl Motion {
         for (f, state) in states.enumerate().filter_map(|(f, s)| Some((f, s.filter(|s| s.is_finite())?))) {
             let k = base + f;
             (self.x[k], self.y[k], self.heading[k]) = (state.x, state.y, state.heading);
-            self.axis[k] = direction(state.heading);
+            // Half of all agents stand.
+            let is_kept = f > 0 && self.heading[k - 1].to_bits() == state.heading.to_bits();
+            self.axis[k] = if is_kept { self.axis[k - 1] } else { direction(state.heading) };
             if let (VelocitySource::State, Some(v)) = (options.velocity_source, state.velocity()) {
                 self.velocity[k] = v;
             }
