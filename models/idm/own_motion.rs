@@ -42,8 +42,8 @@ pub(super) struct OwnMotion<'a> {
     pub(super) count: usize,
     /// Arc length at the first samples, metres.
     arcs: Vec<f64>,
-    /// The first boxes.
-    boxes: Vec<OrientedBox>,
+    /// The boxes; empty if none was asked for.
+    boxes: Vec<Option<OrientedBox>>,
     /// Bounds of all boxes; `None` if the motion goes beyond the end of the path.
     pub(super) bounds: Option<Bounds>,
     /// Bounds of a section of the path.
@@ -117,19 +117,18 @@ impl<'a> OwnMotion<'a> {
     /// Returns the box at sample `k`, from 1.
     pub(super) fn at(&mut self, k: usize) -> OrientedBox {
         if self.boxes.is_empty() {
-            self.boxes.reserve(self.count);
+            self.boxes.resize(self.count, None);
         }
-        while self.boxes.len() < k {
-            let s = self.arc(self.boxes.len() + 1);
+        let s = self.arc(k);
+        *self.boxes[k - 1].get_or_insert_with(|| {
             let point = self.path.point_at(s);
-            self.boxes.push(OrientedBox {
+            OrientedBox {
                 center: point.pose.position,
                 axis: point.axis,
                 half_length: self.own.half_length,
                 half_width: self.own.half_width,
-            });
-        }
-        self.boxes[k - 1]
+            }
+        })
     }
 }
 
