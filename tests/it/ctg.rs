@@ -36,7 +36,6 @@ fn policy(decoding: Decoding) -> CtgPolicy {
     task.policy(&burn::module::Module::valid(&task.init(1)))
 }
 
-/// Returns a file of untrained weights.
 pub(crate) fn untrained(decoding: Decoding) -> Vec<u8> {
     policy(decoding).write(&BTreeMap::new()).unwrap()
 }

@@ -46,7 +46,6 @@ fn policy() -> PlannerPolicy {
     task.policy(&task.init(1).valid())
 }
 
-/// Returns a file of untrained weights.
 pub(crate) fn untrained() -> Vec<u8> {
     policy().write(&BTreeMap::new()).unwrap()
 }

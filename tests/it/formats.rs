@@ -148,7 +148,6 @@ pub(crate) fn check_cases<T>(
     }
 }
 
-/// Writes a Parquet file of these columns.
 pub(crate) fn write_table(
     out: impl std::io::Write + Send,
     columns: impl IntoIterator<Item = (&'static str, ArrayRef)>,
@@ -172,7 +171,6 @@ pub(crate) fn refusal(path: &Path) -> String {
     all.remove(0).unwrap_err().to_string()
 }
 
-/// Writes scenarios to a native file, and finishes it.
 pub(crate) fn write_native(path: &Path, scenarios: &[Scenario]) {
     let mut writer = native::Writer::create(path).unwrap();
     scenarios.iter().for_each(|s| writer.write(s).unwrap());

@@ -31,7 +31,6 @@ pub(crate) fn policy(device: &Device) -> Policy {
     Policy::read(&bytes, device).unwrap()
 }
 
-/// Returns the file of a small untrained network.
 pub(crate) fn untrained() -> Vec<u8> {
     let network = Config {
         hidden: 16,

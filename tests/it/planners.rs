@@ -30,7 +30,6 @@ fn run(av: &str, out: &Path, more: &[&str]) -> String {
     said(&[&command[..], more].concat(), 0).0
 }
 
-/// Returns a value of a row.
 fn value(row: &Row, metric: &str) -> Option<f64> {
     row.metrics[metric].map(|value| match value {
         Value::Value(value) => value,

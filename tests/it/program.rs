@@ -16,7 +16,6 @@ pub(crate) fn program() -> Command {
     Command::new(assert_cmd::cargo::cargo_bin!("reactsim"))
 }
 
-/// Runs the program with these arguments.
 pub(crate) fn reactsim(arguments: &[&str]) -> Output {
     program().args(arguments).output().unwrap()
 }
@@ -84,7 +83,6 @@ pub(crate) fn signalled(command: &mut Command, signal: &str, is_time: impl Fn() 
     child.wait_with_output().unwrap()
 }
 
-/// Copies the files of a folder.
 pub(crate) fn copy(from: &Path, to: &Path) -> PathBuf {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
@@ -94,12 +92,10 @@ pub(crate) fn copy(from: &Path, to: &Path) -> PathBuf {
     to.to_owned()
 }
 
-/// Reads a JSON file.
 pub(crate) fn json_of(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 
-/// Reads a file of JSON lines.
 pub(crate) fn lines_of(path: &Path) -> Vec<Value> {
     fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }

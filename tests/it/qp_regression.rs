@@ -76,7 +76,6 @@ fn bytes(network: Config) -> Vec<u8> {
     task.file(&task.init(7), &BTreeMap::new()).unwrap()
 }
 
-/// Returns the file of a small untrained network.
 pub(crate) fn untrained() -> Vec<u8> {
     bytes(small())
 }

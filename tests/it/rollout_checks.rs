@@ -38,7 +38,6 @@ impl Fixture {
         Self { inputs: formats::find_inputs(&input).unwrap(), home, records }
     }
 
-    /// Writes a file of rollouts.
     fn written(&self, records: &[RolloutRecord]) -> PathBuf {
         let path = self.home.path().join("changed.parquet");
         fs::remove_file(&path).ok();

@@ -42,7 +42,6 @@ pub(crate) fn agent(id: &str, kind: AgentKind, now: AgentState) -> LoggedAgent {
     }
 }
 
-/// Returns a vehicle.
 pub(crate) fn car(id: &str, x: f64, y: f64, heading: f64, speed: f64) -> LoggedAgent {
     agent(id, AgentKind::Vehicle, state(x, y, heading, speed))
 }
@@ -166,7 +165,6 @@ pub(crate) fn idm(scenario: &Scenario) -> Rollout {
     roll_with("idm", scenario, coasting(scenario), &Settings::default(), 0)
 }
 
-/// Returns the metrics of a rollout.
 pub(crate) fn scores(scenario: &Scenario, rollout: &Rollout) -> Scores {
     metrics::score_case(&Case::of_rollout(scenario, &rollout.tracks, Options::default()))
 }
@@ -178,7 +176,6 @@ pub(crate) fn future(scenario: &Scenario, rollout: &Rollout, id: &str) -> Vec<Ag
     states.map(|(k, s)| s.unwrap_or_else(|| panic!("{}: `{id}` vanishes at step {k}", scenario.id))).collect()
 }
 
-/// Returns the slot of an agent.
 pub(crate) fn slot(scenario: &Scenario, id: &str) -> usize {
     scenario.start.agents.iter().position(|a| a.id == id).unwrap()
 }

@@ -159,7 +159,6 @@ pub(crate) fn plan(sources: Vec<Source>, simulators: Vec<PlannedSimulator>) -> P
     spec.plan(RunParts { sources, simulators, ..RunParts::default() }).unwrap()
 }
 
-/// Writes scenarios to a native file.
 pub(crate) fn write(path: &std::path::Path, scenarios: impl IntoIterator<Item = Scenario>) {
     let mut writer = Writer::create(path).unwrap();
     for scenario in scenarios {

@@ -71,7 +71,6 @@ pub(crate) fn policy(device: &Device) -> SmartPolicy {
     SmartPolicy::new(network, vocabulary, arcs(), device).unwrap()
 }
 
-/// Returns the file of a small untrained network.
 pub(crate) fn untrained() -> Vec<u8> {
     policy(&device()).write(&BTreeMap::new()).unwrap()
 }

@@ -44,7 +44,6 @@ fn policy() -> VbdPolicy {
     task.policy(&burn::module::Module::valid(&task.init(1)))
 }
 
-/// Returns a file of untrained weights.
 pub(crate) fn untrained() -> Vec<u8> {
     policy().write(&BTreeMap::new()).unwrap()
 }

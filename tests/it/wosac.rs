@@ -23,7 +23,6 @@ uses_camera_data = false
 uses_public_model_pretraining = false
 ";
 
-/// Decompresses a golden file.
 fn unpacked(path: &Path) -> Vec<u8> {
     zstd::decode_all(fs::File::open(path).unwrap()).unwrap()
 }

@@ -154,7 +154,6 @@ pub(super) struct PendingRecord {
     content: Result<UndecodedScenario, FormatError>,
 }
 
-/// A curated record.
 pub(super) struct CuratedRecord {
     pub(super) input: usize,
     pub(super) number: usize,

@@ -33,7 +33,6 @@ pub(super) enum RequestError {
 }
 
 impl RequestError {
-    /// Returns the reason.
     pub(super) fn text(self) -> String {
         match self {
             Self::Broken(text) | Self::Refused(text) => text,

@@ -26,7 +26,6 @@ pub fn interrupt() {
     INTERRUPTED.get_or_init(Instant::now);
 }
 
-/// Returns whether the program was interrupted.
 pub(super) fn is_interrupted() -> bool {
     INTERRUPTED.get().is_some()
 }
@@ -50,7 +49,6 @@ pub(super) struct Process {
     guard: Option<Guard>,
 }
 
-/// The pipes of a child.
 pub(super) struct Pipes {
     pub(super) stdin: ChildStdin,
     pub(super) stdout: ChildStdout,
@@ -58,7 +56,6 @@ pub(super) struct Pipes {
 }
 
 impl Process {
-    /// Starts a command line.
     pub(super) fn start(line: &str) -> io::Result<(Self, Pipes)> {
         let mut command = shell(line);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -80,7 +77,6 @@ impl Process {
         Ok((process, pipes?))
     }
 
-    /// Returns whether the process has ended.
     pub(super) fn has_ended(&mut self) -> bool {
         has_ended(&mut self.child)
     }

@@ -58,7 +58,6 @@ pub struct RemoteFile {
     ahead: Option<(Range<u64>, Pending)>,
 }
 
-/// Opens the file at a URL.
 pub(super) fn open(url: &str) -> io::Result<RemoteFile> {
     let (store, path, _) = locate(url)?;
     let known = KNOWN.lock().files.get(url).cloned();

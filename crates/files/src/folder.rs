@@ -6,7 +6,6 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-/// Returns the folder of a file.
 pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -17,7 +16,6 @@ pub(super) struct Folder(std::os::fd::OwnedFd);
 
 #[cfg(unix)]
 impl Folder {
-    /// Opens a folder.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         use rustix::fs::{Mode, OFlags, open};
         // Only a name in it is needed: the folder need not be readable.
@@ -53,7 +51,6 @@ impl Folder {
         Ok(rustix::fs::renameat(&self.0, old, &self.0, new)?)
     }
 
-    /// Removes a file.
     pub(super) fn remove(&self, name: &OsStr) -> io::Result<()> {
         Ok(rustix::fs::unlinkat(&self.0, name, rustix::fs::AtFlags::empty())?)
     }

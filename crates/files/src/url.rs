@@ -32,7 +32,6 @@ pub fn create_folder(path: &Path) -> io::Result<()> {
     fs::create_dir_all(path)
 }
 
-/// Refuses to write to a URL.
 pub(super) fn refuse_url(path: &Path) -> io::Result<()> {
     match as_url(path) {
         None => Ok(()),

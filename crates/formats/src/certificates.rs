@@ -99,7 +99,6 @@ pub fn decode(batch: &RecordBatch) -> Result<Vec<Option<Certificate>>, Cause> {
     (0..rows).map(of).collect()
 }
 
-/// Columns of the responses.
 struct ResponseColumns {
     agents: View,
     steps: View,

@@ -155,7 +155,6 @@ pub fn is_parquet(path: &Path) -> std::io::Result<bool> {
     Ok(head(path, PARQUET.len() as u64)? == PARQUET)
 }
 
-/// Returns whether a file begins like a gzip file.
 pub(super) fn is_gzip(path: &Path) -> std::io::Result<bool> {
     Ok(head(path, GZIP.len() as u64)? == GZIP)
 }

@@ -18,7 +18,6 @@ use reactsim_scene::Frame;
 
 /// Value of `reactsim.format`.
 const KIND: &str = "reactsim-rollouts";
-/// Version of the schema.
 const VERSION: u32 = 1;
 /// Number of rollouts in a row group.
 const GROUP_SIZE: usize = 16;

@@ -40,7 +40,6 @@ pub(super) struct StateColumns {
     views: [Option<View>; 5],
 }
 
-/// Names of the columns.
 const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
 
 impl StateColumns {

@@ -42,7 +42,6 @@ const HEADING_STEP: f64 = 1.0 / 16384.0;
 /// Resolution of velocities, m/s: a power of two, like that of positions.
 const VELOCITY_STEP: f64 = 1.0 / 4096.0;
 
-/// Generates the scenario with this number.
 pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Scenario, GenerationError> {
     let id = settings.id(number);
     for attempt in 0..MAX_ATTEMPTS {

@@ -31,7 +31,6 @@ impl Case<'_> {
     }
 }
 
-/// Displacement of a case.
 struct CaseDisplacement(Option<Displacement>);
 
 impl Judgement for CaseDisplacement {

@@ -17,7 +17,6 @@ pub struct Overlaps {
     pub intervals: Vec<(usize, usize, usize)>,
 }
 
-/// Overlaps of all objects.
 struct AllOverlaps(Vec<Overlaps>);
 
 impl Judgement for AllOverlaps {

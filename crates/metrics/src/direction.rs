@@ -44,7 +44,6 @@ pub struct WrongWayInterval {
     pub progress: f64,
 }
 
-/// Driving directions of all objects.
 struct Directions(Vec<WrongWay>);
 
 impl Judgement for Directions {

@@ -74,7 +74,6 @@ impl InfeasibleMotion {
     }
 }
 
-/// Transitions of all objects.
 struct AllInfeasibleMotion(Vec<InfeasibleMotion>);
 
 impl Judgement for AllInfeasibleMotion {

@@ -17,7 +17,6 @@ pub struct ObservedLight<'a> {
 }
 
 impl<'a> ObservedLight<'a> {
-    /// Returns the lights of a scenario.
     pub(super) fn all(scenario: &'a Scenario) -> Vec<Self> {
         let states = scenario.start.light_history.iter().zip(&scenario.log_future.lights);
         let light =

@@ -165,7 +165,6 @@ fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
     (0..valid.len()).map(|k| k > 0 && k + 1 < valid.len() && valid[k - 1] && valid[k + 1]).collect()
 }
 
-/// Likelihood of a case.
 struct CaseLikelihood(Option<KinematicLikelihood>);
 
 impl Judgement for CaseLikelihood {

@@ -14,7 +14,6 @@ pub struct OffRoadSteps {
     pub intervals: Vec<(usize, usize)>,
 }
 
-/// Off-road steps of all objects.
 struct AllOffRoadSteps(Vec<OffRoadSteps>);
 
 impl Judgement for AllOffRoadSteps {

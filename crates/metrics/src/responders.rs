@@ -47,7 +47,6 @@ pub(super) fn excess(value: f64, other: f64) -> f64 {
     if difference > ROUNDING { difference } else { 0.0 }
 }
 
-/// Direct responders of a case.
 struct Responders(Option<Vec<Responder>>);
 
 impl Judgement for Responders {

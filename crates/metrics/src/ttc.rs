@@ -29,7 +29,6 @@ pub struct Approach {
     pub risky: Option<(usize, usize)>,
 }
 
-/// Approaches of all objects.
 struct Approaches(Vec<Option<Approach>>);
 
 impl Judgement for Approaches {

@@ -71,7 +71,6 @@ impl Ground {
         (self.bounds.min + self.bounds.max) * 0.5
     }
 
-    /// Returns whether two grounds touch or overlap.
     pub(crate) fn touches(&self, other: &Self) -> bool {
         self.bounds.intersects(&other.bounds)
             && self.rings.iter().any(|a| other.rings.iter().any(|b| a.touches(b)))

@@ -1,6 +1,5 @@
 //! The intelligent driver model, as the IDM planner and the IDM agents of nuPlan use it.
 
-/// Parameters of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct IdmModel {
     /// Gap at standstill, metres.

@@ -293,7 +293,6 @@ impl<'a, S: Deref<Target = Scenario>> Lockstep<'a, S> {
     }
 }
 
-/// Begins the episodes of a batch.
 fn begin_episodes<S: Deref<Target = Scenario>>(
     mut running: Vec<&mut ScenarioRollout<'_, S>>,
     controller: &Controller,
@@ -355,7 +354,6 @@ fn regroup<S: Deref<Target = Scenario>>(
     }
 }
 
-/// Ends the episodes of a batch.
 fn end_episodes<S>(running: &mut [ScenarioRollout<'_, S>], controller: &Controller) {
     if let Controller::Fair(simulator) = controller {
         simulator

@@ -168,7 +168,6 @@ impl Coming {
         self.events += admitted.len();
     }
 
-    /// Returns whether an agent has left.
     pub(crate) fn has_left(&self, slot: usize) -> bool {
         self.left[slot]
     }

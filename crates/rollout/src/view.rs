@@ -133,18 +133,15 @@ impl View {
         }
     }
 
-    /// Returns the observation.
     pub(crate) fn seen(&self, av_next: Option<AgentState>) -> Observation<'_> {
         let seen = Observation::new(&self.start, &self.tracks, &self.lights, av_next);
         seen.continued(self.first_step, self.changes).with_heights(&self.heights)
     }
 
-    /// Returns the number of steps that were realised when the view was made.
     pub(crate) fn first_step(&self) -> usize {
         self.first_step
     }
 
-    /// Returns the slot in the rollout of each agent.
     pub(crate) fn slots(&self) -> &[usize] {
         &self.slots
     }
@@ -155,7 +152,6 @@ impl View {
         self.slots.binary_search(&slot).ok()
     }
 
-    /// Returns the start of the view.
     pub(crate) fn start(&self) -> &Start {
         &self.start
     }

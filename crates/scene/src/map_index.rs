@@ -159,7 +159,6 @@ impl<'a> Road<'a> {
         self.level.1.is_nan()
     }
 
-    /// Returns the ground of the map.
     pub(super) fn ground(&self) -> &'a Ground {
         &self.index.ground
     }

@@ -31,7 +31,6 @@ struct NoteKind {
     find: fn(&Scenario, &[bool]) -> Option<Note>,
 }
 
-/// All properties that are noted.
 const KINDS: &[NoteKind] = &[
     NoteKind {
         id: "irregular-clock",

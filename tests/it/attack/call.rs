@@ -11,7 +11,6 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Largest address space of a call, KiB.
 const MEMORY: u32 = 8 << 20;
 
-/// The result of a call.
 pub(crate) struct Answer {
     /// Exit code; `None` if the program was ended by a signal or after the limit of time.
     pub(crate) code: Option<i32>,

@@ -6,7 +6,6 @@ use std::path::Path;
 use crate::program::{program, reactsim, said, text};
 use crate::small_scenarios::{deviations, scenario, write};
 
-/// Writes a file and returns its path.
 fn file(home: &Path, content: &str) -> String {
     let path = home.join("spec.toml");
     fs::write(&path, content).unwrap();

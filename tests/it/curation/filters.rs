@@ -6,7 +6,6 @@ use reactsim::scene::{AgentKind, CURRENT, FRAMES, LightState, LoggedAgent, Scena
 use super::road::{braked, candidate, map, on_road};
 use crate::scenes::{agent, car, lane, light, line, parts, scene, state};
 
-/// Returns the verdict of a filter.
 fn verdict(filter: &str, scenario: &Scenario, candidate: &Candidate, settings: &FilterSettings) -> Verdict {
     let context = FilterContext::new(scenario).unwrap();
     let trial = Trial::new(&context, candidate, settings);

@@ -87,7 +87,6 @@ pub(super) fn scenario(id: &str, candidates: u32) -> ScenarioRecord {
     }
 }
 
-/// Returns the provenance of a file.
 pub(super) fn provenance() -> CurationProvenance {
     CurationProvenance {
         version: "0.1.0".into(),
@@ -101,7 +100,6 @@ pub(super) fn provenance() -> CurationProvenance {
     }
 }
 
-/// Writes a file of these records.
 pub(super) fn write(path: &std::path::Path, records: &[ScenarioRecord]) {
     let mut writer = reactsim::curation::store::Writer::create(path).unwrap();
     records.iter().for_each(|r| _ = writer.write(r).unwrap());

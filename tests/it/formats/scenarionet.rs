@@ -141,7 +141,6 @@ fn write(folder: &Path, value: &Value) -> PathBuf {
     path
 }
 
-/// Writes a scenario to a folder.
 pub(super) fn small(folder: &Path) -> Vec<PathBuf> {
     vec![write(folder, &made(91))]
 }

@@ -32,7 +32,6 @@ static SAMPLE: LazyLock<Vec<Generated>> = LazyLock::new(|| {
         .collect()
 });
 
-/// A generated scenario.
 pub(super) struct Generated {
     pub(super) scenario: Scenario,
     /// All agents with their whole tracks: the AV, the world agents, and those that come later or are too
@@ -75,7 +74,6 @@ pub(super) fn parked(agent: &LoggedAgent) -> bool {
 /// Largest number of breaches in a report.
 const TOLD: usize = 60;
 
-/// Returns the whole sample.
 pub(super) fn sample() -> &'static [Generated] {
     &SAMPLE
 }

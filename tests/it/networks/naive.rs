@@ -3,7 +3,6 @@
 
 use reactsim::models::nn::Tensors;
 
-/// Rows of numbers.
 pub(crate) type Rows = Vec<Vec<f64>>;
 
 pub(crate) struct Naive<'a> {

@@ -10,7 +10,6 @@ use super::settings;
 use crate::scenes::{bits, coasting, request};
 use crate::small_scenarios;
 
-/// Fault of a test simulator.
 #[derive(Clone, Copy)]
 enum Fault {
     GivesUp,

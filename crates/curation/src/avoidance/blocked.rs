@@ -38,7 +38,6 @@ pub(super) struct BlockedInterval {
 pub(super) struct BlockedRegion {
     /// Slot of the obstacle.
     pub(super) by: usize,
-    /// The intervals by step.
     pub(super) intervals: Vec<BlockedInterval>,
 }
 

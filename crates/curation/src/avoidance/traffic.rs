@@ -223,7 +223,6 @@ pub(super) fn is_nearer(a: &OrientedBox, b: &OrientedBox, clearance: f64) -> boo
     (a.center - b.center).norm_squared() < reach * reach && distance(a, b) < clearance
 }
 
-/// Returns the reaction time in steps.
 pub(super) fn reaction_steps(settings: &AvoidanceSettings) -> usize {
     (settings.reaction / DT).round().max(0.0) as usize
 }

@@ -9,7 +9,6 @@ use crate::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
 /// either side replace its smoothing.
 pub(super) struct Comfort;
 
-/// Id of the filter.
 pub(crate) const ID: &str = "comfort";
 /// Number of steps on either side of a difference.
 const HALF_WINDOW: usize = 3;

@@ -34,7 +34,6 @@ pub(super) struct SpeedPlan {
     pub(super) halt: Option<f64>,
 }
 
-/// Draws a candidate of this family.
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
     if survey.branches.is_empty() {
         return Err("no other way over the lane graph".into());

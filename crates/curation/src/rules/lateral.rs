@@ -26,7 +26,6 @@ const MERGE_SHIFT: Range<f64> = 8.0..35.0;
 /// Distance over which the AV leaves its current position for the shifted path, metres.
 const JOIN_DISTANCE: f64 = 12.0;
 
-/// Draws a candidate of this family.
 pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, String> {
     if !survey.is_moving() || survey.speed() < 0.5 && stream.random_bool(0.5) {
         return gaps::pull_out(survey, stream);

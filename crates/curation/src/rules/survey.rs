@@ -114,7 +114,6 @@ impl<'a> Survey<'a> {
         self.path_entries.iter().copied().filter(before).collect()
     }
 
-    /// Returns the number of steps of the scenario.
     pub(super) fn steps(&self) -> usize {
         self.drive.states().len() - 1
     }
@@ -179,7 +178,6 @@ impl<'a> Survey<'a> {
         self.ground.depth(future, OFF_ROAD_TOLERANCE).is_none_or(|d| d <= OFF_ROAD_TOLERANCE)
     }
 
-    /// Returns whether the AV runs a red light.
     pub(super) fn runs_red_light(&self, future: &[AgentState]) -> bool {
         self.signals.red_light_step(&self.now(), future).is_some()
     }

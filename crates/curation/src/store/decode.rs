@@ -128,7 +128,6 @@ impl<'a> Rows<'a> {
         (0..self.batch.num_rows()).map(of).collect()
     }
 
-    /// Returns all records of the row group.
     pub(super) fn records(&self) -> Result<Vec<ScenarioRecord>, Cause> {
         let scenarios = self.scenarios()?;
         let (ids, digests) = (self.texts("scenario_id")?, self.texts("scenario_digest")?);

@@ -35,7 +35,6 @@ struct RawCrossing {
     edge2: Vec<Point>,
 }
 
-/// Reads a map.
 pub(super) fn read(path: &Path, text: &[u8]) -> Result<MapParts, FormatError> {
     let refuse = |cause| FormatError::file(path, cause);
     let raw: RawMap =

@@ -30,7 +30,6 @@ const MAP_PREFIX: &str = "log_map_archive_";
 /// Part of a map's file name after the id of the scenario.
 const MAP_SUFFIX: &str = ".json";
 
-/// The Argoverse 2 format.
 pub(super) struct Argoverse2;
 
 impl ScenarioFormat for Argoverse2 {

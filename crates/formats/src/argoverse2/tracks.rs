@@ -9,7 +9,6 @@ use reactsim_scene::AgentState;
 use crate::error::{Cause, FormatError};
 use crate::table::{Leaf, TableReader, View};
 
-/// Columns that are read.
 const COLUMNS: &[&str] = &[
     "track_id",
     "object_type",
@@ -33,10 +32,8 @@ const MAX_ROWS: usize = 1_000_000;
 const MAX_TRACKS: usize = 10_000;
 /// Upper bound of time step indices; a scenario has 110 time steps.
 const MAX_STEPS: u32 = 10_000;
-/// Number of nanoseconds in a second.
 const NANOSECONDS_PER_SECOND: f64 = 1e9;
 
-/// Content of a table of tracks.
 #[derive(Default)]
 pub(super) struct Tracks {
     pub(super) scenario_id: String,
@@ -48,11 +45,9 @@ pub(super) struct Tracks {
     pub(super) tracks: Vec<Track>,
     /// Index in `tracks` by id.
     index: BTreeMap<String, usize>,
-    /// Number of rows read.
     rows: usize,
 }
 
-/// Track of one object.
 pub(super) struct Track {
     pub(super) id: String,
     pub(super) object_type: String,
@@ -63,7 +58,6 @@ pub(super) struct Track {
 }
 
 impl Tracks {
-    /// Reads a table.
     pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let mut table = TableReader::open(path)?;
         table.only(COLUMNS);

@@ -66,9 +66,7 @@ impl<'de> Deserialize<'de> for Number {
 /// A size: one number, or one per frame.
 #[derive(Clone, Debug)]
 pub(super) enum Size {
-    /// The same size at all frames.
     One(f64),
-    /// One size per frame.
     PerFrame(Vec<Number>),
 }
 

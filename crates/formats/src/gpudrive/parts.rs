@@ -30,7 +30,6 @@ pub(super) struct ConvertedScenario {
     pub(super) unknown_types: BTreeMap<String, u32>,
 }
 
-/// Converts the content of a file.
 pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedScenario, Cause> {
     let id = raw
         .id()

@@ -18,7 +18,6 @@ use super::frames::{CurrentFrames, LengthChoice};
 /// Maximum file size in bytes; a scenario with full tracks has a few megabytes.
 const MAX_FILE_SIZE: u64 = 1 << 28;
 
-/// The format of hand-written scenarios.
 pub(super) struct Json;
 
 impl ScenarioFormat for Json {

@@ -16,7 +16,6 @@ use super::raw::{
 use crate::error::Cause;
 use crate::frames::{check_lights, most_agents};
 
-/// Converts the content of a file to scenario parts.
 pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
     if raw.format != FORMAT {
         return Err(Cause::schema("`format`", format!("`{}`", raw.format), format!("`{FORMAT}`")));

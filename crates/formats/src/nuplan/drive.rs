@@ -40,7 +40,6 @@ impl Drive {
         Log::read_drive(path).map(Self)
     }
 
-    /// Returns the name of the map.
     pub(crate) fn map_name(&self) -> &str {
         &self.0.map_name
     }

@@ -11,7 +11,6 @@ use crate::error::{Cause, FormatError};
 
 /// Frames of a log with their scenes and tags.
 pub(super) struct LogIndex {
-    /// Name of the map.
     pub(super) map_name: String,
     /// Rows of the clock in order of time: time in microseconds, token, token of the scene.
     pub(super) sweeps: Vec<(i64, Token, Token)>,

@@ -15,12 +15,9 @@ use crate::error::{Cause, FormatError};
 /// Channel of the lidar whose rows define the clock.
 const CLOCK_CHANNEL: &str = "MergedPointCloud";
 
-/// Content of a log.
 #[derive(Debug, Default)]
 pub(super) struct Log {
-    /// The file.
     pub(super) path: PathBuf,
-    /// Name of the map.
     pub(super) map_name: String,
     /// Rows of the clock (20 Hz) in order of time.
     pub(super) frames: Vec<Sweep>,
@@ -34,27 +31,23 @@ pub(super) struct Log {
     pub(super) lights: BTreeMap<usize, BTreeMap<i64, LightState>>,
     /// Tags by frame: type, and the agent concerned.
     pub(super) tags: BTreeMap<usize, Vec<(String, Option<Token>)>>,
-    /// Scenes by token.
     pub(super) scenes: BTreeMap<Token, Scene>,
 }
 
 /// A row of `lidar_pc` with the ego's pose.
 #[derive(Debug)]
 pub(super) struct Sweep {
-    /// Token of the row.
     pub(super) token: Token,
     /// Time in microseconds since 1970.
     pub(super) timestamp: i64,
     /// Token of its scene.
     pub(super) scene: Token,
-    /// Pose of the ego.
     pub(super) ego: Ego,
 }
 
 /// A row of `ego_pose`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ego {
-    /// Token of the row.
     pub(super) token: Token,
     /// Rear axle, easting, metres.
     pub(super) x: f64,
@@ -74,9 +67,7 @@ pub(super) struct Ego {
 #[derive(Debug)]
 pub(super) struct BoxRow {
     frame: usize,
-    /// Token of the row.
     pub(super) token: Token,
-    /// Token of its track.
     pub(super) track: Token,
     /// Centre x, y and heading; length and width; velocity along x and y: metres, radians and m/s, map frame.
     pub(super) values: [f64; 7],
@@ -127,7 +118,6 @@ pub(super) struct Scene {
     pub(super) name: String,
     /// Route of the ego: fids of lane groups and lane group connectors.
     pub(super) route: Vec<String>,
-    /// Goal of the ego.
     pub(super) goal: Option<Ego>,
 }
 

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::{Bounds, Polygon, Vec2};
 
-/// A nuPlan map.
 #[derive(Debug, Default)]
 pub(super) struct Map {
     /// EPSG code of the coordinates.
@@ -15,7 +14,6 @@ pub(super) struct Map {
     pub(super) boundaries: BTreeMap<i64, Boundary>,
     /// Stop polygons by fid.
     pub(super) stops: BTreeMap<i64, Stop>,
-    /// Crosswalks.
     pub(super) crosswalks: Vec<Area>,
     /// Junctions.
     pub(super) intersections: Vec<Area>,
@@ -26,7 +24,6 @@ pub(super) struct Map {
 /// A lane or a lane connector.
 #[derive(Debug)]
 pub(super) struct MapLane {
-    /// Whether it is a connector.
     pub(super) is_connector: bool,
     /// Group of parallel lanes (roadblock or roadblock connector).
     pub(super) roadblock: Option<i64>,
@@ -61,7 +58,6 @@ pub(super) struct Boundary {
     pub(super) kind: Option<i64>,
     /// Points, not necessarily in driving direction.
     pub(super) points: Vec<Vec2>,
-    /// Bounding box.
     pub(super) bounds: Bounds,
 }
 
@@ -70,7 +66,6 @@ pub(super) struct Boundary {
 pub(super) struct Stop {
     /// Type: 0 crosswalk, 1 stop sign, 2 traffic light, 3 turn stop, 4 yield, 5 unknown.
     pub(super) kind: Option<i64>,
-    /// Outlines.
     pub(super) polygons: Vec<Polygon>,
     /// Fids of the connectors that stop here, or of the lanes if no connectors are listed.
     pub(super) lanes: Vec<i64>,
@@ -82,9 +77,7 @@ pub(super) struct Area {
     /// Fid in its layer.
     #[cfg_attr(not(test), allow(dead_code, reason = "identifies areas in tests"))]
     pub(super) fid: i64,
-    /// Outlines.
     pub(super) polygons: Vec<Polygon>,
-    /// Bounding box.
     pub(super) bounds: Bounds,
 }
 

@@ -42,7 +42,6 @@ use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, named, 
 use super::frames::{CurrentFrames, LengthChoice};
 use super::list::Input;
 
-/// The nuPlan format.
 pub(super) struct NuPlan {
     /// Logs and folder of maps of a scenario filter, which states neither.
     given: Option<(Vec<PathBuf>, Option<PathBuf>)>,

@@ -100,13 +100,10 @@ impl WindowChoice {
     }
 }
 
-/// Content of a selection.
 pub(super) struct Selection {
-    /// Paths of the logs.
     pub(super) logs: Vec<PathBuf>,
     /// Folder with the list of maps.
     pub(super) maps: Option<PathBuf>,
-    /// Choice of windows.
     pub(super) choice: WindowChoice,
     /// The scenario filter that chose the windows.
     pub(super) filter: Option<PathBuf>,
@@ -114,7 +111,6 @@ pub(super) struct Selection {
     pub(super) absent: Vec<Absent>,
 }
 
-/// Returns whether a file is a selection.
 pub(super) fn is_selection(path: &Path) -> bool {
     head(path, 4096).is_ok_and(|head| {
         head.trim_ascii_start().starts_with(b"{")

@@ -32,7 +32,6 @@ pub(super) struct Database {
     length: u64,
 }
 
-/// Returns whether a file begins like a SQLite file.
 pub(super) fn is_sqlite(path: &Path) -> bool {
     crate::format::head(path, MAGIC.len() as u64).is_ok_and(|head| head == MAGIC)
 }
@@ -78,7 +77,6 @@ impl Database {
         Ok(Self { connection, length })
     }
 
-    /// Returns whether there is a table of this name.
     pub(super) fn has(&self, table: &str) -> Result<bool, Cause> {
         Ok(!self.columns(table)?.is_empty())
     }
@@ -230,7 +228,6 @@ fn refusal(what: &str, error: &rusqlite::Error) -> Cause {
     Cause::schema(what, format!("{found} ({error})"), expected)
 }
 
-/// Cells of one row.
 pub(super) struct Cells<'a> {
     table: &'a str,
     columns: &'a [&'a str],
@@ -287,7 +284,6 @@ impl Cells<'_> {
         }
     }
 
-    /// Returns a required whole number.
     pub(super) fn must_whole(&self, column: usize) -> Result<i64, Cause> {
         self.whole(column)?.ok_or_else(|| self.wrong(column, "a whole number"))
     }
@@ -316,12 +312,10 @@ impl Cells<'_> {
         }
     }
 
-    /// Returns a required token.
     pub(super) fn must_token(&self, column: usize) -> Result<Token, Cause> {
         self.token(column)?.ok_or_else(|| self.wrong(column, "a token of 8 bytes"))
     }
 
-    /// Returns a required blob.
     pub(super) fn blob(&self, column: usize, expected: &str) -> Result<&[u8], Cause> {
         match self.get(column) {
             ValueRef::Blob(b) => Ok(b),

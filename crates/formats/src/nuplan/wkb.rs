@@ -5,7 +5,6 @@ use reactsim_geometry::{Polygon, Vec2};
 /// Geometry of a blob. Rings are closed, as stored.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Geometry {
-    /// A point.
     Point(Vec2),
     /// Lines; several in a multi-line.
     Lines(Vec<Vec<Vec2>>),
@@ -44,7 +43,6 @@ pub(super) fn parse(blob: &[u8], place: &dyn Fn(f64, f64) -> Option<Vec2>) -> Re
     }
 }
 
-/// Reader of a blob.
 struct BlobReader<'a> {
     rest: &'a [u8],
     little: bool,

@@ -14,7 +14,6 @@ pub(super) enum Node {
     Nested,
 }
 
-/// A text.
 #[derive(Debug)]
 pub(super) struct Scalar {
     pub(super) text: String,
@@ -23,7 +22,6 @@ pub(super) struct Scalar {
 }
 
 impl Node {
-    /// Returns the text of a scalar.
     pub(super) fn text(&self) -> Option<&str> {
         if let Self::Scalar(scalar) = self { Some(&scalar.text) } else { None }
     }
@@ -33,7 +31,6 @@ impl Node {
         if let Self::Scalar(Scalar { text, is_plain: true }) = self { Some(text) } else { None }
     }
 
-    /// Returns whether the value is null.
     pub(super) fn is_null(&self) -> bool {
         matches!(self.plain(), Some("" | "~" | "null" | "Null" | "NULL"))
     }

@@ -12,7 +12,6 @@ const ENTRY: usize = 46;
 /// Length in bytes of the header before a part, without its name.
 const HEADER: usize = 30;
 
-/// Returns whether a file is an archive.
 pub(super) fn is_archive(file: &[u8]) -> bool {
     file.starts_with(MAGIC)
 }

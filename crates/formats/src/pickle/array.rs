@@ -58,7 +58,6 @@ impl Dtype {
         Some(Self { kind: Kind::Other, size, big_endian: false })
     }
 
-    /// Returns whether arrays of this type contain numbers.
     pub(super) fn is_number(self) -> bool {
         !matches!(self.kind, Kind::Object | Kind::Other)
     }

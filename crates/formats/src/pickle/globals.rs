@@ -107,7 +107,6 @@ impl Global {
         })
     }
 
-    /// Looks up a name.
     pub(super) fn find(module: &str, name: &str) -> Result<Self, String> {
         // NumPy 2 moved its `core` to `_core`.
         let part = module.strip_prefix("numpy.core.").or_else(|| module.strip_prefix("numpy._core."));

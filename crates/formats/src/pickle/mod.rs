@@ -63,7 +63,6 @@ enum Names {
     Storage,
 }
 
-/// Content of a pickle.
 pub(crate) struct Pickle<'a> {
     file: &'a [u8],
     nodes: Vec<Node>,
@@ -96,7 +95,6 @@ impl<'a> Pickle<'a> {
         Ok(Self { file, nodes, root, budget: Cell::new(EXTRACTION_BUDGET) })
     }
 
-    /// Returns the outermost value.
     pub(crate) fn root(&self) -> View<'_> {
         View::new(self, self.root, String::new())
     }

@@ -156,12 +156,10 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns whether this is a dictionary.
     pub(crate) fn is_dict(&self) -> bool {
         matches!(self.node(), Node::Dict(_))
     }
 
-    /// Returns whether this is Python's None.
     pub(crate) fn is_none(&self) -> bool {
         matches!(self.node(), Node::None)
     }
@@ -199,7 +197,6 @@ impl<'a> View<'a> {
         Ok(found.to_owned())
     }
 
-    /// Returns the number.
     pub(crate) fn number(&self) -> Result<f64, Cause> {
         match self.node() {
             Node::Int(i) => Ok(*i as f64),

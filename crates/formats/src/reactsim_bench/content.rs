@@ -35,7 +35,6 @@ const BESIDE: &[&str] =
 /// Names of the index of the AV among the agents of a file.
 const AV_INDEX: &[&str] = &["av_index", "av_idx", "ego_index", "ego_idx", "sdc_index", "sdc_track_index"];
 
-/// Content of a file.
 #[derive(Debug, Default)]
 pub(super) struct Content {
     /// Tables that may be trajectories.
@@ -57,7 +56,6 @@ pub(super) struct Table {
     pub(super) key: String,
     pub(super) slots: usize,
     pub(super) rows: usize,
-    /// Names of the columns.
     pub(super) names: Vec<String>,
     numbers: Vec<f64>,
 }
@@ -161,7 +159,6 @@ impl Content {
         self.join(inner, &key);
     }
 
-    /// Takes up an array.
     fn found(&mut self, view: &View<'_>, key: &str, name: &str, grids: &[Grid<'_>], scope: &mut Scope) {
         let Some(first) = grids.first() else { return };
         if self.outline.len() < MAX_DESCRIBED {

@@ -24,7 +24,6 @@ const KEYS: &[&str] = &["tracks", "map_features", "dynamic_map_states", "metadat
 /// Index files that accompany the scenarios of a data set.
 const INDEX_FILES: &[&str] = &["dataset_summary.pkl", "dataset_mapping.pkl"];
 
-/// The ScenarioNet format.
 pub(super) struct ScenarioNet;
 
 impl ScenarioFormat for ScenarioNet {

@@ -66,7 +66,6 @@ pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<(u
     Ok((longest.max(values * VALUE_SIZE), sizes))
 }
 
-/// Header of a page.
 struct PageHeader {
     kind: i64,
     /// Decompressed size in bytes.
@@ -75,7 +74,6 @@ struct PageHeader {
     compressed: usize,
     /// Size of the part at the beginning that is never compressed, in bytes.
     plain: usize,
-    /// Number of values.
     values: u64,
     is_compressed: bool,
 }

@@ -127,7 +127,6 @@ impl TableReader {
         if self.key(KIND).is_none() { Ok(()) } else { self.require(kind, version) }
     }
 
-    /// Returns whether there is a column of this name.
     pub(crate) fn has(&self, column: &str) -> bool {
         let fields = self.metadata.parquet_schema().root_schema().get_fields();
         fields.iter().any(|field| field.name() == column)
@@ -165,7 +164,6 @@ impl TableReader {
         passed
     }
 
-    /// Returns the number of rows.
     pub(crate) fn rows(&self) -> usize {
         self.groups.iter().map(|group| group.rows).sum()
     }

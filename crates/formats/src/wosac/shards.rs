@@ -64,7 +64,6 @@ impl Shards {
         Ok(())
     }
 
-    /// Returns whether no file was added.
     pub(super) fn is_empty(&self) -> bool {
         self.names.is_empty()
     }

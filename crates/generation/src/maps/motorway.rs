@@ -16,12 +16,10 @@ use super::plain::enter;
 use super::ranges::{centred, flows, motorway, smallest_radius};
 use crate::{Draw, Layout, RightOfWay};
 
-/// Draws a motorway with an on-ramp.
 pub(super) fn on_ramp(rng: &mut Stream) -> Layout {
     Motorway::draw(rng).layout(rng, true, false)
 }
 
-/// Draws a motorway with an off-ramp.
 pub(super) fn off_ramp(rng: &mut Stream) -> Layout {
     Motorway::draw(rng).layout(rng, false, true)
 }

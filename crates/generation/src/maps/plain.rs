@@ -7,7 +7,6 @@ use super::build::{Direction, MapBuilder, Median, Path, Pavement, Road, RoadLane
 use super::ranges::{centred, flows, motorway, street, winding};
 use crate::{Draw, Layout};
 
-/// Draws a straight road.
 pub(super) fn straight(rng: &mut Stream) -> Layout {
     let (section, _) = any_section(rng);
     let freeway = section.class == LaneClass::Freeway;
@@ -16,7 +15,6 @@ pub(super) fn straight(rng: &mut Stream) -> Layout {
     whole(rng, &Road::new(path, section), "road").finish("straight-road")
 }
 
-/// Draws a winding road.
 pub(super) fn curved(rng: &mut Stream) -> Layout {
     let (section, speed) = any_section(rng);
     let length = if section.class == LaneClass::Freeway { 620.0 } else { 360.0 };

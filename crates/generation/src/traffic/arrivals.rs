@@ -38,7 +38,6 @@ struct Gate {
     waiting: u32,
 }
 
-/// Generator of arriving vehicles.
 pub(super) struct Arrivals {
     gates: Vec<Gate>,
     manner: Manner,

@@ -78,7 +78,6 @@ impl Manner {
 }
 
 impl Driver {
-    /// Returns the driver with a manner.
     pub(super) fn with(mut self, manner: &Manner) -> Self {
         self.haste *= manner.haste;
         self.acceleration *= manner.acceleration;
@@ -122,7 +121,6 @@ impl Driver {
         }
     }
 
-    /// Draws a cyclist.
     pub(super) fn of_bicycle(rng: &mut Stream) -> Self {
         Self {
             haste: 1.0,

@@ -157,7 +157,6 @@ impl Network {
         network
     }
 
-    /// Returns the index of the lane with this id.
     pub(super) fn find(&self, id: &str) -> Option<usize> {
         self.index.get(id).copied()
     }

@@ -29,7 +29,6 @@ pub(super) struct LaneOccupancy {
 }
 
 impl LaneOccupancy {
-    /// Fills the lists.
     pub(super) fn update(&mut self, network: &Network, vehicles: &[Vehicle]) {
         self.on.resize(network.lanes.len(), Vec::new());
         self.approaching.resize(network.lanes.len(), Vec::new());

@@ -44,7 +44,6 @@ pub(super) struct World<'a> {
     rng: Stream,
 }
 
-/// Decision of one driver.
 struct Decision {
     acceleration: f64,
     held_before: Option<usize>,

@@ -31,7 +31,6 @@ const HORIZON: f64 = 10.0;
 /// Rounding of the corners in the metrics.
 const ROUNDING: f64 = 0.7;
 
-/// A box.
 #[derive(Clone, Copy, Debug)]
 struct Rectangle {
     x: f64,

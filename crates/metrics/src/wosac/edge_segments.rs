@@ -46,7 +46,6 @@ pub(super) struct Scratch {
 }
 
 impl EdgeSegments {
-    /// Returns the number of segments.
     pub(super) fn len(&self) -> usize {
         self.index.len()
     }

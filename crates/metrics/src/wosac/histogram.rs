@@ -30,7 +30,6 @@ impl Edges {
         }
     }
 
-    /// Returns the number of bins.
     pub(super) fn bins(&self) -> usize {
         self.inner.len() + 1
     }

@@ -10,7 +10,6 @@ use super::error::WosacError;
 /// The simulated objects in the order of the metrics: the evaluated ones by id, then the others in file
 /// order.
 pub(super) struct Objects<'a> {
-    /// The tracks.
     pub(super) tracks: Vec<&'a WosacTrack>,
     /// Number of evaluated objects, which are the first ones.
     pub(super) evaluated: usize,
@@ -97,7 +96,6 @@ pub(super) struct Future<'a> {
 }
 
 impl<'a> Motion<'a> {
-    /// Returns the tracks of all objects.
     pub(super) fn tracks(&self) -> &[&'a WosacTrack] {
         &self.tracks
     }

@@ -24,7 +24,6 @@ pub(super) struct RoadEdges {
     pub(super) arrays: EdgeSegments,
 }
 
-/// A segment of a road edge.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     /// Start in the plane, metres.

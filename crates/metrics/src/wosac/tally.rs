@@ -15,7 +15,6 @@ pub(super) const EVENTS: [Feature; 3] =
 /// Counts over rollouts of one scenario, for all configurations at once.
 #[derive(Clone)]
 pub(super) struct Tally {
-    /// Number of rollouts.
     pub(super) rollouts: usize,
     /// The different histograms of the configurations.
     pub(super) histograms: Vec<Histograms>,
@@ -52,7 +51,6 @@ impl Histograms {
         }
     }
 
-    /// Returns the counts of an object.
     pub(super) fn counts(&self, object: usize) -> &[u32] {
         let bins = self.edges.bins();
         &self.counts[object * bins..(object + 1) * bins]

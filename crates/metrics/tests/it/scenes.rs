@@ -148,7 +148,6 @@ fn track(dice: &mut Dice) -> Vec<Frame> {
     frames
 }
 
-/// Returns a random scene.
 pub(super) fn random(seed: u64) -> Scene {
     let mut dice = Dice::new(seed);
     let map = map(&mut dice);

@@ -17,7 +17,6 @@ pub(super) struct Place {
     pub(super) lane: usize,
     /// Its box there.
     pub(super) footprint: OrientedBox,
-    /// Path of the lane.
     pub(super) path: Path,
     /// Arc length along the centre line, metres.
     pub(super) progress: f64,

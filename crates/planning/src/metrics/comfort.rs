@@ -79,7 +79,6 @@ impl Comfort {
 /// The filters of the metric for one number of samples.
 #[derive(Clone, Debug)]
 pub(super) struct ComfortFilters {
-    /// Number of samples.
     pub(super) samples: usize,
     acceleration: PreparedFilter,
     jerk: PreparedFilter,
@@ -88,7 +87,6 @@ pub(super) struct ComfortFilters {
 }
 
 impl ComfortFilters {
-    /// Prepares the filters for this number of samples.
     pub(super) fn new(samples: usize) -> Self {
         let prepared = |filter: SavitzkyGolay| filter.prepare(samples, STEP);
         Self {

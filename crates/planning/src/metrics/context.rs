@@ -44,12 +44,10 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Returns the number of samples.
     pub(super) fn samples(&self) -> usize {
         self.centers.len()
     }
 
-    /// Returns whether the map has lanes.
     pub(super) fn has_lanes(&self) -> bool {
         self.in_common_lane.is_some()
     }

@@ -32,7 +32,6 @@ pub(super) enum ObstacleId {
     RedConnector(usize),
 }
 
-/// Kind of an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ObstacleKind {
     /// Vehicle, pedestrian or bicycle.
@@ -92,7 +91,6 @@ impl Obstacle {
         }
     }
 
-    /// Returns whether the obstacle stays where it is.
     pub(super) fn is_standing(&self) -> bool {
         self.drift == Vec2::zeros()
     }

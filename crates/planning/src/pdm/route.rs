@@ -182,7 +182,6 @@ fn area(polygons: &[Polygon]) -> f64 {
     polygons.iter().map(of).sum()
 }
 
-/// The direction of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Direction {
     Forward,

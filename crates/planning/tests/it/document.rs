@@ -10,7 +10,6 @@ use reactsim_planning::map::{
 use reactsim_planning::{EgoShape, EgoState, ObjectId, ObjectKind, PlanningMap, TrackedObject};
 use serde_json::Value;
 
-/// A golden document.
 pub(crate) struct Document {
     pub(crate) name: String,
     pub(crate) shape: EgoShape,

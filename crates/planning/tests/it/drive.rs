@@ -51,7 +51,6 @@ fn lane(
     (lane, rectangle([x[0].min(x[1]), x[0].max(x[1])], [y - 1.75, y + 1.75]))
 }
 
-/// Returns the parts of the road.
 pub(crate) fn parts() -> PlanningMapParts {
     let (road, connector) = (LaneKind::Lane, LaneKind::Connector);
     let mut lanes = vec![
@@ -117,7 +116,6 @@ impl Drive {
         self.with_history(|history| judge(history).unwrap())
     }
 
-    /// Calls `use_history` with the history.
     pub(crate) fn with_history<T>(self, use_history: impl FnOnce(&History<'_>) -> T) -> T {
         let map = PlanningMap::new(self.map).unwrap();
         use_history(&History {

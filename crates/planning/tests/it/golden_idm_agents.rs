@@ -10,7 +10,6 @@ use reactsim_planning::{EgoState, PlanningMap, TrackedObject};
 use crate::document::states;
 use crate::part::{Largest, Part, documents};
 
-/// Tolerance of every real number.
 const TOLERANCE: f64 = 1e-9;
 
 #[test]

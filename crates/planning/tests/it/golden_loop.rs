@@ -134,7 +134,6 @@ fn ties(document: &Part, is_pdm: bool) -> Vec<Vec<f64>> {
     }
 }
 
-/// Compares the states of ego.
 fn compare_states(samples: &[Sample], expected: &[EgoState], largest: &mut Largest) {
     assert_eq!(samples.len(), expected.len());
     let values = |state: &EgoState| {

@@ -127,7 +127,6 @@ fn compare_scores(cycle: &Cycle, expected: &Part, largest: &mut Largest) {
     }
 }
 
-/// Compares series of states.
 fn compare_states(states: &[EgoState], expected: &Part, names: &[&str], largest: &mut Largest) {
     for name in names {
         let values = expected.numbers(name);

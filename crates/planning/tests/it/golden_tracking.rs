@@ -7,7 +7,6 @@ use reactsim_planning::{EgoShape, EgoState, Trajectory};
 
 use crate::part::{Largest, Part, documents};
 
-/// Tolerance of every number.
 const TOLERANCE: f64 = 1e-9;
 
 #[test]

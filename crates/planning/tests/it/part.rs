@@ -40,7 +40,6 @@ impl Part {
         &self.place
     }
 
-    /// Returns the part with this key.
     #[track_caller]
     pub(crate) fn at(&self, key: &str) -> Self {
         let place = format!("{}.{key}", self.place);
@@ -54,17 +53,14 @@ impl Part {
         self.at(key).value
     }
 
-    /// Returns whether there is a part with this key.
     pub(crate) fn has(&self, key: &str) -> bool {
         self.value.get(key).is_some()
     }
 
-    /// Returns this part as a document.
     pub(crate) fn document(&self) -> document::Document {
         document::Document::new(&self.value)
     }
 
-    /// Returns the elements of a list.
     #[track_caller]
     pub(crate) fn list(&self) -> Vec<Self> {
         let values = self.value.as_array().unwrap_or_else(|| panic!("{} is no list", self.place));
@@ -139,7 +135,6 @@ impl Part {
         document::objects_at(&self.value["tracks"], sample)
     }
 
-    /// Returns the shape of ego.
     pub(crate) fn shape(&self) -> EgoShape {
         document::shape(&self.value["vehicle"])
     }
@@ -162,7 +157,6 @@ impl Part {
         .unwrap()
     }
 
-    /// Returns the route.
     #[track_caller]
     pub(crate) fn route(&self, map: &PlanningMap) -> Route {
         Route::new(map, self.texts("route_roadblocks").iter().map(String::as_str)).unwrap()
@@ -209,7 +203,6 @@ impl Part {
         AgentRoads::new(map, &signalled, lines)
     }
 
-    /// Returns the parameters of agents.
     pub(crate) fn agent_parameters(&self) -> Parameters {
         let config = self.at("config");
         Parameters {
@@ -223,7 +216,6 @@ impl Part {
         }
     }
 
-    /// Returns the number of elements of a list.
     #[track_caller]
     pub(crate) fn len(&self) -> usize {
         self.value.as_array().unwrap_or_else(|| panic!("{} is no list", self.place)).len()

@@ -11,7 +11,6 @@ const MAX_COPIED_ENTRIES: usize = 1_000_000;
 const MAX_ENCODED_BYTES: usize = 1 << 26;
 
 impl Machine<'_> {
-    /// Calls a name with arguments.
     pub(super) fn call(&mut self, callee: Id, arguments: Id) -> Result<Node, String> {
         let callee = match self.node(callee) {
             Node::Global(callee) => *callee,

@@ -20,7 +20,6 @@ pub(super) struct Junction {
     pub(super) crosswalks: [bool; 4],
 }
 
-/// Turn of a movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Turn {
     Through,

@@ -63,7 +63,6 @@ impl Region {
         self.items[items].iter().map(|&i| &self.edges[i as usize])
     }
 
-    /// Whether a point is inside.
     pub(super) fn contains(&self, p: Vec2) -> bool {
         if !self.bounds.contains(p) {
             return false;

@@ -128,7 +128,6 @@ impl<'a> Survey<'a> {
         survey
     }
 
-    /// Returns the lane with this id.
     pub(super) fn find(&self, id: &str) -> Option<usize> {
         self.index.get(id).copied()
     }

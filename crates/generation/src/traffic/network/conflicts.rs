@@ -41,7 +41,6 @@ pub(crate) struct Conflict {
     pub(crate) duty: Duty,
 }
 
-/// Finds all conflicts of a network.
 pub(super) fn find(network: &mut Network, layout: &Layout) {
     let bounds: Vec<Bounds> = network
         .lanes

@@ -41,7 +41,6 @@ const MAX_TRIES: usize = 8;
 /// Mean time until a missing person is replaced, seconds.
 const RENEWAL_TIME: f64 = 12.0;
 
-/// Draws a crowd.
 pub(super) fn crowd(layout: &Layout, density: f64, rng: &mut Stream) -> Crowd {
     let network = Network::new(layout);
     let crossings: Vec<Crossing> = network

@@ -32,7 +32,6 @@ const DETOUR_TIME: f64 = 0.8;
 /// Share of a wander value that is left after one second.
 const WANDER_RETENTION: f64 = 0.8;
 
-/// Current activity of a pedestrian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Activity {
     /// Walks to the goal.
@@ -41,7 +40,6 @@ pub(super) enum Activity {
     Standing(f64),
 }
 
-/// A pedestrian.
 #[derive(Clone, Debug)]
 pub(super) struct Walker {
     pub(super) id: u64,
@@ -59,7 +57,6 @@ pub(super) struct Walker {
     /// Preferred lateral position: -1 for the right edge in walking direction, 1 for the left edge.
     pub(super) side: f64,
     pub(super) activity: Activity,
-    /// Index of the stretch.
     pub(super) stretch: usize,
     /// Segment of the stretch's line.
     pub(super) segment: usize,
@@ -79,7 +76,6 @@ pub(super) struct Walker {
     stuck: f64,
     /// Side on which the pedestrian tries to get round: +1 left, -1 right.
     detour: f64,
-    /// Number of the group.
     pub(super) group: u64,
     /// Place in the group, 0 for the leading member.
     pub(super) rank: usize,
@@ -195,7 +191,6 @@ impl Walker {
         if self.stuck > DETOUR_TIME { towards * 0.4 + left(towards) * (0.9 * self.detour) } else { towards }
     }
 
-    /// Returns the random stream of this person.
     pub(super) fn rng(&mut self) -> &mut Stream {
         &mut self.rng
     }
