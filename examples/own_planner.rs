@@ -9,8 +9,8 @@
 
 use reactsim::Benchmark;
 use reactsim::geometry::{direction, left};
-use reactsim::planning::Trajectory;
-use reactsim::planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim::planning::planner::{Planner, PlannerInput};
+use reactsim::planning::{PlanningError, Trajectory};
 use reactsim::scene::DT;
 
 /// Keeps the heading, and brakes as soon as an object is ahead within a time headway.
@@ -20,7 +20,7 @@ struct Careful {
 }
 
 impl Planner for Careful {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
         let (ego, center) = (input.ego(), input.ego().center(input.shape));
         let forward = direction(ego.heading);
         let range = input.shape.length + self.headway * ego.speed();

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use reactsim_geometry::{OrientedBox, Vec2, heading_of, wrap};
-use reactsim_planning::from_scene::{ObjectIds, SceneMapError, SceneRoads, ego_state_now, kind_of};
+use reactsim_planning::from_scene::{ObjectIds, SceneRoads, ego_state_now, kind_of};
 use reactsim_planning::idm_agents::{IdmAgents, Parameters, SeenEgo, Step};
 use reactsim_planning::planner::Light;
-use reactsim_planning::{EgoShape, ObjectKind, TrackedObject};
+use reactsim_planning::{EgoShape, ObjectKind, PlanningError, TrackedObject};
 use reactsim_rollout::{Observation, PlanError, Planning};
 use reactsim_scene::{AgentKind, AgentState, DT, Frame, Start};
 
@@ -18,7 +18,7 @@ const RECENT: usize = 3;
 /// State of the model in an episode.
 #[derive(Clone, Debug)]
 pub struct Traffic {
-    roads: Result<SceneRoads, SceneMapError>,
+    roads: Result<SceneRoads, PlanningError>,
     ids: ObjectIds,
     /// Reactive vehicles; `None` before the first plan.
     vehicles: Option<IdmAgents>,

@@ -12,7 +12,8 @@ use reactsim_baseline::weights::{PLANNER, shipped};
 use reactsim_external::{self as external, EpisodeNames, ExternalPlanner};
 use reactsim_models::diffusion_planner::PlannerPolicy;
 use reactsim_nn::{Backend, device};
-use reactsim_planning::av::{PlannerAv, PlannerAvError};
+use reactsim_planning::PlanningError;
+use reactsim_planning::av::PlannerAv;
 use reactsim_planning::planner::Planner;
 use reactsim_rollout::{Av, Controller, Purpose, SimulatedAv, Simulator, stream};
 use reactsim_scene::Scenario;
@@ -153,14 +154,14 @@ impl Driver {
     /// program that a tracker follows.
     ///
     /// # Errors
-    /// [`PlannerAvError`] if a planner cannot drive in the scenario.
+    /// [`PlanningError`] if a planner cannot drive in the scenario.
     pub(super) fn av(
         &self,
         scenario: &Scenario,
         planned: &PlannedAv,
         seed: u64,
         given: &Arc<GivenPlans>,
-    ) -> Result<Arc<dyn Av>, PlannerAvError> {
+    ) -> Result<Arc<dyn Av>, PlanningError> {
         let &PlannedAv { controller, every, .. } = planned;
         let given = Arc::clone(given);
         Ok(match &self.kind {

@@ -13,7 +13,8 @@ use reactsim_formats::{
 };
 use reactsim_metrics::{Metrics, Options};
 use reactsim_nn::cpu_class;
-use reactsim_planning::av::{PlannerAv, PlannerAvError};
+use reactsim_planning::PlanningError;
+use reactsim_planning::av::PlannerAv;
 use reactsim_planning::from_scene::{ego_shape, planning_map};
 use reactsim_rollout::{Av, AvError, DeviatedAv, LogAv, Protocol, ScriptedAv};
 use reactsim_scene::{DeviatedTrack, Frame, Scenario};
@@ -145,7 +146,7 @@ pub enum NoAv {
     Refused(#[from] AvError),
     /// The planner cannot drive in the scenario.
     #[error(transparent)]
-    Planner(#[from] PlannerAvError),
+    Planner(#[from] PlanningError),
     /// The planner that the AV policy names was not given.
     #[error("there is no planner `{0}`")]
     NoDriver(String),
@@ -301,7 +302,7 @@ impl Plan {
             AvChoice::Scripted(script) => undeviated(Arc::new(ScriptedAv::new(scenario, *script)?)),
             AvChoice::Planned(PlannedAv { driver: AvDriver::Log, .. }) => {
                 // The log needs no map, but the metrics do.
-                ego_shape(scenario).and_then(|_| planning_map(scenario)).map_err(PlannerAvError::from)?;
+                ego_shape(scenario).and_then(|_| planning_map(scenario))?;
                 undeviated(Arc::new(LogAv::new(scenario)?))
             }
             AvChoice::Planned(PlannedAv { driver: AvDriver::Planner(planner), controller, every }) => {

@@ -5,22 +5,21 @@
 
 mod choice;
 
-use std::error::Error;
 use std::fmt;
 
 use reactsim_geometry::{direction, left};
 use reactsim_rollout::{Av, AvError, AvPolicy, MAX_STEP_DISPLACEMENT, Observation, Replan};
 use reactsim_scene::{AgentState, Scenario, Start};
 
-use crate::closed_loop::{ClosedLoopError, Episode, Now};
+use crate::closed_loop::{Episode, Now, no_history};
 use crate::from_scene::{
-    Differences, LightLanes, ObjectFrame, ObjectIds, SceneHistoryError, ego_shape, ego_states_until_now,
-    logged_route, planning_map,
+    Differences, LightLanes, ObjectFrame, ObjectIds, ego_shape, ego_states_until_now, logged_route,
+    planning_map,
 };
 use crate::planner::{History, Light, Planner, Route, Sample};
 use crate::tracking::Controller;
 use crate::trajectory::Trajectory;
-use crate::{EgoShape, EgoState, PlanningMap};
+use crate::{EgoShape, EgoState, PlanningError, PlanningMap};
 
 pub use choice::PlannerChoice;
 
@@ -50,48 +49,25 @@ pub struct PlannerAv {
     lights: LightLanes,
 }
 
-/// Reason why a planner cannot drive the AV of a scenario.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlannerAvError {
-    /// The map or the box of the AV cannot be used.
-    #[error(transparent)]
-    Scene(#[from] SceneHistoryError),
-    /// The scenario has no lanes.
-    #[error(
-        "scenario `{scenario}`: the map has no lanes for motor vehicles, so there is no route for a planner; \
-         choose an AV that needs no lanes, such as `constant-velocity`"
-    )]
-    NoRoute {
-        /// Id of the scenario.
-        scenario: String,
-    },
-    /// The planner does not plan the velocities that the controller needs.
-    #[error(
-        "planner `{planner}` returns poses without velocities, which perfect tracking cannot follow; choose \
-         the LQR tracker with the bicycle"
-    )]
-    PosesOnly {
-        /// Id of the planner.
-        planner: &'static str,
-    },
-}
-
 impl PlannerAv {
     /// Creates the AV of a scenario. `plan_every`: number of steps between plans; trajectories are kept in
     /// between.
     ///
     /// # Errors
-    /// [`PlannerAvError`] if the map has no lanes or an outline without area, the AV has no box, or the
+    /// [`PlanningError`] if the map has no lanes or an outline without area, the AV has no box, or the
     /// controller cannot follow the planner.
     pub fn new(
         scenario: &Scenario,
         planner: PlannerChoice,
         controller: Controller,
         plan_every: Replan,
-    ) -> Result<Self, PlannerAvError> {
+    ) -> Result<Self, PlanningError> {
         if controller == Controller::PerfectTracking && planner.plans_poses_only() {
-            return Err(PlannerAvError::PosesOnly { planner: planner.id() });
+            return Err(PlanningError(format!(
+                "planner `{}` returns poses without velocities, which perfect tracking cannot follow; choose \
+                 the LQR tracker with the bicycle",
+                planner.id()
+            )));
         }
         Self::with_planner(scenario, move |_| planner.new_planner(), controller, plan_every)
     }
@@ -106,9 +82,15 @@ impl PlannerAv {
         new_planner: impl Fn(u32) -> Box<dyn Planner> + Send + Sync + 'static,
         controller: Controller,
         plan_every: Replan,
-    ) -> Result<Self, PlannerAvError> {
+    ) -> Result<Self, PlanningError> {
         let (shape, map) = (ego_shape(scenario)?, planning_map(scenario)?);
-        let no_route = || PlannerAvError::NoRoute { scenario: scenario.id.clone() };
+        let no_route = || {
+            PlanningError(format!(
+                "scenario `{}`: the map has no lanes for motor vehicles, so there is no route for a planner; \
+                 choose an AV that needs no lanes, such as `constant-velocity`",
+                scenario.id
+            ))
+        };
         Ok(Self {
             scenario: scenario.id.clone(),
             new_planner: Box::new(new_planner),
@@ -190,7 +172,8 @@ impl AvPolicy for PlannerPolicy<'_> {
             )));
         }
         self.observe(seen);
-        let next = self.advance(&self.av.lights.now(seen), seen).map_err(|error| failed(reason(&error)))?;
+        let next =
+            self.advance(&self.av.lights.now(seen), seen).map_err(|error| failed(error.to_string()))?;
         let state = state_of_box(&next, &self.av.shape);
         let metres = seen.state(AV).map_or(0.0, |now| (state.position() - now.position()).norm());
         if metres > MAX_STEP_DISPLACEMENT {
@@ -237,7 +220,7 @@ impl PlannerPolicy<'_> {
     }
 
     /// Returns the next state of ego.
-    fn advance(&mut self, lights: &[Light], seen: &Observation<'_>) -> Result<EgoState, ClosedLoopError> {
+    fn advance(&mut self, lights: &[Light], seen: &Observation<'_>) -> Result<EgoState, PlanningError> {
         let av = self.av;
         let episode = Episode {
             map: &av.map,
@@ -250,7 +233,7 @@ impl PlannerPolicy<'_> {
         let (iteration, samples) = (self.iteration, self.samples.as_slice());
         let now = Now { iteration, samples, lights, seen: Some(*seen) };
         let trajectory = episode.trajectory(&now, self.planner.as_mut(), self.trajectory.as_ref())?;
-        let ego = self.samples.last().ok_or(ClosedLoopError::NoHistory)?.ego;
+        let ego = self.samples.last().ok_or_else(no_history)?.ego;
         let next = episode.next_ego(iteration, START_TIME, &ego, &trajectory)?;
         self.trajectory = Some(trajectory);
         Ok(next)
@@ -275,17 +258,6 @@ pub fn state_of_box(ego: &EgoState, shape: &EgoShape) -> AgentState {
     let sideways = ego.vy + ego.yaw_rate * shape.rear_axle_to_center;
     let velocity = ahead * ego.vx + left(ahead) * sideways;
     AgentState { x: center.x, y: center.y, heading: ego.heading, vx: velocity.x, vy: velocity.y }
-}
-
-/// Returns the causes of an error, joined. Its own text repeats the step.
-fn reason(error: &ClosedLoopError) -> String {
-    let mut texts: Vec<String> = Vec::new();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        texts.push(error.to_string());
-        cause = error.source();
-    }
-    if texts.is_empty() { error.to_string() } else { texts.join(": ") }
 }
 
 #[cfg(test)]

@@ -7,10 +7,10 @@
 
 use reactsim_rollout::Observation;
 
-use crate::planner::{History, Light, Planner, PlannerError, PlannerInput, Route, Sample};
-use crate::tracking::{Controller, ControllerError};
-use crate::trajectory::{STEP, Trajectory, TrajectoryError, validate};
-use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+use crate::planner::{History, Light, Planner, PlannerInput, Route, Sample};
+use crate::tracking::Controller;
+use crate::trajectory::{STEP, Trajectory, validate};
+use crate::{EgoShape, EgoState, PlanningError, PlanningMap, TrackedObject};
 
 /// Objects and traffic lights around ego at one iteration.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,25 +29,8 @@ pub trait Traffic: Send {
     /// Iterations are consecutive.
     ///
     /// # Errors
-    /// [`TrafficError`] if there are no surroundings at this iteration. The episode is then over.
-    fn advance(&mut self, iteration: usize, ego: &EgoState) -> Result<Surroundings, TrafficError>;
-}
-
-/// The reason why traffic has no surroundings.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TrafficError {
-    /// The recording is too short.
-    #[error("recording has {samples} samples and none of iteration {iteration}; simulate fewer steps")]
-    RecordingEnded {
-        /// Number of samples.
-        samples: usize,
-        /// Iteration.
-        iteration: usize,
-    },
-    /// A simulator failed.
-    #[error("simulator of the traffic failed")]
-    Simulator(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// [`PlanningError`] if there are no surroundings at this iteration. The episode is then over.
+    fn advance(&mut self, iteration: usize, ego: &EgoState) -> Result<Surroundings, PlanningError>;
 }
 
 /// Recorded traffic, which does not react to ego.
@@ -64,8 +47,13 @@ impl Replay {
 }
 
 impl Traffic for Replay {
-    fn advance(&mut self, iteration: usize, _: &EgoState) -> Result<Surroundings, TrafficError> {
-        let ended = || TrafficError::RecordingEnded { samples: self.samples.len(), iteration };
+    fn advance(&mut self, iteration: usize, _: &EgoState) -> Result<Surroundings, PlanningError> {
+        let ended = || {
+            let samples = self.samples.len();
+            PlanningError(format!(
+                "recording has {samples} samples and none of iteration {iteration}; simulate fewer steps"
+            ))
+        };
         self.samples.get(iteration).cloned().ok_or_else(ended)
     }
 }
@@ -119,77 +107,32 @@ pub struct Drive {
     pub trajectories: Vec<Trajectory>,
 }
 
-/// The reason why an episode was not finished.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ClosedLoopError {
-    /// The history is empty.
-    #[error("history has no samples; an episode begins with the present sample")]
-    NoHistory,
-    /// Trajectories are never planned.
-    #[error("replan interval is 0 steps; it must be at least 1")]
-    NoReplanning,
-    /// The planner failed.
-    #[error("iteration {iteration}: planner has no trajectory")]
-    Planner {
-        /// Iteration.
-        iteration: usize,
-        /// Reason.
-        source: PlannerError,
-    },
-    /// The trajectory cannot be followed.
-    #[error("iteration {iteration}: trajectory cannot be followed")]
-    Trajectory {
-        /// Iteration.
-        iteration: usize,
-        /// Reason.
-        source: TrajectoryError,
-    },
-    /// The controller failed.
-    #[error("iteration {iteration}: controller has no next state")]
-    Controller {
-        /// Iteration.
-        iteration: usize,
-        /// Reason.
-        source: ControllerError,
-    },
-    /// The traffic failed.
-    #[error("iteration {iteration}: traffic has no surroundings")]
-    Traffic {
-        /// Iteration.
-        iteration: usize,
-        /// Reason.
-        source: TrafficError,
-    },
-}
-
 impl Episode<'_> {
     /// Runs a planner, which must be new, from `start`.
     ///
     /// # Errors
-    /// [`ClosedLoopError`] if the planner, the controller or the traffic fails.
+    /// [`PlanningError`] if the planner, the controller or the traffic fails.
     pub fn run(
         &self,
         start: EpisodeStart,
         planner: &mut dyn Planner,
         traffic: &mut dyn Traffic,
-    ) -> Result<Drive, ClosedLoopError> {
+    ) -> Result<Drive, PlanningError> {
         if self.replan_interval == 0 {
-            return Err(ClosedLoopError::NoReplanning);
+            return Err(PlanningError("replan interval is 0 steps; it must be at least 1".to_owned()));
         }
         let EpisodeStart { history: mut samples, mut lights } = start;
-        let first = samples.len().checked_sub(1).ok_or(ClosedLoopError::NoHistory)?;
+        let first = samples.len().checked_sub(1).ok_or_else(no_history)?;
         let start_time = samples[first].ego.time;
         let mut trajectories: Vec<Trajectory> = Vec::with_capacity(self.steps);
         for iteration in 0..self.steps {
             let (now, before) =
                 (Now { iteration, samples: &samples, lights: &lights, seen: None }, trajectories.last());
-            let trajectory = self.trajectory(&now, planner, before)?;
+            let at = |error| PlanningError(format!("iteration {iteration}: {error}"));
+            let trajectory = self.trajectory(&now, planner, before).map_err(at)?;
             let ego = samples[first + iteration].ego;
-            let next = self.next_ego(iteration, start_time, &ego, &trajectory)?;
-            let surroundings = traffic.advance(iteration + 1, &ego);
-            let surroundings =
-                surroundings.map_err(|source| ClosedLoopError::Traffic { iteration, source })?;
+            let next = self.next_ego(iteration, start_time, &ego, &trajectory).map_err(at)?;
+            let surroundings = traffic.advance(iteration + 1, &ego).map_err(at)?;
             samples.push(Sample { ego: next, objects: surroundings.objects });
             lights = surroundings.lights;
             trajectories.push(trajectory);
@@ -205,9 +148,8 @@ impl Episode<'_> {
         start_time: f64,
         ego: &EgoState,
         trajectory: &Trajectory,
-    ) -> Result<EgoState, ClosedLoopError> {
-        let next = self.controller.advance(ego, self.shape, trajectory);
-        let next = next.map_err(|source| ClosedLoopError::Controller { iteration, source })?;
+    ) -> Result<EgoState, PlanningError> {
+        let next = self.controller.advance(ego, self.shape, trajectory)?;
         Ok(EgoState { time: start_time + STEP * (iteration + 1) as f64, ..next })
     }
 
@@ -217,22 +159,25 @@ impl Episode<'_> {
         now: &Now<'_>,
         planner: &mut dyn Planner,
         before: Option<&Trajectory>,
-    ) -> Result<Trajectory, ClosedLoopError> {
+    ) -> Result<Trajectory, PlanningError> {
         let Now { iteration, samples, lights, seen } = *now;
-        let history = History::new(samples).ok_or(ClosedLoopError::NoHistory)?;
+        let history = History::new(samples).ok_or_else(no_history)?;
         let kept = before.filter(|_| !iteration.is_multiple_of(self.replan_interval));
         let trajectory = match kept {
             Some(trajectory) => trajectory.clone(),
             None => {
                 let (map, route, shape) = (self.map, self.route, self.shape);
                 let input = PlannerInput { iteration, history, lights, route, map, shape, seen };
-                planner.plan(&input).map_err(|source| ClosedLoopError::Planner { iteration, source })?
+                planner.plan(&input)?
             }
         };
-        validate(trajectory.states(), &history.present().ego)
-            .map_err(|source| ClosedLoopError::Trajectory { iteration, source })?;
+        validate(trajectory.states(), &history.present().ego).map_err(|e| PlanningError(e.to_string()))?;
         Ok(trajectory)
     }
+}
+
+pub(crate) fn no_history() -> PlanningError {
+    PlanningError("history has no samples; an episode begins with the present sample".to_owned())
 }
 
 #[cfg(test)]
@@ -249,7 +194,7 @@ mod tests {
     }
 
     impl Planner for Straight {
-        fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+        fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
             self.plans.push(input.iteration);
             let ego = input.ego();
             let state = |step: usize| {
@@ -260,7 +205,7 @@ mod tests {
         }
     }
 
-    fn run(planner: &mut Straight, steps: usize, replan_interval: usize) -> Result<Drive, ClosedLoopError> {
+    fn run(planner: &mut Straight, steps: usize, replan_interval: usize) -> Result<Drive, PlanningError> {
         let map = straight_road(None);
         let route = Route::new(&map, ["block"]).unwrap();
         let episode = Episode {
@@ -307,11 +252,14 @@ mod tests {
 
     #[test]
     fn failures_name_their_iteration() {
-        let short = run(&mut Straight { plans: Vec::new(), horizon: 4 }, 20, 6).unwrap_err();
-        assert!(matches!(short, ClosedLoopError::Trajectory { iteration: 4, .. }), "{short:?}");
-        let ended = run(&mut Straight { plans: Vec::new(), horizon: 4 }, 21, 1).unwrap_err();
-        assert!(matches!(ended, ClosedLoopError::Traffic { iteration: 20, .. }), "{ended:?}");
-        let never = run(&mut Straight { plans: Vec::new(), horizon: 4 }, 1, 0).unwrap_err();
-        assert!(matches!(never, ClosedLoopError::NoReplanning));
+        for (steps, replan_interval, expected) in [
+            (20, 6, "iteration 4: trajectory is from"),
+            (21, 1, "iteration 20: recording has 21 samples"),
+            (1, 0, "replan interval is 0 steps"),
+        ] {
+            let mut planner = Straight { plans: Vec::new(), horizon: 4 };
+            let error = run(&mut planner, steps, replan_interval).unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{error}");
+        }
     }
 }

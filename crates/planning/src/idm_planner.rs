@@ -9,11 +9,11 @@ use reactsim_geometry::{OrientedBox, direction, math};
 
 use crate::idm_model::IdmModel;
 use crate::path::{Path, baseline_states, kept_states};
-use crate::planner::{Planner, PlannerError, PlannerInput};
+use crate::planner::{Planner, PlannerInput, no_lanes, no_path, not_started};
 use crate::search::{Layer, path_to};
 use crate::shapes::Shape;
 use crate::trajectory::{Pose, Trajectory};
-use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningError, PlanningMap, TrackedObject};
 
 /// Speed aimed at where the lane has no limit, m/s (nuPlan devkit 1.2.2, `target_velocity`).
 const FALLBACK_SPEED: f64 = 10.0;
@@ -75,14 +75,14 @@ impl IdmPlanner {
 }
 
 impl Planner for IdmPlanner {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
         if self.plan.is_none() {
             if input.iteration != 0 {
-                return Err(PlannerError::NotStarted(input.iteration));
+                return Err(not_started(input));
             }
             self.plan = Some(RoutePlan::find(input)?);
         }
-        let Some(plan) = &self.plan else { return Err(PlannerError::NotStarted(input.iteration)) };
+        let Some(plan) = &self.plan else { return Err(not_started(input)) };
         Ok(Trajectory::new(plan.states(input), input.ego())?)
     }
 }
@@ -90,15 +90,15 @@ impl Planner for IdmPlanner {
 impl RoutePlan {
     /// Finds the path and the speed that is aimed at: the limit of the first lane, or the present speed
     /// if that is larger.
-    fn find(input: &PlannerInput<'_>) -> Result<Self, PlannerError> {
+    fn find(input: &PlannerInput<'_>) -> Result<Self, PlanningError> {
         let (map, blocks) = (input.map, input.route.roadblocks());
         let on_route: BTreeSet<usize> =
             blocks.iter().flat_map(|&block| map.lanes_of_roadblock(block)).copied().collect();
-        let start = starting_lane(input).ok_or(PlannerError::NoLanes(blocks.len()))?;
+        let start = starting_lane(input).ok_or_else(|| no_lanes(blocks.len()))?;
         let lanes = lane_sequence(map, start, blocks, &on_route);
         let states: Vec<Pose> =
             lanes.iter().flat_map(|&lane| baseline_states(&map.lane(lane).baseline)).collect();
-        let no_path = || PlannerError::NoPath(map.lane(start).id.clone());
+        let no_path = || no_path(map, start);
         let path = Path::new(kept_states(&states)).ok_or_else(no_path)?;
         let line = Path::new(states).ok_or_else(no_path)?;
         let limit = map.lane(start).speed_limit.filter(|&limit| limit > 0.0).unwrap_or(FALLBACK_SPEED);

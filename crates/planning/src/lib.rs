@@ -38,3 +38,8 @@ pub use objects::{ObjectGroup, ObjectId, ObjectKind, TrackedObject};
 pub use path::Path;
 pub use state::{EgoShape, EgoState};
 pub use trajectory::{MAX_SPEED, MAX_START_DISTANCE, Pose, STEP, Trajectory, TrajectoryError, validate};
+
+/// The reason why a map, a history or a plan cannot be used, with its place and a remedy.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct PlanningError(pub String);

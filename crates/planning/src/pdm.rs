@@ -28,11 +28,11 @@ use forecast::{Forecast, ObstacleId};
 use proposals::Proposals;
 use scoring::Scorer;
 
-use crate::EgoState;
 use crate::metrics::SmoothedComfort;
 use crate::path::Path;
-use crate::planner::{Planner, PlannerError, PlannerInput};
+use crate::planner::{Planner, PlannerInput, no_lanes, no_path, not_started};
 use crate::trajectory::{Pose, STEP, Trajectory};
+use crate::{EgoState, PlanningError};
 
 /// Offsets of the paths to the left of the centre line, metres (tuplan_garage b51d5d0,
 /// `lateral_offsets`). The centre line itself is the first path.
@@ -111,11 +111,11 @@ impl PdmClosed {
         &mut self,
         input: &PlannerInput<'_>,
         plan: &RoutePlan,
-    ) -> Result<(Cycle, Trajectory), PlannerError> {
+    ) -> Result<(Cycle, Trajectory), PlanningError> {
         let (ego, shape, map) = (input.ego(), input.shape, input.map);
         let forecast = Forecast::observe(input, &plan.on_route, &mut self.ignored);
         let lane = centerline::current_lane(input, &plan.lanes, &plan.on_route)
-            .ok_or(PlannerError::NoLanes(plan.route.len()))?;
+            .ok_or_else(|| no_lanes(plan.route.len()))?;
         let targets = proposals::target_speeds(map.lane(lane).speed_limit);
         let mut proposals = Proposals::unroll(ego, shape, &plan.paths, targets, &forecast);
         let simulated: Vec<Vec<EgoState>> =
@@ -143,11 +143,11 @@ impl PdmClosed {
 }
 
 impl Planner for PdmClosed {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
         let plan = match self.plan.take() {
             Some(plan) => plan,
             None if input.iteration == 0 => RoutePlan::find(input)?,
-            None => return Err(PlannerError::NotStarted(input.iteration)),
+            None => return Err(not_started(input)),
         };
         let result = self.cycle_of(input, &plan);
         self.plan = Some(plan);
@@ -160,24 +160,27 @@ impl Planner for PdmClosed {
 /// Returns the centre line along the route of ego, as [`PdmClosed`] finds it at its first plan.
 ///
 /// # Errors
-/// [`PlannerError`] if no lane of the route is near ego, or the lanes have no length.
-pub fn centerline(input: &PlannerInput<'_>) -> Result<Path, PlannerError> {
+/// [`PlanningError`] if no lane of the route is near ego, or the lanes have no length.
+pub fn centerline(input: &PlannerInput<'_>) -> Result<Path, PlanningError> {
     Ok(RoutePlan::find(input)?.paths.swap_remove(0))
 }
 
 impl RoutePlan {
     /// Corrects the route and finds the centre line.
-    fn find(input: &PlannerInput<'_>) -> Result<Self, PlannerError> {
+    fn find(input: &PlannerInput<'_>) -> Result<Self, PlanningError> {
         let (map, ego) = (input.map, input.ego());
-        let route = route::corrected(map, Pose::from(ego), input.route.roadblocks())
-            .ok_or(PlannerError::NoRoadblock { x: ego.x, y: ego.y })?;
+        let nowhere = || {
+            let (x, y) = (ego.x, ego.y);
+            PlanningError(format!("no roadblock is near ego at ({x:.1}, {y:.1}); check the frame of the map"))
+        };
+        let route = route::corrected(map, Pose::from(ego), input.route.roadblocks()).ok_or_else(nowhere)?;
         let lanes: Vec<usize> =
             route.iter().flat_map(|&block| map.lanes_of_roadblock(block)).copied().collect();
         let on_route = lanes.iter().copied().collect();
         let start =
-            centerline::current_lane(input, &lanes, &on_route).ok_or(PlannerError::NoLanes(route.len()))?;
+            centerline::current_lane(input, &lanes, &on_route).ok_or_else(|| no_lanes(route.len()))?;
         let states = centerline::centerline_states(map, start, &route, &on_route);
-        let paths = parallels(states).ok_or_else(|| PlannerError::NoPath(map.lane(start).id.clone()))?;
+        let paths = parallels(states).ok_or_else(|| no_path(map, start))?;
         Ok(Self { route, lanes, on_route, paths })
     }
 }

@@ -6,7 +6,7 @@
 use reactsim_rollout::Observation;
 
 use crate::trajectory::{STEP, Trajectory, TrajectoryError};
-use crate::{EgoShape, EgoState, PlanningMap, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningError, PlanningMap, TrackedObject};
 
 /// Length of the history that planners observe, seconds (nuPlan devkit 1.2.2, `history_buffer_duration`).
 pub const HISTORY: f64 = 2.0;
@@ -39,28 +39,21 @@ pub struct Route {
     roadblocks: Vec<usize>,
 }
 
-/// The reason why roadblocks are not a route.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RouteError {
-    /// No roadblocks.
-    #[error("route is empty; it needs the roadblock in which ego is")]
-    Empty,
-    /// A roadblock that is not in the map.
-    #[error("roadblock `{0}` of the route is not in the map; remove it from the route or add it to the map")]
-    UnknownRoadblock(String),
-}
-
 impl Route {
     /// Creates a route from the ids of roadblocks in driving order; repetitions are dropped.
     ///
     /// # Errors
-    /// [`RouteError`] if there are no ids or the map has no roadblock with one of them.
-    pub fn new<'a>(map: &PlanningMap, ids: impl IntoIterator<Item = &'a str>) -> Result<Self, RouteError> {
-        let find =
-            |id: &str| map.find_roadblock(id).ok_or_else(|| RouteError::UnknownRoadblock(id.to_owned()));
+    /// [`PlanningError`] if there are no ids or the map has no roadblock with one of them.
+    pub fn new<'a>(map: &PlanningMap, ids: impl IntoIterator<Item = &'a str>) -> Result<Self, PlanningError> {
+        let unknown = |id: &str| {
+            PlanningError(format!(
+                "roadblock `{id}` of the route is not in the map; remove it from the route or add it to the map"
+            ))
+        };
+        let find = |id: &str| map.find_roadblock(id).ok_or_else(|| unknown(id));
         let roadblocks: Vec<usize> = ids.into_iter().map(find).collect::<Result<_, _>>()?;
-        Self::of_roadblocks(roadblocks).ok_or(RouteError::Empty)
+        let empty = || PlanningError("route is empty; it needs the roadblock in which ego is".to_owned());
+        Self::of_roadblocks(roadblocks).ok_or_else(empty)
     }
 
     /// Creates a route from indices of roadblocks of a map in driving order; repetitions are dropped. `None`
@@ -163,33 +156,28 @@ impl<'a> PlannerInput<'a> {
     }
 }
 
-/// The reason why a planner has no trajectory.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlannerError {
-    /// No roadblock of the route has lanes.
-    #[error("route has no lanes: its {0} roadblocks are empty; a route needs lanes from ego to the goal")]
-    NoLanes(usize),
-    /// No lane is near ego.
-    #[error("no roadblock is near ego at ({x:.1}, {y:.1}); check the frame of the map")]
-    NoRoadblock {
-        /// Rear axle, metres.
-        x: f64,
-        /// Rear axle, metres.
-        y: f64,
-    },
-    /// The lanes ahead have no length.
-    #[error("path from lane `{0}` has no length; its baseline needs two distinct points")]
-    NoPath(String),
-    /// The first input does not belong to iteration 0.
-    #[error("first plan is at iteration {0}; planners start at iteration 0")]
-    NotStarted(usize),
-    /// The planner reports a failure of its own.
-    #[error("{0}")]
-    Failed(String),
-    /// The planned states are not a trajectory.
-    #[error("planned states are not a trajectory")]
-    Trajectory(#[from] TrajectoryError),
+impl From<TrajectoryError> for PlanningError {
+    fn from(error: TrajectoryError) -> Self {
+        Self(format!("planned states are not a trajectory: {error}"))
+    }
+}
+
+/// Returns the error of a planner that is not asked from iteration 0 on.
+pub(crate) fn not_started(input: &PlannerInput<'_>) -> PlanningError {
+    PlanningError(format!("first plan is at iteration {}; planners start at iteration 0", input.iteration))
+}
+
+/// Returns the error of a route whose roadblocks, of which there are `count`, have no lanes.
+pub(crate) fn no_lanes(count: usize) -> PlanningError {
+    PlanningError(format!(
+        "route has no lanes: its {count} roadblocks are empty; a route needs lanes from ego to the goal"
+    ))
+}
+
+/// Returns the error of a path from a lane that has no length.
+pub(crate) fn no_path(map: &PlanningMap, lane: usize) -> PlanningError {
+    let id = &map.lane(lane).id;
+    PlanningError(format!("path from lane `{id}` has no length; its baseline needs two distinct points"))
 }
 
 /// A planner: drives ego along a route, from what was observed up to the present.
@@ -199,8 +187,8 @@ pub trait Planner: Send {
     /// Returns the trajectory from the present on.
     ///
     /// # Errors
-    /// [`PlannerError`] if the input does not allow a plan. The scenario is then over.
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError>;
+    /// [`PlanningError`] if the input does not allow a plan. The scenario is then over.
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError>;
 }
 
 #[cfg(test)]

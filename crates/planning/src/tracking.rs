@@ -14,34 +14,7 @@ pub use profile::{Profile, Smoothing};
 pub use reference::Reference;
 
 use crate::trajectory::{MAX_SPEED, STEP, Trajectory};
-use crate::{EgoShape, EgoState};
-
-/// The reason why a controller has no next state.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ControllerError {
-    /// The trajectory has an impossible velocity.
-    #[error(
-        "trajectory has the speed {speed:.1} m/s at {time} s; perfect tracking needs less than \
-         {MAX_SPEED} m/s"
-    )]
-    TooFast {
-        /// Time, seconds.
-        time: f64,
-        /// Speed of the rear axle, m/s.
-        speed: f64,
-    },
-    /// The next state is not finite.
-    #[error(
-        "state of ego after {time} s is not finite: {state:?}; the trajectory is too far from ego to track"
-    )]
-    NotFinite {
-        /// Time before the step, seconds.
-        time: f64,
-        /// The state.
-        state: Box<EgoState>,
-    },
-}
+use crate::{EgoShape, EgoState, PlanningError};
 
 /// A controller of ego.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,13 +30,13 @@ impl Controller {
     /// Returns the state of ego [`STEP`] seconds later.
     ///
     /// # Errors
-    /// [`ControllerError`] if the velocities of the trajectory are impossible or the result is not finite.
+    /// [`PlanningError`] if the velocities of the trajectory are impossible or the result is not finite.
     pub fn advance(
         self,
         ego: &EgoState,
         shape: &EgoShape,
         trajectory: &Trajectory,
-    ) -> Result<EgoState, ControllerError> {
+    ) -> Result<EgoState, PlanningError> {
         let state = match self {
             Self::PerfectTracking => perfect(ego, trajectory)?,
             Self::LqrBicycle => track(ego, shape, &Reference::new(trajectory)),
@@ -71,18 +44,24 @@ impl Controller {
         if state.is_finite() {
             Ok(state)
         } else {
-            Err(ControllerError::NotFinite { time: ego.time, state: Box::new(state) })
+            Err(PlanningError(format!(
+                "state of ego after {} s is not finite: {state:?}; the trajectory is too far from ego to track",
+                ego.time
+            )))
         }
     }
 }
 
 /// Returns the state of the trajectory at the next step.
-fn perfect(ego: &EgoState, trajectory: &Trajectory) -> Result<EgoState, ControllerError> {
+fn perfect(ego: &EgoState, trajectory: &Trajectory) -> Result<EgoState, PlanningError> {
     let state = trajectory.at(ego.time + STEP);
-    if state.speed() < MAX_SPEED {
+    let (time, speed) = (state.time, state.speed());
+    if speed < MAX_SPEED {
         Ok(state)
     } else {
-        Err(ControllerError::TooFast { time: state.time, speed: state.speed() })
+        Err(PlanningError(format!(
+            "trajectory has the speed {speed:.1} m/s at {time} s; perfect tracking needs less than {MAX_SPEED} m/s"
+        )))
     }
 }
 
@@ -138,6 +117,6 @@ mod tests {
             trajectory.states().iter().map(|state| EgoState { vx: 50.0, ..*state }).collect();
         let trajectory = Trajectory::new(fast, &ego).unwrap();
         let error = Controller::PerfectTracking.advance(&ego, &EgoShape::PACIFICA, &trajectory).unwrap_err();
-        assert!(matches!(error, ControllerError::TooFast { .. }));
+        assert!(error.to_string().contains("perfect tracking needs less than 50 m/s"), "{error}");
     }
 }

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use reactsim::evaluation::{AvChoice, Driver, Plan, PlannedAv, PlannedSimulator};
 use reactsim::external::{ExternalError, ExternalPlanner, ExternalSettings};
-use reactsim::planning::Trajectory;
-use reactsim::planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim::planning::planner::{Planner, PlannerInput};
 use reactsim::planning::tracking::Controller;
+use reactsim::planning::{PlanningError, Trajectory};
 use reactsim::rollout::{Protocol, Purpose, Replan, stream};
 
 use super::{Child, LONG, Results, outline, plan_of, run, start};
@@ -15,8 +15,11 @@ use super::{Child, LONG, Results, outline, plan_of, run, start};
 struct Straight;
 
 impl Planner for Straight {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
-        let now = input.seen.and_then(|seen| seen.state(0)).ok_or(PlannerError::NotStarted(0))?;
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
+        let now = input
+            .seen
+            .and_then(|seen| seen.state(0))
+            .ok_or_else(|| PlanningError("the AV is absent".to_owned()))?;
         let ahead = (1..=20).map(|k| 0.1 * f64::from(k));
         let poses: Vec<[f64; 3]> =
             ahead.map(|t| [now.x + now.vx * t, now.y + now.vy * t, now.heading]).collect();

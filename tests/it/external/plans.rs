@@ -6,9 +6,9 @@ use reactsim::evaluation::{
     self, AvChoice, Driver, EvaluationError, Execution, Outcome, PlannedAv, RolloutCheck,
 };
 use reactsim::geometry::{direction, left};
-use reactsim::planning::Trajectory;
-use reactsim::planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim::planning::planner::{Planner, PlannerInput};
 use reactsim::planning::tracking::Controller;
+use reactsim::planning::{PlanningError, Trajectory};
 use reactsim::rollout::{Protocol, Replan};
 use reactsim::scene::AgentState;
 
@@ -29,8 +29,11 @@ struct Drawing {
 }
 
 impl Planner for Drawing {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
-        let now = input.seen.and_then(|seen| seen.state(0)).ok_or(PlannerError::NotStarted(0))?;
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
+        let now = input
+            .seen
+            .and_then(|seen| seen.state(0))
+            .ok_or_else(|| PlanningError("the AV is absent".to_owned()))?;
         let time = input.ego().time;
         let (from, since) = match &mut self.own_clock {
             Some(first) => *first.get_or_insert((now, time)),

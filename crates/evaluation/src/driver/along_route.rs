@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use reactsim_geometry::math;
-use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
-use reactsim_planning::{Path, Trajectory, TrajectoryError, pdm};
+use reactsim_planning::planner::{Planner, PlannerInput};
+use reactsim_planning::{Path, PlanningError, Trajectory, TrajectoryError, pdm};
 use reactsim_rollout::{Observation, Stream};
 use reactsim_scene::AgentState;
 
@@ -24,8 +24,8 @@ pub(super) struct AlongRoute {
 }
 
 impl Planner for AlongRoute {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
-        let failed = |text: &str| PlannerError::Failed(text.to_owned());
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
+        let failed = |text: &str| PlanningError(text.to_owned());
         let seen = input.seen.ok_or_else(|| failed("it plans in rollouts only"))?;
         let path = match &mut self.path {
             Some(path) => path,

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim_planning::planner::{Planner, PlannerInput};
 use reactsim_planning::tracking::Controller;
-use reactsim_planning::{EgoState, Trajectory};
+use reactsim_planning::{EgoState, PlanningError, Trajectory};
 use reactsim_scene::{AgentState, DT, Frame};
 
 /// Number of poses of a plan that are checked.
@@ -51,7 +51,7 @@ struct Kept {
 }
 
 impl Planner for Kept {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
         let trajectory = self.planner.plan(input)?;
         if let Some(now) = input.seen.and_then(|seen| seen.state(0)) {
             let plan = (now, boxes(&trajectory, input));

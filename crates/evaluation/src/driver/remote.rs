@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use reactsim_external::PlannerEpisode;
-use reactsim_planning::Trajectory;
 use reactsim_planning::from_scene::planning_lanes;
-use reactsim_planning::planner::{Planner, PlannerError, PlannerInput};
+use reactsim_planning::planner::{Planner, PlannerInput};
+use reactsim_planning::{PlanningError, Trajectory};
 
 /// The planner of one rollout, which plans in another process.
 pub(super) struct RemotePlanner {
@@ -26,8 +26,8 @@ impl RemotePlanner {
 }
 
 impl Planner for RemotePlanner {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
-        let seen = input.seen.ok_or_else(|| PlannerError::Failed("it plans in rollouts only".to_owned()))?;
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
+        let seen = input.seen.ok_or_else(|| PlanningError("it plans in rollouts only".to_owned()))?;
         let route = self.route.get_or_insert_with(|| {
             let lanes = planning_lanes(&seen.start().map);
             let mut passed = BTreeSet::new();
@@ -37,7 +37,7 @@ impl Planner for RemotePlanner {
         let steps = self.steps.min(self.future - seen.step());
         let ego = input.ego();
         let motion = [ego.vx, ego.vy, ego.ax, ego.ay, ego.steering, ego.yaw_rate, ego.yaw_acceleration];
-        let planned = self.episode.plan(&seen, steps, route, motion).map_err(PlannerError::Failed)?;
+        let planned = self.episode.plan(&seen, steps, route, motion).map_err(PlanningError)?;
         Ok(Trajectory::through_centers_from(planned.present, &planned.poses, ego, input.shape)?)
     }
 }

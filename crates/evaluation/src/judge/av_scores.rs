@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use reactsim_metrics::{AvScores, Event};
-use reactsim_planning::from_scene::{RouteEnd, SceneHistory, SceneHistoryError};
+use reactsim_planning::PlanningError;
+use reactsim_planning::from_scene::{RouteEnd, SceneHistory};
 use reactsim_planning::metrics::{
-    ClosedLoopScore, FirstContact, HistoryError, Label, MetricValue, PlannerMetric, PlannerScores,
-    UndefinedReason,
+    ClosedLoopScore, FirstContact, Label, MetricValue, PlannerMetric, PlannerScores, UndefinedReason,
 };
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
@@ -21,23 +21,15 @@ pub(crate) struct JudgedAv {
     pub(crate) outcomes: BTreeMap<String, u64>,
 }
 
-/// Reason why the AV of a rollout cannot be judged.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum AvScoresError {
-    #[error("{0}")]
-    Scene(#[from] SceneHistoryError),
-    #[error("the AV cannot be judged: {0}")]
-    History(#[from] HistoryError),
-}
-
 /// Judges the AV in a rollout of a scenario by nuPlan's closed-loop metrics. The motion of the AV is its
 /// track, so that all AVs are judged alike, and rollouts that are kept can be judged again.
 ///
 /// # Errors
-/// [`AvScoresError`] if the map cannot be used or the AV is absent at a step.
-pub(crate) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedAv, AvScoresError> {
+/// [`PlanningError`] if the map cannot be used or the AV is absent at a step.
+pub(crate) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedAv, PlanningError> {
     let history = SceneHistory::of_rollout(scenario, &rollout.tracks)?;
-    let judged = history.judge()?;
+    let judged =
+        history.judge().map_err(|error| PlanningError(format!("the AV cannot be judged: {error}")))?;
     let mut values: Vec<(&'static str, f64)> = Vec::new();
     let mut outcomes: BTreeMap<String, u64> =
         judged.labels.iter().map(|label| (format!("av {}", Label::name(*label)), 1)).collect();

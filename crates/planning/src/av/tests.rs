@@ -16,7 +16,7 @@ use super::*;
 use crate::closed_loop::{Drive, EpisodeStart, Replay, Surroundings};
 use crate::fixtures::scenes::{agent, beside, lane, parts, scenario, straight_track, track};
 use crate::from_scene::rollout_objects;
-use crate::planner::{Light, LightState, PlannerError, PlannerInput};
+use crate::planner::{Light, LightState, PlannerInput};
 use crate::tracking::Controller;
 
 /// Traffic that replays its log.
@@ -311,7 +311,7 @@ struct Recorder {
 }
 
 impl Planner for Recorder {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
         let samples = input.history.past().iter().chain([input.history.present()]).cloned().collect();
         self.inputs.lock().unwrap().push(samples);
         let ego = *input.ego();

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use reactsim_rollout::Observation;
 use reactsim_scene::{Lane, LaneClass, LightState as SceneLight, Start, StopKind};
 
+use crate::PlanningError;
 use crate::idm_agents::{AgentRoads, SignalLine};
 use crate::map::{DrivableArea, Roadblock};
 use crate::planner::{Light, LightState};
 
-use super::SceneMapError;
 use super::lights::planner_light;
 use super::map::made_of;
 use super::roadblocks::Roadblocks;
@@ -27,8 +27,8 @@ impl SceneRoads {
     /// Reads the roads of a scenario. Lanes with a light have a signal.
     ///
     /// # Errors
-    /// [`SceneMapError`] if a polygon of the map has no area.
-    pub fn new(start: &Start) -> Result<Self, SceneMapError> {
+    /// [`PlanningError`] if a polygon of the map has no area.
+    pub fn new(start: &Start) -> Result<Self, PlanningError> {
         let map = &start.map;
         let kept: Vec<usize> =
             (0..map.lanes.len()).filter(|&lane| map.lanes[lane].class != LaneClass::Bike).collect();

@@ -3,13 +3,11 @@
 use reactsim_geometry::Vec2;
 use reactsim_scene::{Lane, LaneArea, LaneKind, RoadMap, Scenario};
 
-use crate::map::{
-    Area, AreaError, Areas, DrivableArea, Intersections, PlanningLane, PlanningMap, PlanningMapParts,
-};
+use crate::PlanningError;
+use crate::map::{Area, Areas, DrivableArea, Intersections, PlanningLane, PlanningMap, PlanningMapParts};
 
 use super::pieces::Pieces;
 use super::roadblocks::{Roadblocks, roadblocks};
-use super::{SceneHistoryError, SceneMapError};
 
 /// Creates the map that planners and metrics of a scenario use.
 ///
@@ -19,12 +17,12 @@ use super::{SceneHistoryError, SceneMapError};
 /// polygons, the left side of road edges and the driveways are drivable.
 ///
 /// # Errors
-/// [`SceneHistoryError`] if a polygon of the map has no area.
-pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, SceneHistoryError> {
+/// [`PlanningError`] if a polygon of the map has no area.
+pub fn planning_map(scenario: &Scenario) -> Result<PlanningMap, PlanningError> {
     let map = &scenario.start.map;
     let pieces = Pieces::of(map);
     let made = drivable(map).and_then(|drivable| made_of(map, &pieces.lanes, roadblocks(&pieces), drivable));
-    made.map_err(|source| SceneHistoryError::Map { scenario: scenario.id.clone(), source })
+    made.map_err(|error| PlanningError(format!("scenario `{}`: {error}", scenario.id)))
 }
 
 /// Creates a map of lanes, whose links are indices into `lanes`.
@@ -33,18 +31,18 @@ pub(super) fn made_of(
     lanes: &[Lane],
     roadblocks: Roadblocks,
     drivable: DrivableArea,
-) -> Result<PlanningMap, SceneMapError> {
+) -> Result<PlanningMap, PlanningError> {
     let parts = PlanningMapParts {
         lanes: lanes
             .iter()
             .zip(roadblocks.of_lane)
             .map(|(lane, roadblock)| Ok((planning_lane(lane, roadblock), lane_area(lane)?)))
-            .collect::<Result<_, SceneMapError>>()?,
+            .collect::<Result<_, PlanningError>>()?,
         roadblocks: roadblocks.list,
         intersections: intersections(map, lanes)?,
         drivable,
     };
-    Ok(PlanningMap::new(parts)?)
+    PlanningMap::new(parts)
 }
 
 /// Returns the lane of the scenario for each lane of its planning map, as indices. A lane that is cut has
@@ -65,15 +63,15 @@ fn planning_lane(lane: &Lane, roadblock: usize) -> PlanningLane {
     }
 }
 
-fn lane_area(lane: &Lane) -> Result<Area, SceneMapError> {
+fn lane_area(lane: &Lane) -> Result<Area, PlanningError> {
     let area = match &lane.area {
         LaneArea::Polygon(ring) => Area::ring(ring.clone()),
         LaneArea::Corridor { half_width } => Area::corridor(lane.baseline.clone(), *half_width),
     };
-    area.map_err(|source| SceneMapError::Lane { lane: lane.id.clone(), source })
+    area.map_err(|error| PlanningError(format!("lane `{}`: {error}", lane.id)))
 }
 
-fn intersections(map: &RoadMap, lanes: &[Lane]) -> Result<Intersections, SceneMapError> {
+fn intersections(map: &RoadMap, lanes: &[Lane]) -> Result<Intersections, PlanningError> {
     Ok(if !map.intersections.is_empty() {
         let outlines = rings("intersections", map.intersections.iter())?;
         Intersections::Areas(Areas::new(outlines))
@@ -84,7 +82,7 @@ fn intersections(map: &RoadMap, lanes: &[Lane]) -> Result<Intersections, SceneMa
     })
 }
 
-fn drivable(map: &RoadMap) -> Result<DrivableArea, SceneMapError> {
+fn drivable(map: &RoadMap) -> Result<DrivableArea, PlanningError> {
     if let Some(polygons) = &map.drivable_area {
         let areas = polygons.iter().cloned().map(Area::polygon);
         return Ok(DrivableArea::of_areas(collected("drivable_area", areas)?));
@@ -99,17 +97,17 @@ fn drivable(map: &RoadMap) -> Result<DrivableArea, SceneMapError> {
 fn rings<'a>(
     list: &'static str,
     rings: impl Iterator<Item = &'a Vec<Vec2>>,
-) -> Result<Vec<Area>, SceneMapError> {
+) -> Result<Vec<Area>, PlanningError> {
     collected(list, rings.cloned().map(Area::ring))
 }
 
 /// Collects the areas of a list of the map; the error names the list and the index.
 fn collected(
     list: &'static str,
-    areas: impl Iterator<Item = Result<Area, AreaError>>,
-) -> Result<Vec<Area>, SceneMapError> {
-    let named = |(index, area): (usize, Result<Area, AreaError>)| {
-        area.map_err(|source| SceneMapError::Area { list, index, source })
+    areas: impl Iterator<Item = Result<Area, PlanningError>>,
+) -> Result<Vec<Area>, PlanningError> {
+    let named = |(index, area): (usize, Result<Area, PlanningError>)| {
+        area.map_err(|error| PlanningError(format!("{list}[{index}]: {error}")))
     };
     areas.enumerate().map(named).collect()
 }

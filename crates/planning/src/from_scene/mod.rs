@@ -16,9 +16,9 @@ use std::collections::BTreeSet;
 
 use reactsim_scene::{Frame, Scenario};
 
-use crate::map::{AreaError, PlanningMap, PlanningMapError};
-use crate::metrics::{History, HistoryError, Label, MissingInputs, PlannerScores, judge};
-use crate::{EgoShape, EgoState, TrackedObject};
+use crate::map::PlanningMap;
+use crate::metrics::{History, Label, MissingInputs, PlannerScores, judge};
+use crate::{EgoShape, EgoState, PlanningError, TrackedObject};
 
 pub use agent_roads::SceneRoads;
 pub use ego::{ego_state_now, ego_states, ego_states_until_now};
@@ -48,95 +48,24 @@ pub struct SceneHistory {
     pub labels: BTreeSet<Label>,
 }
 
-/// Reason why a scenario with a rollout does not form a history.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneHistoryError {
-    /// The map cannot be used.
-    #[error("scenario `{scenario}`: {source}")]
-    Map {
-        /// Id of the scenario.
-        scenario: String,
-        /// Reason.
-        source: SceneMapError,
-    },
-    /// The number of tracks differs from the number of agents.
-    #[error("scenario `{scenario}`: {tracks} tracks for {agents} agents; give one track per agent")]
-    Tracks {
-        /// Id of the scenario.
-        scenario: String,
-        /// Number of agents.
-        agents: usize,
-        /// Number of tracks.
-        tracks: usize,
-    },
-    /// The AV is absent or not finite at a frame of the rollout.
-    #[error(
-        "scenario `{scenario}`: the AV has no finite state at every frame from {first} to {last}; ego must \
-         be present"
-    )]
-    Ego {
-        /// Id of the scenario.
-        scenario: String,
-        /// The current frame.
-        first: usize,
-        /// The last frame.
-        last: usize,
-    },
-    /// The AV has no box.
-    #[error("scenario `{scenario}`: the box of the AV is {length} m × {width} m; its sides must be positive")]
-    Shape {
-        /// Id of the scenario.
-        scenario: String,
-        /// Length, metres.
-        length: f64,
-        /// Width, metres.
-        width: f64,
-    },
-}
-
-/// Reason why the map of a scenario cannot be used.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneMapError {
-    /// A lane has no area.
-    #[error("lane `{lane}`: {source}")]
-    Lane {
-        /// Id of the lane.
-        lane: String,
-        /// Reason.
-        source: AreaError,
-    },
-    /// A drivable polygon, an intersection or a driveway has no area.
-    #[error("{list}[{index}]: {source}")]
-    Area {
-        /// Name of the list in the map.
-        list: &'static str,
-        /// Index in the list.
-        index: usize,
-        /// Reason.
-        source: AreaError,
-    },
-    /// The lanes do not form a map.
-    #[error(transparent)]
-    Links(#[from] PlanningMapError),
-}
-
 impl SceneHistory {
     /// Creates the history of a rollout. `tracks`: the frames of each agent of the scenario, in its order.
     /// The motion of ego follows the track of the AV.
     ///
     /// # Errors
-    /// [`SceneHistoryError`] if the map has lanes without area, or the AV is not present at all frames from
+    /// [`PlanningError`] if the map has lanes without area, or the AV is not present at all frames from
     /// the current one on.
-    pub fn of_rollout(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Result<Self, SceneHistoryError> {
+    pub fn of_rollout(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Result<Self, PlanningError> {
         let shape = ego_shape(scenario)?;
         let track = tracks.get(AV).map(Vec::as_slice).unwrap_or_default();
         let length = scenario.length();
-        let no_ego = || SceneHistoryError::Ego {
-            scenario: scenario.id.clone(),
-            first: length.current(),
-            last: length.frames() - 1,
+        let no_ego = || {
+            let (first, last) = (length.current(), length.frames() - 1);
+            PlanningError(format!(
+                "scenario `{}`: the AV has no finite state at every frame from {first} to {last}; ego must be \
+                 present",
+                scenario.id
+            ))
         };
         let ego = ego_states(track, length, &shape).ok_or_else(no_ego)?;
         let mut history = Self::of_planner(scenario, tracks, ego)?;
@@ -153,11 +82,13 @@ impl SceneHistory {
         scenario: &Scenario,
         tracks: &[Vec<Frame>],
         ego: Vec<EgoState>,
-    ) -> Result<Self, SceneHistoryError> {
+    ) -> Result<Self, PlanningError> {
         let agents = scenario.start.agents.len();
         if tracks.len() != agents {
-            let (scenario, tracks) = (scenario.id.clone(), tracks.len());
-            return Err(SceneHistoryError::Tracks { scenario, agents, tracks });
+            let (id, tracks) = (&scenario.id, tracks.len());
+            let text =
+                format!("scenario `{id}`: {tracks} tracks for {agents} agents; give one track per agent");
+            return Err(PlanningError(text));
         }
         let shape = ego_shape(scenario)?;
         let mut labels = BTreeSet::new();
@@ -176,8 +107,8 @@ impl SceneHistory {
     /// Computes all metrics.
     ///
     /// # Errors
-    /// [`HistoryError`] if the states of ego are too few, not as many as the samples, or not finite.
-    pub fn judge(&self) -> Result<PlannerScores, HistoryError> {
+    /// [`PlanningError`] if the states of ego are too few, not as many as the samples, or not finite.
+    pub fn judge(&self) -> Result<PlannerScores, PlanningError> {
         let mut scores = judge(&self.history())?;
         scores.labels.extend(&self.labels);
         Ok(scores)
@@ -204,12 +135,15 @@ impl SceneHistory {
 /// Returns the shape of the AV: its recorded box, with axles as in nuPlan's vehicle.
 ///
 /// # Errors
-/// [`SceneHistoryError::Shape`] if a side is not positive.
-pub fn ego_shape(scenario: &Scenario) -> Result<EgoShape, SceneHistoryError> {
+/// [`PlanningError`] if a side is not positive.
+pub fn ego_shape(scenario: &Scenario) -> Result<EgoShape, PlanningError> {
     let (length, width) = scenario.start.agents.get(AV).map_or((0.0, 0.0), |av| (av.length, av.width));
     if length > 0.0 && width > 0.0 {
         Ok(EgoShape::from_box(length, width))
     } else {
-        Err(SceneHistoryError::Shape { scenario: scenario.id.clone(), length, width })
+        Err(PlanningError(format!(
+            "scenario `{}`: the box of the AV is {length} m × {width} m; its sides must be positive",
+            scenario.id
+        )))
     }
 }

@@ -4,6 +4,7 @@ use reactsim_geometry::{
     Bounds, Polygon, PolygonIndex, Polyline, Vec2, left, math, point_segment, ring_distance,
 };
 
+use crate::PlanningError;
 use crate::shapes::{CHUNK, SKIP_MARGIN, chunk_bounds};
 
 /// Minimum number of points of the outer ring of a polygon.
@@ -22,32 +23,21 @@ enum Shape {
     Corridor { line: Polyline, half_width: f64, sides: Vec<Vec2>, chunks: Vec<Bounds> },
 }
 
-/// Reason why an area has no extent.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum AreaError {
-    /// A ring with too few points.
-    #[error("the outline has {0} points; it needs at least 3")]
-    TooFewPoints(usize),
-    /// A coordinate is NaN or infinite.
-    #[error("point {0} of the outline is not finite; remove it or correct the map")]
-    NotFinite(usize),
-    /// A corridor without width.
-    #[error("the half-width of the corridor is {0} m; it must be positive")]
-    Width(f64),
-}
-
 impl Area {
     /// Creates the area of a polygon.
     ///
     /// # Errors
-    /// [`AreaError`] if the outer ring has fewer than three points, or a point is not finite.
-    pub fn polygon(polygon: Polygon) -> Result<Self, AreaError> {
+    /// [`PlanningError`] if the outer ring has fewer than three points, or a point is not finite.
+    pub fn polygon(polygon: Polygon) -> Result<Self, PlanningError> {
         if polygon.exterior.len() < MIN_RING_POINTS {
-            return Err(AreaError::TooFewPoints(polygon.exterior.len()));
+            let points = polygon.exterior.len();
+            let text = format!("the outline has {points} points; it needs at least {MIN_RING_POINTS}");
+            return Err(PlanningError(text));
         }
         let mut points = polygon.exterior.iter().chain(polygon.holes.iter().flatten());
         if let Some(bad) = points.position(|p| !(p.x.is_finite() && p.y.is_finite())) {
-            return Err(AreaError::NotFinite(bad));
+            let text = format!("point {bad} of the outline is not finite; remove it or correct the map");
+            return Err(PlanningError(text));
         }
         let index = PolygonIndex::new(&polygon);
         Ok(Self { bounds: polygon.bounds(), shape: Shape::Polygon { polygon, index } })
@@ -57,17 +47,18 @@ impl Area {
     ///
     /// # Errors
     /// As [`Self::polygon`].
-    pub fn ring(exterior: Vec<Vec2>) -> Result<Self, AreaError> {
+    pub fn ring(exterior: Vec<Vec2>) -> Result<Self, PlanningError> {
         Self::polygon(Polygon { exterior, holes: Vec::new() })
     }
 
     /// Creates the area within `half_width` metres of a line, with flat ends and round joins.
     ///
     /// # Errors
-    /// [`AreaError::Width`] if the half-width is not positive.
-    pub fn corridor(line: Polyline, half_width: f64) -> Result<Self, AreaError> {
+    /// [`PlanningError`] if the half-width is not positive.
+    pub fn corridor(line: Polyline, half_width: f64) -> Result<Self, PlanningError> {
         if !(half_width > 0.0 && half_width.is_finite()) {
-            return Err(AreaError::Width(half_width));
+            let text = format!("the half-width of the corridor is {half_width} m; it must be positive");
+            return Err(PlanningError(text));
         }
         let bounds = Bounds::of(line.points().iter().copied()).inflated(half_width);
         let chunks = chunk_bounds(line.points(), half_width + SKIP_MARGIN);
@@ -197,10 +188,12 @@ mod tests {
 
     #[test]
     fn areas_without_extent_are_refused() {
-        assert_eq!(Area::ring(vec![v(0.0, 0.0), v(1.0, 0.0)]).unwrap_err(), AreaError::TooFewPoints(2));
+        let refusal = |area: Result<Area, PlanningError>| area.unwrap_err().to_string();
+        let few = refusal(Area::ring(vec![v(0.0, 0.0), v(1.0, 0.0)]));
+        assert_eq!(few, "the outline has 2 points; it needs at least 3");
         let ring = vec![v(0.0, 0.0), v(1.0, f64::NAN), v(0.0, 1.0)];
-        assert_eq!(Area::ring(ring).unwrap_err(), AreaError::NotFinite(1));
+        assert!(refusal(Area::ring(ring)).starts_with("point 1 of the outline is not finite"));
         let line = Polyline::new(&[v(0.0, 0.0), v(1.0, 0.0)]).unwrap();
-        assert_eq!(Area::corridor(line, 0.0).unwrap_err(), AreaError::Width(0.0));
+        assert!(refusal(Area::corridor(line, 0.0)).contains("is 0 m; it must be positive"));
     }
 }

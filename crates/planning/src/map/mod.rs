@@ -5,13 +5,14 @@ mod area;
 mod areas;
 mod drivable;
 
-pub use area::{Area, AreaError};
+pub use area::Area;
 pub use areas::Areas;
 pub use drivable::DrivableArea;
 pub use reactsim_scene::LaneKind;
 
 use reactsim_geometry::{Bounds, OrientedBox, Polyline, Vec2};
 
+use crate::PlanningError;
 use crate::shapes::box_ring_distance;
 
 /// A lane, or a connector: a lane through an intersection.
@@ -84,38 +85,12 @@ pub struct PlanningMap {
     drivable: DrivableArea,
 }
 
-/// Reason why parts do not form a map.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlanningMapError {
-    /// A link to a lane that is not in the map.
-    #[error("lane `{lane}`: link to lane {link}, but the map has {lanes} lanes; remove the link")]
-    Link {
-        /// Id of the lane.
-        lane: String,
-        /// Index of the missing lane.
-        link: usize,
-        /// Number of lanes.
-        lanes: usize,
-    },
-    /// A roadblock that is not in the map.
-    #[error("lane `{lane}`: roadblock {roadblock}, but the map has {roadblocks} roadblocks; add it")]
-    Roadblock {
-        /// Id of the lane.
-        lane: String,
-        /// Index of the missing roadblock.
-        roadblock: usize,
-        /// Number of roadblocks.
-        roadblocks: usize,
-    },
-}
-
 impl PlanningMap {
     /// Creates and indexes a map.
     ///
     /// # Errors
-    /// [`PlanningMapError`] if a lane refers to a lane or a roadblock that is not in the map.
-    pub fn new(parts: PlanningMapParts) -> Result<Self, PlanningMapError> {
+    /// [`PlanningError`] if a lane refers to a lane or a roadblock that is not in the map.
+    pub fn new(parts: PlanningMapParts) -> Result<Self, PlanningError> {
         let (lanes, areas): (Vec<_>, Vec<_>) = parts.lanes.into_iter().unzip();
         check_links(&lanes, parts.roadblocks.len())?;
         let mut lanes_of_roadblock = vec![Vec::new(); parts.roadblocks.len()];
@@ -235,14 +210,20 @@ impl PlanningMap {
     }
 }
 
-fn check_links(lanes: &[PlanningLane], roadblocks: usize) -> Result<(), PlanningMapError> {
+fn check_links(lanes: &[PlanningLane], roadblocks: usize) -> Result<(), PlanningError> {
     for lane in lanes {
         if let Some(&link) = lane.predecessors.iter().chain(&lane.successors).find(|&&l| l >= lanes.len()) {
-            return Err(PlanningMapError::Link { lane: lane.id.clone(), link, lanes: lanes.len() });
+            let (lane, lanes) = (&lane.id, lanes.len());
+            let text =
+                format!("lane `{lane}`: link to lane {link}, but the map has {lanes} lanes; remove the link");
+            return Err(PlanningError(text));
         }
         if lane.roadblock >= roadblocks {
-            let (lane, roadblock) = (lane.id.clone(), lane.roadblock);
-            return Err(PlanningMapError::Roadblock { lane, roadblock, roadblocks });
+            let (lane, roadblock) = (&lane.id, lane.roadblock);
+            let text = format!(
+                "lane `{lane}`: roadblock {roadblock}, but the map has {roadblocks} roadblocks; add it"
+            );
+            return Err(PlanningError(text));
         }
     }
     Ok(())
@@ -302,9 +283,10 @@ mod tests {
         let mut with_link = parts();
         with_link.lanes[0].0.successors = vec![7];
         let error = PlanningMap::new(with_link).unwrap_err();
-        assert_eq!(error, PlanningMapError::Link { lane: "a".to_owned(), link: 7, lanes: 2 });
+        assert_eq!(error.to_string(), "lane `a`: link to lane 7, but the map has 2 lanes; remove the link");
         let mut with_block = parts();
         with_block.lanes[1].0.roadblock = 1;
-        assert!(matches!(PlanningMap::new(with_block), Err(PlanningMapError::Roadblock { .. })));
+        let error = PlanningMap::new(with_block).unwrap_err().to_string();
+        assert_eq!(error, "lane `c`: roadblock 1, but the map has 1 roadblocks; add it");
     }
 }

@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{OrientedBox, Vec2};
 
-use crate::{EgoShape, EgoState, PlanningMap, STEP, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningError, PlanningMap, STEP, TrackedObject};
 
 /// Minimum number of samples: the yaw acceleration is the second derivative of a cubic polynomial.
 pub const MIN_SAMPLES: usize = 4;
@@ -35,61 +35,34 @@ pub struct History<'a> {
     pub missing: MissingInputs,
 }
 
-/// Reason why a history cannot be judged.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum HistoryError {
-    /// Too few samples.
-    #[error("the history has {0} samples of ego; the metrics need at least 4")]
-    TooShort(usize),
-    /// Objects are not given per sample.
-    #[error("the history has {ego} samples of ego, but {objects} of objects; give one list per sample")]
-    Objects {
-        /// Samples of ego.
-        ego: usize,
-        /// Samples of objects.
-        objects: usize,
-    },
-    /// A number of ego or the expert is NaN or infinite.
-    #[error("sample {sample}: the state of {who} is not finite")]
-    NotFinite {
-        /// `ego` or `the expert`.
-        who: &'static str,
-        /// Index of the sample.
-        sample: usize,
-    },
-    /// A number of an object is NaN or infinite.
-    #[error(
-        "sample {sample}: box or velocity of object `{object}` is not finite; leave it out or estimate it"
-    )]
-    Object {
-        /// Index of the sample.
-        sample: usize,
-        /// Id of the object.
-        object: String,
-    },
-}
-
 impl History<'_> {
     /// Checks numbers of samples and that all numbers are finite.
     ///
     /// # Errors
-    /// [`HistoryError`] for the first fault.
-    pub fn check(&self) -> Result<(), HistoryError> {
-        if self.ego.len() < MIN_SAMPLES {
-            return Err(HistoryError::TooShort(self.ego.len()));
+    /// [`PlanningError`] for the first fault.
+    pub fn check(&self) -> Result<(), PlanningError> {
+        let (ego, objects) = (self.ego.len(), self.objects.len());
+        if ego < MIN_SAMPLES {
+            let text =
+                format!("the history has {ego} samples of ego; the metrics need at least {MIN_SAMPLES}");
+            return Err(PlanningError(text));
         }
-        if self.objects.len() != self.ego.len() {
-            return Err(HistoryError::Objects { ego: self.ego.len(), objects: self.objects.len() });
+        if objects != ego {
+            return Err(PlanningError(format!(
+                "the history has {ego} samples of ego, but {objects} of objects; give one list per sample"
+            )));
         }
         for (who, states) in [("ego", self.ego), ("the expert", self.expert.unwrap_or_default())] {
             if let Some(sample) = states.iter().position(|state| !state.is_finite()) {
-                return Err(HistoryError::NotFinite { who, sample });
+                return Err(PlanningError(format!("sample {sample}: the state of {who} is not finite")));
             }
         }
         for (sample, objects) in self.objects.iter().enumerate() {
             if let Some(bad) = objects.iter().find(|object| !object.is_finite()) {
-                return Err(HistoryError::Object { sample, object: bad.id.to_string() });
+                return Err(PlanningError(format!(
+                    "sample {sample}: box or velocity of object `{}` is not finite; leave it out or estimate it",
+                    bad.id
+                )));
             }
         }
         Ok(())

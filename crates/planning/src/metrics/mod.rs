@@ -30,7 +30,7 @@ pub use comfort::{Comfort, ComfortQuantity};
 pub use corner_lanes::{Corner, CornerLanes, corner_lanes, in_common_lane};
 pub use drivable_area::{DrivableAreaCompliance, OffRoadCorner};
 pub use driving_direction::DrivingDirection;
-pub use history::{History, HistoryError, MIN_SAMPLES, MissingInputs};
+pub use history::{History, MIN_SAMPLES, MissingInputs};
 pub use progress::ExpertProgress;
 pub(crate) use progress::passed_lanes;
 pub use sample::{SampleJudge, SampleScores};

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::PlanningError;
 use crate::map::{DrivableArea, Intersections, PlanningMap};
 
 use super::collisions::collisions;
@@ -15,8 +16,7 @@ use super::speed_limit::speed_limit;
 use super::time_to_collision::time_to_collision;
 use super::{
     ClosedLoopScore, Collisions, Comfort, CornerLanes, DrivableAreaCompliance, DrivingDirection,
-    ExpertProgress, History, HistoryError, Label, MetricValue, PlannerMetric, SpeedLimitCompliance,
-    TimeToCollision,
+    ExpertProgress, History, Label, MetricValue, PlannerMetric, SpeedLimitCompliance, TimeToCollision,
 };
 
 /// The metrics of one driven scenario.
@@ -76,8 +76,8 @@ impl PlannerScores {
 /// Computes all metrics of a history.
 ///
 /// # Errors
-/// [`HistoryError`] if the history has fewer than four samples, or numbers that are not finite.
-pub fn judge(history: &History<'_>) -> Result<PlannerScores, HistoryError> {
+/// [`PlanningError`] if the history has fewer than four samples, or numbers that are not finite.
+pub fn judge(history: &History<'_>) -> Result<PlannerScores, PlanningError> {
     history.check()?;
     let context = Context::new(history);
     let collisions = collisions(&context);

@@ -14,7 +14,7 @@ fn plan_at(
     speed: f64,
     objects: Vec<TrackedObject>,
     lights: &[Light],
-) -> Result<(PdmClosed, Trajectory), PlannerError> {
+) -> Result<(PdmClosed, Trajectory), PlanningError> {
     let ids: Vec<&str> = map.roadblocks().iter().map(|block| block.id.as_str()).collect();
     let route = Route::new(map, ids).unwrap();
     let ego = EgoState { time: 2.0, vx: speed, ..EgoState::standing(Vec2::new(10.0, 1.75), 0.0) };
@@ -108,5 +108,5 @@ fn parallels_that_leave_the_road_are_not_drivable() {
 #[test]
 fn plans_begin_at_iteration_zero() {
     let error = plan_at(3, &straight_road(None), 5.0, Vec::new(), &[]).unwrap_err();
-    assert_eq!(error, PlannerError::NotStarted(3));
+    assert_eq!(error.to_string(), "first plan is at iteration 3; planners start at iteration 0");
 }

@@ -4,13 +4,13 @@
 
 use std::sync::Arc;
 
-use reactsim_planning::closed_loop::{Episode, EpisodeStart, Replay, Surroundings, Traffic, TrafficError};
+use reactsim_planning::closed_loop::{Episode, EpisodeStart, Replay, Surroundings, Traffic};
 use reactsim_planning::idm_agents::{IdmAgents, SeenEgo, Step, seen};
 use reactsim_planning::idm_planner::IdmPlanner;
 use reactsim_planning::pdm::PdmClosed;
-use reactsim_planning::planner::{Planner, PlannerError, PlannerInput, Sample};
+use reactsim_planning::planner::{Planner, PlannerInput, Sample};
 use reactsim_planning::tracking::Controller;
-use reactsim_planning::{EgoShape, EgoState, TrackedObject, Trajectory};
+use reactsim_planning::{EgoShape, EgoState, PlanningError, TrackedObject, Trajectory};
 
 use crate::document::{Document, states};
 use crate::golden_metrics;
@@ -39,7 +39,7 @@ struct Recorded {
 }
 
 impl Planner for Recorded {
-    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlannerError> {
+    fn plan(&mut self, input: &PlannerInput<'_>) -> Result<Trajectory, PlanningError> {
         let trajectory = self.planner.plan(input)?;
         let cycle = self.planner.cycle().unwrap();
         self.best.push(cycle.best);
@@ -66,7 +66,7 @@ impl ReactiveTraffic {
 }
 
 impl Traffic for ReactiveTraffic {
-    fn advance(&mut self, iteration: usize, ego: &EgoState) -> Result<Surroundings, TrafficError> {
+    fn advance(&mut self, iteration: usize, ego: &EgoState) -> Result<Surroundings, PlanningError> {
         let ego = SeenEgo::new(ego, &self.shape);
         let recorded = &self.recorded[iteration];
         let (objects, lights) = (&recorded.objects, &recorded.lights);
