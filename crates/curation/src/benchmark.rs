@@ -28,24 +28,13 @@ pub const MISSING: &str = "benchmark.missing";
 
 /// Reason why a benchmark could not be generated.
 #[derive(Debug, thiserror::Error)]
-pub enum BenchmarkError {
-    /// No scenario can be taken.
-    #[error("no suitable scenario was found among {tried}; try another seed or other map types")]
-    NothingFound {
-        /// Number of scenarios tried.
-        tried: u64,
-    },
-    /// The result could not be written, or scenarios that were tried before could not be read.
-    #[error(transparent)]
-    File(#[from] FormatError),
-    /// Fewer scenarios than stated were tried before.
-    #[error("the partitions have {found} of {known} tried scenarios: generate them again")]
-    FewTried {
-        /// Number of scenarios found.
-        found: u64,
-        /// Stated number.
-        known: u64,
-    },
+#[error("{0}")]
+pub struct BenchmarkError(pub String);
+
+impl From<FormatError> for BenchmarkError {
+    fn from(error: FormatError) -> Self {
+        Self(error.to_string())
+    }
 }
 
 /// A scenario that was tried.
@@ -149,7 +138,11 @@ impl Recipe<'_> {
         let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, number, new| {
             let generated = match new {
                 Some(new) => new,
-                None => tried.next().ok_or(BenchmarkError::FewTried { found: number, known })??,
+                None => tried.next().ok_or_else(|| {
+                    BenchmarkError(format!(
+                        "the partitions have {number} of {known} tried scenarios: generate them again"
+                    ))
+                })??,
             };
             if let Some(entry) = state.judge(generated, curate, observer) {
                 take(entry)?;
@@ -164,7 +157,10 @@ impl Recipe<'_> {
                 return Ok(ControlFlow::Continue(()));
             }
             if state.chosen == 0 {
-                return Err(BenchmarkError::NothingFound { tried: state.tried });
+                return Err(BenchmarkError(format!(
+                    "no suitable scenario was found among {}; try another seed or other map types",
+                    state.tried
+                )));
             }
             state.provenance.settings.insert(MISSING.to_owned(), state.quota.missing());
             Ok(ControlFlow::Break(()))

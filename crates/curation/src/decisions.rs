@@ -1,8 +1,8 @@
 //! Decisions of reviewers: JSON lines that the review page exports.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::{fs, io};
+use std::fs;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
@@ -38,27 +38,8 @@ pub struct ReviewLine {
 
 /// Error of a file of decisions.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum DecisionError {
-    /// The file cannot be read.
-    #[error("could not read the decisions in {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        source: io::Error,
-    },
-    /// A line is not a decision.
-    #[error("{path}, line {line}: {found}; repair or remove this line")]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Number of the line, from 1.
-        line: usize,
-        /// Description of the problem.
-        found: String,
-    },
-}
+#[error("{0}")]
+pub struct DecisionError(pub String);
 
 /// Largest length of a reviewer's name, characters.
 const MAX_NAME_LENGTH: usize = 100;
@@ -136,11 +117,15 @@ impl Decisions {
         let mut all = Self::default();
         for path in paths {
             let path = path.as_ref();
-            let text = fs::read_to_string(path)
-                .map_err(|source| DecisionError::Read { path: path.to_owned(), source })?;
+            let text = fs::read_to_string(path).map_err(|e| {
+                DecisionError(format!("could not read the decisions in {}: {e}", path.display()))
+            })?;
             let mut own = BTreeMap::new();
             for (i, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-                let refuse = |found| DecisionError::Line { path: path.to_owned(), line: i + 1, found };
+                let refuse = |found: String| {
+                    let (path, line) = (path.display(), i + 1);
+                    DecisionError(format!("{path}, line {line}: {found}; repair or remove this line"))
+                };
                 let line: ReviewLine =
                     serde_json::from_str(line).map_err(|e| refuse(format!("not a decision: {e}")))?;
                 line.problem().map_or(Ok(()), |found| Err(refuse(found)))?;

@@ -30,7 +30,7 @@ impl Processes {
         settings.check()?;
         let name = settings.name.clone();
         let workers = Arc::new(Workers::new(settings.clone(), outline, role));
-        let failed = |reason| ExternalError::Start { name: name.clone(), reason };
+        let failed = |reason: String| ExternalError::no_start(&name, &reason);
         let worker = workers.take(true).map_err(failed)?;
         workers.put_back(Some(worker));
         let description = workers.description().ok_or_else(|| failed("it stated nothing".to_owned()))?;

@@ -103,7 +103,8 @@ impl ExternalSettings {
 
     /// Checks name, number of workers and batch.
     pub(super) fn check(&self) -> Result<(), ExternalError> {
-        let refuse = |reason: String| Err(ExternalError::Setting { name: self.name.clone(), reason });
+        let refuse =
+            |reason: String| Err(ExternalError(format!("external program `{}`: {reason}", self.name)));
         let is_allowed = |c: char| c.is_ascii_alphanumeric() || "-_.@".contains(c);
         if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(is_allowed) {
             return refuse("a name has 1 to 64 letters, digits, `-`, `_`, `.` or `@`".to_owned());

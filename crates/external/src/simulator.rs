@@ -45,18 +45,17 @@ impl ExternalSimulator {
     /// [`ExternalError`] for wrong settings, if the process does not start or greet, or does not support the
     /// replan intervals of the run.
     pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
-        let name = || settings.name.clone();
         let intervals = outline.intervals.clone();
         let (processes, description) = Processes::start(&settings, outline, Role::Simulator)?;
         let is_supported = |steps: &usize| description.intervals.contains(steps);
         let unsupported = intervals.iter().find(|steps| !is_supported(steps));
         if let (Some(asked), Some(hint)) = (unsupported, description.intervals.first()) {
-            return Err(ExternalError::Interval {
-                name: name(),
-                supported: description.intervals.iter().map(usize::to_string).collect::<Vec<_>>().join(", "),
-                asked: *asked,
-                hint: *hint,
-            });
+            let supported = description.intervals.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            return Err(ExternalError(format!(
+                "external program `{}` plans every {supported} steps, this run every {asked}: give `replan` \
+                 {hint}steps",
+                settings.name
+            )));
         }
         Ok(Self { settings, description, processes })
     }

@@ -52,32 +52,14 @@ pub struct DocumentLog {
 }
 
 /// Error of reading a rollout document.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum DocumentError {
-    /// The text is not JSON, or a field is missing or has the wrong type.
-    #[error("{at}: {source}")]
-    Json {
-        /// Location of the error: the document, or scenario and agent or lane.
-        at: String,
-        /// The parser error.
-        source: serde_json::Error,
-    },
-    /// The document has another format.
-    #[error("the document's format is `{found}`, expected `{FORMAT}`")]
-    Format {
-        /// The format found.
-        found: String,
-    },
-    /// The document has another frame rate.
-    #[error("the document's dt is {found} s, expected 0.1 s (10 Hz)")]
-    Rate {
-        /// The time step found, in seconds.
-        found: f64,
-    },
-    /// A value is invalid.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct DocumentError(pub String);
+
+impl From<SceneError> for DocumentError {
+    fn from(error: SceneError) -> Self {
+        Self(error.to_string())
+    }
 }
 
 impl Document {

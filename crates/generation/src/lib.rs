@@ -26,39 +26,14 @@ use reactsim_scene::{Length, Scenario, SceneError};
 pub const VERSION: u32 = 2;
 
 /// Reason why no scenario could be generated.
-#[derive(Debug, thiserror::Error)]
-pub enum GenerationError {
-    /// Unknown map type.
-    #[error("no map type `{name}`; available: {known}")]
-    UnknownMap {
-        /// Requested id.
-        name: String,
-        /// Ids of all map types, separated by commas.
-        known: String,
-    },
-    /// Density outside the allowed range.
-    #[error("density {0}: expected a number above 0 and at most 3")]
-    Density(f64),
-    /// Length outside the limits of scenarios.
-    #[error(
-        "{} frames of history and {} after them: expected 2 to {}, and 1 to {}",
-        .0.history, .0.future, Length::MAX_HISTORY, Length::MAX_FUTURE
-    )]
-    Length(Length),
-    /// No attempt produced a driver who can be the AV in traffic without accidents.
-    #[error(
-        "{id}: no accident-free traffic with a driver who can be the AV in {attempts} attempts; \
-         allow more map types, another density or fewer frames"
-    )]
-    AttemptsExhausted {
-        /// Id of the scenario.
-        id: String,
-        /// Number of attempts.
-        attempts: u32,
-    },
-    /// Generated parts that are not a valid scenario: a bug.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct GenerationError(pub String);
+
+impl From<SceneError> for GenerationError {
+    fn from(error: SceneError) -> Self {
+        Self(error.to_string())
+    }
 }
 
 /// Generator of scenarios by number.
@@ -75,16 +50,24 @@ impl Generator {
     /// scenario may have this length.
     pub fn new(settings: GenerationSettings) -> Result<Self, GenerationError> {
         let known = || maps::all().map(|m| m.id).collect::<Vec<_>>().join(", ");
+        let refused = |text: String| Err(GenerationError(text));
         for name in &settings.maps {
             if maps::find(name).is_none() {
-                return Err(GenerationError::UnknownMap { name: name.clone(), known: known() });
+                return refused(format!("no map type `{name}`; available: {}", known()));
             }
         }
         if !settings.length.is_valid() {
-            return Err(GenerationError::Length(settings.length));
+            let Length { history, future } = settings.length;
+            return refused(format!(
+                "{history} frames of history and {future} after them: expected 2 to {}, and 1 to {}",
+                Length::MAX_HISTORY,
+                Length::MAX_FUTURE
+            ));
         }
         match settings.density {
-            Some(density) if !(density > 0.0 && density <= 3.0) => Err(GenerationError::Density(density)),
+            Some(density) if !(density > 0.0 && density <= 3.0) => {
+                refused(format!("density {density}: expected a number above 0 and at most 3"))
+            }
             _ => Ok(Self { settings }),
         }
     }
@@ -93,8 +76,8 @@ impl Generator {
     /// number of threads may share a generator.
     ///
     /// # Errors
-    /// [`GenerationError::AttemptsExhausted`] if no traffic on the allowed maps has a driver who can be the
-    /// AV; [`GenerationError::Scene`] would be a bug.
+    /// [`GenerationError`] if no traffic on the allowed maps has a driver who can be the AV; parts that are not
+    /// a valid scenario would be a bug.
     pub fn scenario(&self, number: u64) -> Result<Scenario, GenerationError> {
         scenario::generate(&self.settings, number)
     }

@@ -64,7 +64,10 @@ pub(super) fn generate(settings: &GenerationSettings, number: u64) -> Result<Sce
             }
         }
     }
-    Err(GenerationError::AttemptsExhausted { id, attempts: MAX_ATTEMPTS })
+    Err(GenerationError(format!(
+        "{id}: no accident-free traffic with a driver who can be the AV in {MAX_ATTEMPTS} attempts; allow more \
+         map types, another density or fewer frames"
+    )))
 }
 
 /// Draws the map: benchmarks take the map types in turn, so that all occur; training sets draw them by

@@ -79,42 +79,8 @@ impl Metrics {
 
 /// The reason why a metric of the calling program is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum MetricError {
-    /// The id is not of the form of ids.
-    #[error(
-        "metric `{id}`: an id has lower-case letters, digits and hyphens, begins with a letter and has at \
-         most {LONGEST} characters, such as `mean-headway`"
-    )]
-    Id {
-        /// The id.
-        id: String,
-    },
-    /// Another metric, or a column of the rows, has the id.
-    #[error(
-        "metric `{id}`: the id is taken; choose another one (`reactsim list metrics` lists those of the \
-         benchmark)"
-    )]
-    Taken {
-        /// The id.
-        id: String,
-    },
-    /// A title or a unit cannot be printed in all tables.
-    #[error(
-        "metric `{id}`: {part} is `{text}`, expected letters, digits, spaces and `-.,:()/+` in one line of at \
-         most {most} characters"
-    )]
-    Text {
-        /// Id of the metric.
-        id: String,
-        /// Title or unit.
-        part: &'static str,
-        /// The text.
-        text: String,
-        /// Largest number of characters.
-        most: usize,
-    },
-}
+#[error("{0}")]
+pub struct MetricError(pub String);
 
 /// Checks the descriptions of metrics that the benchmark does not have.
 ///
@@ -122,22 +88,30 @@ pub enum MetricError {
 /// [`MetricError`] if an id is taken or malformed, or if tables cannot print a title or a unit.
 pub fn check_own(specs: &[&'static MetricSpec]) -> Result<(), MetricError> {
     for (i, spec) in specs.iter().enumerate() {
-        let id = || spec.id.to_owned();
+        let refused = |text: &str| Err(MetricError(format!("metric `{}`: {text}", spec.id)));
         let is_lower = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
         let is_formed =
             spec.id.starts_with(|c: char| c.is_ascii_lowercase()) && spec.id.chars().all(is_lower);
         if !is_formed || spec.id.len() > LONGEST {
-            return Err(MetricError::Id { id: id() });
+            return refused(&format!(
+                "an id has lower-case letters, digits and hyphens, begins with a letter and has at most \
+                 {LONGEST} characters, such as `mean-headway`"
+            ));
         }
         let is_taken = metric(spec.id).is_some() || specs[..i].iter().any(|earlier| earlier.id == spec.id);
         if is_taken || RESERVED.contains(&spec.id) || REMOVED_METRICS.contains(&spec.id) {
-            return Err(MetricError::Taken { id: id() });
+            return refused(
+                "the id is taken; choose another one (`reactsim list metrics` lists those of the benchmark)",
+            );
         }
         let is_plain = |c: char| c.is_alphanumeric() || " -.,:()/+²³°·".contains(c);
         for (part, text, most) in [("title", spec.title, LONGEST), ("unit", spec.unit.name(), LONGEST_UNIT)] {
             let is_empty = part == "title" && text.trim().is_empty();
             if is_empty || !text.chars().all(is_plain) || text.chars().count() > most {
-                return Err(MetricError::Text { id: id(), part, text: text.to_owned(), most });
+                return refused(&format!(
+                    "{part} is `{text}`, expected letters, digits, spaces and `-.,:()/+` in one line of at most \
+                     {most} characters"
+                ));
             }
         }
     }
@@ -149,6 +123,10 @@ mod tests {
     use super::*;
     use crate::Unit;
 
+    fn refusal(id: &'static str, title: &'static str, unit: &'static str) -> String {
+        check(id, title, unit).unwrap_err().to_string()
+    }
+
     fn check(id: &'static str, title: &'static str, unit: &'static str) -> Result<(), MetricError> {
         let (unit, scope) = (Unit::from_name(unit), Scope::Rollout);
         let spec = MetricSpec { id, title, unit, scope, lower_is_better: false, source: "" };
@@ -159,17 +137,18 @@ mod tests {
     fn ids_titles_and_units_are_checked() {
         check("mean-headway", "Headway (mean)", "s").unwrap();
         for id in ["", "Headway", "2-s", "a b", "a_b", "a=b", "é"] {
-            assert_eq!(check(id, "a", ""), Err(MetricError::Id { id: id.to_owned() }));
+            assert!(
+                refusal(id, "a", "").starts_with(&format!("metric `{id}`: an id has lower-case letters"))
+            );
         }
         for id in ["ade", "av-score", "av-pdms", "rollout"] {
-            assert_eq!(check(id, "a", ""), Err(MetricError::Taken { id: id.to_owned() }));
+            assert!(refusal(id, "a", "").starts_with(&format!("metric `{id}`: the id is taken")));
         }
-        let part = |result: Result<(), MetricError>| match result {
-            Err(MetricError::Text { part, .. }) => part,
-            other => panic!("{other:?}"),
-        };
-        assert_eq!([part(check("a", " ", "s")), part(check("a", "<b>", "s"))], ["title", "title"]);
-        assert_eq!([part(check("a", "a|b", "s")), part(check("a", "a", "s\n"))], ["title", "unit"]);
+        for (title, unit, part) in
+            [(" ", "s", "title"), ("<b>", "s", "title"), ("a|b", "s", "title"), ("a", "s\n", "unit")]
+        {
+            assert!(refusal("a", title, unit).starts_with(&format!("metric `a`: {part} is")));
+        }
         let same = MetricSpec {
             id: "a",
             title: "a",
@@ -179,7 +158,7 @@ mod tests {
             source: "",
         };
         let same: &'static MetricSpec = Box::leak(Box::new(same));
-        assert_eq!(check_own(&[same, same]), Err(MetricError::Taken { id: "a".to_owned() }));
+        assert!(check_own(&[same, same]).unwrap_err().to_string().contains("the id is taken"));
     }
 
     #[test]

@@ -114,10 +114,8 @@ impl ExternalSpec {
                 STDIO => Command::Parent(match &parent {
                     Some(parent) => parent.clone(),
                     None => {
-                        let new = Parent::stdio().map_err(|error| {
-                            let (name, reason) = (name.to_owned(), error.to_string());
-                            ExternalError::Start { name, reason }
-                        })?;
+                        let new = Parent::stdio()
+                            .map_err(|error| ExternalError::no_start(name, &error.to_string()))?;
                         parent.insert(new).clone()
                     }
                 }),

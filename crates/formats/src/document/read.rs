@@ -105,7 +105,7 @@ struct Location<'a> {
 
 impl Location<'_> {
     fn error(self, field: impl ToString, value: impl ToString, expected: impl ToString) -> DocumentError {
-        DocumentError::Scene(SceneError {
+        DocumentError::from(SceneError {
             scenario: self.scenario.to_owned(),
             field: field.to_string(),
             value: value.to_string(),
@@ -120,10 +120,8 @@ impl Location<'_> {
             Some(Value::Number(id)) => format!("{field} (`{id}`)"),
             _ => field.to_owned(),
         };
-        serde_json::from_value(value).map_err(|source| DocumentError::Json {
-            at: format!("scenario `{}`: {named}", self.scenario),
-            source,
-        })
+        let refuse = |e| DocumentError(format!("scenario `{}`: {named}: {e}", self.scenario));
+        serde_json::from_value(value).map_err(refuse)
     }
 
     fn length<T>(self, field: &str, values: &[T], expected: usize) -> Result<(), DocumentError> {
@@ -165,13 +163,14 @@ impl Location<'_> {
 
 pub(super) fn document(text: &str) -> Result<Document, DocumentError> {
     let text = quote_not_finite(text);
-    let raw: RawDocument = serde_json::from_str(&text)
-        .map_err(|source| DocumentError::Json { at: "the rollout document".to_owned(), source })?;
+    let raw: RawDocument =
+        serde_json::from_str(&text).map_err(|e| DocumentError(format!("the rollout document: {e}")))?;
     if raw.format != FORMAT {
-        return Err(DocumentError::Format { found: raw.format });
+        let text = format!("the document's format is `{}`, expected `{FORMAT}`", raw.format);
+        return Err(DocumentError(text));
     }
     if (raw.dt - DT).abs() >= 1e-9 {
-        return Err(DocumentError::Rate { found: raw.dt });
+        return Err(DocumentError(format!("the document's dt is {} s, expected 0.1 s (10 Hz)", raw.dt)));
     }
     let text_of = |value: Value| match value {
         Value::String(text) => text,
@@ -200,8 +199,7 @@ pub(super) fn document(text: &str) -> Result<Document, DocumentError> {
 fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentError> {
     let raw: RawScenario = {
         let id = value.get("id").and_then(Value::as_str).map_or_else(String::new, |id| format!(" (`{id}`)"));
-        serde_json::from_value(value)
-            .map_err(|source| DocumentError::Json { at: format!("scenarios[{index}]{id}"), source })?
+        serde_json::from_value(value).map_err(|e| DocumentError(format!("scenarios[{index}]{id}: {e}")))?
     };
     let at = Location { scenario: &raw.id.0, center: None };
     let (current, future) = (raw.current_index, raw.num_future);

@@ -30,29 +30,8 @@ pub struct Decided {
 
 /// Why no layout is taken.
 #[derive(Debug, thiserror::Error)]
-pub enum Undecided {
-    /// None fits nearly all files.
-    #[error(
-        "no array continues the logged AV in nearly all of {files} files; those that do so in some:\n\
-         {listed}{options}"
-    )]
-    None {
-        /// Number of files.
-        files: usize,
-        /// The best layouts.
-        listed: String,
-        /// Content of a file, and options.
-        options: String,
-    },
-    /// Several fit.
-    #[error("several layouts fit equally well, with different trajectories:\n{listed}{options}")]
-    Several {
-        /// The layouts.
-        listed: String,
-        /// Content of a file, and options.
-        options: String,
-    },
-}
+#[error("{0}")]
+pub struct Undecided(pub String);
 
 /// Reads all files and tests them under all layouts; files that cannot be read go to `refused` with the
 /// reason.
@@ -88,7 +67,11 @@ pub fn decide(files: &[Located], tally: &Tally<Layout>, choice: &Choice) -> Resu
     let rivals = tally.best().map_err(|best| {
         let listed: String = best.iter().take(MAX_LISTED).map(line).collect();
         let listed = if listed.is_empty() { "  none\n".to_owned() } else { listed };
-        Undecided::None { files: files.len(), listed, options: options(example) }
+        Undecided(format!(
+            "no array continues the logged AV in nearly all of {} files; those that do so in some:\n{listed}{}",
+            files.len(),
+            options(example)
+        ))
     })?;
     let headings = headings(files, &rivals, choice);
     // The trajectory of a file under the best layout; by how much each costs more, and whether it is the same.
@@ -118,8 +101,12 @@ pub fn decide(files: &[Located], tally: &Tally<Layout>, choice: &Choice) -> Resu
     };
     let others: Vec<usize> = (1..rivals.len()).filter(is_rival).collect();
     if !others.is_empty() {
-        let listed = std::iter::once(0).chain(others).take(MAX_LISTED).map(|at| line(&rivals[at])).collect();
-        return Err(Undecided::Several { listed, options: options(example) });
+        let listed = std::iter::once(0).chain(others).take(MAX_LISTED);
+        let listed: String = listed.map(|at| line(&rivals[at])).collect();
+        return Err(Undecided(format!(
+            "several layouts fit equally well, with different trajectories:\n{listed}{}",
+            options(example)
+        )));
     }
     let [rows, columns] = total.shape;
     let about = format!("{rows} × {columns}, {layout}, {}", headings[0]);

@@ -7,7 +7,7 @@ use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Length, Scenario};
 
 use crate::maps::{self, MAP_TYPES, ON_REQUEST};
 use crate::traffic::{Manner, record};
-use crate::{GenerationError, GenerationSettings, Generator, Preset};
+use crate::{GenerationSettings, Generator, Preset};
 
 /// Number of scenarios per preset.
 const SCENARIOS: u64 = 6;
@@ -179,7 +179,10 @@ fn scenarios_have_the_requested_length() {
     ] {
         let error =
             Generator::new(GenerationSettings { length, ..GenerationSettings::default() }).unwrap_err();
-        assert!(matches!(error, GenerationError::Length(found) if found == length), "{error}");
-        assert!(error.to_string().ends_with("expected 2 to 100, and 1 to 6000"), "{error}");
+        let Length { history, future } = length;
+        assert_eq!(
+            error.to_string(),
+            format!("{history} frames of history and {future} after them: expected 2 to 100, and 1 to 6000")
+        );
     }
 }

@@ -23,9 +23,12 @@ impl<'a> Objects<'a> {
         let mut order = Vec::with_capacity(simulated.len());
         for id in log.evaluated() {
             let found = simulated.iter().position(|track| track.id == id);
-            order.push(found.ok_or_else(|| WosacError::EvaluatedAbsent {
-                scenario: log.scenario_id.clone(),
-                object: id,
+            order.push(found.ok_or_else(|| {
+                WosacError(format!(
+                    "scenario `{}`: object {id} of tracks_to_predict or the AV is invalid at frame 10, expected \
+                     a simulated object",
+                    log.scenario_id
+                ))
             })?);
         }
         let evaluated = order.len();

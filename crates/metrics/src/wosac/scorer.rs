@@ -38,13 +38,20 @@ impl<'a> Scorer<'a> {
     /// every sample of a feature is invalid.
     pub fn new(log: &'a WosacLog) -> Result<Self, WosacError> {
         log.check()?;
+        let refused = |text: &str| Err(WosacError(format!("scenario `{}`: {text}", log.scenario_id)));
         if !log.has_future() {
-            return Err(WosacError::NoFuture { scenario: log.scenario_id.clone() });
+            return refused(
+                "the log ends at the current frame (test split), expected 91 frames; score scenarios of the \
+                 training or validation split",
+            );
         }
         let objects = Objects::new(log)?;
         let edges = RoadEdges::new(&log.road_edges);
         if edges.arrays.len() == 0 {
-            return Err(WosacError::NoRoadEdge { scenario: log.scenario_id.clone() });
+            return refused(
+                "the map has no road edge, expected at least one: without it the distance to the road edge is \
+                 undefined, and the official code fails too",
+            );
         }
         let surroundings = Surroundings {
             boxes: objects.tracks.iter().map(|track| RoundedBox::of(track)).collect(),
@@ -63,7 +70,10 @@ impl<'a> Scorer<'a> {
             let mut steps = (0..scorer.objects.evaluated)
                 .flat_map(|object| scorer.judged_steps(feature, object, &Config::CHALLENGE_2025));
             if scorer.logged[0].values(feature).is_some() && steps.next().is_none() {
-                return Err(WosacError::NothingToJudge { scenario: log.scenario_id.clone(), feature });
+                return refused(&format!(
+                    "no logged step of {} can be judged, expected a valid AV that is a vehicle",
+                    feature.name()
+                ));
             }
         }
         Ok(scorer)
@@ -82,7 +92,7 @@ impl<'a> Scorer<'a> {
     /// Computes the features of every rollout by evaluated object.
     ///
     /// # Errors
-    /// [`WosacError::Invalid`] if the rollouts do not belong to the scenario or have invalid values.
+    /// [`WosacError`] if the rollouts do not belong to the scenario or have invalid values.
     pub fn features(&self, rollouts: &ScenarioRollouts) -> Result<Vec<Vec<StepFeatures>>, WosacError> {
         let aligned = align(rollouts, self.log)?;
         let mut cells = EdgeCells::new(&self.surroundings.edges.arrays);
@@ -98,7 +108,7 @@ impl<'a> Scorer<'a> {
     /// free; the challenge requires 32.
     ///
     /// # Errors
-    /// [`WosacError::Invalid`] if the rollouts do not belong to the scenario or have invalid values.
+    /// [`WosacError`] if the rollouts do not belong to the scenario or have invalid values.
     pub fn score(
         &self,
         rollouts: &ScenarioRollouts,

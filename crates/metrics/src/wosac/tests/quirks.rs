@@ -5,7 +5,7 @@ use reactsim_scene::{
     wosac::{ScenarioRollouts, WosacLog},
 };
 
-use super::super::{Config, Feature, Scorer, StepFeatures, WosacError};
+use super::super::{Config, Feature, Scorer, StepFeatures};
 use super::fixture;
 
 /// A scenario of which object 0 drives straight at 10 m/s along y = 0 and the others stand far away.
@@ -139,7 +139,7 @@ fn logs_that_cannot_be_scored_are_refused() {
     let error = |change: fn(&mut WosacLog)| {
         let (mut log, _) = straight(3);
         change(&mut log);
-        Scorer::new(&log).err().unwrap()
+        Scorer::new(&log).err().unwrap().to_string()
     };
     let no_future = error(|log| {
         for track in &mut log.tracks {
@@ -150,13 +150,14 @@ fn logs_that_cannot_be_scored_are_refused() {
         }
         log.signals.truncate(HISTORY);
     });
-    assert!(matches!(no_future, WosacError::NoFuture { .. }), "{no_future}");
+    assert!(no_future.contains("the log ends at the current frame"), "{no_future}");
     let no_edge = error(|log| log.road_edges.iter_mut().for_each(|edge| edge.truncate(1)));
-    assert!(matches!(no_edge, WosacError::NoRoadEdge { .. }), "{no_edge}");
+    assert!(no_edge.contains("the map has no road edge"), "{no_edge}");
     let absent = error(|log| log.tracks[0].valid[CURRENT] = false);
-    assert!(matches!(absent, WosacError::EvaluatedAbsent { object: 1000, .. }), "{absent}");
+    assert!(absent.contains("object 1000 of tracks_to_predict or the AV is invalid"), "{absent}");
     let nothing = error(|log| log.tracks.iter_mut().for_each(|track| track.kind = AgentKind::Cyclist));
-    assert!(matches!(nothing, WosacError::NothingToJudge { feature: Feature::TimeToCollision, .. }));
+    let feature = Feature::TimeToCollision.name();
+    assert!(nothing.contains(&format!("no logged step of {feature} can be judged")), "{nothing}");
     for (change, expected) in [
         ((|log| log.av = 9) as fn(&mut WosacLog), "sdc_track_index is 9"),
         (|log| log.tracks[1].id = log.tracks[0].id, "tracks[1].id is 1000"),
@@ -165,7 +166,7 @@ fn logs_that_cannot_be_scored_are_refused() {
         (|log| log.signals.truncate(80), "dynamic_map_states is 80 entries"),
         (|log| log.road_edges[0][0][2] = f32::INFINITY, "a point of the map is inf"),
     ] {
-        let error = error(change).to_string();
+        let error = error(change);
         assert!(error.starts_with("scenario `made-up-7`: ") && error.contains(expected), "{error}");
     }
 }
@@ -205,7 +206,7 @@ fn scenarios_of_other_formats_can_be_scored() {
                 scored += 1;
             }
             Err(error) => {
-                assert!(matches!(error, WosacError::NoRoadEdge { .. }), "{error}");
+                assert!(error.to_string().contains("the map has no road edge"), "{error}");
                 refused += 1;
             }
         }
