@@ -3,7 +3,7 @@
 use reactsim_geometry::math;
 use reactsim_scene::Frame;
 
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Displacement errors of one scenario.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,43 +94,29 @@ fn compute(case: &Case<'_>) -> Option<Displacement> {
 }
 
 /// Mean displacement over rollouts and agents.
-#[derive(Debug)]
-pub(super) struct Ade;
-
-impl Metric for Ade {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "ade",
-            title: "ADE",
-            unit: Unit::Metres,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, realism protocol: average displacement error",
-        }
-    }
-
-    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
-        displacement(case).map(|d| Score::Value(d.ade))
-    }
-}
+pub(super) const ADE: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "ade",
+        title: "ADE",
+        unit: Unit::Metres,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, realism protocol: average displacement error",
+    },
+    has_events: false,
+    score: |case, _| displacement(case).map(|d| Score::Value(d.ade)),
+};
 
 /// Minimum over rollouts of the mean displacement over agents.
-#[derive(Debug)]
-pub(super) struct MinAde;
-
-impl Metric for MinAde {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "min-ade",
-            title: "minADE",
-            unit: Unit::Metres,
-            scope: Scope::Scenario,
-            lower_is_better: true,
-            source: "ReactSim-Bench, realism protocol: minADE at scene level (Waymo sim-agents)",
-        }
-    }
-
-    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
-        displacement(case).map(|d| Score::Value(d.min_ade))
-    }
-}
+pub(super) const MIN_ADE: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "min-ade",
+        title: "minADE",
+        unit: Unit::Metres,
+        scope: Scope::Scenario,
+        lower_is_better: true,
+        source: "ReactSim-Bench, realism protocol: minADE at scene level (Waymo sim-agents)",
+    },
+    has_events: false,
+    score: |case, _| displacement(case).map(|d| Score::Value(d.min_ade)),
+};

@@ -3,7 +3,7 @@
 use reactsim_scene::AgentKind;
 
 use super::boxes::{excluded, overlapping_frames};
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Steps at which an agent overlaps another agent.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -95,42 +95,26 @@ pub const fn pair_counts(a: AgentKind, b: AgentKind) -> bool {
 }
 
 /// Share of agent-steps with a collision.
-#[derive(Debug)]
-pub(super) struct AgentAgent;
+pub(super) const AGENT_AGENT: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "aa-collision",
+        title: "A-A Coll.",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: agent-agent collision rate",
+    },
+    has_events: true,
+    score: score,
+};
 
-impl Metric for AgentAgent {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "aa-collision",
-            title: "A-A Coll.",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: agent-agent collision rate",
+fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let (mut hits, mut valid) = (0, 0);
+    for (i, overlaps) in overlaps(case).iter().enumerate() {
+        (hits, valid) = (hits + overlaps.hits, valid + overlaps.valid);
+        for &(j, first, last) in &overlaps.intervals {
+            events.push(Event { partner: Some(case.id(j)), ..Event::of(case, i, first, last) });
         }
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let (mut hits, mut valid) = (0, 0);
-        for (i, overlaps) in overlaps(case).iter().enumerate() {
-            (hits, valid) = (hits + overlaps.hits, valid + overlaps.valid);
-            for &(j, first, last) in &overlaps.intervals {
-                events.push(Event {
-                    metric: self.spec().id,
-                    step: first,
-                    last_step: last,
-                    agent: case.id(i),
-                    partner: Some(case.id(j)),
-                    reason: None,
-                    counted: true,
-                    values: Vec::new(),
-                });
-            }
-        }
-        (valid > 0).then_some(Score::Rate { hits, valid })
-    }
+    (valid > 0).then_some(Score::Rate { hits, valid })
 }

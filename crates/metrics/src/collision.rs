@@ -4,7 +4,7 @@ use reactsim_geometry::signed_angle_between;
 
 use super::boxes::av_overlaps;
 use super::options::FaultOrder;
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Speed in m/s up to which an agent or the AV is stopped (nuPlan's stopped-speed threshold; the comparison
 /// is `<=`).
@@ -126,66 +126,49 @@ fn fault_at(case: &Case<'_>, agent: usize, frame: usize) -> Fault {
 }
 
 /// Number of vehicles that collide with the AV and are at fault.
-#[derive(Debug)]
-pub(super) struct AtFault;
+pub(super) const AT_FAULT: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "aav-collision",
+        title: "A-AV Coll.",
+        unit: Unit::Count,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: agent-AV collision count",
+    },
+    has_events: true,
+    score: at_fault,
+};
 
-impl Metric for AtFault {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "aav-collision",
-            title: "A-AV Coll.",
-            unit: Unit::Count,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: agent-AV collision count",
-        }
+fn at_fault(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let mut count = 0;
+    for (i, contact) in contacts(case).iter().enumerate() {
+        let Some(contact) = contact else { continue };
+        count += u64::from(contact.fault.at_fault());
+        let k = case.motion.at(i, case.current + contact.step);
+        let av = case.motion.at(case.av, case.current + contact.step);
+        let mut values = vec![("speed", case.motion.speed[k]), ("av_speed", case.motion.speed[av])];
+        values.extend(log_distance(case, i, contact).map(|d| ("log_distance", d)));
+        events.push(Event {
+            partner: Some(case.id(case.av)),
+            reason: Some(contact.fault.name()),
+            counted: contact.fault.at_fault(),
+            values,
+            ..Event::of(case, i, contact.step, contact.last_step)
+        });
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let mut count = 0;
-        for (i, contact) in contacts(case).iter().enumerate() {
-            let Some(contact) = contact else { continue };
-            count += u64::from(contact.fault.at_fault());
-            let k = case.motion.at(i, case.current + contact.step);
-            let av = case.motion.at(case.av, case.current + contact.step);
-            let mut values = vec![("speed", case.motion.speed[k]), ("av_speed", case.motion.speed[av])];
-            values.extend(log_distance(case, i, contact).map(|d| ("log_distance", d)));
-            events.push(Event {
-                metric: self.spec().id,
-                step: contact.step,
-                last_step: contact.last_step,
-                agent: case.id(i),
-                partner: Some(case.id(case.av)),
-                reason: Some(contact.fault.name()),
-                counted: contact.fault.at_fault(),
-                values,
-            });
-        }
-        Some(Score::Count(count))
-    }
+    Some(Score::Count(count))
 }
 
 /// Number of vehicles that overlap the AV, regardless of fault.
-#[derive(Debug)]
-pub(super) struct AnyOverlap;
-
-impl Metric for AnyOverlap {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "aav-overlap",
-            title: "A-AV Overlap",
-            unit: Unit::Count,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "beside A-AV Coll.: the same first contacts, without the test of fault",
-        }
-    }
-
-    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
-        Some(Score::Count(contacts(case).iter().flatten().count() as u64))
-    }
-}
+pub(super) const ANY_OVERLAP: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "aav-overlap",
+        title: "A-AV Overlap",
+        unit: Unit::Count,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "beside A-AV Coll.: the same first contacts, without the test of fault",
+    },
+    has_events: false,
+    score: |case, _| Some(Score::Count(contacts(case).iter().flatten().count() as u64)),
+};

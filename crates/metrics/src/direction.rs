@@ -7,7 +7,7 @@ use reactsim_geometry::wrap;
 
 use self::lane_tracking::{LanePosition, Tracker};
 use super::options::{DirCandidate, DirTracking};
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Speed in m/s up to which a vehicle does not drive against its lane.
 const MOVING_SPEED: f64 = 1.0;
@@ -202,43 +202,30 @@ fn add_persistent(interval: Option<WrongWayInterval>, found: &mut WrongWay) {
 }
 
 /// Share of the vehicles on lanes that drive against a lane.
-#[derive(Debug)]
-pub(super) struct Direction;
+pub(super) const DIRECTION: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "direction",
+        title: "Dir.",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: driving-direction violation rate",
+    },
+    has_events: true,
+    score: score,
+};
 
-impl Metric for Direction {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "direction",
-            title: "Dir.",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: driving-direction violation rate",
+fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let (mut hits, mut valid) = (0, 0);
+    for (i, found) in directions(case).iter().enumerate() {
+        valid += u64::from(found.candidate);
+        hits += u64::from(!found.intervals.is_empty());
+        for interval in &found.intervals {
+            events.push(Event {
+                values: vec![("heading_error", interval.heading_error), ("progress", interval.progress)],
+                ..Event::of(case, i, interval.first, interval.last)
+            });
         }
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let (mut hits, mut valid) = (0, 0);
-        for (i, found) in directions(case).iter().enumerate() {
-            valid += u64::from(found.candidate);
-            hits += u64::from(!found.intervals.is_empty());
-            for interval in &found.intervals {
-                events.push(Event {
-                    metric: self.spec().id,
-                    step: interval.first,
-                    last_step: interval.last,
-                    agent: case.id(i),
-                    partner: None,
-                    reason: None,
-                    counted: true,
-                    values: vec![("heading_error", interval.heading_error), ("progress", interval.progress)],
-                });
-            }
-        }
-        (valid > 0).then_some(Score::Rate { hits, valid })
-    }
+    (valid > 0).then_some(Score::Rate { hits, valid })
 }

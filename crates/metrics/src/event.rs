@@ -1,5 +1,7 @@
 //! Events counted by metrics, so that every number can be traced to frames.
 
+use super::Case;
+
 /// One counted event.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
@@ -20,6 +22,24 @@ pub struct Event {
     pub counted: bool,
     /// Named values at the event, such as `ttc` or `acceleration`.
     pub values: Vec<(&'static str, f64)>,
+}
+
+impl Event {
+    /// Returns an event of an object that counts, without partner, reason and values.
+    /// [`Metrics`](super::Metrics) add the id of the metric.
+    pub(super) fn of(case: &Case<'_>, object: usize, step: usize, last_step: usize) -> Self {
+        let agent = case.id(object);
+        Self {
+            metric: "",
+            step,
+            last_step,
+            agent,
+            partner: None,
+            reason: None,
+            counted: true,
+            values: Vec::new(),
+        }
+    }
 }
 
 /// Names and units of the values of events; a value without a unit is a number of steps or an index of the

@@ -6,7 +6,7 @@ use reactsim_scene::DT;
 use reactsim_scene::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
 
 use super::options::CurvatureYaw;
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Tolerance of both bounds: m/s² for accelerations, 1/m for curvatures.
 const TOLERANCE: f64 = 1e-3;
@@ -120,7 +120,6 @@ fn transitions(case: &Case<'_>, agent: usize) -> InfeasibleMotion {
 
 fn rate<'c>(
     case: &'c Case<'_>,
-    metric: &'static str,
     value: &'static str,
     of: impl Fn(&'c InfeasibleMotion) -> &'c Violations,
     events: &mut Vec<Event>,
@@ -131,14 +130,8 @@ fn rate<'c>(
         (hits, valid) = (hits + violations.hits, valid + found.valid);
         for interval in &violations.intervals {
             events.push(Event {
-                metric,
-                step: interval.first,
-                last_step: interval.last,
-                agent: case.id(i),
-                partner: None,
-                reason: None,
-                counted: true,
                 values: vec![(value, interval.peak)],
+                ..Event::of(case, i, interval.first, interval.last)
             });
         }
     }
@@ -146,77 +139,43 @@ fn rate<'c>(
 }
 
 /// Share of transitions with an infeasible acceleration.
-#[derive(Debug)]
-pub(super) struct Acceleration;
-
-impl Metric for Acceleration {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "acceleration",
-            title: "Acc.",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: acceleration infeasibility",
-        }
-    }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        rate(case, self.spec().id, "acceleration", |f| &f.acceleration, events)
-    }
-}
+pub(super) const ACCELERATION: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "acceleration",
+        title: "Acc.",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: acceleration infeasibility",
+    },
+    has_events: true,
+    score: |case, events| rate(case, "acceleration", |f| &f.acceleration, events),
+};
 
 /// Share of transitions with an infeasible curvature.
-#[derive(Debug)]
-pub(super) struct Curvature;
-
-impl Metric for Curvature {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "curvature",
-            title: "Steer.",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: steering-curvature infeasibility",
-        }
-    }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let yaw = case.options.curvature_yaw;
-        rate(case, self.spec().id, "curvature", |f| f.curvature_by(yaw), events)
-    }
-}
+pub(super) const CURVATURE: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "curvature",
+        title: "Steer.",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: steering-curvature infeasibility",
+    },
+    has_events: true,
+    score: |case, events| rate(case, "curvature", |f| f.curvature_by(case.options.curvature_yaw), events),
+};
 
 /// Share of transitions with an infeasible curvature, by the direction of the velocity.
-#[derive(Debug)]
-pub(super) struct CurvatureVelocity;
-
-impl Metric for CurvatureVelocity {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "curvature-velocity",
-            title: "Steer. (vel.)",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "Waymax bicycle model, heading change by velocity direction; printed beside Steer.",
-        }
-    }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        rate(case, self.spec().id, "curvature", |f| &f.curvature_velocity, events)
-    }
-}
+pub(super) const CURVATURE_VELOCITY: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "curvature-velocity",
+        title: "Steer. (vel.)",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "Waymax bicycle model, heading change by velocity direction; printed beside Steer.",
+    },
+    has_events: true,
+    score: |case, events| rate(case, "curvature", |f| &f.curvature_velocity, events),
+};

@@ -58,5 +58,6 @@ pub use score::Score;
 pub use scores::{
     AgentScores, METRICS, REMOVED_METRICS, RolloutScores, Scores, metric, score_case, score_rollouts,
 };
+use spec::OfBenchmark;
 pub use spec::{Metric, MetricSpec, Scope, Unit};
 pub use ttc::{Approach, is_front, placement};

@@ -4,7 +4,7 @@
 use reactsim_geometry::{math, wrap};
 use reactsim_scene::{DT, Frame};
 
-use super::{Case, Event, Judgement, LoggedTrack, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Judgement, LoggedTrack, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Likelihoods of one scenario, each in (0, 1]; `None` if no logged sample is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -238,22 +238,15 @@ fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
 }
 
 /// Mean of the four kinematic likelihoods.
-#[derive(Debug)]
-pub(super) struct Likelihood;
-
-impl Metric for Likelihood {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "kinematic-likelihood",
-            title: "Kin. Lik.",
-            unit: Unit::Plain,
-            scope: Scope::Scenario,
-            lower_is_better: false,
-            source: "Waymo sim-agents challenge 2025: the kinematic features, equal weights",
-        }
-    }
-
-    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
-        likelihood(case)?.kinematic().map(Score::Value)
-    }
-}
+pub(super) const LIKELIHOOD: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "kinematic-likelihood",
+        title: "Kin. Lik.",
+        unit: Unit::Plain,
+        scope: Scope::Scenario,
+        lower_is_better: false,
+        source: "Waymo sim-agents challenge 2025: the kinematic features, equal weights",
+    },
+    has_events: false,
+    score: |case, _| likelihood(case)?.kinematic().map(Score::Value),
+};

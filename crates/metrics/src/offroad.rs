@@ -1,6 +1,6 @@
 //! Vehicles off the drivable ground (ReactSim-Bench, "Metric Computation Details": off-road rate).
 
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Steps of a vehicle off the drivable ground.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,43 +77,27 @@ fn is_on_road(case: &Case<'_>, agent: usize, frame: usize, near: &mut [Option<u3
 }
 
 /// Share of vehicle-steps off the road.
-#[derive(Debug)]
-pub(super) struct OffRoad;
+pub(super) const OFF_ROAD: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "offroad",
+        title: "Offroad",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: off-road rate",
+    },
+    has_events: true,
+    score: score,
+};
 
-impl Metric for OffRoad {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "offroad",
-            title: "Offroad",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: off-road rate",
+fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let (mut hits, mut valid) = (0, 0);
+    for (i, steps) in off_road_steps(case).iter().enumerate() {
+        (hits, valid) = (hits + steps.hits, valid + steps.valid);
+        for &(first, last) in &steps.intervals {
+            let p = case.motion.position(i, case.current + first);
+            events.push(Event { values: vec![("x", p.x), ("y", p.y)], ..Event::of(case, i, first, last) });
         }
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let (mut hits, mut valid) = (0, 0);
-        for (i, steps) in off_road_steps(case).iter().enumerate() {
-            (hits, valid) = (hits + steps.hits, valid + steps.valid);
-            for &(first, last) in &steps.intervals {
-                let p = case.motion.position(i, case.current + first);
-                events.push(Event {
-                    metric: self.spec().id,
-                    step: first,
-                    last_step: last,
-                    agent: case.id(i),
-                    partner: None,
-                    reason: None,
-                    counted: true,
-                    values: vec![("x", p.x), ("y", p.y)],
-                });
-            }
-        }
-        (valid > 0).then_some(Score::Rate { hits, valid })
-    }
+    (valid > 0).then_some(Score::Rate { hits, valid })
 }

@@ -2,99 +2,77 @@
 //! (`docs/over-reaction.md`).
 
 use super::responders::{Responder, responders};
-use super::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Mean path length, in metres, that the responders that count drive less than in the certificate.
-#[derive(Debug)]
-pub(super) struct OverReaction;
+pub(super) const OVER_REACTION: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "over-reaction",
+        title: "Over-r.",
+        unit: Unit::Metres,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "reactsim, docs/over-reaction.md: path length lost against the certificate by \
+                 agents that answer the AV",
+    },
+    has_events: true,
+    score: over_reaction,
+};
 
-impl Metric for OverReaction {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "over-reaction",
-            title: "Over-r.",
-            unit: Unit::Metres,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "reactsim, docs/over-reaction.md: path length lost against the certificate by \
-                     agents that answer the AV",
+fn over_reaction(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    for responder in responders(case)? {
+        let lost = responder.lost();
+        if responder.under_reacts.is_none() && lost == 0.0 {
+            continue;
         }
+        let last = case.future().len();
+        let (step, last_step) = responder.under_reacts.unwrap_or((last, last));
+        let mut values =
+            vec![("lost", lost), ("driven", responder.driven), ("reference", responder.reference)];
+        values.extend([("peak", responder.peak), ("reference_peak", responder.reference_peak)]);
+        events.push(Event {
+            partner: Some(case.id(case.av)),
+            reason: responder.under_reacts.map(|_| "under_reacted"),
+            counted: responder.under_reacts.is_none(),
+            values,
+            ..Event::of(case, responder.agent, step, last_step)
+        });
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        for responder in responders(case)? {
-            let lost = responder.lost();
-            if responder.under_reacts.is_none() && lost == 0.0 {
-                continue;
-            }
-            let last = case.future().len();
-            let (step, last_step) = responder.under_reacts.unwrap_or((last, last));
-            let mut values =
-                vec![("lost", lost), ("driven", responder.driven), ("reference", responder.reference)];
-            values.extend([("peak", responder.peak), ("reference_peak", responder.reference_peak)]);
-            events.push(Event {
-                metric: self.spec().id,
-                step,
-                last_step,
-                agent: case.id(responder.agent),
-                partner: Some(case.id(case.av)),
-                reason: responder.under_reacts.map(|_| "under_reacted"),
-                counted: responder.under_reacts.is_none(),
-                values,
-            });
-        }
-        mean(case, Responder::lost)
-    }
+    mean(case, Responder::lost)
 }
 
 /// Mean deceleration, in m/s², that the responders that count use beyond that of the certificate.
-#[derive(Debug)]
-pub(super) struct OverBraking;
+pub(super) const OVER_BRAKING: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "over-braking",
+        title: "Over-br.",
+        unit: Unit::MetresPerSecondSquared,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of \
+                 agents that answer the AV",
+    },
+    has_events: true,
+    score: over_braking,
+};
 
-impl Metric for OverBraking {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "over-braking",
-            title: "Over-br.",
-            unit: Unit::MetresPerSecondSquared,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "reactsim, docs/over-reaction.md: peak deceleration beyond the certificate's of \
-                     agents that answer the AV",
+fn over_braking(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let last = case.future().len();
+    for responder in responders(case)?.iter().filter(|r| r.under_reacts.is_none()) {
+        let excess = responder.over_braking();
+        if excess > 0.0 {
+            events.push(Event {
+                partner: Some(case.id(case.av)),
+                values: vec![
+                    ("excess", excess),
+                    ("peak", responder.peak),
+                    ("reference_peak", responder.reference_peak),
+                ],
+                ..Event::of(case, responder.agent, last, last)
+            });
         }
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let last = case.future().len();
-        for responder in responders(case)?.iter().filter(|r| r.under_reacts.is_none()) {
-            let excess = responder.over_braking();
-            if excess > 0.0 {
-                events.push(Event {
-                    metric: self.spec().id,
-                    step: last,
-                    last_step: last,
-                    agent: case.id(responder.agent),
-                    partner: Some(case.id(case.av)),
-                    reason: None,
-                    counted: true,
-                    values: vec![
-                        ("excess", excess),
-                        ("peak", responder.peak),
-                        ("reference_peak", responder.reference_peak),
-                    ],
-                });
-            }
-        }
-        mean(case, Responder::over_braking)
-    }
+    mean(case, Responder::over_braking)
 }
 
 /// Returns the mean of a value over the responders that count, i.e. do not under-react; `None` without any.

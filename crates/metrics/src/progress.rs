@@ -3,7 +3,7 @@
 use reactsim_geometry::Vec2;
 
 use super::boxes::sharp_distance;
-use super::{Case, Event, LoggedTrack, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, LoggedTrack, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Minimum logged displacement from the current position, in metres, for a vehicle to count.
 const MIN_DISPLACEMENT: f64 = 5.0;
@@ -13,36 +13,33 @@ const CLEARANCE: f64 = 5.0;
 
 /// Mean ratio of driven to logged path length, over the vehicles that move in the log and whose logged boxes
 /// keep clear of the AV.
-#[derive(Debug)]
-pub(super) struct Progress;
+pub(super) const PROGRESS: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "progress",
+        title: "Progress",
+        unit: Unit::Plain,
+        scope: Scope::Rollout,
+        lower_is_better: false,
+        source: "reactsim: path length over the log's, at most 1, of vehicles not in conflict with \
+                 the AV",
+    },
+    has_events: false,
+    score: score,
+};
 
-impl Metric for Progress {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "progress",
-            title: "Progress",
-            unit: Unit::Plain,
-            scope: Scope::Rollout,
-            lower_is_better: false,
-            source: "reactsim: path length over the log's, at most 1, of vehicles not in conflict with \
-                     the AV",
+fn score(case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
+    let log = case.log.as_ref()?;
+    let (mut sum, mut n) = (0.0, 0);
+    for i in case.vehicles() {
+        if let Some(logged) = free_path(case, &log[i], i) {
+            let positions = (case.current..case.frames())
+                .filter(|&f| case.motion.valid(i, f))
+                .map(|f| case.motion.position(i, f));
+            sum += (length(positions) / logged).min(1.0);
+            n += 1;
         }
     }
-
-    fn score(&self, case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
-        let log = case.log.as_ref()?;
-        let (mut sum, mut n) = (0.0, 0);
-        for i in case.vehicles() {
-            if let Some(logged) = free_path(case, &log[i], i) {
-                let positions = (case.current..case.frames())
-                    .filter(|&f| case.motion.valid(i, f))
-                    .map(|f| case.motion.position(i, f));
-                sum += (length(positions) / logged).min(1.0);
-                n += 1;
-            }
-        }
-        (n > 0).then_some(Score::Mean { sum, n })
-    }
+    (n > 0).then_some(Score::Mean { sum, n })
 }
 
 /// Returns the length of the logged path from now on, metres, if the vehicle moves in the log and its logged

@@ -4,7 +4,7 @@ use reactsim_geometry::{Vec2, direction, wrap};
 use reactsim_scene::LightState;
 
 use super::direction::lane_tracking::Tracker;
-use super::{Case, Event, Metric, MetricSpec, ObservedLight, Scope, Score, Unit};
+use super::{Case, Event, MetricSpec, ObservedLight, OfBenchmark, Scope, Score, Unit};
 
 /// Largest lateral distance from the stop point at which a vehicle crosses its stop line, metres.
 const CROSSING_OFFSET: f64 = 2.5;
@@ -127,60 +127,48 @@ fn is_along(heading: f64, lane: f64) -> bool {
 }
 
 /// Share of vehicles that run a red light.
-#[derive(Debug)]
-pub(super) struct RedLight;
+pub(super) const RED_LIGHT: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "red-light",
+        title: "Red light",
+        unit: Unit::Rate,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "reactsim, docs/metrics.md: vehicles that cross the stop line of their lane under an \
+                 observed red light",
+    },
+    has_events: true,
+    score: score,
+};
 
-impl Metric for RedLight {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "red-light",
-            title: "Red light",
-            unit: Unit::Rate,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "reactsim, docs/metrics.md: vehicles that cross the stop line of their lane under an \
-                     observed red light",
-        }
+fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let known = |light: &ObservedLight<'_>| case.future().any(|f| light.at(f).is_some());
+    if !case.lights.iter().any(known) {
+        return None;
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let known = |light: &ObservedLight<'_>| case.future().any(|f| light.at(f).is_some());
-        if !case.lights.iter().any(known) {
-            return None;
+    let lines: Vec<StopLine<'_>> = case.lights.iter().filter_map(|l| StopLine::new(case, l)).collect();
+    let mut tracker = Tracker::new(case);
+    let (mut hits, mut valid) = (0, 0);
+    for i in case.vehicles() {
+        let mut runs = false;
+        for line in &lines {
+            let Some(crossing) = line.crossing(case, i, &mut tracker) else { continue };
+            runs = true;
+            events.push(Event {
+                reason: Some(crossing.state.name()),
+                values: vec![
+                    ("lane", line.light.lane as f64),
+                    ("speed", case.motion.speed(i, crossing.first)),
+                    ("x", line.light.stop_point.x),
+                    ("y", line.light.stop_point.y),
+                ],
+                ..Event::of(case, i, crossing.first - case.current, crossing.last - case.current)
+            });
         }
-        let lines: Vec<StopLine<'_>> = case.lights.iter().filter_map(|l| StopLine::new(case, l)).collect();
-        let mut tracker = Tracker::new(case);
-        let (mut hits, mut valid) = (0, 0);
-        for i in case.vehicles() {
-            let mut runs = false;
-            for line in &lines {
-                let Some(crossing) = line.crossing(case, i, &mut tracker) else { continue };
-                runs = true;
-                events.push(Event {
-                    metric: self.spec().id,
-                    step: crossing.first - case.current,
-                    last_step: crossing.last - case.current,
-                    agent: case.id(i),
-                    partner: None,
-                    reason: Some(crossing.state.name()),
-                    counted: true,
-                    values: vec![
-                        ("lane", line.light.lane as f64),
-                        ("speed", case.motion.speed(i, crossing.first)),
-                        ("x", line.light.stop_point.x),
-                        ("y", line.light.stop_point.y),
-                    ],
-                });
-            }
-            hits += u64::from(runs);
-            valid += 1;
-        }
-        (valid > 0).then_some(Score::Rate { hits, valid })
+        hits += u64::from(runs);
+        valid += 1;
     }
+    (valid > 0).then_some(Score::Rate { hits, valid })
 }
 
 #[cfg(test)]

@@ -18,6 +18,27 @@ pub trait Metric: Send + Sync {
     }
 }
 
+/// A metric of the benchmark.
+pub(super) struct OfBenchmark {
+    pub(super) spec: MetricSpec,
+    pub(super) has_events: bool,
+    pub(super) score: fn(&Case<'_>, &mut Vec<Event>) -> Option<Score>,
+}
+
+impl Metric for &'static OfBenchmark {
+    fn spec(&self) -> &'static MetricSpec {
+        &self.spec
+    }
+
+    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+        (self.score)(case, events)
+    }
+
+    fn has_events(&self) -> bool {
+        self.has_events
+    }
+}
+
 /// The description of a metric in tables and files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MetricSpec {

@@ -4,7 +4,7 @@
 use reactsim_geometry::{OrientedBox, wrap};
 
 use super::boxes::{av_overlaps, excluded};
-use super::{Case, Event, Judgement, Metric, MetricSpec, Scope, Score, Unit};
+use super::{Case, Event, Judgement, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Time to collision if the vehicle is not closing in, and maximum value, seconds.
 const MAX_TTC: f64 = 5.0;
@@ -113,44 +113,32 @@ pub fn is_front(gap: f64, lateral_gap: f64, turned: f64) -> bool {
 }
 
 /// Number of vehicles with a risky approach to the AV.
-#[derive(Debug)]
-pub(super) struct Risky;
+pub(super) const RISKY: &OfBenchmark = &OfBenchmark {
+    spec: MetricSpec {
+        id: "aav-ttc",
+        title: "A-AV risky",
+        unit: Unit::Count,
+        scope: Scope::Rollout,
+        lower_is_better: true,
+        source: "ReactSim-Bench, Metric Computation Details: agent-AV risky TTC count",
+    },
+    has_events: true,
+    score: score,
+};
 
-impl Metric for Risky {
-    fn spec(&self) -> &'static MetricSpec {
-        &MetricSpec {
-            id: "aav-ttc",
-            title: "A-AV risky",
-            unit: Unit::Count,
-            scope: Scope::Rollout,
-            lower_is_better: true,
-            source: "ReactSim-Bench, Metric Computation Details: agent-AV risky TTC count",
-        }
+fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
+    let mut count = 0;
+    for (i, approach) in approaches(case).iter().enumerate() {
+        let Some((approach, (first, last))) = approach.and_then(|a| Some((a, a.risky?))) else {
+            continue;
+        };
+        count += 1;
+        let at = approach.step.unwrap_or(first);
+        events.push(Event {
+            partner: Some(case.id(case.av)),
+            values: vec![("ttc", approach.min_ttc), ("ttc_step", at as f64)],
+            ..Event::of(case, i, first, last)
+        });
     }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    fn score(&self, case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
-        let mut count = 0;
-        for (i, approach) in approaches(case).iter().enumerate() {
-            let Some((approach, (first, last))) = approach.and_then(|a| Some((a, a.risky?))) else {
-                continue;
-            };
-            count += 1;
-            let at = approach.step.unwrap_or(first);
-            events.push(Event {
-                metric: self.spec().id,
-                step: first,
-                last_step: last,
-                agent: case.id(i),
-                partner: Some(case.id(case.av)),
-                reason: None,
-                counted: true,
-                values: vec![("ttc", approach.min_ttc), ("ttc_step", at as f64)],
-            });
-        }
-        Some(Score::Count(count))
-    }
+    Some(Score::Count(count))
 }
