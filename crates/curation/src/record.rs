@@ -1,7 +1,7 @@
 //! The records of a curation: one per candidate, grouped by scenario.
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{Deviation, Difficulty};
+use reactsim_scene::{Deviation, Difficulty, named_enum};
 
 use super::{Candidate, Certificate};
 
@@ -101,31 +101,23 @@ pub struct Figure {
     pub passed: Option<bool>,
 }
 
-/// Decision of a reviewer about a scenario.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Decision {
-    /// The candidate belongs in the set.
-    Pick,
-    /// Without a candidate: none of the scenario belongs in the set. With one: this one does not; if it
-    /// was chosen, no other takes its place until one is picked.
-    Reject,
-    /// To be reviewed again.
-    Flag,
-    /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a
-    /// file.
-    Clear,
-}
+named_enum! {
+    name;
 
-impl Decision {
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Pick => "pick",
-            Self::Reject => "reject",
-            Self::Flag => "flag",
-            Self::Clear => "clear",
-        }
+    /// Decision of a reviewer about a scenario.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Decision {
+        /// The candidate belongs in the set.
+        Pick = "pick",
+        /// Without a candidate: none of the scenario belongs in the set. With one: this one does not; if it
+        /// was chosen, no other takes its place until one is picked.
+        Reject = "reject",
+        /// To be reviewed again.
+        Flag = "flag",
+        /// Withdraws the previous decision. Occurs in files of decisions only, never in a [`ReviewMark`] of a
+        /// file.
+        Clear = "clear",
     }
 }
 

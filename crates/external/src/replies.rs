@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use reactsim_rollout::{Episode, PlanError};
-use reactsim_scene::{AgentState, DT, FUTURE, brief};
+use reactsim_scene::{AgentState, DT, FUTURE, brief, named_enum};
 
 use super::document::{DocumentError, Frame};
 use super::settings::MOST_PER_BATCH;
@@ -15,22 +15,16 @@ const FARTHEST: f64 = 1e5;
 /// Largest length of texts that a simulator states about itself, bytes.
 const LONGEST_TEXT: usize = 200;
 
-/// Role of an external program in a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// It moves the agents.
-    Simulator,
-    /// It plans trajectories of the AV.
-    Planner,
-}
+named_enum! {
+    name;
 
-impl Role {
-    /// Returns the name used in messages of the protocol.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Simulator => "simulator",
-            Self::Planner => "planner",
-        }
+    /// Role of an external program in a run.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Role {
+        /// It moves the agents.
+        Simulator = "simulator",
+        /// It plans trajectories of the AV.
+        Planner = "planner",
     }
 }
 

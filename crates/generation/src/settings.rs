@@ -1,47 +1,34 @@
 //! Settings of the generator.
 
-use reactsim_scene::Length;
+use reactsim_scene::{Length, named_enum};
 
 use super::maps::{self, MAP_TYPES, MapType};
 use super::traffic::Manner;
 
-/// Intended use of generated scenarios. Each preset has its own seed space: its name is part of the key of
-/// every random stream and of every scenario id, so that presets never share a scenario.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
-    /// Benchmark scenarios: the AV drives and has others around it; all map types are equally frequent.
-    Bench,
-    /// Training scenarios: map types and traffic are about as frequent as in recordings.
-    Train,
-    /// Training scenarios as the sensors of a vehicle record them, with the speed limits, accelerations and
-    /// junctions of recordings.
-    Sensed,
+named_enum! {
+    name, from_name;
+
+    /// Intended use of generated scenarios. Each preset has its own seed space: its name is part of the key
+    /// of every random stream and of every scenario id, so that presets never share a scenario.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Preset {
+        /// Benchmark scenarios: the AV drives and has others around it; all map types are equally frequent.
+        Bench = "bench",
+        /// Training scenarios: map types and traffic are about as frequent as in recordings.
+        Train = "train",
+        /// Training scenarios as the sensors of a vehicle record them, with the speed limits, accelerations
+        /// and junctions of recordings.
+        Sensed = "sensed",
+    }
 }
 
 impl Preset {
-    /// All presets.
-    pub const ALL: [Self; 3] = [Self::Bench, Self::Train, Self::Sensed];
-
-    /// Name on the command line and in ids.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Bench => "bench",
-            Self::Train => "train",
-            Self::Sensed => "sensed",
-        }
-    }
-
     /// How drivers drive.
     pub(super) const fn manner(self) -> Manner {
         match self {
             Self::Bench | Self::Train => Manner::CALM,
             Self::Sensed => Manner::BRISK,
         }
-    }
-
-    /// Returns the preset with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|p| p.name() == name)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Collisions of vehicles with the AV, and their fault (ReactSim-Bench, "Metric Computation Details").
 
 use reactsim_geometry::signed_angle_between;
+use reactsim_scene::named_enum;
 
 use super::boxes::av_overlaps;
 use super::options::FaultOrder;
@@ -13,36 +14,28 @@ pub const STOPPED_SPEED: f64 = 0.05;
 /// agent.
 pub const BEHIND_DEGREES: f64 = 150.0;
 
-/// The circumstances of a collision, which decide whether the agent is at fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
-    /// The agent is stopped: not its fault.
-    AgentStopped,
-    /// The AV is behind the agent: not the agent's fault.
-    AvBehind,
-    /// The AV is stopped: the agent's fault.
-    AvStopped,
-    /// The agent's front bumper intersects the AV: the agent's fault.
-    FrontBumper,
-    /// The agent is off the road: its fault.
-    AgentOffroad,
-    /// Any other contact: not the agent's fault.
-    Lateral,
+named_enum! {
+    name;
+
+    /// The circumstances of a collision, which decide whether the agent is at fault.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Fault {
+        /// The agent is stopped: not its fault.
+        AgentStopped = "agent_stopped",
+        /// The AV is behind the agent: not the agent's fault.
+        AvBehind = "av_behind",
+        /// The AV is stopped: the agent's fault.
+        AvStopped = "av_stopped",
+        /// The agent's front bumper intersects the AV: the agent's fault.
+        FrontBumper = "front_bumper",
+        /// The agent is off the road: its fault.
+        AgentOffroad = "agent_offroad",
+        /// Any other contact: not the agent's fault.
+        Lateral = "lateral",
+    }
 }
 
 impl Fault {
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::AgentStopped => "agent_stopped",
-            Self::AvBehind => "av_behind",
-            Self::AvStopped => "av_stopped",
-            Self::FrontBumper => "front_bumper",
-            Self::AgentOffroad => "agent_offroad",
-            Self::Lateral => "lateral",
-        }
-    }
-
     /// Returns whether the agent is at fault.
     pub const fn at_fault(self) -> bool {
         matches!(self, Self::AvStopped | Self::FrontBumper | Self::AgentOffroad)

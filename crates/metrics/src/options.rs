@@ -172,24 +172,14 @@ mod digit {
 /// Defines an enum of named choices with `ALL`, `name` and `from_name`.
 macro_rules! choices {
     ($(#[$doc:meta])* $type:ident { $($(#[$item_doc:meta])* $item:ident = $name:literal),+ $(,)? }) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $type { $($(#[$item_doc])* $item),+ }
+        reactsim_scene::named_enum! {
+            name, from_name;
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            pub enum $type { $($(#[$item_doc])* $item = $name),+ }
+        }
 
         impl $type {
-            /// All choices.
-            pub const ALL: &'static [Self] = &[$(Self::$item),+];
-
-            /// Returns the name used in files.
-            pub const fn name(self) -> &'static str {
-                match self { $(Self::$item => $name),+ }
-            }
-
-            /// Returns the choice with this name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                Self::ALL.iter().copied().find(|c| c.name() == name)
-            }
-
             fn read(value: &str) -> Result<Self, String> {
                 let known = || Self::ALL.iter().map(|c| format!("`{}`", c.name())).collect::<Vec<_>>();
                 Self::from_name(value).ok_or_else(|| known().join(" or "))

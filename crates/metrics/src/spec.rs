@@ -1,5 +1,7 @@
 //! The interface of a metric.
 
+use reactsim_scene::named_enum;
+
 use super::{Case, Event, Score};
 
 /// A metric of one scenario: of the benchmark ([`METRICS`](super::METRICS)) or your own
@@ -56,28 +58,18 @@ pub struct MetricSpec {
     pub source: &'static str,
 }
 
-/// Input of one value of a metric.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scope {
-    /// One rollout; several rollouts of a scenario are averaged.
-    Rollout,
-    /// All rollouts of a scenario together.
-    Scenario,
-    /// The AV in one rollout, if it is judged: in runs in which a planner drives it.
-    Av,
-}
+named_enum! {
+    name;
 
-impl Scope {
-    /// All scopes.
-    pub const ALL: [Self; 3] = [Self::Rollout, Self::Scenario, Self::Av];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Rollout => "rollout",
-            Self::Scenario => "scenario",
-            Self::Av => "av",
-        }
+    /// Input of one value of a metric.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Scope {
+        /// One rollout; several rollouts of a scenario are averaged.
+        Rollout = "rollout",
+        /// All rollouts of a scenario together.
+        Scenario = "scenario",
+        /// The AV in one rollout, if it is judged: in runs in which a planner drives it.
+        Av = "av",
     }
 }
 

@@ -3,27 +3,32 @@
 use std::sync::Arc;
 
 use reactsim_geometry::{OrientedBox, Vec2, math};
+use reactsim_scene::named_enum;
 
 /// The name of an object; the same at every sample.
 pub type ObjectId = Arc<str>;
 
-/// The class of an object (nuPlan's `TrackedObjectType`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum ObjectKind {
-    /// Cars, trucks, buses, motorcycles.
-    Vehicle,
-    /// People on foot.
-    Pedestrian,
-    /// People on bicycles.
-    Bicycle,
-    /// Cones.
-    TrafficCone,
-    /// Barriers.
-    Barrier,
-    /// Signs of construction zones.
-    ConstructionSign,
-    /// Anything else that does not move.
-    GenericObject,
+named_enum! {
+    name, from_name;
+
+    /// The class of an object (nuPlan's `TrackedObjectType`).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum ObjectKind {
+        /// Cars, trucks, buses, motorcycles.
+        Vehicle = "vehicle",
+        /// People on foot.
+        Pedestrian = "pedestrian",
+        /// People on bicycles.
+        Bicycle = "bicycle",
+        /// Cones.
+        TrafficCone = "traffic_cone",
+        /// Barriers.
+        Barrier = "barrier",
+        /// Signs of construction zones.
+        ConstructionSign = "czone_sign",
+        /// Anything else that does not move.
+        GenericObject = "generic_object",
+    }
 }
 
 /// The groups of objects that the collision metric distinguishes.
@@ -38,35 +43,6 @@ pub enum ObjectGroup {
 }
 
 impl ObjectKind {
-    /// All kinds.
-    pub const ALL: [Self; 7] = [
-        Self::Vehicle,
-        Self::Pedestrian,
-        Self::Bicycle,
-        Self::TrafficCone,
-        Self::Barrier,
-        Self::ConstructionSign,
-        Self::GenericObject,
-    ];
-
-    /// Returns the name that nuPlan uses.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Vehicle => "vehicle",
-            Self::Pedestrian => "pedestrian",
-            Self::Bicycle => "bicycle",
-            Self::TrafficCone => "traffic_cone",
-            Self::Barrier => "barrier",
-            Self::ConstructionSign => "czone_sign",
-            Self::GenericObject => "generic_object",
-        }
-    }
-
-    /// Returns the kind with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
-    }
-
     /// Returns the group of the collision metric.
     pub const fn group(self) -> ObjectGroup {
         match self {

@@ -6,31 +6,22 @@ use std::fmt;
 use std::str::FromStr;
 
 use reactsim_geometry::OrientedBox;
-use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario};
+use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario, named_enum};
 
 use road_ends::RoadEnds;
 
-/// Whether agents of the log that appear after the current frame enter a rollout.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Entering {
-    /// No agent enters or leaves, and obstacles stay: the protocol of the benchmark.
-    #[default]
-    Off,
-    /// An agent that the log shows later enters at its first pose, and is moved by the simulator from then
-    /// on.
-    Log,
-}
+named_enum! {
+    name;
 
-impl Entering {
-    /// All choices.
-    pub const ALL: [Self; 2] = [Self::Off, Self::Log];
-
-    /// Returns the name used on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Log => "log",
-        }
+    /// Whether agents of the log that appear after the current frame enter a rollout.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Entering {
+        /// No agent enters or leaves, and obstacles stay: the protocol of the benchmark.
+        #[default]
+        Off = "off",
+        /// An agent that the log shows later enters at its first pose, and is moved by the simulator from
+        /// then on.
+        Log = "log",
     }
 }
 

@@ -3,26 +3,20 @@
 use std::fmt;
 use std::str::FromStr;
 
-use reactsim_scene::FUTURE;
+use reactsim_scene::{FUTURE, named_enum};
 
 use super::entering::Entering;
 
-/// The two protocols of the benchmark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// Algorithm 1: the AV is an external input.
-    Reactive,
-    /// Algorithm 2: the simulator moves the AV too.
-    Realism,
-}
+named_enum! {
+    name;
 
-impl Protocol {
-    /// Returns the name used on the command line and in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Reactive => "reactive",
-            Self::Realism => "realism",
-        }
+    /// The two protocols of the benchmark.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Protocol {
+        /// Algorithm 1: the AV is an external input.
+        Reactive = "reactive",
+        /// Algorithm 2: the simulator moves the AV too.
+        Realism = "realism",
     }
 }
 
@@ -36,7 +30,7 @@ impl FromStr for Protocol {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let found = [Self::Reactive, Self::Realism].into_iter().find(|protocol| protocol.name() == name);
+        let found = Self::ALL.into_iter().find(|protocol| protocol.name() == name);
         found.ok_or_else(|| "expected reactive or realism".to_owned())
     }
 }

@@ -4,38 +4,22 @@ use std::fmt;
 
 use reactsim_geometry::{OrientedBox, Vec2, direction, math};
 
-use super::DT;
+use super::{DT, named_enum};
 
-/// The class of an agent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum AgentKind {
-    /// Cars, trucks, buses and the AV.
-    Vehicle,
-    /// People on foot.
-    Pedestrian,
-    /// People on bicycles.
-    Cyclist,
-    /// Anything else; static context that is never simulated or judged.
-    Other,
-}
+named_enum! {
+    name, from_name;
 
-impl AgentKind {
-    /// All kinds.
-    pub const ALL: [Self; 4] = [Self::Vehicle, Self::Pedestrian, Self::Cyclist, Self::Other];
-
-    /// Returns the name used in files: `vehicle`, `pedestrian`, `cyclist` or `other`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Vehicle => "vehicle",
-            Self::Pedestrian => "pedestrian",
-            Self::Cyclist => "cyclist",
-            Self::Other => "other",
-        }
-    }
-
-    /// Returns the kind with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|k| k.name() == name)
+    /// The class of an agent.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum AgentKind {
+        /// Cars, trucks, buses and the AV.
+        Vehicle = "vehicle",
+        /// People on foot.
+        Pedestrian = "pedestrian",
+        /// People on bicycles.
+        Cyclist = "cyclist",
+        /// Anything else; static context that is never simulated or judged.
+        Other = "other",
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::AgentState;
+use crate::{AgentState, named_enum};
 
 /// Responses with which no agent touches the AV or has a time to collision with it below half a second: a
 /// perfect simulator has no collision and no risky approach in the scenario.
@@ -44,15 +44,19 @@ pub struct Effort {
     pub time_to_react: f64,
 }
 
-/// The difficulty for the agents of avoiding a deviated AV.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Difficulty {
-    /// Comfortable braking in good time is enough.
-    Easy,
-    /// Neither easy nor hard.
-    Medium,
-    /// Hard braking, a prompt reaction or a swerve is needed.
-    Hard,
+named_enum! {
+    name, from_name;
+
+    /// The difficulty for the agents of avoiding a deviated AV.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Difficulty {
+        /// Comfortable braking in good time is enough.
+        Easy = "easy",
+        /// Neither easy nor hard.
+        Medium = "medium",
+        /// Hard braking, a prompt reaction or a swerve is needed.
+        Hard = "hard",
+    }
 }
 
 /// Required deceleration below which a conflict may be easy, m/s²: comfortable braking (about the comfortable
@@ -67,25 +71,6 @@ pub const HARD_DECELERATION: f64 = 3.0;
 /// Time to react below which a conflict is hard, seconds: about the perception-reaction time of an attentive
 /// driver.
 pub const HARD_TIME_TO_REACT: f64 = 1.0;
-
-impl Difficulty {
-    /// All grades, easiest first.
-    pub const ALL: [Self; 3] = [Self::Easy, Self::Medium, Self::Hard];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Easy => "easy",
-            Self::Medium => "medium",
-            Self::Hard => "hard",
-        }
-    }
-
-    /// Returns the grade with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|d| d.name() == name)
-    }
-}
 
 impl fmt::Display for Difficulty {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -15,6 +15,7 @@ pub mod limits;
 mod lights;
 mod map;
 mod map_index;
+mod named;
 mod notes;
 mod parts;
 mod scenario;

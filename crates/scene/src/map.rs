@@ -2,7 +2,7 @@
 
 use reactsim_geometry::{Polygon, Polyline, Vec2};
 
-use super::MapHeights;
+use super::{MapHeights, named_enum};
 
 /// A lane of the map.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,64 +29,34 @@ pub struct Lane {
     pub right: Vec<LaneNeighbor>,
 }
 
-/// Position of a lane relative to junctions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum LaneKind {
-    /// A lane between junctions; lanes do not overlap one another.
-    Lane,
-    /// A lane through a junction; connectors overlap. In maps with overlapping lanes (Waymo) every lane is a
-    /// connector.
-    Connector,
-}
+named_enum! {
+    name, from_name;
 
-impl LaneKind {
-    /// All kinds.
-    pub const ALL: [Self; 2] = [Self::Lane, Self::Connector];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Lane => "lane",
-            Self::Connector => "connector",
-        }
-    }
-
-    /// Returns the kind with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|k| k.name() == name)
+    /// Position of a lane relative to junctions.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum LaneKind {
+        /// A lane between junctions; lanes do not overlap one another.
+        Lane = "lane",
+        /// A lane through a junction; connectors overlap. In maps with overlapping lanes (Waymo) every lane
+        /// is a connector.
+        Connector = "connector",
     }
 }
 
-/// The purpose of a lane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum LaneClass {
-    /// Not recorded.
-    Undefined,
-    /// Motorway.
-    Freeway,
-    /// Other road.
-    SurfaceStreet,
-    /// Bicycles only.
-    Bike,
-}
+named_enum! {
+    name, from_name;
 
-impl LaneClass {
-    /// All classes, in the order of their codes 0 to 3.
-    pub const ALL: [Self; 4] = [Self::Undefined, Self::Freeway, Self::SurfaceStreet, Self::Bike];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Undefined => "undefined",
-            Self::Freeway => "freeway",
-            Self::SurfaceStreet => "surface_street",
-            Self::Bike => "bike",
-        }
-    }
-
-    /// Returns the class with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|c| c.name() == name)
+    /// The purpose of a lane, in the order of the codes 0 to 3.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum LaneClass {
+        /// Not recorded.
+        Undefined = "undefined",
+        /// Motorway.
+        Freeway = "freeway",
+        /// Other road.
+        SurfaceStreet = "surface_street",
+        /// Bicycles only.
+        Bike = "bike",
     }
 }
 
@@ -130,33 +100,18 @@ pub struct RoadEdge {
     pub points: Vec<Vec2>,
 }
 
-/// The area that a road edge bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum RoadEdgeKind {
-    /// Not recorded.
-    Unknown,
-    /// Outer boundary.
-    Boundary,
-    /// Median or island.
-    Median,
-}
+named_enum! {
+    name, from_name;
 
-impl RoadEdgeKind {
-    /// All kinds, in the order of their codes 0 to 2.
-    pub const ALL: [Self; 3] = [Self::Unknown, Self::Boundary, Self::Median];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Unknown => "unknown",
-            Self::Boundary => "boundary",
-            Self::Median => "median",
-        }
-    }
-
-    /// Returns the kind with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|c| c.name() == name)
+    /// The area that a road edge bounds, in the order of the codes 0 to 2.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum RoadEdgeKind {
+        /// Not recorded.
+        Unknown = "unknown",
+        /// Outer boundary.
+        Boundary = "boundary",
+        /// Median or island.
+        Median = "median",
     }
 }
 
@@ -183,33 +138,18 @@ pub struct StopLine {
     pub ends: [Vec2; 2],
 }
 
-/// The reason for stopping at a stop line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum StopKind {
-    /// A traffic light: stop on red and yellow.
-    Light,
-    /// A stop sign: stop, then go when clear.
-    Sign,
-    /// A give-way line: go when clear.
-    Yield,
-}
+named_enum! {
+    name, from_name;
 
-impl StopKind {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Light, Self::Sign, Self::Yield];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Light => "light",
-            Self::Sign => "sign",
-            Self::Yield => "yield",
-        }
-    }
-
-    /// Returns the kind with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|c| c.name() == name)
+    /// The reason for stopping at a stop line.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum StopKind {
+        /// A traffic light: stop on red and yellow.
+        Light = "light",
+        /// A stop sign: stop, then go when clear.
+        Sign = "sign",
+        /// A give-way line: go when clear.
+        Yield = "yield",
     }
 }
 

@@ -7,39 +7,24 @@ use reactsim_geometry::{OrientedBox, Vec2};
 
 use super::{
     Agent, AgentState, Certificate, DT, Frame, Length, LightState, LoggedAgent, Notes, Road, SharedMap,
-    TrafficLight,
+    TrafficLight, named_enum,
 };
 
 /// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
 pub const MAX_AGENTS: usize = 64;
 
-/// The dominant source of a deviation from the log (ReactSim-Bench, "Deviation Taxonomy").
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Deviation {
-    /// Same path, another speed profile.
-    Longitudinal,
-    /// Another lateral position.
-    Lateral,
-    /// Another direction.
-    Directional,
-}
+named_enum! {
+    name, from_name;
 
-impl Deviation {
-    /// All categories.
-    pub const ALL: [Self; 3] = [Self::Longitudinal, Self::Lateral, Self::Directional];
-
-    /// Returns the name used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Longitudinal => "longitudinal",
-            Self::Lateral => "lateral",
-            Self::Directional => "directional",
-        }
-    }
-
-    /// Returns the category with this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|c| c.name() == name)
+    /// The dominant source of a deviation from the log (ReactSim-Bench, "Deviation Taxonomy").
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Deviation {
+        /// Same path, another speed profile.
+        Longitudinal = "longitudinal",
+        /// Another lateral position.
+        Lateral = "lateral",
+        /// Another direction.
+        Directional = "directional",
     }
 }
 

@@ -1,28 +1,36 @@
 //! The features whose distributions the challenge compares.
 
-/// A feature of the challenge, in the order of the fields of the official messages.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Feature {
-    /// Speed in three dimensions, m/s.
-    LinearSpeed,
-    /// Change of the speed, m/s².
-    LinearAcceleration,
-    /// Yaw rate, rad/s.
-    AngularSpeed,
-    /// Change of the yaw rate, rad/s².
-    AngularAcceleration,
-    /// Signed distance to the nearest other box, metres; negative if they overlap.
-    DistanceToNearestObject,
-    /// Whether the object overlaps another one at any step.
-    CollisionIndication,
-    /// Time to collision with the object ahead, seconds.
-    TimeToCollision,
-    /// Signed distance of the outermost box corner to the nearest road edge, metres; positive off the road.
-    DistanceToRoadEdge,
-    /// Whether the object is off the road at any step.
-    OffroadIndication,
-    /// Whether the object passes a red light at any step.
-    TrafficLightViolation,
+use reactsim_scene::named_enum;
+
+named_enum! {
+    name;
+
+    /// A feature of the challenge, in the order of the fields of the official messages. Names are those of
+    /// the fields, without the suffix `_likelihood`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Feature {
+        /// Speed in three dimensions, m/s.
+        LinearSpeed = "linear_speed",
+        /// Change of the speed, m/s².
+        LinearAcceleration = "linear_acceleration",
+        /// Yaw rate, rad/s.
+        AngularSpeed = "angular_speed",
+        /// Change of the yaw rate, rad/s².
+        AngularAcceleration = "angular_acceleration",
+        /// Signed distance to the nearest other box, metres; negative if they overlap.
+        DistanceToNearestObject = "distance_to_nearest_object",
+        /// Whether the object overlaps another one at any step.
+        CollisionIndication = "collision_indication",
+        /// Time to collision with the object ahead, seconds.
+        TimeToCollision = "time_to_collision",
+        /// Signed distance of the outermost box corner to the nearest road edge, metres; positive off the
+        /// road.
+        DistanceToRoadEdge = "distance_to_road_edge",
+        /// Whether the object is off the road at any step.
+        OffroadIndication = "offroad_indication",
+        /// Whether the object passes a red light at any step.
+        TrafficLightViolation = "traffic_light_violation",
+    }
 }
 
 /// A group of features with an aggregate of its own in the leaderboard.
@@ -39,36 +47,6 @@ pub enum Bucket {
 impl Feature {
     /// Number of features.
     pub const COUNT: usize = 10;
-
-    /// All features.
-    pub const ALL: [Self; Self::COUNT] = [
-        Self::LinearSpeed,
-        Self::LinearAcceleration,
-        Self::AngularSpeed,
-        Self::AngularAcceleration,
-        Self::DistanceToNearestObject,
-        Self::CollisionIndication,
-        Self::TimeToCollision,
-        Self::DistanceToRoadEdge,
-        Self::OffroadIndication,
-        Self::TrafficLightViolation,
-    ];
-
-    /// Returns the name in the official messages, without the suffix `_likelihood`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::LinearSpeed => "linear_speed",
-            Self::LinearAcceleration => "linear_acceleration",
-            Self::AngularSpeed => "angular_speed",
-            Self::AngularAcceleration => "angular_acceleration",
-            Self::DistanceToNearestObject => "distance_to_nearest_object",
-            Self::CollisionIndication => "collision_indication",
-            Self::TimeToCollision => "time_to_collision",
-            Self::DistanceToRoadEdge => "distance_to_road_edge",
-            Self::OffroadIndication => "offroad_indication",
-            Self::TrafficLightViolation => "traffic_light_violation",
-        }
-    }
 
     /// Returns the name of the likelihood in the official messages.
     pub const fn likelihood_name(self) -> &'static str {

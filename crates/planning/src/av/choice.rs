@@ -1,35 +1,25 @@
 //! The planners of this crate, by name.
 
+use reactsim_scene::named_enum;
+
 use crate::idm_planner::IdmPlanner;
 use crate::pdm::PdmClosed;
 use crate::planner::Planner;
 
-/// A planner of this crate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum PlannerChoice {
-    /// [`PdmClosed`].
-    PdmClosed,
-    /// [`IdmPlanner`].
-    Idm,
+named_enum! {
+    id, from_id;
+
+    /// A planner of this crate.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum PlannerChoice {
+        /// [`PdmClosed`].
+        PdmClosed = "pdm-closed",
+        /// [`IdmPlanner`].
+        Idm = "idm",
+    }
 }
 
 impl PlannerChoice {
-    /// All planners.
-    pub const ALL: [Self; 2] = [Self::PdmClosed, Self::Idm];
-
-    /// Returns the name used on the command line and in files.
-    pub const fn id(self) -> &'static str {
-        match self {
-            Self::PdmClosed => "pdm-closed",
-            Self::Idm => "idm",
-        }
-    }
-
-    /// Returns the planner with this id.
-    pub fn from_id(id: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|planner| planner.id() == id)
-    }
-
     /// Creates a planner for one rollout.
     pub fn new_planner(self) -> Box<dyn Planner> {
         match self {

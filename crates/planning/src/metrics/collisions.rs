@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use reactsim_geometry::math;
+use reactsim_scene::named_enum;
 
 use crate::contact::{STOPPED_SPEED, classify, in_contact};
 use crate::{EgoState, ObjectGroup, ObjectId, ObjectKind, TrackedObject};
@@ -13,31 +14,22 @@ use super::{MetricValue, UndefinedReason};
 /// Number of collisions with objects, such as cones, that do not give 0 (devkit 1.2.2).
 const TOLERATED_OBJECTS: usize = 1;
 
-/// The kind of a contact, by motion and position of both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum ContactClass {
-    /// Ego is stopped: never its fault.
-    StoppedEgo,
-    /// The object is stopped: the fault of ego.
-    StoppedTrack,
-    /// The object is behind ego: not its fault.
-    ActiveRear,
-    /// The front of ego meets the object: the fault of ego.
-    ActiveFront,
-    /// Any other contact: the fault of ego if it is not in a common lane.
-    ActiveLateral,
-}
+named_enum! {
+    id;
 
-impl ContactClass {
-    /// Returns the id used in files and tables.
-    pub const fn id(self) -> &'static str {
-        match self {
-            Self::StoppedEgo => "stopped-ego",
-            Self::StoppedTrack => "stopped-track",
-            Self::ActiveRear => "active-rear",
-            Self::ActiveFront => "active-front",
-            Self::ActiveLateral => "active-lateral",
-        }
+    /// The kind of a contact, by motion and position of both.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum ContactClass {
+        /// Ego is stopped: never its fault.
+        StoppedEgo = "stopped-ego",
+        /// The object is stopped: the fault of ego.
+        StoppedTrack = "stopped-track",
+        /// The object is behind ego: not its fault.
+        ActiveRear = "active-rear",
+        /// The front of ego meets the object: the fault of ego.
+        ActiveFront = "active-front",
+        /// Any other contact: the fault of ego if it is not in a common lane.
+        ActiveLateral = "active-lateral",
     }
 }
 

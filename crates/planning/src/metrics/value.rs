@@ -1,53 +1,33 @@
 //! Values of metrics, reasons why a metric is undefined, and labels of substituted inputs.
 
-/// The eight metrics of nuPlan's closed-loop score.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum PlannerMetric {
-    /// Collisions that are the fault of ego: 1, 0.5 or 0.
-    Collisions,
-    /// Corners of ego on drivable ground: 1 or 0.
-    DrivableArea,
-    /// Motion against the driving direction: 1, 0.5 or 0.
-    DrivingDirection,
-    /// Whether `Progress` is at least 0.2: 1 or 0.
-    MakingProgress,
-    /// Distance along the route of the expert, relative to the expert: 0 to 1.
-    Progress,
-    /// Time to collision above its bound: 1 or 0.
-    TimeToCollision,
-    /// Excess over the speed limit: 0 to 1.
-    SpeedLimit,
-    /// Accelerations, jerks and yaw rates within their bounds: 1 or 0.
-    Comfort,
+use reactsim_scene::named_enum;
+
+named_enum! {
+    id;
+
+    /// The eight metrics of nuPlan's closed-loop score: the four multipliers, then the four weighted metrics.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum PlannerMetric {
+        /// Collisions that are the fault of ego: 1, 0.5 or 0.
+        Collisions = "av-at-fault-collisions",
+        /// Corners of ego on drivable ground: 1 or 0.
+        DrivableArea = "av-drivable-area",
+        /// Motion against the driving direction: 1, 0.5 or 0.
+        DrivingDirection = "av-driving-direction",
+        /// Whether `Progress` is at least 0.2: 1 or 0.
+        MakingProgress = "av-making-progress",
+        /// Distance along the route of the expert, relative to the expert: 0 to 1.
+        Progress = "av-expert-progress",
+        /// Time to collision above its bound: 1 or 0.
+        TimeToCollision = "av-time-to-collision",
+        /// Excess over the speed limit: 0 to 1.
+        SpeedLimit = "av-speed-limit",
+        /// Accelerations, jerks and yaw rates within their bounds: 1 or 0.
+        Comfort = "av-comfort",
+    }
 }
 
 impl PlannerMetric {
-    /// All metrics: the four multipliers, then the four weighted metrics.
-    pub const ALL: [Self; 8] = [
-        Self::Collisions,
-        Self::DrivableArea,
-        Self::DrivingDirection,
-        Self::MakingProgress,
-        Self::Progress,
-        Self::TimeToCollision,
-        Self::SpeedLimit,
-        Self::Comfort,
-    ];
-
-    /// Returns the id used in files and tables.
-    pub const fn id(self) -> &'static str {
-        match self {
-            Self::Collisions => "av-at-fault-collisions",
-            Self::DrivableArea => "av-drivable-area",
-            Self::DrivingDirection => "av-driving-direction",
-            Self::MakingProgress => "av-making-progress",
-            Self::Progress => "av-expert-progress",
-            Self::TimeToCollision => "av-time-to-collision",
-            Self::SpeedLimit => "av-speed-limit",
-            Self::Comfort => "av-comfort",
-        }
-    }
-
     /// Returns the name in nuPlan's devkit.
     pub const fn nuplan_name(self) -> &'static str {
         match self {
@@ -118,72 +98,38 @@ impl UndefinedReason {
     }
 }
 
-/// A substitute for an input that the scenario lacks. Values with different labels are not comparable.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Label {
-    /// Areas of lanes are corridors around their centre lines.
-    LanesCorridors,
-    /// Lanes overlap: ego may be in several lanes at once.
-    LanesOverlapping,
-    /// Drivable ground is the left side of road edges.
-    DrivableRoadEdges,
-    /// Intersections have no outlines: ego is in one while its lane is a connector.
-    IntersectionConnectors,
-    /// Intersections are unknown: objects at the side count for the time to collision only if ego is not in
-    /// a common lane.
-    IntersectionUnknown,
-    /// Driving direction and route follow the best match among overlapping lanes.
-    DirectionOverlapping,
-    /// Roadblocks are groups of lanes side by side, cut where one of them is.
-    RouteNeighbourGroups,
-    /// Only objects ahead count for the time to collision.
-    TtcAheadOnly,
-    /// Some speed limits are unknown.
-    SpeedLimitsUnknown,
-    /// Some speeds of objects are displacements divided by the time step.
-    SpeedsDisplacement,
-    /// The axles of ego divide its length in the same shares as in nuPlan's vehicle.
-    VehicleScaled,
-    /// Velocities, accelerations and yaw rates of ego are differences of its track.
-    EgoDifferences,
-    /// The scenario has several levels; lanes and drivable ground of all levels count.
-    LevelsIgnored,
-}
+named_enum! {
+    name;
 
-impl Label {
-    /// All labels.
-    pub const ALL: [Self; 13] = [
-        Self::LanesCorridors,
-        Self::LanesOverlapping,
-        Self::DrivableRoadEdges,
-        Self::IntersectionConnectors,
-        Self::IntersectionUnknown,
-        Self::DirectionOverlapping,
-        Self::RouteNeighbourGroups,
-        Self::TtcAheadOnly,
-        Self::SpeedLimitsUnknown,
-        Self::SpeedsDisplacement,
-        Self::VehicleScaled,
-        Self::EgoDifferences,
-        Self::LevelsIgnored,
-    ];
-
-    /// Returns the text used in files and tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::LanesCorridors => "lanes: corridors",
-            Self::LanesOverlapping => "lanes: overlapping",
-            Self::DrivableRoadEdges => "drivable: road-edges",
-            Self::IntersectionConnectors => "intersection: connectors",
-            Self::IntersectionUnknown => "intersection: unknown",
-            Self::DirectionOverlapping => "direction: overlapping",
-            Self::RouteNeighbourGroups => "route: neighbour-groups",
-            Self::TtcAheadOnly => "ttc: ahead-only",
-            Self::SpeedLimitsUnknown => "speed-limits: unknown",
-            Self::SpeedsDisplacement => "speeds: displacement",
-            Self::VehicleScaled => "vehicle: scaled",
-            Self::EgoDifferences => "ego: differences",
-            Self::LevelsIgnored => "levels: ignored",
-        }
+    /// A substitute for an input that the scenario lacks. Values with different labels are not comparable.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum Label {
+        /// Areas of lanes are corridors around their centre lines.
+        LanesCorridors = "lanes: corridors",
+        /// Lanes overlap: ego may be in several lanes at once.
+        LanesOverlapping = "lanes: overlapping",
+        /// Drivable ground is the left side of road edges.
+        DrivableRoadEdges = "drivable: road-edges",
+        /// Intersections have no outlines: ego is in one while its lane is a connector.
+        IntersectionConnectors = "intersection: connectors",
+        /// Intersections are unknown: objects at the side count for the time to collision only if ego is not
+        /// in a common lane.
+        IntersectionUnknown = "intersection: unknown",
+        /// Driving direction and route follow the best match among overlapping lanes.
+        DirectionOverlapping = "direction: overlapping",
+        /// Roadblocks are groups of lanes side by side, cut where one of them is.
+        RouteNeighbourGroups = "route: neighbour-groups",
+        /// Only objects ahead count for the time to collision.
+        TtcAheadOnly = "ttc: ahead-only",
+        /// Some speed limits are unknown.
+        SpeedLimitsUnknown = "speed-limits: unknown",
+        /// Some speeds of objects are displacements divided by the time step.
+        SpeedsDisplacement = "speeds: displacement",
+        /// The axles of ego divide its length in the same shares as in nuPlan's vehicle.
+        VehicleScaled = "vehicle: scaled",
+        /// Velocities, accelerations and yaw rates of ego are differences of its track.
+        EgoDifferences = "ego: differences",
+        /// The scenario has several levels; lanes and drivable ground of all levels count.
+        LevelsIgnored = "levels: ignored",
     }
 }
