@@ -15,20 +15,15 @@ use super::taxonomy::Conflict;
 use super::{Candidate, Certificate, Offsets, Pressure};
 
 /// A filter that judges one candidate at a time.
-pub trait CandidateFilter: Sync {
-    /// Returns the name used in files, such as `log-distance`.
-    fn id(&self) -> &'static str;
-
-    /// Returns the requirement in one sentence, with its numbers.
-    fn rule(&self, settings: &FilterSettings) -> String;
-
-    /// Returns the verdict, with the figure that decided.
-    fn judge(&self, trial: &Trial<'_>) -> Verdict;
-
-    /// Returns whether the filter is so expensive that it judges only candidates that pass all others.
-    fn is_expensive(&self) -> bool {
-        false
-    }
+pub struct CandidateFilter {
+    /// Name used in files, such as `log-distance`.
+    pub id: &'static str,
+    /// Requirement in one sentence, with its numbers.
+    pub rule: fn(&FilterSettings) -> String,
+    /// Verdict, with the figure that decided.
+    pub judge: fn(&Trial<'_>) -> Verdict,
+    /// Whether the filter is so expensive that it judges only candidates that pass all others.
+    pub is_expensive: bool,
 }
 
 /// Verdict of a filter.

@@ -10,16 +10,16 @@ use super::CandidateFilter;
 
 /// All filters. Every candidate goes through all of them, so that all figures are known, except for the
 /// expensive ones.
-pub const FILTERS: &[&dyn CandidateFilter] = &[
-    &feasibility::LogDistance,
-    &feasibility::DrivableArea,
-    &feasibility::Kinematics,
-    &feasibility::LateralAcceleration,
-    &comfort::Comfort,
-    &rules_of_road::WrongWay,
-    &rules_of_road::RedLight,
-    &pressure::Pressing,
-    &contact::EarlyContact,
-    &contact::ActiveCollision,
-    &pressure::Avoidable,
+pub const FILTERS: &[CandidateFilter] = &[
+    feasibility::LOG_DISTANCE,
+    feasibility::DRIVABLE_AREA,
+    feasibility::KINEMATICS,
+    feasibility::LATERAL_ACCELERATION,
+    comfort::COMFORT,
+    rules_of_road::WRONG_WAY,
+    rules_of_road::RED_LIGHT,
+    pressure::PRESSING,
+    contact::EARLY_CONTACT,
+    contact::ACTIVE_COLLISION,
+    pressure::AVOIDABLE,
 ];

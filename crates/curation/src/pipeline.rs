@@ -53,7 +53,7 @@ impl CurationSettings {
         flatten("preselection", &serde_json::json!(self.preselection), &mut named);
         flatten("filters", &serde_json::json!(self.filters), &mut named);
         for filter in FILTERS {
-            named.insert(format!("rule.{}", filter.id()), filter.rule(&self.filters));
+            named.insert(format!("rule.{}", filter.id), (filter.rule)(&self.filters));
         }
         named
     }
@@ -181,15 +181,15 @@ fn judge(context: &FilterContext<'_>, candidate: Candidate, settings: &CurationS
     let mut figures = Vec::with_capacity(FILTERS.len());
     let mut rejected: Option<(String, String)> = None;
     for filter in FILTERS {
-        if filter.is_expensive() && rejected.is_some() {
-            figures.push(Figure { filter: filter.id().to_owned(), value: None, passed: None });
+        if filter.is_expensive && rejected.is_some() {
+            figures.push(Figure { filter: filter.id.to_owned(), value: None, passed: None });
             continue;
         }
-        let verdict = filter.judge(&trial);
+        let verdict = (filter.judge)(&trial);
         let passed = verdict.rejected.is_none();
-        figures.push(Figure { filter: filter.id().to_owned(), value: verdict.figure, passed: Some(passed) });
+        figures.push(Figure { filter: filter.id.to_owned(), value: verdict.figure, passed: Some(passed) });
         if let (Some(reason), None) = (verdict.rejected, &rejected) {
-            rejected = Some((filter.id().to_owned(), reason));
+            rejected = Some((filter.id.to_owned(), reason));
         }
     }
     let taxonomy = classified(&trial);

@@ -9,7 +9,7 @@ use crate::scenes::{agent, car, lane, light, line, parts, scene, state};
 fn verdict(filter: &str, scenario: &Scenario, candidate: &Candidate, settings: &FilterSettings) -> Verdict {
     let context = FilterContext::new(scenario).unwrap();
     let trial = Trial::new(&context, candidate, settings);
-    FILTERS.iter().find(|f| f.id() == filter).unwrap().judge(&trial)
+    (FILTERS.iter().find(|f| f.id == filter).unwrap().judge)(&trial)
 }
 
 #[track_caller]
@@ -51,12 +51,12 @@ fn standing(scenario: &Scenario) -> Candidate {
 
 #[test]
 fn ids_are_unique_and_only_avoidability_is_expensive() {
-    let ids: std::collections::BTreeSet<_> = FILTERS.iter().map(|f| f.id()).collect();
+    let ids: std::collections::BTreeSet<_> = FILTERS.iter().map(|f| f.id).collect();
     assert_eq!(ids.len(), FILTERS.len());
-    let expensive: Vec<_> = FILTERS.iter().filter(|f| f.is_expensive()).map(|f| f.id()).collect();
+    let expensive: Vec<_> = FILTERS.iter().filter(|f| f.is_expensive).map(|f| f.id).collect();
     assert_eq!(expensive, ["avoidable"]);
     for filter in FILTERS {
-        assert!(!filter.rule(&FilterSettings::default()).is_empty());
+        assert!(!(filter.rule)(&FilterSettings::default()).is_empty());
     }
 }
 

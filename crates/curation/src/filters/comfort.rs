@@ -3,11 +3,7 @@
 use reactsim_geometry::{Vec2, direction, left, wrap};
 use reactsim_scene::{AgentState, DT};
 
-use crate::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
-
-/// Requires nuPlan's comfort bounds (nuPlan devkit, `ego_is_comfortable`). Differences over 0.3 s on
-/// either side replace its smoothing.
-pub(super) struct Comfort;
+use crate::filter::{CandidateFilter, Verdict};
 
 pub(crate) const ID: &str = "comfort";
 /// Number of steps on either side of a difference.
@@ -27,12 +23,11 @@ const MAX_YAW_RATE: f64 = 0.95;
 /// Largest magnitude of the yaw acceleration, rad/s².
 const MAX_YAW_ACCELERATION: f64 = 1.93;
 
-impl CandidateFilter for Comfort {
-    fn id(&self) -> &'static str {
-        ID
-    }
-
-    fn rule(&self, settings: &FilterSettings) -> String {
+/// Requires nuPlan's comfort bounds (nuPlan devkit, `ego_is_comfortable`). Differences over 0.3 s on
+/// either side replace its smoothing.
+pub(super) const COMFORT: CandidateFilter = CandidateFilter {
+    id: ID,
+    rule: |settings| {
         if settings.comfort {
             "nuPlan's comfort bounds hold \
              (by differences over 0.6 s, history included, but for the last 0.9 s)"
@@ -40,9 +35,8 @@ impl CandidateFilter for Comfort {
         } else {
             "off: nuPlan's comfort bounds, told as the largest share of a bound that is used".to_owned()
         }
-    }
-
-    fn judge(&self, trial: &Trial<'_>) -> Verdict {
+    },
+    judge: |trial| {
         let history = trial.context.scenario.start.history[0].iter().rev().skip(1).map_while(|f| *f);
         let mut track: Vec<AgentState> = history.collect();
         track.reverse();
@@ -51,8 +45,9 @@ impl CandidateFilter for Comfort {
         Verdict::new(Some(share), !trial.settings.comfort || share <= 1.0, || {
             format!("{name}: {share:.2} of the bound")
         })
-    }
-}
+    },
+    is_expensive: false,
+};
 
 /// Returns the largest share of a bound that is used, and the name of the bound.
 fn largest_share(track: &[AgentState]) -> (f64, &'static str) {

@@ -2,47 +2,34 @@
 
 use reactsim_scene::{AgentKind, DT};
 
-use crate::filter::{CandidateFilter, FilterSettings, Trial, Verdict};
+use crate::filter::{CandidateFilter, Verdict};
 
 /// Requires that nothing is touched in the first moments.
-pub(super) struct EarlyContact;
-
-impl CandidateFilter for EarlyContact {
-    fn id(&self) -> &'static str {
-        "early-contact"
-    }
-
-    fn rule(&self, settings: &FilterSettings) -> String {
-        format!("no contact within the first {} s", settings.earliest_contact)
-    }
-
-    fn judge(&self, trial: &Trial<'_>) -> Verdict {
+pub(super) const EARLY_CONTACT: CandidateFilter = CandidateFilter {
+    id: "early-contact",
+    rule: |settings| format!("no contact within the first {} s", settings.earliest_contact),
+    judge: |trial| {
         let first = trial.touches.iter().map(|t| t.step as f64 * DT).reduce(f64::min);
         // The tolerance covers the rounding of k * 0.1.
         let passes = first.is_none_or(|t| t > trial.settings.earliest_contact + 1e-9);
         Verdict::new(first, passes, || format!("contact after {:.1} s", first.unwrap_or_default()))
-    }
-}
+    },
+    is_expensive: false,
+};
 
 /// Requires that the AV does not hit bodies at rest or slow ones, pedestrians, cyclists, or the rear of
 /// a vehicle ahead.
-pub(super) struct ActiveCollision;
-
-impl CandidateFilter for ActiveCollision {
-    fn id(&self) -> &'static str {
-        "active-collision"
-    }
-
-    fn rule(&self, settings: &FilterSettings) -> String {
+pub(super) const ACTIVE_COLLISION: CandidateFilter = CandidateFilter {
+    id: "active-collision",
+    rule: |settings| {
         format!(
             "the AV touches no pedestrian, cyclist, obstacle, or vehicle that stands or crawls, \
              and its front drives into no vehicle that is slower than {} m/s and than the AV, \
              that goes ahead of it or comes towards it, or that the metrics would not blame",
             settings.slow
         )
-    }
-
-    fn judge(&self, trial: &Trial<'_>) -> Verdict {
+    },
+    judge: |trial| {
         let why = |touch: &crate::replay::Touch| match touch.kind {
             None => Some("drives into an obstacle".to_owned()),
             Some(AgentKind::Vehicle) if touch.is_standing() => Some("touches a standing vehicle".to_owned()),
@@ -66,5 +53,6 @@ impl CandidateFilter for ActiveCollision {
                 Verdict { figure: Some(time), rejected: Some(format!("{why} after {time:.1} s")) }
             }
         }
-    }
-}
+    },
+    is_expensive: false,
+};
