@@ -119,9 +119,7 @@ struct SlotPolicy(Rc<Cell<Option<AgentState>>>);
 
 impl AvPolicy for SlotPolicy {
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-        let missing =
-            || AvError::Planner { step: seen.step() + 1, reason: "there is no action for it".to_owned() };
-        self.0.take().ok_or_else(missing)
+        self.0.take().ok_or_else(|| AvError::planner(seen.step() + 1, "there is no action for it"))
     }
 }
 

@@ -154,7 +154,7 @@ fn is_same(a: &[AgentState], b: &[AgentState]) -> bool {
 pub fn taxonomy_of(scenario: &Scenario, future: &[AgentState]) -> Result<Taxonomy, AvError> {
     let (found, expected) = (future.len(), scenario.length().future);
     if found != expected {
-        return Err(AvError::Length { found, expected });
+        return Err(AvError::length(found, expected));
     }
     let context = FilterContext::new(scenario)?;
     let track = std::iter::once(scenario.start.now(0)).chain(future.iter().copied()).collect();

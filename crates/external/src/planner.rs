@@ -397,10 +397,9 @@ mod tests {
 
     impl AvPolicy for Policy {
         fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-            let step = seen.step() + 1;
             if seen.step().is_multiple_of(5) {
                 let planned = self.0.plan(seen, 5, &[], [0.0; 7]);
-                planned.map_err(|reason| AvError::Simulator { step, reason })?;
+                planned.map_err(AvError)?;
             }
             Ok(seen.state(0).expect("the AV is present"))
         }

@@ -164,7 +164,7 @@ struct PlannerPolicy<'a> {
 impl AvPolicy for PlannerPolicy<'_> {
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
         let iteration = self.iteration;
-        let failed = |reason| AvError::Planner { step: seen.step() + 1, reason };
+        let failed = |reason: String| AvError::planner(seen.step() + 1, &reason);
         if seen.step() != iteration {
             return Err(failed(format!(
                 "it observes step {} after {iteration} steps; observe every step once, in order",
@@ -177,8 +177,7 @@ impl AvPolicy for PlannerPolicy<'_> {
         let state = state_of_box(&next, &self.av.shape);
         let metres = seen.state(AV).map_or(0.0, |now| (state.position() - now.position()).norm());
         if metres > MAX_STEP_DISPLACEMENT {
-            let (step, limit) = (iteration + 1, MAX_STEP_DISPLACEMENT);
-            return Err(AvError::Jump { step, before: iteration, metres, limit });
+            return Err(AvError::jump(iteration + 1, metres));
         }
         self.next = Some(next);
         self.iteration += 1;

@@ -63,63 +63,38 @@ impl AvPolicy for FixedStates<'_> {
 }
 
 /// Reason why the AV cannot be moved.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum AvError {
-    /// The logged AV is absent at a step.
-    #[error(
-        "the logged AV is absent at step {step}; choose an AV that needs no log, such as \
-         `constant-velocity`, or an earlier current frame where the recording has one"
-    )]
-    Absent {
-        /// Step, from 1.
-        step: usize,
-    },
-    /// The number of states of a trajectory differs from the steps of the scenario.
-    #[error("the AV trajectory has {found} states, expected {expected} (steps 1 to {expected} at 10 Hz)")]
-    Length {
-        /// States found.
-        found: usize,
-        /// Steps of the scenario.
-        expected: usize,
-    },
-    /// A trajectory holds a value that is not finite.
-    #[error("the AV trajectory is not finite at step {step}")]
-    NotFinite {
-        /// Step, from 1.
-        step: usize,
-    },
-    /// A trajectory jumps.
-    #[error(
-        "the AV trajectory jumps {metres:.1} m between steps {before} and {step}, \
-         more than {limit:.1} m in 0.1 s"
-    )]
-    Jump {
-        /// Step, from 1.
-        step: usize,
-        /// The step before.
-        before: usize,
-        /// Length of the jump, metres.
-        metres: f64,
-        /// Largest plausible displacement in one step, metres.
-        limit: f64,
-    },
-    /// A planner does not drive the AV to its next state.
-    #[error("the planner does not drive the AV to step {step}: {reason}")]
-    Planner {
-        /// Step, from 1.
-        step: usize,
-        /// Reason.
-        reason: String,
-    },
-    /// The simulator that moves the AV has no state for it.
-    #[error("the simulator does not move the AV to step {step}: {reason}")]
-    Simulator {
-        /// Step, from 1.
-        step: usize,
-        /// Reason.
-        reason: String,
-    },
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct AvError(pub String);
+
+impl AvError {
+    /// A trajectory without a state for each of the `expected` steps of the scenario.
+    pub fn length(found: usize, expected: usize) -> Self {
+        Self(format!(
+            "the AV trajectory has {found} states, expected {expected} (steps 1 to {expected} at 10 Hz)"
+        ))
+    }
+
+    /// A jump of `metres` to `step`, more than [`MAX_STEP_DISPLACEMENT`].
+    pub fn jump(step: usize, metres: f64) -> Self {
+        Self(format!(
+            "the AV trajectory jumps {metres:.1} m between steps {} and {step}, \
+             more than {MAX_STEP_DISPLACEMENT:.1} m in 0.1 s",
+            step - 1
+        ))
+    }
+
+    /// A planner that does not drive the AV to `step`.
+    pub fn planner(step: usize, reason: &str) -> Self {
+        Self(format!("the planner does not drive the AV to step {step}: {reason}"))
+    }
+
+    fn absent(step: usize) -> Self {
+        Self(format!(
+            "the logged AV is absent at step {step}; choose an AV that needs no log, such as \
+             `constant-velocity`, or an earlier current frame where the recording has one"
+        ))
+    }
 }
 
 /// Largest plausible displacement of an AV in 0.1 s, metres: 80 m/s.
@@ -141,7 +116,7 @@ impl DeviatedAv {
     pub fn new(scenario: &Scenario, mut track: Vec<AgentState>) -> Result<Self, AvError> {
         let (now, expected) = (scenario.start.now(0), scenario.length().future);
         if track.len() != expected {
-            return Err(AvError::Length { found: track.len(), expected });
+            return Err(AvError::length(track.len(), expected));
         }
         check_steps(&now, &track)?;
         estimate_av_velocities(&now, &mut track);
@@ -155,11 +130,11 @@ fn check_steps(now: &AgentState, track: &[AgentState]) -> Result<(), AvError> {
     let mut before = now;
     for (i, state) in track.iter().enumerate() {
         if !state.is_finite() {
-            return Err(AvError::NotFinite { step: i + 1 });
+            return Err(AvError(format!("the AV trajectory is not finite at step {}", i + 1)));
         }
         let metres = (state.position() - before.position()).norm();
         if metres > MAX_STEP_DISPLACEMENT {
-            return Err(AvError::Jump { step: i + 1, before: i, metres, limit: MAX_STEP_DISPLACEMENT });
+            return Err(AvError::jump(i + 1, metres));
         }
         before = state;
     }
@@ -182,11 +157,12 @@ impl LogAv {
     /// Creates the logged AV of a scenario.
     ///
     /// # Errors
-    /// [`AvError::Absent`] when the log does not hold the AV at every step.
+    /// [`AvError`] when the log does not hold the AV at every step.
     pub fn new(scenario: &Scenario) -> Result<Self, AvError> {
         let states = (1..).zip(&scenario.log_future.tracks[0]);
-        let track =
-            states.map(|(step, state)| state.ok_or(AvError::Absent { step })).collect::<Result<_, _>>()?;
+        let track = states
+            .map(|(step, state)| state.ok_or_else(|| AvError::absent(step)))
+            .collect::<Result<_, _>>()?;
         Ok(Self { track })
     }
 }

@@ -44,7 +44,7 @@ impl LoggedDrive {
         let future = &scenario.log_future.tracks[0];
         let mut states = vec![scenario.start.now(0)];
         for (i, frame) in future.iter().enumerate() {
-            states.push(frame.ok_or(AvError::Absent { step: i + 1 })?);
+            states.push(frame.ok_or_else(|| AvError::absent(i + 1))?);
         }
         // A jump would count as speed, and make the path as long as that speed requires.
         check_steps(&states[0], &states[1..])?;

@@ -86,7 +86,9 @@ impl AvPolicy for SimulatedPolicy<'_> {
     }
 
     fn next(&mut self, seen: &Observation<'_>) -> Result<AgentState, AvError> {
-        let failed = |reason| AvError::Simulator { step: seen.step() + 1, reason };
+        let step = seen.step() + 1;
+        let failed =
+            |reason: String| AvError(format!("the simulator does not move the AV to step {step}: {reason}"));
         // Slot 0 is the AV, whatever other agents come or go.
         if self.next == self.plan.steps() {
             self.plan = self.planned(seen.without_av_next()).map_err(|error| failed(error.to_string()))?;

@@ -51,7 +51,7 @@ fn a_log_that_jumps_is_refused() {
         state.x += 50_000.0;
     }
     let refused = ScriptedAv::new(&alone(track, Vec::new()), Script::Retime(3.0)).unwrap_err();
-    assert!(matches!(refused, AvError::Jump { step: 30, before: 29, .. }), "{refused}");
+    assert!(refused.0.contains("between steps 29 and 30"), "{refused}");
 }
 
 /// Checks sections 7 and 8 of the metrics at every transition from the current frame on.
@@ -110,7 +110,7 @@ fn an_absent_log_is_refused_by_name() {
     let mut track = drive(&[5.0; FRAMES], &[0.0; FRAMES], &[]);
     track[CURRENT + 7] = None;
     let scenario = alone(track, Vec::new());
-    assert_eq!(ScriptedAv::new(&scenario, Script::Brake(3.0)).unwrap_err(), AvError::Absent { step: 7 });
+    assert_eq!(ScriptedAv::new(&scenario, Script::Brake(3.0)).unwrap_err(), AvError::absent(7));
     assert_eq!(plan(&scenario, "constant-velocity").len(), FUTURE);
 }
 
