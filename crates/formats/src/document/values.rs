@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use reactsim_geometry::{Polygon, Vec2};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 
 /// A number, or `None` for null. NaN and infinities arrive as strings, see [`quote_not_finite`].
@@ -82,12 +83,8 @@ impl<'de> Deserialize<'de> for Size {
 
             numbers!(Size, Size::One);
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Size, A::Error> {
-                let mut sizes = Vec::new();
-                while let Some(size) = seq.next_element()? {
-                    sizes.push(size);
-                }
-                Ok(Size::PerFrame(sizes))
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Size, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(seq)).map(Size::PerFrame)
             }
         }
         deserializer.deserialize_any(SizeVisitor)
@@ -146,6 +143,12 @@ pub(super) struct Area(pub(super) Polygon);
 
 impl<'de> Deserialize<'de> for Area {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        struct Rings {
+            exterior: Points,
+            holes: Option<Vec<Points>>,
+        }
+
         struct AreaVisitor;
         impl<'de> Visitor<'de> for AreaVisitor {
             type Value = Area;
@@ -154,30 +157,15 @@ impl<'de> Deserialize<'de> for Area {
                 f.write_str("a ring of points, or an object with `exterior` and `holes`")
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Area, A::Error> {
-                let mut exterior = Vec::new();
-                while let Some(p) = seq.next_element::<[Number; 2]>()? {
-                    exterior.push(point(p));
-                }
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Area, A::Error> {
+                let Points(exterior) = Deserialize::deserialize(SeqAccessDeserializer::new(seq))?;
                 Ok(Area(Polygon { exterior, holes: Vec::new() }))
             }
 
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Area, A::Error> {
-                let (mut exterior, mut holes) = (None, Vec::new());
-                while let Some(key) = map.next_key::<String>()? {
-                    match key.as_str() {
-                        "exterior" => exterior = Some(map.next_value::<Points>()?.0),
-                        "holes" => {
-                            let rings: Option<Vec<Points>> = map.next_value()?;
-                            holes = rings.unwrap_or_default().into_iter().map(|r| r.0).collect();
-                        }
-                        _ => {
-                            map.next_value::<de::IgnoredAny>()?;
-                        }
-                    }
-                }
-                let exterior = exterior.ok_or_else(|| de::Error::missing_field("exterior"))?;
-                Ok(Area(Polygon { exterior, holes }))
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Area, A::Error> {
+                let Rings { exterior, holes } = Deserialize::deserialize(MapAccessDeserializer::new(map))?;
+                let holes = holes.unwrap_or_default().into_iter().map(|ring| ring.0).collect();
+                Ok(Area(Polygon { exterior: exterior.0, holes }))
             }
         }
         deserializer.deserialize_any(AreaVisitor)
