@@ -19,9 +19,6 @@ pub struct Processes {
 
 impl Processes {
     /// Starts one process, which states what it is.
-    ///
-    /// # Errors
-    /// [`ExternalError`] for wrong settings, or if the process does not start or greet.
     pub(super) fn start(
         settings: &ExternalSettings,
         outline: RunOutline,

@@ -106,9 +106,6 @@ impl LastLines {
 
 impl Stderr {
     /// Sends everything, also what came before, to a target.
-    ///
-    /// # Errors
-    /// If the file cannot be opened.
     pub(super) fn set_target(&self, target: StderrTarget) -> io::Result<()> {
         let open = match target {
             StderrTarget::File(path) => {

@@ -24,9 +24,6 @@ pub(super) struct LogIndex {
 
 impl LogIndex {
     /// Reads the index of a log. Without `with_goals`, no scene has a goal.
-    ///
-    /// # Errors
-    /// [`FormatError`] names the table, the column and the row.
     pub(super) fn read(path: &Path, with_goals: bool) -> Result<Self, FormatError> {
         let database = Database::open(path)?;
         Self::of(&database, with_goals).map_err(|cause| FormatError::file(path, cause))

@@ -20,9 +20,6 @@ const MAX_FIDS: usize = 1000;
 const DEGREES_EPSG: i64 = 4326;
 
 /// Reads a map.
-///
-/// # Errors
-/// [`FormatError`] names the layer, the column and the row.
 pub(super) fn read(path: &Path) -> Result<Map, FormatError> {
     let database = Database::open(path)?;
     Reader::open(&database).and_then(|reader| reader.map()).map_err(|cause| FormatError::file(path, cause))

@@ -44,9 +44,6 @@ pub(super) fn folder_for(log: &Path) -> Result<PathBuf, FormatError> {
 }
 
 /// Reads the name of the map of a log.
-///
-/// # Errors
-/// [`Cause`] names the table, the column and the row.
 pub(super) fn name_in(log: &Database) -> Result<String, Cause> {
     let mut only = None;
     log.each("log", &["token", "map_version"], |row| {
@@ -62,9 +59,6 @@ pub(super) fn name_in(log: &Database) -> Result<String, Cause> {
 }
 
 /// Returns the path of the map of a log, in the given folder of maps or that found by [`folder_for`].
-///
-/// # Errors
-/// [`FormatError`] if the log or the list of maps cannot be read or does not name the map.
 pub(super) fn map_path(log: &Path, folder: Option<&Path>) -> Result<PathBuf, FormatError> {
     let folder = folder.map_or_else(|| folder_for(log), |folder| Ok(folder.to_owned()))?;
     let name = name_in(&Database::open(log)?).map_err(|cause| FormatError::file(log, cause))?;
@@ -72,9 +66,6 @@ pub(super) fn map_path(log: &Path, folder: Option<&Path>) -> Result<PathBuf, For
 }
 
 /// Returns a map by name, from the cache if possible.
-///
-/// # Errors
-/// [`FormatError`] if the list or the map cannot be read.
 pub(super) fn map(folder: &Path, name: &str) -> Result<Arc<Map>, FormatError> {
     let path = path_of(folder, name)?;
     let about = std::fs::metadata(&path).map_err(|e| FormatError::file(&path, Cause::read(e)))?;

@@ -123,9 +123,6 @@ pub(super) struct Scene {
 
 impl Log {
     /// Reads a log.
-    ///
-    /// # Errors
-    /// [`FormatError`] names the table, the column and the row.
     pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let database = Database::open(path)?;
         let mut log = Self { path: path.to_owned(), ..Self::default() };

@@ -30,9 +30,6 @@ const TRACK_MARGIN: f64 = 50.0;
 const AV_MARGIN: f64 = 400.0;
 
 /// Converts the window of a log with the current frame at row `anchor` to scenario parts.
-///
-/// # Errors
-/// [`Cause`] names the table, the column and the row.
 pub(super) fn parts(
     log: &Log,
     map: &Map,

@@ -120,9 +120,6 @@ pub(super) fn is_selection(path: &Path) -> bool {
 
 impl Selection {
     /// Reads a selection; paths in it are relative to its folder.
-    ///
-    /// # Errors
-    /// [`FormatError`] names the key and the value.
     pub(super) fn read(path: &Path, length: LengthChoice) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
         let content = read_whole(path, MAX_SELECTION_SIZE, "a selection of at most 32 MiB")?;
@@ -214,9 +211,6 @@ impl Selection {
     }
 
     /// Selects the frames of logs that a scenario filter of nuPlan's devkit chooses.
-    ///
-    /// # Errors
-    /// [`FormatError`] names the key of the filter that cannot be expressed.
     pub(super) fn filtered(
         filter: &Path,
         logs: &[PathBuf],

@@ -69,9 +69,6 @@ impl Shards {
     }
 
     /// Checks that no file is missing.
-    ///
-    /// # Errors
-    /// There are fewer files than the names state.
     pub(super) fn check(&self) -> Result<(), Cause> {
         let Some(count) = self.count else { return Ok(()) };
         match (0..count).find(|number| !self.numbers.contains(number)) {

@@ -172,11 +172,6 @@ impl MapBuilder {
         self.parking.push(spot);
     }
 
-    /// Removes the parking spots that do not satisfy `keep`.
-    pub fn retain_parking(&mut self, keep: impl FnMut(&ParkingSpot) -> bool) {
-        self.parking.retain(keep);
-    }
-
     /// Adds a pavement.
     pub fn footway(&mut self, points: Vec<Vec2>, width: f64) {
         self.walk(points, width, false, &[], &[]);
