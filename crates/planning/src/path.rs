@@ -108,7 +108,7 @@ impl Path {
         let within = |chunk: usize| self.line.project_between(p, chunk * CHUNK, (chunk + 1) * CHUNK);
         let mut closest = (f64::INFINITY, 0);
         for (i, chunk) in self.chunks.iter().enumerate() {
-            let distance2 = distance2_to_bounds(chunk, p);
+            let distance2 = chunk.distance2(p);
             if distance2 < closest.0 {
                 closest = (distance2, i);
             }
@@ -117,7 +117,7 @@ impl Path {
         let bound = within(closest.1).distance * (1.0 + 1e-12);
         let mut nearest: Option<Projection> = None;
         for (i, chunk) in self.chunks.iter().enumerate() {
-            if distance2_to_bounds(chunk, p) > bound * bound {
+            if chunk.distance2(p) > bound * bound {
                 continue;
             }
             let found = within(i);
@@ -217,19 +217,6 @@ fn unwrap_headings(states: &mut [Pose]) {
     }
 }
 
-/// Returns the squared distance from a point to bounds, m²; 0 inside.
-fn distance2_to_bounds(bounds: &Bounds, p: Vec2) -> f64 {
-    let beyond = |min: f64, max: f64, at: f64| (min - at).max(at - max).max(0.0);
-    let x = beyond(bounds.min.x, bounds.max.x, p.x);
-    let y = beyond(bounds.min.y, bounds.max.y, p.y);
-    x * x + y * y
-}
-
-/// Returns whether a point is within `reach` metres of bounds.
-fn distance_is_within(bounds: &Bounds, p: Vec2, reach: f64) -> bool {
-    bounds.inflated(reach).contains(p)
-}
-
 /// The ground within a distance of a line, with square ends.
 #[derive(Clone, Debug)]
 pub(crate) struct Corridor {
@@ -277,7 +264,7 @@ impl Corridor {
     /// Returns whether the corridor touches or overlaps a box with this radius (m) of its circumscribed
     /// circle.
     pub(crate) fn touches_box(&self, other: &OrientedBox, radius: f64) -> bool {
-        if !distance_is_within(&self.bounds, other.center, radius) {
+        if !self.bounds.inflated(radius).contains(other.center) {
             return false;
         }
         let reach = self.half_width;

@@ -26,7 +26,10 @@ pub use lanes::{LaneRef, Spec};
 pub use path::{Path, Piece, Station, sampling_step};
 pub use profile::Profile;
 pub use ring::{fillet, ribbon};
-pub use road::{Direction, Median, Pavement, Road, RoadLanes, Section, Side};
+pub use road::{
+    BROKEN_WHITE, DOUBLE_YELLOW, Direction, Median, Pavement, Road, RoadLanes, SOLID_WHITE, SOLID_YELLOW,
+    Section, Side,
+};
 
 /// Minimum width of ground on either side of every lane, metres: gutters and shoulders, so that wheels on
 /// the line are still on the road.

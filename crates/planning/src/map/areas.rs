@@ -17,7 +17,8 @@ pub struct Areas {
 impl Areas {
     /// Indexes the areas.
     pub fn new(areas: Vec<Area>) -> Self {
-        Self { grid: grid_of(&areas), areas }
+        let bounds: Vec<_> = areas.iter().map(Area::bounds).collect();
+        Self { grid: Grid::new(&bounds, CELL_SIZE), areas }
     }
 
     /// Returns the areas, in their order.
@@ -49,8 +50,4 @@ impl Areas {
     pub fn distance(&self, p: Vec2) -> f64 {
         self.areas.iter().map(|area| area.distance(p)).fold(f64::INFINITY, f64::min)
     }
-}
-
-fn grid_of(areas: &[Area]) -> Grid {
-    Grid::new(&areas.iter().map(Area::bounds).collect::<Vec<_>>(), CELL_SIZE)
 }

@@ -139,13 +139,13 @@ impl RoadLanes {
 }
 
 /// Paint code of a broken white line.
-const BROKEN_WHITE: u8 = 1;
+pub const BROKEN_WHITE: u8 = 1;
 /// Paint code of a solid white line.
-const SOLID_WHITE: u8 = 2;
+pub const SOLID_WHITE: u8 = 2;
 /// Paint code of a solid yellow line.
-const SOLID_YELLOW: u8 = 6;
+pub const SOLID_YELLOW: u8 = 6;
 /// Paint code of a double yellow line.
-const DOUBLE_YELLOW: u8 = 7;
+pub const DOUBLE_YELLOW: u8 = 7;
 /// Maximum distance between points on lanes, metres.
 const MAX_POINT_SPACING: f64 = 5.0;
 /// Maximum distance between points where offsets change, metres.

@@ -1,7 +1,7 @@
 //! Lines painted on streets.
 
 use super::street::{End, POCKET_TAPER, Street, sign};
-use crate::maps::build::{Direction, MapBuilder};
+use crate::maps::build::{BROKEN_WHITE, DOUBLE_YELLOW, Direction, MapBuilder, SOLID_WHITE, SOLID_YELLOW};
 
 impl Street {
     /// Paints the lines of a direction.
@@ -12,14 +12,6 @@ impl Street {
         split: f64,
         (left, right): (bool, bool),
     ) {
-        /// Paint code of a broken white line.
-        const BROKEN_WHITE: u8 = 1;
-        /// Paint code of a solid white line.
-        const SOLID_WHITE: u8 = 2;
-        /// Paint code of a solid yellow line.
-        const SOLID_YELLOW: u8 = 6;
-        /// Paint code of a double yellow line.
-        const DOUBLE_YELLOW: u8 = 7;
         /// Distance before a junction within which lane lines are solid, metres.
         const SOLID_LENGTH: f64 = 15.0;
         let arrival = usize::from(direction == Direction::Forward);
