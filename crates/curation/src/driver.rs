@@ -164,7 +164,8 @@ pub(super) struct CuratedRecord {
 pub(super) struct ResultCollector<'a> {
     provenance: CurationProvenance,
     observer: &'a dyn CurationObserver,
-    done: usize,
+    /// Number of records so far.
+    pub(super) done: usize,
     ids: BTreeSet<String>,
     /// Ids of scenarios that failed, as far as known.
     failed: BTreeSet<String>,
@@ -184,11 +185,6 @@ impl<'a> ResultCollector<'a> {
             chooser,
             collector,
         }
-    }
-
-    /// Returns the number of records so far.
-    pub(super) fn done(&self) -> usize {
-        self.done
     }
 
     pub(super) fn finish(mut self) -> Curated {

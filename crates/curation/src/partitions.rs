@@ -65,7 +65,7 @@ pub fn merge(
                 return Err(FormatError::file(folder, Cause::value("the input", input, &expected)));
             };
             collector.take(file, record, outcome, writer)?;
-            observer.scenario_done(collector.done());
+            observer.scenario_done(collector.done);
         }
     }
     Ok(collector.finish())

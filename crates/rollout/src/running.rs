@@ -178,11 +178,11 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             return None;
         }
         let all = 0..self.scenario.start.agents.len();
-        let before = self.view.as_ref().map_or_else(|| all.collect(), |view| view.slots().to_vec());
+        let before = self.view.as_ref().map_or_else(|| all.collect(), |view| view.slots.clone());
         let history = history_of(controller).unwrap_or(self.scenario.length().history);
         let view = View::new(&self.scenario, coming, &self.tracks, &self.lights, history);
         let slot_before = |slot: &usize| before.iter().position(|other| other == slot);
-        let kept = view.slots().iter().map(slot_before).collect();
+        let kept = view.slots.iter().map(slot_before).collect();
         self.view = Some(view.after(self.changes.count));
         Some(kept)
     }
@@ -286,7 +286,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     /// Returns whether an agent entered after the simulator's view was made, or an oracle replays its log.
     fn is_unplanned(&self, coming: &Coming, agent: usize) -> bool {
         let start = &self.scenario.start;
-        let made = self.view.as_ref().map_or(0, View::first_step) + start.current();
+        let made = self.view.as_ref().map_or(0, |view| view.first_step) + start.current();
         self.replayed || coming.entered[agent - start.agents.len()].frame > made
     }
 

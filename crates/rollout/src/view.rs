@@ -62,9 +62,9 @@ pub(crate) struct View {
     tracks: Vec<Vec<Frame>>,
     lights: Vec<Vec<Option<LightState>>>,
     /// Slot in the rollout of each agent.
-    slots: Vec<usize>,
+    pub(crate) slots: Vec<usize>,
     /// Steps that were realised when the view was made.
-    first_step: usize,
+    pub(crate) first_step: usize,
     /// Number of changes before it.
     changes: usize,
     heights: Mutex<RoadHeights>,
@@ -136,14 +136,6 @@ impl View {
     pub(crate) fn seen(&self, av_next: Option<AgentState>) -> Observation<'_> {
         let seen = Observation::new(&self.start, &self.tracks, &self.lights, av_next);
         seen.continued(self.first_step, self.changes).with_heights(&self.heights)
-    }
-
-    pub(crate) fn first_step(&self) -> usize {
-        self.first_step
-    }
-
-    pub(crate) fn slots(&self) -> &[usize] {
-        &self.slots
     }
 
     /// Returns the index in the view of the agent with this slot in the rollout.

@@ -101,11 +101,6 @@ impl OwnPath {
         found
     }
 
-    /// Returns the same path without a shift.
-    pub(super) fn without_nudge(&self) -> Self {
-        self.nudged(0.0, 1.0)
-    }
-
     /// Returns position and heading at an arc length.
     pub(super) fn pose(&self, s: f64) -> (Vec2, f64) {
         self.pose_on(s, self.line.segment_at(s))

@@ -34,7 +34,7 @@ impl<'t> Problem<'t> {
         responder: &'t Responder,
         settings: &'t AvoidanceSettings,
     ) -> Self {
-        let steps = responder.steps();
+        let steps = responder.steps;
         let slowest = extreme_profile(responder.motion, &responder.limits, steps, true);
         let mut fastest = extreme_profile(responder.motion, &responder.limits, steps, false);
         // An agent that cannot stop before that continues to where it can.

@@ -14,7 +14,7 @@ pub(super) struct Responder {
     /// Last step up to which it moves as in the log; it is present at this step.
     pub(super) reaction: usize,
     /// Number of steps after the reaction step.
-    steps: usize,
+    pub(super) steps: usize,
     pub(super) path: OwnPath,
     pub(super) motion: Motion,
     pub(super) limits: Limits,
@@ -112,11 +112,6 @@ impl Responder {
         let before = before.collect();
         let steps = steps - reaction;
         Some(Self { agent, reaction, steps, path, motion, limits, logged, speeds, furthest, before })
-    }
-
-    /// Returns the number of steps after the reaction step.
-    pub(super) fn steps(&self) -> usize {
-        self.steps
     }
 
     /// Returns the logged speeds at the reaction step and after it, m/s.

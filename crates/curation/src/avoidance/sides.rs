@@ -130,7 +130,7 @@ impl Problem<'_> {
 
     /// Returns the bounds for these sides; `None` if they contradict each other.
     pub(super) fn corridor(&self, choices: &[SideChoice], sides: &[Side], cap: f64) -> Option<Corridor> {
-        let steps = self.responder.steps();
+        let steps = self.responder.steps;
         let (mut lower, mut upper) = (vec![f64::NEG_INFINITY; steps + 1], vec![f64::INFINITY; steps + 1]);
         let mut gaps = Vec::new();
         if cap.is_finite() {

@@ -43,7 +43,7 @@ impl Problem<'_> {
         let cap = self.end_of_road(path).min(self.responder.furthest);
         let caps = {
             let (furthest, lateral) =
-                (self.fastest.s[self.responder.steps()], self.settings.max_lateral_acceleration);
+                (self.fastest.s[self.responder.steps], self.settings.max_lateral_acceleration);
             SpeedCaps::new(self.responder, self.kind(), path, furthest, lateral)
         };
         for sides in combinations(&choices) {
@@ -227,7 +227,7 @@ impl Problem<'_> {
             let corners = b.corners().into_iter().zip(&mut near);
             corners.filter_map(|(c, near)| road.distance_off_road(c, near)).fold(0.0_f64, f64::max)
         };
-        let plain = path.without_nudge();
+        let plain = path.nudged(0.0, 1.0);
         let left = profile.s.iter().enumerate().skip(1).filter(|s| path.nudge != 0.0 || *s.1 > path.end);
         left.into_iter().all(|(k, &s)| {
             let off = boxes[self.responder.reaction + k].as_ref().map_or(0.0, &mut depth);

@@ -170,7 +170,7 @@ impl Arrivals {
         for &index in &path[1..] {
             let lane = &network.lanes[index];
             let there =
-                driver.in_bend(lane.max_curvature()).min(if lane.connector { 4.0 } else { f64::INFINITY });
+                driver.in_bend(lane.max_curvature).min(if lane.connector { 4.0 } else { f64::INFINITY });
             slowed = (there * there + 3.0 * distance.max(0.0)).sqrt().min(slowed);
             distance += lane.length;
         }
@@ -193,7 +193,7 @@ fn suitable_size(
     }
     let (mut lane, mut max_curvature) = (from, 0.0);
     for _ in 0..network.lanes.len() {
-        max_curvature = network.lanes[lane].max_curvature().max(max_curvature);
+        max_curvature = network.lanes[lane].max_curvature.max(max_curvature);
         // Other lanes of the same road have similar curvature; after a change the vehicle takes the turns
         // of its new lane.
         let beside = network.lanes[lane].left.iter().chain(&network.lanes[lane].right).map(|b| b.lane);

@@ -36,7 +36,8 @@ pub(super) struct TrafficLane {
     pub(super) right: Vec<AdjacentLane>,
     /// Unsigned curvature every [`CURVATURE_STEP`] metres, 1/m; empty for straight lanes.
     curvatures: Vec<f64>,
-    max_curvature: f64,
+    /// The largest of them, 0 for straight lanes.
+    pub(super) max_curvature: f64,
     /// Unit vector along the end of the lane.
     pub(super) end: Vec2,
     /// Index of the signal plan that controls the lane.
@@ -92,11 +93,6 @@ impl TrafficLane {
     /// Whether the lane has no bend worth slowing down for.
     pub(super) fn is_straight(&self) -> bool {
         self.curvatures.is_empty()
-    }
-
-    /// Returns the largest unsigned curvature, 1/m.
-    pub(super) fn max_curvature(&self) -> f64 {
-        self.max_curvature
     }
 }
 

@@ -67,7 +67,7 @@ struct Recorder {
 
 impl Recorder {
     fn record_frame(&mut self, world: &World<'_>, frame: usize) {
-        for (list, &state) in self.recording.lights.iter_mut().zip(world.lights()) {
+        for (list, &state) in self.recording.lights.iter_mut().zip(&world.lights) {
             list.push(state);
         }
         for v in &world.vehicles {

@@ -69,7 +69,7 @@ impl Routes {
     /// Draws a goal that can be reached from the end of this lane without a lane change on it, along the
     /// straightest successor.
     pub(super) fn draw_goal_from(&self, network: &Network, lane: usize, rng: &mut Stream) -> Option<usize> {
-        let bend = |index: &usize| network.lanes[*index].max_curvature();
+        let bend = |index: &usize| network.lanes[*index].max_curvature;
         let next = network.lanes[lane].next.iter().copied().min_by(|a, b| bend(a).total_cmp(&bend(b)))?;
         self.draw_goal(network, next, rng)
     }

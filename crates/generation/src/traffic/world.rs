@@ -36,7 +36,8 @@ pub(super) struct World<'a> {
     arrivals: Arrivals,
     pub(super) vehicles: Vec<Vehicle>,
     occupancy: LaneOccupancy,
-    lights: Vec<LightState>,
+    /// Current states of the signal plans.
+    pub(super) lights: Vec<LightState>,
     pub(super) encounters: Encounters,
     walkers: Vec<Walker>,
     pub(super) time: f64,
@@ -76,11 +77,6 @@ impl<'a> World<'a> {
         };
         world.observe();
         world
-    }
-
-    /// Returns the current states of the signal plans.
-    pub(super) fn lights(&self) -> &[LightState] {
-        &self.lights
     }
 
     /// Lets all drivers decide, and moves them until the next decision.

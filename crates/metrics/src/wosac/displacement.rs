@@ -9,8 +9,8 @@ use super::objects::Motion;
 /// history, where the distance is 0.
 pub(super) fn average_displacement(log: &Motion, rollout: &Motion, object: usize) -> f64 {
     let (logged, simulated) = (&log.futures[object], &rollout.futures[object]);
-    let history = log.tracks()[object].valid.len() - FUTURE;
-    let mut count = log.tracks()[object].valid[..history].iter().filter(|valid| **valid).count();
+    let history = log.tracks[object].valid.len() - FUTURE;
+    let mut count = log.tracks[object].valid[..history].iter().filter(|valid| **valid).count();
     let mut sum = 0.0;
     for k in 0..FUTURE {
         if log.is_valid(object, k) {

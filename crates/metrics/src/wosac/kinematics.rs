@@ -27,7 +27,7 @@ pub(super) struct Kinematics {
 impl Kinematics {
     /// Computes the features of an object. Values at invalid frames enter as stored.
     pub(super) fn of(motion: &Motion, object: usize) -> Self {
-        let (track, future) = (motion.tracks()[object], &motion.futures[object]);
+        let (track, future) = (motion.tracks[object], &motion.futures[object]);
         let [dx, dy, dz] = [(&track.x, future.x), (&track.y, future.y), (&track.z, future.z)]
             .map(|(history, future)| central_difference(&Motion::frames(history, future)));
         let mut speed = [f32::NAN; FRAMES];

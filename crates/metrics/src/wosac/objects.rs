@@ -80,7 +80,7 @@ fn future(values: &[f32]) -> &[f32; FUTURE] {
 
 /// The motion of all simulated objects: in the log, or in a rollout that continues its history.
 pub(super) struct Motion<'a> {
-    tracks: Vec<&'a WosacTrack>,
+    pub(super) tracks: Vec<&'a WosacTrack>,
     /// States at the frames 11 to 90, by object.
     pub(super) futures: Vec<Future<'a>>,
     /// Validity at the frames 11 to 90, by object; `None` if all are valid (rollouts).
@@ -99,10 +99,6 @@ pub(super) struct Future<'a> {
 }
 
 impl<'a> Motion<'a> {
-    pub(super) fn tracks(&self) -> &[&'a WosacTrack] {
-        &self.tracks
-    }
-
     /// Returns whether an object is valid at a future step (counted from 0).
     pub(super) fn is_valid(&self, object: usize, step: usize) -> bool {
         self.valid.as_ref().is_none_or(|valid| valid[object][step])

@@ -142,7 +142,7 @@ fn distances_by(
     object: usize,
     mut nearest: impl FnMut([f32; 3]) -> Option<usize>,
 ) -> [f32; FUTURE] {
-    let (track, future) = (motion.tracks()[object], &motion.futures[object]);
+    let (track, future) = (motion.tracks[object], &motion.futures[object]);
     let mut distances = [INVALID_DISTANCE; FUTURE];
     for (k, distance) in distances.iter_mut().enumerate() {
         if !motion.is_valid(object, k) {

@@ -41,7 +41,7 @@ pub(super) fn times(motion: &Motion, object: usize) -> [f32; FUTURE] {
 }
 
 fn leaders(motion: &Motion, object: usize) -> [Option<Leader>; FUTURE] {
-    let (own, tracks) = (&motion.futures[object], motion.tracks());
+    let (own, tracks) = (&motion.futures[object], &motion.tracks);
     let (half_length, half_width) = (tracks[object].length / 2.0, tracks[object].width / 2.0);
     let axes: [[f64; 2]; FUTURE] = std::array::from_fn(|k| {
         let (sin, cos) = math::sin_cos(f64::from(own.heading[k]));
@@ -86,11 +86,11 @@ fn gap_ahead(motion: &Motion, object: usize, other: usize, step: usize, [cos, si
     let difference = (theirs.heading[step] - own.heading[step]).abs();
     let (sin_difference, cos_difference) = math::sin_cos(f64::from(difference));
     let (across, along) = (sin_difference.abs(), cos_difference.abs());
-    let track = motion.tracks()[other];
+    let track = motion.tracks[other];
     let (half_length, half_width) = (half(track.length), half(track.width));
     let dx = f64::from(theirs.x[step]) - f64::from(own.x[step]);
     let dy = f64::from(theirs.y[step]) - f64::from(own.y[step]);
-    let own_track = motion.tracks()[object];
+    let own_track = motion.tracks[object];
     let gap = dx * cos + dy * sin - half(own_track.length) - (half_length * along + half_width * across);
     let overlap =
         (dy * cos - dx * sin).abs() - half(own_track.width) - (half_length * across + half_width * along);
@@ -106,7 +106,7 @@ fn gap_ahead(motion: &Motion, object: usize, other: usize, step: usize, [cos, si
 pub(super) fn times_to_all(motion: &Motion, object: usize) -> [f32; FUTURE] {
     std::array::from_fn(|k| {
         let (sin, cos) = math::sin_cos(f64::from(motion.futures[object].heading[k]));
-        let others = (0..motion.tracks().len()).filter(|&other| other != object && motion.is_valid(other, k));
+        let others = (0..motion.tracks.len()).filter(|&other| other != object && motion.is_valid(other, k));
         let gaps = others.filter_map(|other| Some((gap_ahead(motion, object, other, k, [cos, sin])?, other)));
         let leader = gaps.reduce(|first, next| if next.0 < first.0 { next } else { first });
         let Some((gap, other)) = leader else { return MAX_TTC as f32 };

@@ -30,8 +30,9 @@ pub struct IdmAgent {
     target_speed: f64,
     /// Lanes of the route, the last ones.
     route: Vec<usize>,
-    /// Ground that it covers and is about to cover.
-    ground: Ground,
+    /// Ground by which others see it: its box, and the strip of its path from its rear to its front and as
+    /// far ahead as it drives in its headway.
+    pub(super) ground: Ground,
     lead: Option<Lead>,
 }
 
@@ -96,12 +97,6 @@ impl IdmAgent {
         let Pose { position, heading } = self.pose();
         let velocity = direction(heading) * self.speed;
         TrackedObject { center: position, heading, velocity, ..self.object.clone() }
-    }
-
-    /// Returns the ground by which others see it: its box, and the strip of its path from its rear to its
-    /// front and as far ahead as it drives in its headway.
-    pub(super) fn ground(&self) -> &Ground {
-        &self.ground
     }
 
     /// Returns the strip of its path ahead, as wide as the vehicle.

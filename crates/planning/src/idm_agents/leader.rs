@@ -67,7 +67,7 @@ impl Seen<'_> {
                 return;
             }
             let middle = ground.middle();
-            let order = [own.ground().distance(ground), middle.y, middle.x];
+            let order = [own.ground.distance(ground), middle.y, middle.x];
             if nearest.as_ref().is_none_or(|nearest| order < nearest.order) {
                 nearest = Some(Candidate { leader: leader(), order, speed });
             }
@@ -80,7 +80,7 @@ impl Seen<'_> {
         }
         for (_, other) in agents.iter().enumerate().filter(|&(i, _)| i != agent) {
             let speed = along(other.speed(), other.pose().heading);
-            consider(other.ground(), speed, &|| Leader::Agent(other.id().clone()));
+            consider(&other.ground, speed, &|| Leader::Agent(other.id().clone()));
         }
         let is_red = |lane: &usize| self.lights.contains(&Light { lane: *lane, state: LightState::Red });
         let red: Vec<usize> = own.route().iter().copied().filter(is_red).collect();

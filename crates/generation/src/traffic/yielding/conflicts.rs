@@ -106,7 +106,7 @@ impl Sight<'_> {
         let v = &self.vehicles[me];
         let (to, past) = (start + c.mine[0] - v.front(), start + c.mine[1] - v.s + 0.5 * v.body.length);
         let lane = &self.network.lanes[v.path[k]];
-        let top = v.driver.in_bend(lane.max_curvature()).min(lane.limit).max(v.speed);
+        let top = v.driver.in_bend(lane.max_curvature).min(lane.limit).max(v.speed);
         let acceleration = GAP_ACCELERATION.min(v.driver.acceleration);
         (time_for(to, v.speed, acceleration, top), time_for(past, v.speed, acceleration, top))
     }
@@ -160,7 +160,7 @@ impl Sight<'_> {
     fn is_claimed(&self, me: usize, k: usize, start: f64, c: &Conflict) -> bool {
         if c.joins
             && self.vehicles[me].speed > ZIP_SPEED
-            && self.network.lanes[self.vehicles[me].path[k]].max_curvature() < ZIP_CURVATURE
+            && self.network.lanes[self.vehicles[me].path[k]].max_curvature < ZIP_CURVATURE
         {
             return false;
         }
@@ -176,7 +176,7 @@ impl Sight<'_> {
                 return false;
             }
             // Vehicles that approach a bend will be slower there.
-            let there = other.driver.in_bend(lane.max_curvature()).min(other.speed);
+            let there = other.driver.in_bend(lane.max_curvature).min(other.speed);
             let room = c.theirs[0] - front;
             let arrives = if there < other.speed {
                 2.0 * room.max(0.0) / (there + other.speed)
