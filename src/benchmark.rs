@@ -429,7 +429,7 @@ impl Benchmark {
         } else if entries.is_empty() {
             return Err(BenchmarkError::NoSimulator);
         } else if let Some(id) = spec.subject.adjustments(spec.rollout.smooth.0)?.ids().next() {
-            return Err(EvaluationError::NotRun { id: id.to_owned() }.into());
+            return Err(EvaluationError::not_run(id).into());
         } else {
             Vec::new()
         };

@@ -217,7 +217,7 @@ fn hint(error: &anyhow::Error) -> Option<String> {
         return full.then(|| "the last checkpoint is intact; free some space and give --resume".to_owned());
     }
     match error.downcast_ref::<EvaluationError>()? {
-        EvaluationError::UnknownSimulator { id, .. } | EvaluationError::UnknownMember { id, .. } => {
+        EvaluationError::UnknownSimulator { id, .. } => {
             let meant = question(most_similar(id, MODELS.iter().map(|m| m.id)));
             Some(format!("{meant}`reactsim list models` describes each of them"))
         }
@@ -231,15 +231,8 @@ fn hint(error: &anyhow::Error) -> Option<String> {
             let known = Options::descriptions().into_iter().map(|option| option.name);
             Some(format!("{}`reactsim list metric-options` shows all", question(most_similar(name, known))))
         }
-        EvaluationError::Unfinished { .. }
-        | EvaluationError::UnfinishedStudy { .. }
-        | EvaluationError::Exists { .. }
-        | EvaluationError::Motion { .. }
-        | EvaluationError::GivenUp { .. }
-        | EvaluationError::DamagedPart { .. } => {
-            Some("the same command with --resume continues the run".to_owned())
-        }
-        EvaluationError::WhichSimulator { .. } => Some("--simulator ID chooses one".to_owned()),
+        EvaluationError::Resumable(_) => Some("the same command with --resume continues the run".to_owned()),
+        EvaluationError::WhichSimulator(_) => Some("--simulator ID chooses one".to_owned()),
         EvaluationError::NoRun { .. } => Some("`reactsim run --out FOLDER` writes a run folder".to_owned()),
         EvaluationError::Model(ModelError::OutOfRange { id, .. }) => {
             Some(format!("`reactsim list parameters {id}` shows the ranges of all parameters"))

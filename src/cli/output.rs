@@ -122,7 +122,7 @@ pub(super) fn nothing(outcome: &str) -> anyhow::Error {
 pub(super) fn lock_folder(path: &Path) -> anyhow::Result<FolderLock> {
     let locked = files::create_folder(path).and_then(|()| files::lock_folder(path));
     let locked = locked.with_context(|| format!("could not write {}", path.display()))?;
-    Ok(locked.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })?)
+    Ok(locked.ok_or_else(|| EvaluationError::busy(path))?)
 }
 
 /// Says where an interrupted command left the part of a file that is finished, and what is at `out`.

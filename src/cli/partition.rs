@@ -149,9 +149,8 @@ impl Partitions {
                 continue;
             };
             unite(joined, &mut other);
-            if let Some((setting, old, new)) = differences(joined, &other).into_iter().next() {
-                let (path, first) = (path.clone(), self.folders[0].clone());
-                return Err(EvaluationError::OtherPartition { path, first, setting, old, new }.into());
+            if let Some(difference) = differences(joined, &other).into_iter().next() {
+                return Err(EvaluationError::other_partition(path, &self.folders[0], difference).into());
             }
         }
         joined.context("no partition is given")

@@ -92,38 +92,8 @@ impl fmt::Display for AvDriver {
 
 /// The reason why a text does not name an AV policy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ParseAvError {
-    /// There is no such policy.
-    #[error("`{0}` is not an AV policy: choose {AV_CHOICES}")]
-    Unknown(String),
-    /// The parameter of a script is missing or out of range.
-    #[error(transparent)]
-    Script(ParseScriptError),
-    /// The file name is missing.
-    #[error("`file:` names no file: write `file:<path>`")]
-    NoFile,
-    /// There is no such planner.
-    #[error("`{0}` is not a planner: choose {PLANNERS}")]
-    UnknownPlanner(String),
-    /// A setting of a planner is unknown or not a valid value.
-    #[error("`{0}` is not a setting of a planner: write tracker=lqr, tracker=perfect or every=<steps>")]
-    PlannerSetting(String),
-    /// A setting of a planner is given twice.
-    #[error("`{0}` is a setting that is given twice; give it once")]
-    RepeatedSetting(String),
-    /// The interval of a planner is out of range.
-    #[error(transparent)]
-    PlanEvery(#[from] ParseReplanError),
-    /// The planner plans poses without velocities.
-    #[error("`{0}` plans poses without velocities, which tracker=perfect cannot follow; use tracker=lqr")]
-    PosesOnly(&'static str),
-    /// The logged AV has no settings.
-    #[error("`planner:log` replays the log and has no settings, but `{0}` is given; leave it out")]
-    LogSetting(String),
-    /// A simulator has no tracker.
-    #[error("the AV takes the states that a simulator plans, so `{0}` has no use; leave it out")]
-    SimulatorSetting(String),
-}
+#[error("{0}")]
+pub struct ParseAvError(String);
 
 impl AvChoice {
     /// Returns whether the AV follows the deviated trajectories of scenarios that have one.
@@ -142,6 +112,7 @@ impl FromStr for PlannedAv {
 
     /// Parses the id of a planner and its settings, such as `idm,tracker=perfect,every=5`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let refuse = |text: String| Err(ParseAvError(text));
         let (id, settings) = text.split_once(',').unwrap_or((text, ""));
         let driver = match (id, PlannerChoice::from_id(id), id.split_once(':')) {
             ("log", ..) => AvDriver::Log,
@@ -149,34 +120,48 @@ impl FromStr for PlannedAv {
             (_, Some(planner), _) => AvDriver::Planner(planner),
             (_, _, Some(("simulator", id))) if !id.is_empty() => AvDriver::Simulator(id.to_owned()),
             (_, _, Some(("external", name))) if !name.is_empty() => AvDriver::External(name.to_owned()),
-            _ => return Err(ParseAvError::UnknownPlanner(id.to_owned())),
+            _ => return refuse(format!("`{id}` is not a planner: choose {PLANNERS}")),
         };
         let mut planned =
             Self { every: driver.default_interval(), controller: Controller::LqrBicycle, driver };
+        let wrong = |error: ParseReplanError| ParseAvError(error.to_string());
         let mut keys = BTreeSet::new();
         for setting in settings.split(',').filter(|setting| !setting.is_empty()) {
             if !keys.insert(setting.split('=').next()) {
-                return Err(ParseAvError::RepeatedSetting(setting.to_owned()));
+                return refuse(format!("`{setting}` is a setting that is given twice; give it once"));
             }
             if planned.driver == AvDriver::Log {
-                return Err(ParseAvError::LogSetting(setting.to_owned()));
+                return refuse(format!(
+                    "`planner:log` replays the log and has no settings, but `{setting}` is given; leave it \
+                     out"
+                ));
             }
             let is_simulator = matches!(planned.driver, AvDriver::Simulator(_));
             match setting.split_once('=') {
                 Some(("tracker", _)) if is_simulator => {
-                    return Err(ParseAvError::SimulatorSetting(setting.to_owned()));
+                    return refuse(format!(
+                        "the AV takes the states that a simulator plans, so `{setting}` has no use; leave it \
+                         out"
+                    ));
                 }
                 Some(("tracker", "lqr")) => planned.controller = Controller::LqrBicycle,
                 Some(("tracker", "perfect")) => planned.controller = Controller::PerfectTracking,
-                Some(("every", steps)) => planned.every = steps.parse()?,
-                _ => return Err(ParseAvError::PlannerSetting(setting.to_owned())),
+                Some(("every", steps)) => planned.every = steps.parse().map_err(wrong)?,
+                _ => {
+                    let settings = "tracker=lqr, tracker=perfect or every=<steps>";
+                    return refuse(format!("`{setting}` is not a setting of a planner: write {settings}"));
+                }
             }
         }
         match &planned.driver {
             AvDriver::Planner(planner)
                 if planner.plans_poses_only() && planned.controller == Controller::PerfectTracking =>
             {
-                Err(ParseAvError::PosesOnly(planner.id()))
+                refuse(format!(
+                    "`{}` plans poses without velocities, which tracker=perfect cannot follow; use \
+                     tracker=lqr",
+                    planner.id()
+                ))
             }
             _ => Ok(planned),
         }
@@ -206,11 +191,15 @@ impl FromStr for AvChoice {
             "deviated-or-log" => Ok(Self::DeviatedOrLog),
             _ => match (text.strip_prefix("file:"), text.strip_prefix(PLANNER)) {
                 (_, Some(planned)) => planned.parse().map(Self::Planned),
-                (Some(""), _) => Err(ParseAvError::NoFile),
+                (Some(""), _) => Err(ParseAvError("`file:` names no file: write `file:<path>`".to_owned())),
                 (Some(path), _) => Ok(Self::File(path.into())),
-                _ => text.parse().map(Self::Scripted).map_err(|error| match error {
-                    ParseScriptError::Unknown(text) => ParseAvError::Unknown(text),
-                    error => ParseAvError::Script(error),
+                _ => text.parse().map(Self::Scripted).map_err(|error| {
+                    ParseAvError(match error {
+                        ParseScriptError::Unknown(text) => {
+                            format!("`{text}` is not an AV policy: choose {AV_CHOICES}")
+                        }
+                        error => error.to_string(),
+                    })
                 }),
             },
         }

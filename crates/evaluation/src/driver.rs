@@ -70,7 +70,11 @@ impl Driver {
 
     /// Creates the driver from the weights of the diffusion planner that ship.
     fn diffusion_planner() -> Result<Self, EvaluationError> {
-        let file = shipped(PLANNER)?.ok_or(EvaluationError::NoDriverWeights)?;
+        let absent = || {
+            let text = "ship with this program: build it with the feature `weights`";
+            EvaluationError::Refused(format!("no weights of `{PLANNER}` {text}"))
+        };
+        let file = shipped(PLANNER)?.ok_or_else(absent)?;
         let device = device();
         let policy = PlannerPolicy::read(&file.bytes, &device)?;
         let network: Arc<Network> = Arc::new(move |seen, stream| {
@@ -93,11 +97,16 @@ impl Driver {
         // `all` and `default` are not names of one simulator.
         let Ok([planned]) = <[_; 1]>::try_from(PlannedSimulator::adjusted(&ids, &Adjustments::default())?)
         else {
-            return Err(EvaluationError::SeveralDrivers { id: id.to_owned() });
+            return Err(EvaluationError::Refused(format!(
+                "`{id}` names several simulators, and one drives the AV: choose one"
+            )));
         };
         let (record, backend) = (planned.record(), planned.backend);
         let Controller::Fair(simulator) = planned.controller else {
-            return Err(EvaluationError::OracleDriver { id: id.to_owned() });
+            return Err(EvaluationError::Refused(format!(
+                "`{id}` observes the logged future and cannot drive the AV: choose another simulator, or \
+                 planner:log"
+            )));
         };
         let kind = DriverKind::Simulator(Arc::from(simulator));
         Ok(Self { driver: AvDriver::Simulator(id.to_owned()), record: Some(record), backend, kind })

@@ -78,9 +78,7 @@ impl RunFolder {
             return Ok(());
         }
         match read_provenance(path)?.difference(provenance) {
-            Some((setting, old, new)) => {
-                Err(EvaluationError::OtherSettings { path: path.to_owned(), setting, old, new })
-            }
+            Some((setting, old, new)) => Err(EvaluationError::other_settings(path, &setting, &old, &new)),
             None => Ok(()),
         }
     }
@@ -250,7 +248,7 @@ fn removed(result: io::Result<()>, path: &Path) -> Result<(), EvaluationError> {
 pub(super) fn lock(path: &Path) -> Result<FolderLock, EvaluationError> {
     files::create_folder(path).map_err(cannot_write(path))?;
     let lock = files::lock_folder(path).map_err(cannot_write(&path.join(files::LOCK)))?;
-    lock.ok_or_else(|| EvaluationError::Busy { path: path.to_owned() })
+    lock.ok_or_else(|| EvaluationError::busy(path))
 }
 
 /// Creates a folder, if it is absent, and locks it. A folder in which the file `first` or others exist is refused,
@@ -258,7 +256,10 @@ pub(super) fn lock(path: &Path) -> Result<FolderLock, EvaluationError> {
 pub(super) fn lock_unbegun(path: &Path, first: &str) -> Result<FolderLock, EvaluationError> {
     let check = || match is_unbegun_with(path, first) || !path.is_dir() {
         true => Ok(()),
-        false => Err(EvaluationError::Exists { path: path.to_owned() }),
+        false => Err(EvaluationError::Resumable(format!(
+            "{} exists and is not empty: continue the run in it, or choose another folder",
+            path.display()
+        ))),
     };
     // Without the first check a lock would be written into a folder of others; only the second one is certain.
     check()?;
@@ -339,7 +340,7 @@ pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
     let text = match fs::read_to_string(&path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => {
             read_provenance(folder)?;
-            return Err(EvaluationError::Unfinished { path: folder.to_owned() });
+            return Err(EvaluationError::unfinished(folder));
         }
         other => other.map_err(cannot_read(&path))?,
     };
@@ -386,7 +387,8 @@ fn for_rows(folder: &Path, each: impl FnMut(Row)) -> Result<(), EvaluationError>
         return for_parsed_lines(&lines, each);
     }
     if !table.exists() {
-        return Err(EvaluationError::AggregatesOnly { path: folder.to_owned() });
+        let text = "holds aggregates only: rows of its scenarios are not published";
+        return Err(EvaluationError::Refused(format!("{} {text}", folder.display())));
     }
     rows_table::read(&table)?.into_iter().for_each(each);
     Ok(())

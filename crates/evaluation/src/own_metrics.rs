@@ -47,7 +47,7 @@ impl AddedMetrics {
     /// [`EvaluationError`] if the file cannot be read, the run is not finished, or the file lacks a value, or
     /// has one that does not belong to the run. The folder is then left unchanged.
     pub fn add(file: &Path, folder: &Path) -> Result<(RunFolder, Summary), EvaluationError> {
-        let unfit = |reason| EvaluationError::AddedMetrics { path: file.to_owned(), reason };
+        let unfit = |reason: String| EvaluationError::Refused(format!("{}: {reason}", file.display()));
         let text = fs::read_to_string(file).map_err(cannot_read(file))?;
         let added: Self = serde_json::from_str(&text).map_err(|error| unfit(error.to_string()))?;
         let old = read_summary(folder)?;

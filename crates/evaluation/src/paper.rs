@@ -182,10 +182,7 @@ impl PaperComparison {
     ) -> Result<Self, EvaluationError> {
         let (tally, provenance) = (run.tally(), &run.summary().provenance.run);
         let seed = provenance.settings.seed;
-        let Some(simulator) = tally.simulators.iter().position(|id| id == PAIRING_REFERENCE) else {
-            let known = tally.simulators.join(", ");
-            return Err(EvaluationError::NotInRun { id: PAIRING_REFERENCE.to_owned(), known });
-        };
+        let simulator = tally.simulator(PAIRING_REFERENCE)?;
         let numbers: Vec<(PaperNumber, Estimate)> = PaperNumber::all()
             .map(|number| (number, number.estimate(tally, simulator, number.metric, seed)))
             .collect();

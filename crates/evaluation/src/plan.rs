@@ -67,14 +67,18 @@ impl Deviations {
         if let Some(wanted) = &record.scenario_digest {
             let found = scenario.digest();
             if found != *wanted {
-                let (file, wanted) = (self.file.name.clone(), wanted.clone());
-                return Err(NoAv::OtherScenario { file, wanted, found });
+                return Err(NoAv::Unfit(format!(
+                    "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} \
+                     (in {}); if it was made from these files, read them with the same keys: `all-agents`, \
+                     `current-frame`",
+                    self.file.name
+                )));
             }
         }
         let mut track = record.track_in(scenario.origin);
         let entry0 = record.now_in(scenario.origin).map(|given| (given, scenario.start.now(0)));
         let converted = self.pose.to_centre(&scenario.start.agents[0], entry0, track.iter_mut());
-        converted.map_err(NoAv::Pose)?;
+        converted.map_err(NoAv::Unfit)?;
         let certificate = record.certificate_in(scenario.origin);
         Ok(DeviatedTrack { category: record.category, track, certificate })
     }
@@ -125,39 +129,15 @@ pub enum NoAv {
     /// The scenario carries no deviated trajectory.
     #[error("no deviated AV; give `deviations` with one for this scenario, or choose another `av`")]
     Missing,
-    /// The trajectory was made for another scenario.
-    #[error(
-        "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} (in {file}); \
-         if it was made from these files, read them with the same keys: `all-agents`, `current-frame`"
-    )]
-    OtherScenario {
-        /// Name of the file of deviations.
-        file: String,
-        /// Digest that the trajectory names.
-        wanted: String,
-        /// Digest of the scenario.
-        found: String,
-    },
-    /// The poses cannot be converted to box centres.
+    /// The trajectory is for another scenario or invalid, or the planner that drives the AV is not given.
     #[error("{0}")]
-    Pose(String),
+    Unfit(String),
     /// The trajectory is invalid.
     #[error(transparent)]
     Refused(#[from] AvError),
     /// The planner cannot drive in the scenario.
     #[error(transparent)]
     Planner(#[from] PlanningError),
-    /// The planner that the AV policy names was not given.
-    #[error("there is no planner `{0}`")]
-    NoDriver(String),
-    /// The trajectory in a file of deviations is invalid.
-    #[error("{source} (in {file})")]
-    RefusedDeviation {
-        /// Name of the file.
-        file: String,
-        /// The reason.
-        source: AvError,
-    },
 }
 
 impl Plan {
@@ -309,7 +289,8 @@ impl Plan {
                 undeviated(Arc::new(PlannerAv::new(scenario, *planner, *controller, *every)?))
             }
             AvChoice::Planned(planned) => {
-                let driver = self.driver().ok_or_else(|| NoAv::NoDriver(planned.driver.to_string()))?;
+                let absent = || NoAv::Unfit(format!("there is no planner `{}`", planned.driver));
+                let driver = self.driver().ok_or_else(absent)?;
                 undeviated(driver.av(scenario, planned, self.spec.subject.seed, given)?)
             }
         };
@@ -321,9 +302,9 @@ impl Plan {
         let deviated = self.deviated(scenario)?;
         let known = DeviationLabels::of(&deviated);
         let av = DeviatedAv::new(scenario, deviated.track);
-        let av = av.map_err(|source| match &self.deviations {
-            Some(deviations) => NoAv::RefusedDeviation { file: deviations.file.name.clone(), source },
-            None => NoAv::Refused(source),
+        let av = av.map_err(|error| match &self.deviations {
+            Some(deviations) => NoAv::Unfit(format!("{error} (in {})", deviations.file.name)),
+            None => NoAv::Refused(error),
         })?;
         Ok((Arc::new(av), known))
     }

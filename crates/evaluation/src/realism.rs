@@ -2,8 +2,7 @@
 //! run.
 //!
 //! [`SubmittedPairs`] and [`RunPairs`] bring logs and rollouts together, one scenario at a time;
-//! [`score_all`] scores them. [`LogFiles`] finds the log of a scenario, [`run_rollouts`] turns the rollouts
-//! of a run into those of a submission.
+//! [`score_all`] scores them. [`LogFiles`] finds the log of a scenario.
 
 mod json;
 mod logs;
@@ -16,7 +15,6 @@ mod text;
 
 pub use logs::LogFiles;
 pub use run_pairs::{LogSource, RunPairs};
-pub use run_rollouts::{RunRolloutsError, run_rollouts};
 pub use scores::{RealismFailure, RealismRow, RealismScores, RealismSettings, ScoredPair, score_all};
 pub use submission::SubmittedPairs;
 pub use summary::{REALISM_ROWS, REALISM_SUMMARY, RealismSummary};

@@ -156,7 +156,11 @@ fn records_per_block(plan: &Plan) -> Result<Option<usize>, EvaluationError> {
     let batches = || plan.simulators.iter().filter_map(PlannedSimulator::batch);
     let block = batches().reduce(least_common_multiple);
     if block.is_some_and(|records| records > MOST_RECORDS) {
-        return Err(EvaluationError::UnevenBatches { batches: batches().collect(), most: MOST_RECORDS });
+        let batches: Vec<usize> = batches().collect();
+        return Err(EvaluationError::Refused(format!(
+            "external simulators with batches of {batches:?} episodes: their least common multiple exceeds \
+             {MOST_RECORDS}; give `external-batch`"
+        )));
     }
     Ok(block)
 }
@@ -382,7 +386,7 @@ impl Runner<'_> {
     /// Returns the checks that given motion fails.
     ///
     /// # Errors
-    /// [`EvaluationError::Motion`] if one of them is not allowed.
+    /// [`EvaluationError::Resumable`] if one of them is not allowed.
     fn allow(
         &self,
         by: GivenBy<'_>,
@@ -400,12 +404,13 @@ impl Runner<'_> {
             GivenBy::Deviations => "the file of deviations".to_owned(),
             GivenBy::Simulator(id) | GivenBy::Planner(id) => format!("`{id}`"),
         };
-        Err(EvaluationError::Motion {
-            subject,
-            scenario: scenario.to_owned(),
-            findings: texts.join(". Also: "),
-            allow: names.join(","),
-        })
+        Err(EvaluationError::Resumable(format!(
+            "stopped: the motion of {subject} cannot be judged as it is. Scenario `{scenario}`: {}. \
+             Finished rows are kept: mend it and run again in a new folder, or continue with `allow` {}, \
+             which marks its rows in every table",
+            texts.join(". Also: "),
+            names.join(",")
+        )))
     }
 
     /// Counts a scenario that the selection leaves out.
@@ -480,7 +485,10 @@ impl Runner<'_> {
             }
         }
         if let Some((simulator, reason)) = given_up {
-            return Err(EvaluationError::GivenUp { simulator, reason });
+            return Err(EvaluationError::Resumable(format!(
+                "stopped: `{simulator}` was given up: {reason}\nfinished rows are kept: mend it, and \
+                 continue the run"
+            )));
         }
         stopped.map_or(Ok(()), Err)
     }
@@ -488,7 +496,7 @@ impl Runner<'_> {
     /// Checks the motion of an external simulator or planner, and marks rollouts that fail allowed checks.
     ///
     /// # Errors
-    /// [`EvaluationError::Motion`] if a check fails that is not allowed.
+    /// [`EvaluationError::Resumable`] if a check fails that is not allowed.
     fn mark(
         &self,
         ready: &PreparedScenario,

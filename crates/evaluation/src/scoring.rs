@@ -167,9 +167,7 @@ impl Scoring {
                 }
             }
         }
-        if let Some(findings) = self.recorded.findings().refused(allowed) {
-            return Err(EvaluationError::RolloutsRefused { findings });
-        }
+        self.recorded.findings().check(allowed)?;
         if let Some(file) = self.provenance.inputs.first() {
             let unmatched = self.recorded.left().map(|id| {
                 let error = format!("no scenario `{id}` is given for its rollouts");

@@ -5,7 +5,7 @@ pub(crate) mod access;
 pub(crate) mod id;
 pub(crate) mod record;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use reactsim_baseline::{Baseline, Card, ModelError, WeightsFile};
@@ -164,13 +164,13 @@ impl PlannedSimulator {
         let all = select(&joined(ids), adjustments)?;
         let runs = |id: &str| {
             if MixId::parse(id)?.is_some() {
-                let reason =
-                    "a mix has no parameters or weights: give those of a member, by its id".to_owned();
-                return Err(EvaluationError::Mix { id: id.to_owned(), reason });
+                return Err(EvaluationError::Refused(format!(
+                    "`{id}`: a mix has no parameters or weights: give those of a member, by its id"
+                )));
             }
             if !all.iter().any(|selected| selected.is_named(id)) {
                 named(id)?;
-                return Err(EvaluationError::NotRun { id: id.to_owned() });
+                return Err(EvaluationError::not_run(id));
             }
             Ok(())
         };
@@ -178,14 +178,15 @@ impl PlannedSimulator {
         for (id, file) in &adjustments.weights {
             runs(id)?;
             if weights.insert(id, file).is_some() {
-                return Err(EvaluationError::WeightsTwice { id: id.clone() });
+                return Err(EvaluationError::Refused(format!("the simulator `{id}` is given weights twice")));
             }
         }
         let mut changes: BTreeMap<(&str, &str), &str> = BTreeMap::new();
         for (id, key, value) in &adjustments.parameters {
             runs(id)?;
             if changes.insert((id, key), value).is_some() {
-                return Err(EvaluationError::ParameterTwice { id: id.clone(), key: key.clone() });
+                let text = format!("the parameter `{key}` of `{id}` is set twice");
+                return Err(EvaluationError::Refused(text));
             }
         }
         let changes = Changes { weights, parameters: changes, backend: adjustments.backend };
@@ -219,7 +220,7 @@ impl PlannedSimulator {
     ) -> Result<Self, EvaluationError> {
         let mut id = simulator.name().to_owned();
         if named(&id).is_ok() {
-            return Err(EvaluationError::RepeatedSimulator { id });
+            return Err(EvaluationError::repeated(&id));
         }
         let (mut title, mut card) = (id.clone(), String::new());
         let external = Some(ExternalRecord::of(&simulator));
@@ -334,7 +335,7 @@ impl PlannedSimulator {
 
     /// Creates a mix of simulators, without the stage behind it.
     fn mix(id: &str, mix: &MixId, members: Vec<Self>) -> Result<Self, EvaluationError> {
-        let refuse = |reason: String| EvaluationError::Mix { id: id.to_owned(), reason };
+        let refuse = |reason: String| EvaluationError::Refused(format!("`{id}`: {reason}"));
         let records: Vec<SimulatorRecord> = members.iter().map(PlannedSimulator::record).collect();
         let title = |id: &str| records.iter().find(|member| member.id == id).map_or("", |m| m.title.as_str());
         let title = mix.title(title);
@@ -420,20 +421,32 @@ fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimul
             selected.smoothing = Some(smoothing);
         }
     }
-    for (i, selected) in all.iter().enumerate() {
-        if all[..i].iter().any(|earlier| earlier.id == selected.id) {
-            return Err(EvaluationError::RepeatedSimulator { id: selected.id.clone() });
+    refuse_repeated(all.iter().map(|selected| selected.id.as_str()))?;
+    Ok(all)
+}
+
+/// Refuses ids of simulators of which one is there twice.
+pub(crate) fn refuse_repeated<'a>(ids: impl Iterator<Item = &'a str>) -> Result<(), EvaluationError> {
+    let mut known = BTreeSet::new();
+    for id in ids {
+        if !known.insert(id) {
+            return Err(EvaluationError::repeated(id));
         }
     }
-    Ok(all)
+    Ok(())
 }
 
 /// Returns the simulator that an id names.
 fn named(id: &str) -> Result<SelectedSimulator, EvaluationError> {
+    let unknown = |id: &str, text: String| {
+        let known = MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", ");
+        EvaluationError::UnknownSimulator { id: id.to_owned(), text: format!("{text}; there are: {known}") }
+    };
     if let Some(mix) = MixId::parse(id)? {
         let of_mix = |error| match error {
-            EvaluationError::UnknownSimulator { id: member, known } => {
-                EvaluationError::UnknownMember { mix: id.to_owned(), id: member, known }
+            EvaluationError::UnknownSimulator { id: of, .. } => {
+                let text = format!("`{id}`: there is no baseline `{of}`, and members of a mix are baselines");
+                unknown(&of, text)
             }
             error => error,
         };
@@ -444,10 +457,8 @@ fn named(id: &str) -> Result<SelectedSimulator, EvaluationError> {
         return Ok(SelectedSimulator { id, variant, kind: SelectedKind::Mix(mix, members), smoothing });
     }
     let SimulatorId { variant, baseline, label, smoothing } = SimulatorId::parse(id)?;
-    let baseline = models::find(baseline).ok_or_else(|| EvaluationError::UnknownSimulator {
-        id: id.to_owned(),
-        known: MODELS.iter().map(|m| m.id).collect::<Vec<_>>().join(", "),
-    })?;
+    let baseline = models::find(baseline);
+    let baseline = baseline.ok_or_else(|| unknown(id, format!("there is no simulator `{id}`")))?;
     let kind = SelectedKind::Baseline(baseline, label.map(str::to_owned));
     Ok(SelectedSimulator { id: id.to_owned(), variant: variant.to_owned(), kind, smoothing })
 }

@@ -200,7 +200,7 @@ impl RunSpec {
         let (RolloutSpec { rollouts, av_lookahead, .. }, SubjectSpec { input, external, .. }) =
             (&self.rollout, &self.subject);
         if *rollouts == 0 {
-            return Err(EvaluationError::ZeroRollouts);
+            return Err(EvaluationError::Refused("0 rollouts: at least 1 is needed".to_owned()));
         }
         if *rollouts > MOST_ROLLOUTS {
             let expected = format!("at most {MOST_ROLLOUTS}");
@@ -215,7 +215,7 @@ impl RunSpec {
             return Err(EvaluationError::spec("category", name, format!("one of {expected}")));
         }
         if external.reveal_ids == Some(true) && external.external.is_empty() && external.planner.is_empty() {
-            return Err(EvaluationError::Needs { key: "reveal-ids", other: "external or planner" });
+            return Err(EvaluationError::needs("reveal-ids", "external or planner"));
         }
         input.reading.check()
     }

@@ -142,7 +142,7 @@ pub fn render(reference: &Reference, selection: &Selection) -> Result<String, Re
         let (Some(title), Some(simulator)) = (titles.get(id), summary.simulators.get(id)) else {
             let known = titles.keys().copied().collect::<Vec<_>>().join(", ");
             let reason = format!("no simulator `{id}`; there are: {known}");
-            return Err(ReferenceError::Unfit { place: reference.place.clone(), reason });
+            return Err(ReferenceError::unfit(&reference.place, reason));
         };
         let Some(of_part) = part.get(id) else { continue };
         lines.push(Line {

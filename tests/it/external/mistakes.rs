@@ -43,7 +43,7 @@ fn every_mistake_stops_the_run_with_its_name() {
         ("rear", "rear-axle", "poses of the rear axle"),
     ] {
         let (outcome, _) = run_with(&child, &format!("mistake-{mistake}"), &[], None);
-        let Err(error @ EvaluationError::Motion { .. }) = outcome else { panic!("{mistake}: {outcome:?}") };
+        let Err(error @ EvaluationError::Resumable(_)) = outcome else { panic!("{mistake}: {outcome:?}") };
         let text = error.to_string();
         // A scene with few moving agents shows that they jump, and not why.
         let is_named = text.contains(part) && text.contains(check);
@@ -90,7 +90,7 @@ fn a_simulator_that_hangs_stops_the_run_and_keeps_what_is_finished() {
         let execution = Execution { jobs: 1, batch: 1 };
         let began = std::time::Instant::now();
         let outcome = evaluation::run(&plan, execution, Some(&folder), plan.tally(), &collector, &stop);
-        let Err(error @ EvaluationError::GivenUp { .. }) = outcome else { panic!("{fault}: {outcome:?}") };
+        let Err(error @ EvaluationError::Resumable(_)) = outcome else { panic!("{fault}: {outcome:?}") };
         let text = error.to_string();
         assert!(text.contains("3 episodes in a row") && text.contains(part), "{fault}: {text}");
         assert!(began.elapsed() < std::time::Duration::from_secs(60), "{fault}");

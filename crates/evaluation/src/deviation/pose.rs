@@ -86,23 +86,21 @@ fn of_entry0(agent: &Agent, entry0: Option<(AgentState, AgentState)>) -> Result<
     Ok(along)
 }
 
-/// The reason why a text names no pose.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected centre, rear-axle, rear-axle=METRES (0 to 10) or rear-axle=SHARE% (0 to 50)")]
-pub struct ParsePoseError;
+/// The poses, for error texts.
+const POSES: &str = "expected centre, rear-axle, rear-axle=METRES (0 to 10) or rear-axle=SHARE% (0 to 50)";
 
 impl FromStr for Pose {
-    type Err = ParsePoseError;
+    type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let Some(rest) = text.strip_prefix("rear-axle") else {
-            return if text == "centre" { Ok(Self::Centre) } else { Err(ParsePoseError) };
+            return if text == "centre" { Ok(Self::Centre) } else { Err(POSES) };
         };
         if rest.is_empty() {
             return Ok(Self::RearAxle(AxleDistance::Entry0));
         }
-        let value = rest.strip_prefix('=').ok_or(ParsePoseError)?;
-        let number = |text: &str| text.trim().parse::<f64>().map_err(|_| ParsePoseError);
+        let value = rest.strip_prefix('=').ok_or(POSES)?;
+        let number = |text: &str| text.trim().parse::<f64>().map_err(|_| POSES);
         let (distance, is_possible) = match value.strip_suffix('%') {
             Some(percent) => {
                 let percent = number(percent)?;
@@ -113,7 +111,7 @@ impl FromStr for Pose {
                 (AxleDistance::Metres(metres), DISTANCES.contains(&metres))
             }
         };
-        if is_possible { Ok(Self::RearAxle(distance)) } else { Err(ParsePoseError) }
+        if is_possible { Ok(Self::RearAxle(distance)) } else { Err(POSES) }
     }
 }
 

@@ -48,7 +48,8 @@ impl FinishedRun {
         let mut events: BTreeMap<(RecordPosition, usize), EventRange> = BTreeMap::new();
         let path = folder.join(EVENTS);
         if !path.exists() && folder.join(REFERENCE_RECORD).exists() {
-            return Err(EvaluationError::NoEvents { path: folder.to_owned() });
+            let text = "is a reference, which has no events: use the folder of its run for pages";
+            return Err(EvaluationError::Refused(format!("{} {text}", folder.display())));
         }
         let mut damaged = None;
         for_lines(&path, |at, text| {
@@ -139,10 +140,12 @@ impl FinishedRun {
         rollout: u32,
     ) -> Result<Option<Vec<Vec<Frame>>>, EvaluationError> {
         let Some(record) = self.recorded(&scenario.id, simulator, rollout)? else { return Ok(None) };
-        let foreign = |source| EvaluationError::ForeignRollout {
-            path: self.folder.join(ROLLOUTS),
-            scenario: scenario.id.clone(),
-            source: Box::new(source),
+        let foreign = |error| {
+            let (path, id) = (self.folder.join(ROLLOUTS), &scenario.id);
+            EvaluationError::Refused(format!(
+                "{}: the rollout of scenario `{id}` does not match it: {error}; make the run again",
+                path.display()
+            ))
         };
         recorded_tracks(scenario, &record).map(Some).map_err(foreign)
     }

@@ -7,7 +7,6 @@ use reactsim_rollout::Rollout;
 use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario, limits};
 
 use crate::error::EvaluationError;
-use crate::error::ForeignRollout;
 use crate::folder::RunFolder;
 use crate::layout::ROLLOUTS;
 use crate::row::RecordPosition;
@@ -80,7 +79,8 @@ pub(crate) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
     }
     let mut writer = Writer::create(&target)?;
     for part in parts {
-        let damaged = |error| EvaluationError::DamagedPart { error };
+        let damaged =
+            |error| EvaluationError::Resumable(format!("{error}; delete the file, and continue the run"));
         for record in read(&part).map_err(damaged)? {
             writer.write(&record.map_err(damaged)?)?;
         }
@@ -93,44 +93,44 @@ pub(crate) fn join_parts(folder: &RunFolder, tally: &Tally) -> Result<(), Evalua
 /// out.
 ///
 /// # Errors
-/// [`ForeignRollout`] names an agent that is unknown or repeated, a number of steps other than that of the
+/// [`EvaluationError`] names an agent that is unknown or repeated, a number of steps other than that of the
 /// scenario, a state beyond the limits of scenarios, or a missing AV.
 pub fn recorded_tracks(
     scenario: &Scenario,
     record: &RolloutRecord,
-) -> Result<Vec<Vec<Frame>>, ForeignRollout> {
+) -> Result<Vec<Vec<Frame>>, EvaluationError> {
+    let refuse = |text: String| Err(EvaluationError::Refused(text));
     let (agents, expected) = (&scenario.start.agents, scenario.length().future);
     let mut tracks: Vec<Option<Vec<Frame>>> = vec![None; agents.len()];
     for (id, steps) in record.agent_ids.iter().zip(record.tracks_in(scenario.origin)) {
         if steps.len() != expected {
-            return Err(ForeignRollout::Steps { agent: id.clone(), found: steps.len(), expected });
+            let found = steps.len();
+            return refuse(format!(
+                "agent `{id}` has {found} steps, expected the {expected} of the scenario"
+            ));
         }
-        if let Some(error) = beyond_limits(scenario, id, &steps) {
-            return Err(error);
+        if let Some((k, name, value, expected)) =
+            limits::first_beyond(&steps, scenario.start.now(0).position())
+        {
+            // Large numbers with all their digits are no help.
+            let at = format!("`{name}` at step {} is {value:e}", k + 1);
+            return refuse(format!("agent `{id}`: {at}, expected {expected}"));
         }
         match agents.iter().position(|a| a.id == *id) {
-            Some(i) if tracks[i].is_some() => return Err(ForeignRollout::Twice(id.clone())),
+            Some(i) if tracks[i].is_some() => return refuse(format!("agent `{id}` occurs twice")),
             Some(i) => tracks[i] = Some(scenario.start.history[i].iter().copied().chain(steps).collect()),
             None if scenario.unselected.iter().any(|a| a.agent.id == *id) => {}
-            None => return Err(ForeignRollout::Unknown(id.clone())),
+            None => return refuse(format!("agent `{id}` is not in the scenario")),
         }
     }
     if tracks.first().is_none_or(Option::is_none) {
-        return Err(ForeignRollout::NoAv(agents[0].id.clone()));
+        return refuse(format!("the AV `{}` is missing", agents[0].id));
     }
     let absent = |history: &Vec<Frame>| -> Vec<Frame> {
         history.iter().copied().chain(std::iter::repeat_n(None::<AgentState>, expected)).collect()
     };
     let filled = tracks.into_iter().zip(&scenario.start.history);
     Ok(filled.map(|(track, history)| track.unwrap_or_else(|| absent(history))).collect())
-}
-
-/// Returns the error for the first state beyond the limits of scenarios.
-fn beyond_limits(scenario: &Scenario, id: &str, steps: &[Frame]) -> Option<ForeignRollout> {
-    let (k, name, value, expected) = limits::first_beyond(steps, scenario.start.now(0).position())?;
-    // Large numbers with all their digits are no help.
-    let value = format!("{value:e}");
-    Some(ForeignRollout::Beyond { agent: id.to_owned(), name, step: k + 1, value, expected })
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ impl RunSpec {
     /// absolute paths.
     ///
     /// # Errors
-    /// [`EvaluationError::DamagedSpec`] names a path that is not UTF-8, or a number that TOML does not have.
+    /// [`EvaluationError`] names a path that is not UTF-8, or a number that TOML does not have.
     pub fn to_toml(&self) -> Result<String, EvaluationError> {
         self.text(&|path| path::absolute(path).unwrap_or_else(|_| path.to_owned()))
     }
@@ -42,9 +42,8 @@ impl RunSpec {
             }
             changed
         });
-        let refuse = |reason| EvaluationError::DamagedSpec { reason };
         if let Some(path) = unwritable.into_inner() {
-            return Err(refuse(format!(
+            return Err(EvaluationError::Refused(format!(
                 "{}: the path is not UTF-8, as {SPEC} is: rename it",
                 path.display()
             )));
@@ -53,8 +52,9 @@ impl RunSpec {
         if let Some(AvChoice::File(path)) = spec.subject.av.take_if(|av| matches!(av, AvChoice::File(_))) {
             (spec.subject.input.deviations, spec.subject.av) = (Some(path), Some(AvChoice::Deviated));
         }
-        let invalid =
-            |error: toml::ser::Error| refuse(format!("the specification cannot be written: {error}"));
+        let invalid = |error: toml::ser::Error| {
+            EvaluationError::Refused(format!("the specification cannot be written: {error}"))
+        };
         // Numbers that no file can have are refused by tables only.
         toml::Table::try_from(&spec).map_err(invalid)?;
         toml::to_string(&spec).map_err(invalid)
@@ -78,7 +78,7 @@ impl RunSpec {
         let path = folder.join(SPEC);
         match fs::metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            _ => read(&path).map(Some).map_err(|reason| EvaluationError::DamagedSpec { reason }),
+            _ => read(&path).map(Some).map_err(EvaluationError::Refused),
         }
     }
 }

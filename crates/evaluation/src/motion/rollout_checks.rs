@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_scene::{Frame, Scenario};
 
+use crate::error::EvaluationError;
 use crate::motion::CheckedScene;
 use crate::motion::kind::RolloutCheck;
 
@@ -25,9 +26,11 @@ impl Findings {
         self.0.iter().map(|(check, (count, text))| (*check, *count, text.as_str()))
     }
 
-    /// Returns the findings that are not allowed, one per line with what allows them; `None` if there is
-    /// none.
-    pub(crate) fn refused(&self, allowed: &[RolloutCheck]) -> Option<String> {
+    /// Checks that all findings are allowed.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] has a line for each that is not, with what allows it.
+    pub(crate) fn check(&self, allowed: &[RolloutCheck]) -> Result<(), EvaluationError> {
         let lines =
             self.iter().filter(|(check, _, _)| !allowed.contains(check)).map(|(check, count, text)| {
                 let what = if check == RolloutCheck::Coverage { "scenario" } else { "rollout" };
@@ -35,7 +38,12 @@ impl Findings {
                 format!("\n  {count} {what}{plural}, the first: {text} (`allow` {})", check.allowance())
             });
         let lines: String = lines.collect();
-        (!lines.is_empty()).then_some(lines)
+        match lines.is_empty() {
+            true => Ok(()),
+            false => Err(EvaluationError::Refused(format!(
+                "the rollouts do not show what the scenarios ask for:{lines}"
+            ))),
+        }
     }
 }
 

@@ -10,8 +10,8 @@ use super::{Deviations, Plan};
 use crate::av::{AvChoice, AvDriver, PlannedAv};
 use crate::deviation::pose::Pose;
 use crate::driver::Driver;
-use crate::error::EvaluationError;
-use crate::simulators::PlannedSimulator;
+use crate::error::{AV_CHOICES, EvaluationError};
+use crate::simulators::{PlannedSimulator, refuse_repeated};
 use crate::source::Source;
 use crate::source::benchmarks::BenchmarkRecord;
 use crate::spec::{RunSpec, SubjectSpec};
@@ -40,7 +40,8 @@ impl RunSpec {
     pub(crate) fn check(&self) -> Result<Option<&Path>, EvaluationError> {
         self.check_values()?;
         if self.rollout.protocol == Protocol::Realism && self.subject.av.is_some() {
-            return Err(EvaluationError::AvInRealism);
+            let text = "the simulator moves the AV in the realism protocol: leave `av` out";
+            return Err(EvaluationError::Refused(text.to_owned()));
         }
         deviations_file(&self.subject)
     }
@@ -53,21 +54,28 @@ impl RunSpec {
     /// file of deviations cannot be read, or no AV is chosen and the scenarios have no deviated one.
     pub fn plan(&self, parts: RunParts) -> Result<Plan, EvaluationError> {
         let RunParts { sources, simulators, drivers, metrics, partition } = parts;
-        refuse_repeated(&simulators)?;
+        refuse_repeated(simulators.iter().map(|simulator| simulator.id.as_str()))?;
         let (subject, file) = (&self.subject, self.check()?);
         let is_realism = self.rollout.protocol == Protocol::Realism;
         let mut deviations = file.map(Deviations::read).transpose()?;
         let pose = subject.motion.pose.unwrap_or(Pose::Centre);
         match &mut deviations {
             Some(deviations) => deviations.pose = pose,
-            None if pose != Pose::Centre => return Err(EvaluationError::PoseUnused),
+            None if pose != Pose::Centre => {
+                let text =
+                    "`pose` is the point of the AV whose poses a file of deviations has: give `deviations`";
+                return Err(EvaluationError::Refused(text.to_owned()));
+            }
             None => {}
         }
         let av = match subject.av.clone() {
             Some(av) => Some(av),
             None if is_realism => None,
             None if deviations.is_none() && !sources.is_empty() && !are_deviated(&sources) => {
-                return Err(EvaluationError::NoDeviatedAv);
+                return Err(EvaluationError::Refused(format!(
+                    "the scenarios have no deviated AV: give `deviations`, or choose a driver with `av`: \
+                     {AV_CHOICES}"
+                )));
             }
             None => Some(AvChoice::Deviated),
         };
@@ -79,22 +87,13 @@ impl RunSpec {
     }
 }
 
-/// Refuses simulators with the same id.
-pub(crate) fn refuse_repeated(simulators: &[PlannedSimulator]) -> Result<(), EvaluationError> {
-    for (i, simulator) in simulators.iter().enumerate() {
-        if simulators[..i].iter().any(|earlier| earlier.id == simulator.id) {
-            return Err(EvaluationError::RepeatedSimulator { id: simulator.id.clone() });
-        }
-    }
-    Ok(())
-}
-
 /// Returns the file of deviations, which the AV policy may name too.
 fn deviations_file(subject: &SubjectSpec) -> Result<Option<&Path>, EvaluationError> {
+    let refuse = |text: &str| Err(EvaluationError::Refused(text.to_owned()));
     match (&subject.input.deviations, &subject.av) {
-        (Some(_), Some(AvChoice::File(_))) => Err(EvaluationError::DeviationsTwice),
+        (Some(_), Some(AvChoice::File(_))) => refuse("give either `deviations` or `av` file:<path>"),
         (Some(_), Some(AvChoice::Log | AvChoice::Scripted(_) | AvChoice::Planned(_))) => {
-            Err(EvaluationError::DeviationsUnused)
+            refuse("`deviations` goes with `av` deviated or deviated-or-log only")
         }
         (Some(path), None | Some(AvChoice::Deviated | AvChoice::DeviatedOrLog))
         | (None, Some(AvChoice::File(path))) => Ok(Some(path)),
@@ -116,7 +115,10 @@ pub(crate) fn with_driver(
     }
     let needs_driver = matches!(driver, AvDriver::External(_) | AvDriver::Own(_));
     if needs_driver && !drivers.iter().any(|given| given.driver == *driver) {
-        return Err(EvaluationError::NoDriver { name: driver.to_string() });
+        return Err(EvaluationError::Refused(format!(
+            "the AV policy names the planner `{driver}`, which is not given: define it with `planner` \
+             NAME=COMMAND"
+        )));
     }
     Ok(drivers)
 }

@@ -129,11 +129,16 @@ impl RunPairs {
             |file: &FileRecord| file.frames() != CurrentFrames::Stated || !file.length().is_default();
         let is_recorded = sources.iter().any(|source| matches!(source, LogSource::Recording(_)));
         if is_recorded && summary.provenance.run.inputs.iter().any(is_elsewhere) {
-            return Err(EvaluationError::OtherCurrentFrames { path: folder.to_owned() });
+            return Err(EvaluationError::Refused(format!(
+                "{} was run with `current-frame`, `window-step`, `history` or `future`, and recordings are \
+                 scored at the current frame that they state, with 80 steps: run without these keys",
+                folder.display()
+            )));
         }
         let path = folder.join(ROLLOUTS);
         if !path.exists() {
-            return Err(EvaluationError::NoRollouts { path: folder.to_owned() });
+            let text = "has no rollouts: run again with `keep-rollouts`";
+            return Err(EvaluationError::Refused(format!("{} {text}", folder.display())));
         }
         let ids: Vec<String> = summary.provenance.run.simulators.iter().map(|s| s.id.clone()).collect();
         let chosen = match (simulator, ids.as_slice()) {
@@ -142,8 +147,10 @@ impl RunPairs {
             (None, _) => None,
         };
         let Some(simulator) = chosen else {
-            let asked = simulator.map(str::to_owned);
-            return Err(EvaluationError::WhichSimulator { path: folder.to_owned(), asked, ids });
+            let (place, ids) = (folder.display(), ids.join(", "));
+            let asked = simulator.map_or_else(String::new, |id| format!(", not `{id}`"));
+            let text = format!("{place} has the simulators {ids}{asked}: choose one");
+            return Err(EvaluationError::WhichSimulator(text));
         };
         let records = ByName::open(&path)?;
         let rollouts = summary.provenance.run.settings.rollouts;

@@ -64,17 +64,15 @@ impl Entry {
         let place = folder.display().to_string();
         let whole = |provenance: &Provenance| match &provenance.benchmark {
             Some(benchmark) if benchmark.known().is_some() => Ok(benchmark.clone()),
-            Some(benchmark) => Err(ReferenceError::Unfit {
-                place: place.clone(),
-                reason: format!(
-                    "this program does not know the benchmark {benchmark} ({})",
-                    benchmark.blake3
-                ),
-            }),
-            None => Err(ReferenceError::Unfit {
-                place: place.clone(),
-                reason: "the run is on no known benchmark, or on a part of one".to_owned(),
-            }),
+            Some(benchmark) => {
+                let digest = &benchmark.blake3;
+                let reason = format!("this program does not know the benchmark {benchmark} ({digest})");
+                Err(ReferenceError::unfit(&place, reason))
+            }
+            None => {
+                let reason = "the run is on no known benchmark, or on a part of one";
+                Err(ReferenceError::unfit(&place, reason))
+            }
         };
         if folder.join(REFERENCE_RECORD).exists() {
             let reference = Reference::open(folder)?;
@@ -100,21 +98,21 @@ impl Entry {
     /// [`ReferenceError`] names the difference.
     pub fn check_comparable(&self, first: &Self) -> Result<(), ReferenceError> {
         let (own, of_first) = (&self.summary.provenance.run, &first.summary.provenance.run);
-        let refuse = |field: String, stated: String, found: String| ReferenceError::Unfit {
-            place: self.name.clone(),
-            reason: format!(
-                "`{field}` is {found}, and {stated} in {}: they cannot be compared in one table",
-                first.name
-            ),
+        let refuse = |field: &str, stated: String, found: String| {
+            let place = &first.name;
+            let reason = format!(
+                "`{field}` is {found}, and {stated} in {place}: they cannot be compared in one table"
+            );
+            Err(ReferenceError::unfit(&self.name, reason))
         };
         if self.benchmark != first.benchmark {
             let text = |b: &BenchmarkRecord| format!("{b} ({:.12})", b.blake3);
-            return Err(refuse("benchmark".to_owned(), text(&first.benchmark), text(&self.benchmark)));
+            return refuse("benchmark", text(&first.benchmark), text(&self.benchmark));
         }
         let settings = differences(&of_first.settings, &own.settings).into_iter();
         let options = differences(&of_first.metric_options, &own.metric_options).into_iter();
         match settings.chain(options).next() {
-            Some((field, stated, found)) => Err(refuse(field, stated, found)),
+            Some((field, stated, found)) => refuse(&field, stated, found),
             None => Ok(()),
         }
     }

@@ -23,7 +23,7 @@ impl Files {
     pub(super) fn of_folder(folder: &Path) -> Result<Self, ReferenceError> {
         let place = folder.display().to_string();
         if !folder.join(REFERENCE_RECORD).is_file() {
-            return Err(ReferenceError::NoReference { place });
+            return Err(no_reference(&place));
         }
         let mut content = BTreeMap::new();
         for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
@@ -44,6 +44,11 @@ impl Files {
         let content = files.iter().map(|(file, bytes)| ((*file).to_owned(), Cow::Borrowed(*bytes)));
         Some(Self { place: format!("references/{name}"), content: content.collect() })
     }
+}
+
+/// Refuses a folder without a reference.
+pub(super) fn no_reference(place: &str) -> ReferenceError {
+    ReferenceError::Unfit(format!("{place} is not a reference: it has no reference.toml"))
 }
 
 #[cfg(test)]

@@ -41,7 +41,10 @@ pub(super) fn create_empty(out: &Path) -> Result<FolderLock, ReferenceError> {
         Ok(entries) => entries.flatten().all(|entry| entry.file_name() == LOCK),
         Err(_) => true,
     };
-    let exists = || ReferenceError::Exists { path: out.to_owned() };
+    let exists = || {
+        let text = "exists and is not empty; choose another folder";
+        ReferenceError::Unfit(format!("{} {text}", out.display()))
+    };
     if !is_empty() {
         return Err(exists());
     }
@@ -58,7 +61,7 @@ pub(super) fn create_empty(out: &Path) -> Result<FolderLock, ReferenceError> {
 /// benchmark.
 pub fn make(run: &Path, out: &Path, options: &MakeOptions) -> Result<Reference, ReferenceError> {
     let place = run.display().to_string();
-    let unfit = |reason: String| Err(ReferenceError::Unfit { place: place.clone(), reason });
+    let unfit = |reason: String| Err(ReferenceError::unfit(&place, reason));
     let named = !options.name.is_empty()
         && options.name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c))
         && !options.name.starts_with('.');

@@ -26,7 +26,7 @@ impl Reference {
     /// [`ReferenceError`] if no scenario is in this part, or if it is unknown because the reference has no
     /// rows.
     pub fn part(&self, part: &Part) -> Result<BTreeMap<String, CategorySummary>, ReferenceError> {
-        let unfit = |reason: String| ReferenceError::Unfit { place: self.place.clone(), reason };
+        let unfit = |reason: String| ReferenceError::unfit(&self.place, reason);
         let simulators = self.summary.simulators.iter();
         let found: BTreeMap<String, CategorySummary> = match part {
             Part::All => simulators

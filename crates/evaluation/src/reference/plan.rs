@@ -128,7 +128,7 @@ impl Reference {
 
     /// Returns the error of a provenance that this program cannot repeat.
     fn unfit(&self, reason: &dyn Display) -> ReferenceError {
-        ReferenceError::Unfit { place: self.place.clone(), reason: format!("provenance.json: {reason}") }
+        ReferenceError::unfit(&self.place, format!("provenance.json: {reason}"))
     }
 
     /// Checks that inputs and deviations are those of the reference. Names of files may differ.
@@ -165,15 +165,16 @@ impl Reference {
         Ok(())
     }
 
-    pub(super) fn other(
+    /// Returns the error of a field with another value here; `hint` is a remedy, or empty.
+    fn other(
         &self,
-        field: impl Into<String>,
-        stated: impl ToString,
-        found: impl ToString,
-        hint: &'static str,
+        field: impl Display,
+        stated: impl Display,
+        found: impl Display,
+        hint: &str,
     ) -> ReferenceError {
-        let (stated, found) = (stated.to_string(), found.to_string());
-        ReferenceError::OtherRun { place: self.place.clone(), field: field.into(), stated, found, hint }
+        let reason = format!("`{field}` is {stated} in the reference and {found} here{hint}");
+        ReferenceError::unfit(&self.place, reason)
     }
 }
 

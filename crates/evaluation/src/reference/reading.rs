@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::files::Files;
+use serde::de::DeserializeOwned;
+
+use super::files::{Files, no_reference};
 use super::record::FORMAT;
 use super::{ReferenceError, ReferenceRecord, SimulatorClass};
 use crate::folder::rows_table;
@@ -51,13 +53,8 @@ impl Reference {
         let place = files.place.clone();
         let record = take_record(&mut files)?;
         check_files(&record, &files)?;
-        let json = |file: &str| files.content[file].as_ref();
-        let damaged = |file: &str| {
-            let (place, file) = (place.clone(), file.to_owned());
-            move |source| ReferenceError::DamagedJson { place, file, source }
-        };
-        let provenance: Provenance = serde_json::from_slice(json(PROVENANCE)).map_err(damaged(PROVENANCE))?;
-        let summary: Summary = serde_json::from_slice(json(SUMMARY)).map_err(damaged(SUMMARY))?;
+        let provenance: Provenance = json(&files, PROVENANCE)?;
+        let summary: Summary = json(&files, SUMMARY)?;
         let rows = match files.content.remove(ROWS_TABLE) {
             Some(content) => Some(rows_table::read_bytes(&Path::new(&place).join(ROWS_TABLE), content)?),
             None => None,
@@ -82,7 +79,7 @@ impl Reference {
             let metrics = self.summary.simulators.get(id).map(|s| &s.metrics);
             if let Some(wrong) = metrics.and_then(|metrics| class.wrong_bound(metrics)) {
                 let reason = format!("reference.toml: `{id}`: {wrong}");
-                return Err(ReferenceError::Unfit { place: self.place.clone(), reason });
+                return Err(ReferenceError::unfit(&self.place, reason));
             }
         }
         check_values(&self.place, &self.provenance, &self.summary, self.rows.as_deref())
@@ -97,6 +94,12 @@ impl Reference {
     }
 }
 
+/// Parses a JSON file.
+fn json<T: DeserializeOwned>(files: &Files, file: &str) -> Result<T, ReferenceError> {
+    let damaged = |error| ReferenceError::Unfit(format!("{}/{file} cannot be read: {error}", files.place));
+    serde_json::from_slice(&files.content[file]).map_err(damaged)
+}
+
 /// Checks that two files of a folder have equal values.
 fn agree<T: serde::Serialize>(
     place: &str,
@@ -106,8 +109,9 @@ fn agree<T: serde::Serialize>(
     match differences(a, b).into_iter().next() {
         None => Ok(()),
         Some((field, stated, found)) => {
-            let files = format!("{place}: {first} and {second}");
-            Err(ReferenceError::Disagree { files, field, stated, found })
+            let files = format!("{first} and {second}");
+            let reason = format!("{files} do not agree: `{field}` is {stated} and {found}");
+            Err(ReferenceError::unfit(place, reason))
         }
     }
 }
@@ -123,7 +127,7 @@ pub fn check_values(
     summary: &Summary,
     rows: Option<&[Row]>,
 ) -> Result<(), ReferenceError> {
-    let unfit = |reason: String| Err(ReferenceError::Unfit { place: place.to_owned(), reason });
+    let unfit = |reason: String| Err(ReferenceError::unfit(place, reason));
     let stated = Provenance { keep_rollouts: None, ..provenance.clone() };
     agree(place, (PROVENANCE, &stated), (SUMMARY, &summary.provenance.run))?;
     let found = &summary.provenance;
@@ -159,42 +163,44 @@ pub fn check_values(
 fn take_record(files: &mut Files) -> Result<ReferenceRecord, ReferenceError> {
     let place = files.place.clone();
     let Some(content) = files.content.remove(REFERENCE_RECORD) else {
-        return Err(ReferenceError::NoReference { place });
+        return Err(no_reference(&place));
     };
     let text = String::from_utf8_lossy(&content);
-    let record: ReferenceRecord =
-        toml::from_str(&text).map_err(|source| ReferenceError::Damaged { place: place.clone(), source })?;
+    let damaged = |error| ReferenceError::Unfit(format!("{place}/reference.toml cannot be read: {error}"));
+    let record: ReferenceRecord = toml::from_str(&text).map_err(damaged)?;
     if record.format == FORMAT {
         return Ok(record);
     }
     let reason = format!("reference.toml has the format `{}`, this program reads `{FORMAT}`", record.format);
-    Err(ReferenceError::Unfit { place, reason })
+    Err(ReferenceError::unfit(&place, reason))
 }
 
 /// Checks that no file is missing, extra or changed.
 fn check_files(record: &ReferenceRecord, files: &Files) -> Result<(), ReferenceError> {
-    let place = || files.place.clone();
+    let unfit = |reason: String| Err(ReferenceError::unfit(&files.place, reason));
     for file in [PROVENANCE, SUMMARY] {
         if !record.files.contains_key(file) {
-            return Err(ReferenceError::MissingFile { place: place(), file: file.to_owned() });
+            return unfit(format!("the file {file} is missing"));
         }
     }
     for (file, stated) in &record.files {
         if ![PROVENANCE, SUMMARY, ROWS_TABLE].contains(&file.as_str()) {
-            let reason = format!("reference.toml lists {file}, which no reference has");
-            return Err(ReferenceError::Unfit { place: place(), reason });
+            return unfit(format!("reference.toml lists {file}, which no reference has"));
         }
         let Some(content) = files.content.get(file) else {
-            return Err(ReferenceError::MissingFile { place: place(), file: file.clone() });
+            return unfit(format!("the file {file} is missing"));
         };
         let found = blake3::hash(content).to_hex().to_string();
         if found != *stated {
-            let (file, stated) = (file.clone(), stated.clone());
-            return Err(ReferenceError::OtherDigest { place: place(), file, stated, found });
+            return unfit(format!(
+                "{file} was changed: its digest is {found}, in reference.toml it is {stated}"
+            ));
         }
     }
     match files.content.keys().find(|file| !record.files.contains_key(*file)) {
-        Some(file) => Err(ReferenceError::ExtraFile { place: place(), file: file.clone() }),
+        Some(file) => unfit(format!(
+            "the file {file} does not belong to the reference: reference.toml does not list it"
+        )),
         None => Ok(()),
     }
 }

@@ -28,8 +28,8 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     if !path.exists() {
         return Ok(None);
     }
-    let place = || folder.display().to_string();
-    let unfit = |reason: String| ReferenceError::Unfit { place: place(), reason };
+    let place = folder.display().to_string();
+    let unfit = |reason: String| ReferenceError::unfit(&place, reason);
     let run = read_provenance(folder)?;
     let mut options = Options::default();
     for (name, value) in &run.metric_options {

@@ -35,7 +35,7 @@ impl StudyReference {
                 && !study.members.iter().any(|m| m.folder == name)
             {
                 let reason = format!("{name} does not belong to the study: {STUDY} does not list it");
-                return Err(ReferenceError::Unfit { place, reason });
+                return Err(ReferenceError::unfit(&place, reason));
             }
         }
         let opened = study.members.iter().map(|m| Reference::open(&folder.join(&m.folder)));
@@ -49,8 +49,7 @@ impl StudyReference {
     fn check(&self) -> Result<(), ReferenceError> {
         let first = &self.members[0];
         for (member, reference) in self.study.members.iter().zip(&self.members) {
-            let unfit =
-                |reason: String| Err(ReferenceError::Unfit { place: reference.place.clone(), reason });
+            let unfit = |reason: String| Err(ReferenceError::unfit(&reference.place, reason));
             for (setting, stated, found) in settings(member, reference) {
                 if stated != found {
                     return unfit(format!("`{setting}` is {found} here and {stated} in {STUDY}"));

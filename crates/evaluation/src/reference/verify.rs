@@ -131,9 +131,8 @@ pub fn verify(
     }
     let Some(expected) = &reference.rows else {
         if summary.is_none() {
-            let reason =
-                "a quick check would compare nothing: there are only aggregates of networks".to_owned();
-            return Err(ReferenceError::Unfit { place: reference.place.clone(), reason });
+            let reason = "a quick check would compare nothing: there are only aggregates of networks";
+            return Err(ReferenceError::unfit(&reference.place, reason));
         }
         // Aggregates over part of the scenarios cannot be compared.
         let left_out: Vec<&str> = networks.iter().map(|s| s.id.as_str()).collect();

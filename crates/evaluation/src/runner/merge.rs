@@ -11,7 +11,7 @@ use crate::folder::completion::complete;
 use crate::folder::{
     RunFolder, cannot_read, for_parsed_lines, read_provenance, read_summary, read_tally, replace,
 };
-use crate::layout::{EVENTS, FAILURES, LEFT_OUT, ROLLOUTS, ROWS};
+use crate::layout::{EVENTS, FAILURES, LEFT_OUT, ROLLOUTS, ROWS, SUMMARY};
 use crate::provenance::Provenance;
 use crate::runner::omissions::Omissions;
 use crate::runner::refuse_repeated;
@@ -32,7 +32,8 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
     for path in partitions {
         let tally = read_tally(path)?;
         if !read_summary(path)?.is_of(&tally) {
-            return Err(EvaluationError::LostRows { path: path.clone() });
+            let text = format!("rows.jsonl has fewer scenarios than {SUMMARY}; run the partition again");
+            return Err(EvaluationError::Refused(format!("{}: {text}", path.display())));
         }
         tallies.push(tally);
     }
@@ -76,9 +77,8 @@ fn whole(partitions: &[PathBuf]) -> Result<Provenance, EvaluationError> {
     for path in &partitions[1..] {
         let mut other = Provenance { partition: None, ..read_provenance(path)? };
         unite(&mut joined.inputs, &mut other.inputs, |file: &FileRecord| file.blake3.is_empty());
-        if let Some((setting, old, new)) = joined.difference(&other) {
-            let (path, first) = (path.clone(), first.clone());
-            return Err(EvaluationError::OtherPartition { path, first, setting, old, new });
+        if let Some(difference) = joined.difference(&other) {
+            return Err(EvaluationError::other_partition(path, first, difference));
         }
     }
     Ok(joined)

@@ -32,13 +32,11 @@ pub fn score_in_memory(
     let mut recorded = RecordedRollouts::new(rollouts, options, pose);
     let place = RecordPosition { input: 0, record: 0 };
     let scored = recorded.score(place, scenario, || digest.to_owned()).pop();
-    let unfit = |error| EvaluationError::UnfitRollouts { scenario: scenario.id.clone(), error };
+    let unfit = |error: String| EvaluationError::Refused(format!("scenario `{}`: {error}", scenario.id));
     let scored = scored.ok_or_else(|| unfit("no rollout is given".to_owned()))?;
     let ScoredPair { rows, events, .. } = scored.map_err(|(_, error)| unfit(error))?;
-    match recorded.findings().refused(allowed) {
-        Some(findings) => Err(EvaluationError::RolloutsRefused { findings }),
-        None => Ok((rows, events)),
-    }
+    recorded.findings().check(allowed)?;
+    Ok((rows, events))
 }
 
 /// Judges one rollout of the reactive protocol. Returns the row of the rollout and the row over all rollouts,

@@ -25,7 +25,7 @@ impl<'a> SimulatorId<'a> {
     /// Splits an id. Whether there is such a baseline is not checked.
     ///
     /// # Errors
-    /// [`EvaluationError::WrongLabel`] if the label is not a name.
+    /// [`EvaluationError`] if the label is not a name.
     pub(crate) fn parse(id: &'a str) -> Result<Self, EvaluationError> {
         let (variant, smoothing) = match Smoothing::of_id(id) {
             Some((variant, smoothing)) => (variant, Some(smoothing)),
@@ -40,7 +40,9 @@ impl<'a> SimulatorId<'a> {
         };
         let is_name = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if label.is_empty() || !label.chars().all(is_name) {
-            return Err(EvaluationError::WrongLabel { id: id.to_owned() });
+            return Err(EvaluationError::Refused(format!(
+                "`{id}`: the label after `@` has letters, digits, `-` and `_`, as in ntp-reactive@mine"
+            )));
         }
         Ok(Self { variant, baseline, label: Some(label), smoothing })
     }

@@ -32,10 +32,10 @@ impl MixId {
     /// simulators exist is not checked.
     ///
     /// # Errors
-    /// [`EvaluationError::Mix`] names the part that is refused.
+    /// [`EvaluationError`] names the part that is refused.
     pub(crate) fn parse(id: &str) -> Result<Option<Self>, EvaluationError> {
         let Some(text) = id.strip_prefix(PREFIX) else { return Ok(None) };
-        let refuse = |reason: String| EvaluationError::Mix { id: id.to_owned(), reason };
+        let refuse = |reason: String| EvaluationError::Refused(format!("`{id}`: {reason}"));
         let text = text.replace(',', "+");
         let (text, smoothing) = match Smoothing::of_id(&text) {
             Some((text, smoothing)) => (text, Some(smoothing)),

@@ -100,11 +100,11 @@ impl ScenarioFiles {
         let found = if file.all_agents { found.map(Scenario::with_all_agents) } else { found };
         match found {
             Some(scenario) if scenario.digest() == digest => Ok(Some(scenario)),
-            _ => Err(EvaluationError::NotThatScenario {
-                file: file.name.clone(),
-                record,
-                digest: digest.to_owned(),
-            }),
+            _ => Err(EvaluationError::Refused(format!(
+                "{}: record {record} is not the scenario with the digest {digest} that the run found there; \
+                 was it read by another version of the program?",
+                file.name
+            ))),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Axes of studies: keys of a specification that have several values.
 
+use std::fmt::Display;
 use std::str::FromStr;
 
 use clap::{Args, Command};
@@ -61,8 +62,9 @@ impl FromStr for Axis {
     }
 }
 
-fn refuse(axis: impl Into<String>, reason: impl Into<String>) -> EvaluationError {
-    EvaluationError::Axis { axis: axis.into(), reason: reason.into() }
+/// Refuses an axis, named by its key, or by key and value.
+fn refuse(axis: impl Display, reason: impl Display) -> EvaluationError {
+    EvaluationError::Refused(format!("axis {axis}: {reason}"))
 }
 
 impl RunSpec {
@@ -70,7 +72,7 @@ impl RunSpec {
     /// fastest.
     ///
     /// # Errors
-    /// [`EvaluationError::Axis`] names an axis or value that is unknown, invalid, or there twice.
+    /// [`EvaluationError`] names an axis or value that is unknown, invalid, or there twice.
     pub fn product(&self, axes: &[Axis]) -> Result<Vec<(Self, Vec<AxisValue>)>, EvaluationError> {
         let mut all = vec![(self.clone(), Vec::new())];
         for (i, axis) in axes.iter().enumerate() {

@@ -207,11 +207,12 @@ impl ReadingSpec {
     /// has.
     pub fn check(&self) -> Result<(), EvaluationError> {
         if self.current_frame.is_some() && self.window_step.is_some() {
-            return Err(EvaluationError::Exclude { key: "window-step", other: "current-frame" });
+            let text = "window-step and current-frame exclude each other: leave one of them out";
+            return Err(EvaluationError::Refused(text.to_owned()));
         }
         let outside = |key, number: usize, least: usize, most: usize| {
-            let (text, expected) = (number.to_string(), format!("{least} to {most}"));
-            (number < least || number > most).then_some(EvaluationError::Spec { key, text, expected })
+            let refuse = || EvaluationError::spec(key, &number.to_string(), format!("{least} to {most}"));
+            (number < least || number > most).then(refuse)
         };
         let history = self.history.and_then(|frames| outside("history", frames, 2, Length::MAX_HISTORY));
         let future = match self.future {
@@ -231,7 +232,9 @@ impl ReadingSpec {
     pub fn check_absent(&self) -> Result<(), EvaluationError> {
         self.check()?;
         match self.named().next() {
-            Some((key, _)) => Err(EvaluationError::ShippedAsIs { key }),
+            Some((key, _)) => Err(EvaluationError::Refused(format!(
+                "the shipped scenarios are read as they are: leave {key} out"
+            ))),
             None => Ok(()),
         }
     }
@@ -264,7 +267,7 @@ impl NuplanSpec {
     /// # Errors
     /// [`EvaluationError`] names a key without effect and the one that is absent.
     pub fn check(&self) -> Result<(), EvaluationError> {
-        let needs = |key, other| Err(EvaluationError::Needs { key, other });
+        let needs = |key, other| Err(EvaluationError::needs(key, other));
         match (self.nuplan.is_empty(), &self.filter, &self.maps) {
             (false, None, _) => needs("nuplan", "filter"),
             (true, Some(_), _) => needs("filter", "nuplan"),

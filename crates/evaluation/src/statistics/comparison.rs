@@ -108,22 +108,24 @@ impl Comparison {
         seed: u64,
         is_wanted: impl Fn(&MetricSpec) -> bool,
     ) -> Result<Self, EvaluationError> {
-        let cells = |(tally, id): (&Tally, &str)| {
-            let unknown =
-                || EvaluationError::NotInRun { id: id.to_owned(), known: tally.simulators.join(", ") };
-            tally.simulators.iter().position(|s| s == id).ok_or_else(unknown)
-        };
-        let (i, j) = (cells(first)?, cells(second)?);
+        let (i, j) = (first.0.simulator(first.1)?, second.0.simulator(second.1)?);
         let (a, b) = (done(first.0, i), done(second.0, j));
         let mut pairs: Vec<(&str, [&[Option<f64>]; 2])> = Vec::new();
         for (id, (entry, values)) in &a {
             let Some((other, others)) = b.get(id) else { continue };
             if other.length != entry.length {
-                let [first, second] = [entry.length, other.length];
-                return Err(EvaluationError::OtherLength { id: (*id).to_owned(), first, second });
+                let [a, b] = [entry.length, other.length];
+                return Err(EvaluationError::Refused(format!(
+                    "the scenario `{id}` has {} frames of history and {} steps in the first run, and {} and \
+                     {} in the second: only runs on scenarios of the same length can be compared",
+                    a.history, a.steps, b.history, b.steps
+                )));
             }
             if other.digest != entry.digest {
-                return Err(EvaluationError::OtherScenario { id: (*id).to_owned() });
+                return Err(EvaluationError::Refused(format!(
+                    "the scenario `{id}` is not the same in both runs: only runs on the same scenarios can \
+                     be compared"
+                )));
             }
             pairs.push((id, [values, others]));
         }

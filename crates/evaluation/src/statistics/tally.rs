@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use reactsim_metrics::{METRICS, MetricSpec, Score};
 
+use crate::error::EvaluationError;
 use crate::metric_record::MetricRecord;
 use crate::provenance::Provenance;
 use crate::row::{RecordPosition, Row, RowLength, RowNote};
@@ -75,6 +76,17 @@ impl Tally {
     /// Returns the index of the metric with this id.
     pub fn metric(&self, id: &str) -> Option<usize> {
         self.metrics.iter().position(|spec| spec.id == id)
+    }
+
+    /// Returns the index of the simulator with this id.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the run has none.
+    pub(crate) fn simulator(&self, id: &str) -> Result<usize, EvaluationError> {
+        self.simulators.iter().position(|known| known == id).ok_or_else(|| {
+            let known = self.simulators.join(", ");
+            EvaluationError::Refused(format!("the run has no simulator `{id}`; it has: {known}"))
+        })
     }
 
     /// Returns whether `rows` are all rows of one scenario and one simulator: one per rollout, and one over

@@ -35,8 +35,9 @@ pub fn read_study(folder: &Path) -> Result<Study, EvaluationError> {
     let names = study.members.iter().map(|m| m.folder.as_str());
     let unfinished: Vec<&str> = names.filter(|name| !folder.join(name).join(SUMMARY).is_file()).collect();
     if !unfinished.is_empty() {
-        let members = unfinished.join(", ");
-        return Err(EvaluationError::UnfinishedStudy { path: folder.to_owned(), members });
+        let (place, members) = (folder.display(), unfinished.join(", "));
+        let text = format!("the study in {place} is not finished ({members})");
+        return Err(EvaluationError::Resumable(text));
     }
     Ok(study)
 }
@@ -46,7 +47,8 @@ pub(super) fn read(folder: &Path) -> Result<Study, EvaluationError> {
     let path = folder.join(STUDY);
     let text = match fs::read_to_string(&path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => {
-            return Err(EvaluationError::NoStudy { path: folder.to_owned() });
+            let text = format!("{} is not a study: it has no study.json", folder.display());
+            return Err(EvaluationError::Refused(text));
         }
         other => other.map_err(cannot_read(&path))?,
     };

@@ -47,15 +47,12 @@ impl StudyFolder {
         }
         let old = read(path)?;
         let folder = Self { path: path.to_owned(), _lock: lock };
-        let other = |setting: &str, old: String, new: String| EvaluationError::OtherSettings {
-            path: path.to_owned(),
-            setting: setting.to_owned(),
-            old,
-            new,
+        let other = |setting: &str, old: &str, new: &str| {
+            Err(EvaluationError::other_settings(path, setting, old, new))
         };
         let new = plan.study().clone();
         if old.kind != new.kind {
-            return Err(other("study", old.kind.name().to_owned(), new.kind.name().to_owned()));
+            return other("study", old.kind.name(), new.kind.name());
         }
         for (i, member) in new.members.iter().enumerate() {
             let provenance = plan.select(i).provenance();
@@ -65,11 +62,11 @@ impl StudyFolder {
             let names =
                 |of: &Study| of.members.iter().map(|m| m.folder.as_str()).collect::<Vec<_>>().join(", ");
             if names(&old) != names(&new) {
-                return Err(other("members", names(&old), names(&new)));
+                return other("members", &names(&old), &names(&new));
             }
             let ids =
                 |of: &Study| of.members.iter().flat_map(|m| m.originals.keys().cloned()).collect::<Vec<_>>();
-            return Err(other("simulators of the members", ids(&old).join(", "), ids(&new).join(", ")));
+            return other("simulators of the members", &ids(&old).join(", "), &ids(&new).join(", "));
         }
         Ok(folder)
     }

@@ -11,8 +11,8 @@ use super::{Member, Study, StudyKind};
 use crate::av::{AvChoice, AvDriver};
 use crate::error::EvaluationError;
 use crate::plan::Plan;
-use crate::plan::of_spec::{RunParts, refuse_repeated, with_driver};
-use crate::simulators::PlannedSimulator;
+use crate::plan::of_spec::{RunParts, with_driver};
+use crate::simulators::{PlannedSimulator, refuse_repeated};
 use crate::source::Source;
 use crate::spec::{AxisValue, ExternalPrograms, RunSpec, SubjectSpec};
 
@@ -109,7 +109,7 @@ impl Simulators<'_> {
         }
         let mut simulators = spec.baselines()?;
         simulators.extend(self.programs.planned(spec)?);
-        refuse_repeated(&simulators)?;
+        refuse_repeated(simulators.iter().map(|simulator| simulator.id.as_str()))?;
         self.sets.push((spec.clone(), simulators));
         Ok(self.sets.len() - 1)
     }

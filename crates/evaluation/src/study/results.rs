@@ -77,7 +77,7 @@ fn tallies(
 ) -> Result<Vec<Tally>, EvaluationError> {
     let read = |(summary, path): (&Summary, PathBuf)| {
         let tally = read_tally(&path)?;
-        if summary.is_of(&tally) { Ok(tally) } else { Err(EvaluationError::Unfinished { path }) }
+        if summary.is_of(&tally) { Ok(tally) } else { Err(EvaluationError::unfinished(&path)) }
     };
     summaries.iter().zip(members).map(read).collect()
 }
