@@ -3,8 +3,7 @@
 
 pub use reactsim_baseline::non_reactive::{constant_velocity, log_replay, stop};
 pub use reactsim_baseline::{
-    Allowed, Baseline, Card, CardError, ModelError, ParameterRange, Parameters, Ranges, Setup, WeightsFile,
-    weights,
+    Allowed, Baseline, Card, ModelError, ParameterRange, Parameters, Ranges, Setup, WeightsFile, weights,
 };
 pub use reactsim_diffusion as diffusion;
 pub use reactsim_diffusion::{ctg, planner as diffusion_planner, vbd};

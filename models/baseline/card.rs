@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use super::ModelError;
+
 /// Description of a baseline.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -19,22 +21,17 @@ pub struct Card {
     pub parameters: toml::Table,
 }
 
-/// Error from reading a card.
-#[derive(Debug, thiserror::Error)]
-#[error("the card of `{id}` cannot be read: {source}")]
-pub struct CardError {
-    /// Id of the baseline.
-    pub id: &'static str,
-    /// Cause.
-    pub source: toml::de::Error,
-}
-
 impl Card {
     /// Parses the text of a card.
     ///
     /// # Errors
-    /// [`CardError`] with line and column.
-    pub fn read(id: &'static str, text: &str) -> Result<Self, CardError> {
-        toml::from_str(text).map_err(|source| CardError { id, source })
+    /// [`ModelError`] with line and column.
+    pub fn read(id: &str, text: &str) -> Result<Self, ModelError> {
+        toml::from_str(text).map_err(|error| unreadable(id, &error))
     }
+}
+
+/// Refuses a card, or parameters that do not have the form that its baseline needs.
+pub(super) fn unreadable(id: &str, error: &toml::de::Error) -> ModelError {
+    ModelError::Refused(format!("the card of `{id}` cannot be read: {error}"))
 }

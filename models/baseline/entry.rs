@@ -4,6 +4,9 @@ use reactsim_rollout::Controller;
 
 use super::{ModelError, Setup, weights};
 
+/// Builds a simulator.
+pub type Make = fn(Setup) -> Result<Controller, ModelError>;
+
 /// A baseline, as listed by `--models` and in tables.
 #[derive(Clone, Copy, Debug)]
 pub struct Baseline {
@@ -23,10 +26,21 @@ pub struct Baseline {
     /// Whether the simulator needs weights.
     pub needs_weights: bool,
     /// Builds the simulator.
-    pub make: fn(Setup) -> Result<Controller, ModelError>,
+    pub make: Make,
 }
 
 impl Baseline {
+    /// Creates the entry of a simulator without weights, which runs by default.
+    pub const fn of_rules(id: &'static str, card: &'static str, ranges: &'static str, make: Make) -> Self {
+        let (oracle, takes_stage, by_default, needs_weights) = (false, true, true, false);
+        Self { id, card, ranges, oracle, takes_stage, by_default, needs_weights, make }
+    }
+
+    /// Creates the entry of a network, which is run by its id.
+    pub const fn of_network(id: &'static str, card: &'static str, ranges: &'static str, make: Make) -> Self {
+        Self { by_default: false, needs_weights: true, ..Self::of_rules(id, card, ranges, make) }
+    }
+
     /// Returns the default setup: the parameters of the card and the weights that ship with the
     /// program.
     ///

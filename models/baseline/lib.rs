@@ -13,8 +13,8 @@ mod setup;
 pub mod weights;
 
 pub use backend::{Backend, BackendError};
-pub use card::{Card, CardError};
-pub use entry::Baseline;
+pub use card::Card;
+pub use entry::{Baseline, Make};
 pub use error::ModelError;
 pub use parameters::Parameters;
 pub use ranges::{Allowed, ParameterRange, Ranges};

@@ -3,7 +3,9 @@
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-use super::{CardError, ModelError, ParameterRange, Ranges};
+use super::card::unreadable;
+use super::ranges::no_range;
+use super::{ModelError, ParameterRange, Ranges};
 
 /// Values by dotted path, each with a unit and a range.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +33,7 @@ impl Parameters {
     /// [`ModelError`] naming the missing, unknown or invalid parameter.
     pub fn get<T: DeserializeOwned>(&self) -> Result<T, ModelError> {
         self.check()?;
-        Ok(self.values.clone().try_into().map_err(|source| CardError { id: self.id, source })?)
+        self.values.clone().try_into().map_err(|error| unreadable(self.id, &error))
     }
 
     /// Separates the values of a table from the others.
@@ -57,13 +59,13 @@ impl Parameters {
     /// Returns the dotted path, value and range of every parameter.
     ///
     /// # Errors
-    /// [`ModelError::NoRange`] for a parameter without a range.
+    /// [`ModelError`] for a parameter without a range.
     pub fn ranges(&self) -> Result<Vec<(String, &Value, &ParameterRange)>, ModelError> {
         let leaves = leaves(&self.values).into_iter();
         leaves
             .map(|(key, value)| match self.ranges.get(&key) {
                 Some(range) => Ok((key, value, range)),
-                None => Err(ModelError::NoRange { id: self.id, key }),
+                None => Err(no_range(self.id, &key)),
             })
             .collect()
     }
@@ -116,13 +118,11 @@ impl Parameters {
             (_, Some(new)) if new.same_type(&old) => new,
             (Value::String(_), _) => Value::String(written.to_owned()),
             _ => {
-                return Err(ModelError::WrongParameter {
-                    id: self.id,
-                    key: key.to_owned(),
-                    value: written.to_owned(),
-                    like: old.to_string(),
-                    expected: old.type_str(),
-                });
+                let (id, expected) = (self.id, old.type_str());
+                return Err(ModelError::Refused(format!(
+                    "`{written}` is not a valid `{key}` for `{id}`: expected a value of type {expected}, \
+                     such as {old}"
+                )));
             }
         };
         self.ranges.check(self.id, key, &new, written)?;

@@ -124,10 +124,12 @@ impl Ranges {
     /// Parses the text of a file of ranges.
     ///
     /// # Errors
-    /// [`ModelError::Ranges`] with line and column, [`ModelError::Range`] with the parameter whose entry
-    /// is invalid.
+    /// [`ModelError`] with line and column, or with the parameter whose entry is invalid.
     pub fn read(id: &'static str, text: &str) -> Result<Self, ModelError> {
-        let table = toml::from_str(text).map_err(|source| ModelError::Ranges { id, source })?;
+        let unreadable = |error: toml::de::Error| {
+            ModelError::Refused(format!("the ranges of `{id}` cannot be read: {error}"))
+        };
+        let table = toml::from_str(text).map_err(unreadable)?;
         let mut ranges = Self::default();
         ranges.add_all(id, "", table)?;
         Ok(ranges)
@@ -143,7 +145,10 @@ impl Ranges {
                     Ok(range) => {
                         self.0.insert(key, range);
                     }
-                    Err(source) => return Err(ModelError::Range { id, key, source: Box::new(source) }),
+                    Err(error) => {
+                        let text = format!("the range of `{key}` of `{id}` cannot be read: {error}");
+                        return Err(ModelError::Refused(text));
+                    }
                 },
             }
         }
@@ -176,18 +181,24 @@ impl Ranges {
     /// Checks the value of a parameter; `written` is the value as it was given.
     ///
     /// # Errors
-    /// [`ModelError::OutOfRange`] with the parameter, the value, the range and the unit;
-    /// [`ModelError::NoRange`].
+    /// [`ModelError::OutOfRange`] with the parameter, the value, the range and the unit; [`ModelError`] if it
+    /// has none.
     pub fn check(&self, id: &'static str, key: &str, value: &Value, written: &str) -> Result<(), ModelError> {
         let key = key.to_owned();
         match self.get(&key) {
-            None => Err(ModelError::NoRange { id, key }),
+            None => Err(no_range(id, &key)),
             Some(range) if range.allowed.contains(value) => Ok(()),
             Some(range) => {
                 Err(ModelError::OutOfRange { id, key, value: written.to_owned(), range: range.to_string() })
             }
         }
     }
+}
+
+/// Refuses a parameter without a range.
+pub(super) fn no_range(id: &str, key: &str) -> ModelError {
+    let remedy = "add one to its file of ranges";
+    ModelError::Refused(format!("the parameter `{key}` of `{id}` has no range: {remedy}"))
 }
 
 #[cfg(test)]

@@ -48,7 +48,7 @@ impl Setup {
     /// Returns the dotted path, value and range of every parameter.
     ///
     /// # Errors
-    /// [`ModelError::NoRange`] for a parameter without a range.
+    /// [`ModelError`] for a parameter without a range.
     pub fn ranges(&self) -> Result<Vec<(String, &Value, &ParameterRange)>, ModelError> {
         self.parameters.ranges()
     }
@@ -64,15 +64,31 @@ impl Setup {
     /// Returns the weights.
     ///
     /// # Errors
-    /// [`ModelError::NoWeights`].
+    /// [`ModelError`] if there are none.
     pub fn weights(&self) -> Result<&WeightsFile, ModelError> {
-        self.weights.as_ref().ok_or(ModelError::NoWeights { id: self.id })
+        let id = self.id;
+        self.weights.as_ref().ok_or_else(|| {
+            ModelError::Refused(format!(
+                "the simulator `{id}` needs weights, which do not ship with the program: \
+                 give `model-weights` {id}=FILE"
+            ))
+        })
     }
 
-    /// Returns the error for weights that cannot be used, with its cause.
-    pub fn refuse_weights(&self, source: impl Into<Box<dyn Error + Send + Sync>>) -> ModelError {
-        let file = self.weights.as_ref().map(|w| w.name.clone()).unwrap_or_default();
-        ModelError::Weights { id: self.id, file, source: source.into() }
+    /// Reads the network from the bytes of the weights.
+    ///
+    /// # Errors
+    /// [`ModelError`] if there are no weights, or they cannot be used, with the cause.
+    pub fn read_weights<T, E>(&self, read: impl FnOnce(&[u8]) -> Result<T, E>) -> Result<T, ModelError>
+    where
+        E: Into<Box<dyn Error + Send + Sync>>,
+    {
+        let weights = self.weights()?;
+        let refuse = |error: E| {
+            let (id, file) = (self.id, weights.name.clone());
+            ModelError::Weights { id, file, source: error.into() }
+        };
+        read(&weights.bytes).map_err(refuse)
     }
 
     /// Changes a parameter, as [`Parameters::set`].

@@ -35,22 +35,25 @@ impl WeightsFile {
     /// are not checked.
     ///
     /// # Errors
-    /// [`ModelError::DigestMismatch`] naming both digests.
-    pub fn check(&self, id: &'static str) -> Result<(), ModelError> {
+    /// [`ModelError`] naming both digests.
+    pub fn check(&self, id: &str) -> Result<(), ModelError> {
         let Some(row) = rows_for(id)?.find(|row| row.file == self.name) else {
             return Ok(());
         };
         if row.sha256 == self.digest {
             return Ok(());
         }
-        let (file, found) = (self.name.clone(), self.digest.clone());
-        Err(ModelError::DigestMismatch { id, file, expected: row.sha256, found })
+        Err(ModelError::Refused(format!(
+            "the weights {} of `{id}` have the SHA-256 {}, but the manifest lists {}: \
+             the file is damaged or of another version; get the listed file, or rename yours",
+            self.name, self.digest, row.sha256
+        )))
     }
 
     /// Returns whether the manifest lists a file of this content, under any name, for the baseline.
     ///
     /// # Errors
-    /// [`ModelError::Manifest`]; a test rules it out.
+    /// [`ModelError`] if the manifest cannot be read; a test rules it out.
     pub fn is_listed(&self, id: &str) -> Result<bool, ModelError> {
         Ok(rows_for(id)?.any(|row| row.sha256 == self.digest))
     }
@@ -118,9 +121,10 @@ struct Manifest {
 /// Returns all rows of the manifest, in file order.
 ///
 /// # Errors
-/// [`ModelError::Manifest`]; a test rules it out.
+/// [`ModelError`] if the manifest cannot be read; a test rules it out.
 pub fn manifest() -> Result<Vec<WeightsRow>, ModelError> {
-    toml::from_str::<Manifest>(MANIFEST).map(|m| m.weights).map_err(ModelError::Manifest)
+    let unreadable = |error| ModelError::Refused(format!("the manifest of weights cannot be read: {error}"));
+    toml::from_str::<Manifest>(MANIFEST).map(|m| m.weights).map_err(unreadable)
 }
 
 /// Returns the rows of the manifest for a baseline.
@@ -154,7 +158,10 @@ pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
     }
     let Some(row) = rows_for(id)?.find(|row| row.shipped) else { return Ok(None) };
     let Some((_, bytes)) = embedded().find(|(name, _)| *name == row.file) else {
-        return Err(ModelError::NotEmbedded { id, file: row.file });
+        return Err(ModelError::Refused(format!(
+            "the manifest lists the weights {} of `{id}` as shipped, but they are not part of the program",
+            row.file
+        )));
     };
     let file = WeightsFile::new(row.file, *bytes);
     file.check(id)?;
@@ -164,7 +171,7 @@ pub fn shipped(id: &'static str) -> Result<Option<WeightsFile>, ModelError> {
 /// Returns the weights with this digest if they ship, whichever baseline they are for.
 ///
 /// # Errors
-/// [`ModelError::Manifest`]; a test rules it out.
+/// [`ModelError`] if the manifest cannot be read; a test rules it out.
 pub fn shipped_with_digest(sha256: &str) -> Result<Option<WeightsFile>, ModelError> {
     let row = manifest()?.into_iter().find(|row| row.shipped && row.sha256 == sha256);
     Ok(row.and_then(|row| {

@@ -27,16 +27,8 @@ use self::motion::Traffic;
 use self::parameters::Parameters;
 
 /// Its entry in the list of baselines.
-pub const ENTRY: Baseline = Baseline {
-    id: "idm",
-    card: include_str!("card.toml"),
-    ranges: include_str!("ranges.toml"),
-    oracle: false,
-    takes_stage: true,
-    by_default: true,
-    needs_weights: false,
-    make,
-};
+pub const ENTRY: Baseline =
+    Baseline::of_rules("idm", include_str!("card.toml"), include_str!("ranges.toml"), make);
 
 /// Its variant whose drivers have styles.
 pub const STYLES: Baseline = Baseline {

@@ -14,56 +14,43 @@ const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
 const SMART_RANGES: &str = include_str!("ranges/smart.toml");
 
 /// Our network, with vehicles within kinematic limits.
-pub const REACTIVE: Baseline =
-    entry("ntp-reactive", include_str!("cards/reactive.toml"), REACTIVE_RANGES, reactive);
-
-/// Our network, with tokens executed exactly.
-pub const REACTIVE_RAW: Baseline = Baseline {
-    by_default: false,
-    ..entry("ntp-reactive-raw", include_str!("cards/reactive_raw.toml"), REACTIVE_RANGES, reactive)
+pub const REACTIVE: Baseline = Baseline {
+    by_default: true,
+    ..Baseline::of_network("ntp-reactive", include_str!("cards/reactive.toml"), REACTIVE_RANGES, reactive)
 };
 
+/// Our network, with tokens executed exactly.
+pub const REACTIVE_RAW: Baseline = Baseline::of_network(
+    "ntp-reactive-raw",
+    include_str!("cards/reactive_raw.toml"),
+    REACTIVE_RANGES,
+    reactive,
+);
+
 /// The published network, with tokens executed exactly.
-pub const SMART: Baseline = entry("smart", include_str!("cards/smart.toml"), SMART_RANGES, smart);
+pub const SMART: Baseline =
+    Baseline { by_default: true, ..smart_body("smart", include_str!("cards/smart.toml")) };
 
 /// The published network, with vehicles within kinematic limits.
-pub const SMART_PROJECTED: Baseline =
-    entry("smart-projected", include_str!("cards/smart_projected.toml"), SMART_RANGES, smart);
+pub const SMART_PROJECTED: Baseline = Baseline {
+    by_default: true,
+    ..smart_body("smart-projected", include_str!("cards/smart_projected.toml"))
+};
 
 /// Its body at a size for processor cores, trained here.
-pub const SMART_SMALL: Baseline = trained("smart-small", include_str!("cards/smart_small.toml"));
+pub const SMART_SMALL: Baseline = smart_body("smart-small", include_str!("cards/smart_small.toml"));
 
 /// The variant of TrajTok, trained likewise.
-pub const TRAJTOK_SMALL: Baseline = trained("trajtok-small", include_str!("cards/trajtok_small.toml"));
+pub const TRAJTOK_SMALL: Baseline = smart_body("trajtok-small", include_str!("cards/trajtok_small.toml"));
 
 /// SMART-small after closed-loop fine-tuning.
-pub const CATK_SMALL: Baseline = trained("catk-small", include_str!("cards/catk_small.toml"));
+pub const CATK_SMALL: Baseline = smart_body("catk-small", include_str!("cards/catk_small.toml"));
 
 /// SMART-small after fine-tuning by rewards, with an AV that leaves its log.
-pub const SMART_REACTIVE: Baseline = trained("smart-reactive", include_str!("cards/smart_reactive.toml"));
+pub const SMART_REACTIVE: Baseline = smart_body("smart-reactive", include_str!("cards/smart_reactive.toml"));
 
-/// Returns the baseline of a network: not an oracle, and in need of weights.
-const fn entry(
-    id: &'static str,
-    card: &'static str,
-    ranges: &'static str,
-    make: fn(Setup) -> Result<Controller, ModelError>,
-) -> Baseline {
-    Baseline {
-        id,
-        card,
-        ranges,
-        oracle: false,
-        takes_stage: true,
-        by_default: true,
-        needs_weights: true,
-        make,
-    }
-}
-
-/// Returns the baseline of a network of the body of SMART that was trained here; run by its id.
-const fn trained(id: &'static str, card: &'static str) -> Baseline {
-    Baseline { by_default: false, ..entry(id, card, SMART_RANGES, smart) }
+const fn smart_body(id: &'static str, card: &'static str) -> Baseline {
+    Baseline::of_network(id, card, SMART_RANGES, smart)
 }
 
 /// Returns the parameters on the card of our network.
@@ -85,13 +72,13 @@ pub(super) fn smart_parameters() -> Result<SmartParameters, ModelError> {
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
     let device = device_of(setup.backend);
-    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    let policy = setup.read_weights(|bytes| Policy::read(bytes, &device))?;
     Ok(Controller::Fair(Box::new(ReactiveSimulator::new(policy, driving, device))))
 }
 
 fn smart(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    let policy = SmartPolicy::read(&setup.weights()?.bytes, &device_of(setup.backend))
-        .map_err(|e| setup.refuse_weights(e))?;
+    let device = device_of(setup.backend);
+    let policy = setup.read_weights(|bytes| SmartPolicy::read(bytes, &device))?;
     Ok(Controller::Fair(Box::new(SmartSimulator::new(setup.id, policy, parameters))))
 }

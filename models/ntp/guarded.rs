@@ -37,7 +37,7 @@ struct Parameters {
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let Parameters { haste, sampling, guard } = setup.parameters()?;
     let device = device_of(setup.backend);
-    let policy = Policy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    let policy = setup.read_weights(|bytes| Policy::read(bytes, &device))?;
     let driving = Driving { projection: true, keep_clear: false, sampling };
     let simulator = ReactiveSimulator::new(policy, driving, device).with_haste(haste);
     qp::guarded(Box::new(simulator), guard)

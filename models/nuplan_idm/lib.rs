@@ -10,41 +10,17 @@ use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_planning::idm_agents::Parameters;
 use reactsim_rollout::{Controller, PlanError, Planning, SingleEpisode, Stream};
 use reactsim_scene::Start;
-use serde::Deserialize;
 
 use self::traffic::Traffic;
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline = Baseline {
-    id: "nuplan-idm",
-    card: include_str!("card.toml"),
-    ranges: include_str!("ranges.toml"),
-    oracle: false,
-    takes_stage: true,
     by_default: false,
-    needs_weights: false,
-    make,
+    ..Baseline::of_rules("nuplan-idm", include_str!("card.toml"), include_str!("ranges.toml"), make)
 };
 
-/// Parameters of the card.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CardParameters {
-    target_speed: f64,
-    min_gap: f64,
-    headway: f64,
-    acceleration: f64,
-    deceleration: f64,
-    min_path: f64,
-    radius: f64,
-}
-
 fn make(setup: Setup) -> Result<Controller, ModelError> {
-    let CardParameters { target_speed, min_gap, headway, acceleration, deceleration, min_path, radius } =
-        setup.parameters()?;
-    let parameters =
-        Parameters { target_speed, min_gap, headway, acceleration, deceleration, min_path, radius };
-    Ok(Controller::Fair(Box::new(NuplanIdm { parameters })))
+    Ok(Controller::Fair(Box::new(NuplanIdm { parameters: setup.parameters()? })))
 }
 
 /// Simulator whose vehicles are the reactive agents of nuPlan.

@@ -16,16 +16,6 @@ use reactsim_scene::{
 
 use super::*;
 
-const PARAMETERS: Parameters = Parameters {
-    target_speed: 10.0,
-    min_gap: 1.0,
-    headway: 1.5,
-    acceleration: 1.0,
-    deceleration: 2.0,
-    min_path: 20.0,
-    radius: 100.0,
-};
-
 /// Returns an agent that keeps its velocity along its heading, and is at `(x, y)` at the current frame.
 fn agent(id: &str, kind: AgentKind, [x, y]: [f64; 2], heading: f64, speed: f64) -> LoggedAgent {
     let (length, width) = if kind == AgentKind::Vehicle { (4.6, 1.9) } else { (0.8, 0.8) };
@@ -133,7 +123,8 @@ fn planned_at_every_step_vehicles_are_the_agents_of_nuplan() {
         SeenEgo { footprint, heading: av[k].heading, speed: av[k].speed() }
     };
     let roads = SceneRoads::new(start).unwrap().roads;
-    let mut agents = IdmAgents::new(roads, PARAMETERS, &vehicles, Some(&ego(0)));
+    let parameters = ENTRY.setup().unwrap().parameters().unwrap();
+    let mut agents = IdmAgents::new(roads, parameters, &vehicles, Some(&ego(0)));
     let done = rolled(&scenario, &every(1));
     for step in 0..FUTURE {
         let ego = ego(step);

@@ -30,14 +30,8 @@ use self::world::World;
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline = Baseline {
-    id: "pufferdrive",
-    card: include_str!("card.toml"),
-    ranges: include_str!("ranges.toml"),
-    oracle: false,
-    takes_stage: true,
     by_default: true,
-    needs_weights: true,
-    make,
+    ..Baseline::of_network("pufferdrive", include_str!("card.toml"), include_str!("ranges.toml"), make)
 };
 
 /// Parameters of the card.
@@ -68,8 +62,7 @@ fn make(setup: Setup) -> Result<Controller, ModelError> {
     setup.require_order("goal_nearest", "goal_farthest")?;
     let device = device_of(setup.backend);
     let network = Network::init(&mut Initializer::blank(&device), &device);
-    let tensors = Tensors::read(&setup.weights()?.bytes).map_err(|e| setup.refuse_weights(e))?;
-    let network = tensors.load(network).map_err(|e| setup.refuse_weights(e))?;
+    let network = setup.read_weights(|bytes| Tensors::read(bytes)?.load(network))?;
     Ok(Controller::Fair(Box::new(PufferDrive { parameters, network, device })))
 }
 

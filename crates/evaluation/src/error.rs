@@ -8,7 +8,7 @@ use reactsim_baseline::{BackendError, ModelError};
 use reactsim_external::ExternalError;
 use reactsim_formats::FormatError;
 use reactsim_metrics::OptionError;
-use reactsim_models::diffusion_planner::PlannerPolicyError;
+use reactsim_nn::WeightsError;
 
 use crate::layout::{PROVENANCE, STUDY, SUMMARY};
 
@@ -116,7 +116,7 @@ pub enum EvaluationError {
     External(#[from] ExternalError),
     /// The weights of the diffusion planner cannot be used.
     #[error(transparent)]
-    DriverWeights(#[from] PlannerPolicyError),
+    DriverWeights(#[from] WeightsError),
     /// A simulator cannot be created.
     #[error(transparent)]
     Model(#[from] ModelError),

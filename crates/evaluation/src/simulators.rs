@@ -306,7 +306,8 @@ impl PlannedSimulator {
         }
         if let Some(file) = ids.iter().rev().find_map(|id| changes.weights.get(id)) {
             if !baseline.needs_weights {
-                return Err(ModelError::UnexpectedWeights { id, file: file.name.clone() }.into());
+                let text = format!("the simulator `{id}` has no weights: omit the file {}", file.name);
+                return Err(EvaluationError::Refused(text));
             }
             file.check(id)?;
             setup.weights = Some((*file).clone());
@@ -316,7 +317,7 @@ impl PlannedSimulator {
         }
         let weights = setup.weights.as_ref().map(WeightsRecord::of);
         let backend = weights.is_some().then_some(setup.backend);
-        let mut title = Card::read(id, baseline.card).map_err(ModelError::from)?.title;
+        let mut title = Card::read(id, baseline.card)?.title;
         if let Some(mark) = mark(id, label, setup.weights.as_ref())? {
             title = format!("{title} ({mark})");
         }

@@ -14,6 +14,7 @@ mod roads;
 use std::sync::Arc;
 
 use reactsim_geometry::{OrientedBox, Vec2};
+use serde::Deserialize;
 
 use crate::contact::in_contact;
 use crate::ground::Ground;
@@ -38,7 +39,8 @@ const SEEN_KINDS: [ObjectKind; 5] = [
 ];
 
 /// Parameters of the agents.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Parameters {
     /// Speed aimed at before a lane with a limit was seen, m/s.
     pub target_speed: f64,

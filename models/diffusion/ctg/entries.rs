@@ -9,25 +9,20 @@ use super::network::Decoding;
 use super::{CtgParameters, CtgPolicy, CtgSimulator};
 
 /// Baseline that executes cloned behaviour.
-pub const CTG_CLONING: Baseline = Baseline {
-    id: "ctg-cloning",
-    card: include_str!("cards/ctg_cloning.toml"),
-    ranges: include_str!("ranges/ctg_cloning.toml"),
-    make: cloning,
-    ..CTG_DIFFUSION
-};
+pub const CTG_CLONING: Baseline = Baseline::of_network(
+    "ctg-cloning",
+    include_str!("cards/ctg_cloning.toml"),
+    include_str!("ranges/ctg_cloning.toml"),
+    cloning,
+);
 
 /// Baseline that samples plans.
-pub const CTG_DIFFUSION: Baseline = Baseline {
-    id: "ctg-diffusion",
-    card: include_str!("cards/ctg_diffusion.toml"),
-    ranges: include_str!("ranges/ctg_diffusion.toml"),
-    oracle: false,
-    takes_stage: true,
-    by_default: false,
-    needs_weights: true,
-    make: diffusion,
-};
+pub const CTG_DIFFUSION: Baseline = Baseline::of_network(
+    "ctg-diffusion",
+    include_str!("cards/ctg_diffusion.toml"),
+    include_str!("ranges/ctg_diffusion.toml"),
+    diffusion,
+);
 
 /// Diffusion, guided by rules.
 pub const CTG_GUIDED: Baseline =
@@ -71,7 +66,9 @@ fn diffusion(setup: Setup) -> Result<Controller, ModelError> {
 
 fn make(setup: &Setup, decoding: Decoding, parameters: CtgParameters) -> Result<Controller, ModelError> {
     let device = device_of(setup.backend);
-    let policy = CtgPolicy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
-    policy.expect(decoding).map_err(|e| setup.refuse_weights(e))?;
+    let policy = setup.read_weights(|bytes| {
+        let policy = CtgPolicy::read(bytes, &device)?;
+        policy.expect(decoding).map(|()| policy)
+    })?;
     Ok(Controller::Fair(Box::new(CtgSimulator::new(setup.id, policy, parameters, device))))
 }

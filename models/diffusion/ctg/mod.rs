@@ -16,7 +16,7 @@ mod sight;
 mod simulator;
 
 pub use guidance::Rules;
-pub use policy::{CtgPolicy, CtgPolicyError};
+pub use policy::CtgPolicy;
 pub use sampling::CtgParameters;
 pub use sight::Sight;
 pub use simulator::CtgSimulator;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
+use reactsim_nn::{Initializer, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::network::{Ctg, CtgConfig, Decoding};
@@ -32,35 +32,12 @@ struct StoredConfig {
     sight: Sight,
 }
 
-/// Error of a file that holds no valid policy.
-#[derive(Debug, thiserror::Error)]
-pub enum CtgPolicyError {
-    /// The tensors or the configuration are invalid.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// The network finds actions in another way.
-    #[error(
-        "the network finds actions by {found}, expected {expected}: use it with the simulator {simulator}"
-    )]
-    Decoding {
-        /// How it does.
-        found: &'static str,
-        /// How the simulator expects it to.
-        expected: &'static str,
-        /// The simulator that it is for.
-        simulator: &'static str,
-    },
-    /// A size is out of range.
-    #[error(transparent)]
-    Size(#[from] SizeError),
-}
-
 impl CtgPolicy {
     /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// [`CtgPolicyError`], which names the tensor or the field.
-    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, CtgPolicyError> {
+    /// [`WeightsError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
         let tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
         let StoredConfig { network: config, sight, .. } = tensors.config()?;
@@ -73,8 +50,8 @@ impl CtgPolicy {
     /// Checks how the network finds actions.
     ///
     /// # Errors
-    /// [`CtgPolicyError::Decoding`] if in another way.
-    pub fn expect(&self, decoding: Decoding) -> Result<(), CtgPolicyError> {
+    /// [`WeightsError`] if in another way.
+    pub fn expect(&self, decoding: Decoding) -> Result<(), WeightsError> {
         let name = |decoding| match decoding {
             Decoding::Cloning => ("cloning", "`ctg-cloning`"),
             Decoding::Diffusion => ("diffusion", "`ctg-diffusion` or `ctg-guided`"),
@@ -83,15 +60,17 @@ impl CtgPolicy {
         if found == expected {
             return Ok(());
         }
-        Err(CtgPolicyError::Decoding { found, expected, simulator })
+        Err(WeightsError::Refused(format!(
+            "the network finds actions by {found}, expected {expected}: use it with the simulator {simulator}"
+        )))
     }
 
     /// Returns the bytes of a file; `made` is further metadata.
     ///
     /// # Errors
-    /// [`CtgPolicyError`] if the configuration cannot be written as text.
-    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, CtgPolicyError> {
+    /// [`WeightsError`] if the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
-        Ok(save_with(&self.network, &stored, BTreeMap::new(), made)?)
+        save_with(&self.network, &stored, BTreeMap::new(), made)
     }
 }

@@ -10,4 +10,4 @@ mod policy;
 mod units;
 
 pub use inputs::PlannerSight;
-pub use policy::{PlannerPolicy, PlannerPolicyError};
+pub use policy::PlannerPolicy;

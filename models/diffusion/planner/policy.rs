@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim_baseline::weights::PLANNER;
-use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
+use reactsim_nn::{Initializer, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::inputs::PlannerSight;
@@ -45,23 +45,12 @@ enum Preset {
     Published,
 }
 
-/// Error of a file that holds no valid policy.
-#[derive(Debug, thiserror::Error)]
-pub enum PlannerPolicyError {
-    /// The tensors or the configuration are invalid.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// A size is out of range.
-    #[error(transparent)]
-    Size(#[from] SizeError),
-}
-
 impl PlannerPolicy {
     /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// [`PlannerPolicyError`], which names the tensor or the field.
-    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PlannerPolicyError> {
+    /// [`WeightsError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
         let tensors = Tensors::read(bytes)?.without_prefix("module.");
         tensors.expect_kind(PLANNER)?;
         let StoredConfig { network, sight, .. } = tensors.config()?;
@@ -79,10 +68,10 @@ impl PlannerPolicy {
     /// Returns the bytes of a file; `made` is further metadata.
     ///
     /// # Errors
-    /// [`PlannerPolicyError`] if the configuration cannot be written as text.
-    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PlannerPolicyError> {
+    /// [`WeightsError`] if the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let network = Sizes::Explicit(self.config);
         let stored = StoredConfig { kind: PLANNER.to_owned(), network, sight: Some(self.sight) };
-        Ok(save_with(&self.network, &stored, BTreeMap::new(), made)?)
+        save_with(&self.network, &stored, BTreeMap::new(), made)
     }
 }

@@ -7,23 +7,12 @@ use reactsim_rollout::Controller;
 use super::{VbdParameters, VbdPolicy, VbdSimulator};
 
 /// Baseline that samples joint plans.
-pub const VBD: Baseline = entry("vbd", include_str!("cards/vbd.toml"));
+pub const VBD: Baseline =
+    Baseline::of_network("vbd", include_str!("cards/vbd.toml"), include_str!("ranges.toml"), make);
 
 /// The same with the AV's plan fixed to the continuation of its executed motion.
-pub const VBD_INPAINTING: Baseline = entry("vbd-inpainting", include_str!("cards/vbd_inpainting.toml"));
-
-const fn entry(id: &'static str, card: &'static str) -> Baseline {
-    Baseline {
-        id,
-        card,
-        ranges: include_str!("ranges.toml"),
-        oracle: false,
-        takes_stage: true,
-        by_default: false,
-        needs_weights: true,
-        make,
-    }
-}
+pub const VBD_INPAINTING: Baseline =
+    Baseline { id: "vbd-inpainting", card: include_str!("cards/vbd_inpainting.toml"), ..VBD };
 
 /// Returns the parameters on the card.
 ///
@@ -36,6 +25,6 @@ pub(super) fn parameters() -> Result<VbdParameters, ModelError> {
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
     let device = device_of(setup.backend);
-    let policy = VbdPolicy::read(&setup.weights()?.bytes, &device).map_err(|e| setup.refuse_weights(e))?;
+    let policy = setup.read_weights(|bytes| VbdPolicy::read(bytes, &device))?;
     Ok(Controller::Fair(Box::new(VbdSimulator::new(setup.id, policy, parameters, device))))
 }

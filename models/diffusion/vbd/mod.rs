@@ -12,6 +12,6 @@ mod sampling;
 mod simulator;
 
 pub use inputs::Sight;
-pub use policy::{VbdPolicy, VbdPolicyError};
+pub use policy::VbdPolicy;
 pub use sampling::VbdParameters;
 pub use simulator::VbdSimulator;

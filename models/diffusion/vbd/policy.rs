@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
-use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
+use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions};
+use reactsim_nn::{Initializer, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::inputs::Sight;
@@ -35,26 +35,12 @@ struct StoredConfig {
     sight: Sight,
 }
 
-/// Error of a file that holds no valid policy.
-#[derive(Debug, thiserror::Error)]
-pub enum VbdPolicyError {
-    /// The tensors or the configuration are invalid.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// The anchors are invalid.
-    #[error(transparent)]
-    Anchors(#[from] IntentionsError),
-    /// A size is out of range.
-    #[error(transparent)]
-    Size(#[from] SizeError),
-}
-
 impl VbdPolicy {
     /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// [`VbdPolicyError`], which names the tensor or the field.
-    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, VbdPolicyError> {
+    /// [`WeightsError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
         let tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
         let StoredConfig { network: config, sight, .. } = tensors.config()?;
@@ -69,12 +55,12 @@ impl VbdPolicy {
     /// Returns the bytes of a file; `made` is further metadata.
     ///
     /// # Errors
-    /// [`VbdPolicyError`] if the provenance or the configuration cannot be written as text.
-    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, VbdPolicyError> {
+    /// [`WeightsError`] if the provenance or the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let (tables, entry) = self.anchors.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
         let mut metadata = made.clone();
         metadata.extend([entry]);
-        Ok(save_with(&self.network, &stored, tables, &metadata)?)
+        save_with(&self.network, &stored, tables, &metadata)
     }
 }

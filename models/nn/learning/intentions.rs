@@ -22,61 +22,23 @@ pub struct Intentions {
     provenance: Provenance,
 }
 
-/// Error of intention points that are invalid or cannot be made.
-#[derive(Debug, thiserror::Error)]
-pub enum IntentionsError {
-    /// The file holds no tensors, or a tensor is missing, of another type or not finite.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// A tensor has an invalid shape.
-    #[error("tensor `{name}` has the shape {found:?}, expected [points, 2] with 1 to 4096 points")]
-    Shape {
-        /// Name.
-        name: String,
-        /// Shape in the file.
-        found: Vec<usize>,
-    },
-    /// Classes have different numbers of points.
-    #[error("found {found:?} intention points of vehicles, pedestrians and cyclists, expected equal numbers")]
-    Counts {
-        /// Number of points per class.
-        found: [usize; 3],
-    },
-    /// K-means cannot make this number of points.
-    #[error("cannot make {0} intention points: expected 2 to 4096")]
-    Number(usize),
-    /// Too few end points of a class were recorded.
-    #[error(
-        "found {found} distinct positions of class `{class}` after 8 s, expected at least {wanted}: \
-         name more scenarios or request fewer points"
-    )]
-    TooFew {
-        /// Class.
-        class: Class,
-        /// Number of distinct end points.
-        found: usize,
-        /// Smallest number needed.
-        wanted: usize,
-    },
-    /// The provenance cannot be read or written.
-    #[error("cannot read or write the provenance of the intention points: {0}")]
-    Provenance(serde_json::Error),
-}
-
 impl Intentions {
     /// Creates a set from the points of the classes in the order of [`Class::ALL`] and their
     /// provenance.
     ///
     /// # Errors
-    /// [`IntentionsError`] if classes differ in number or have no points.
-    pub fn new(points: [Vec<Vec2>; 3], provenance: Provenance) -> Result<Self, IntentionsError> {
+    /// [`WeightsError`] if classes differ in number or have no points.
+    pub fn new(points: [Vec<Vec2>; 3], provenance: Provenance) -> Result<Self, WeightsError> {
         let found = [points[0].len(), points[1].len(), points[2].len()];
         if found[0] != found[1] || found[0] != found[2] {
-            return Err(IntentionsError::Counts { found });
+            return Err(WeightsError::Refused(format!(
+                "found {found:?} intention points of vehicles, pedestrians and cyclists, expected equal \
+                 numbers"
+            )));
         }
         if !(1..=4096).contains(&found[0]) {
             let name = format!("{PREFIX}{}", Class::Vehicle);
-            return Err(IntentionsError::Shape { name, found: vec![found[0], 2] });
+            return Err(wrong_shape(&name, &[found[0], 2]));
         }
         Ok(Self { points, provenance })
     }
@@ -129,8 +91,8 @@ impl Intentions {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`IntentionsError`], which names the tensor.
-    pub fn read(bytes: &[u8]) -> Result<Self, IntentionsError> {
+    /// [`WeightsError`], which names the tensor.
+    pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
         Self::from_tables(&Tensors::read(bytes)?)
     }
 
@@ -138,9 +100,9 @@ impl Intentions {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, IntentionsError> {
+    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, WeightsError> {
         let provenance = match tensors.metadata().get(PROVENANCE_KEY) {
-            Some(made) => serde_json::from_str(made).map_err(IntentionsError::Provenance)?,
+            Some(made) => serde_json::from_str(made).map_err(|error| wrong_provenance(&error))?,
             None => Provenance { method: "foreign".to_owned(), ..Provenance::default() },
         };
         let mut points: [Vec<Vec2>; 3] = Default::default();
@@ -148,7 +110,7 @@ impl Intentions {
             let name = format!("{PREFIX}{class}");
             let (shape, values) = tensors.floats(&name)?;
             if shape.len() != 2 || shape[1] != 2 || !(1..=4096).contains(&shape[0]) {
-                return Err(IntentionsError::Shape { name, found: shape.to_vec() });
+                return Err(wrong_shape(&name, shape));
             }
             let point = |p: &[f32; 2]| Vec2::new(f64::from(p[0]), f64::from(p[1]));
             points[class.index()] = values.as_chunks::<2>().0.iter().map(point).collect();
@@ -159,9 +121,9 @@ impl Intentions {
     /// Returns the points as tensors `[points, 2]` by name, and the metadata entry of their provenance.
     ///
     /// # Errors
-    /// [`IntentionsError::Provenance`].
-    pub fn tables(&self) -> Result<(Tables, (String, String)), IntentionsError> {
-        let made = serde_json::to_string(&self.provenance).map_err(IntentionsError::Provenance)?;
+    /// [`WeightsError`] if the provenance cannot be written as text.
+    pub fn tables(&self) -> Result<(Tables, (String, String)), WeightsError> {
+        let made = serde_json::to_string(&self.provenance).map_err(|error| wrong_provenance(&error))?;
         let table = |class: Class| {
             let values = self.of(class).iter().flat_map(|p| [p.x as f32, p.y as f32]).collect();
             (format!("{PREFIX}{class}"), (vec![self.count(), 2], values))
@@ -178,11 +140,21 @@ impl Intentions {
     /// Returns the bytes of a file.
     ///
     /// # Errors
-    /// [`IntentionsError::Provenance`].
-    pub fn write(&self) -> Result<Vec<u8>, IntentionsError> {
+    /// [`WeightsError`] if the provenance cannot be written as text.
+    pub fn write(&self) -> Result<Vec<u8>, WeightsError> {
         let (tables, entry) = self.tables()?;
         Ok(save_tables(&tables, &[entry].into()))
     }
+}
+
+fn wrong_shape(tensor: &str, found: &[usize]) -> WeightsError {
+    WeightsError::Refused(format!(
+        "tensor `{tensor}` has the shape {found:?}, expected [points, 2] with 1 to 4096 points"
+    ))
+}
+
+fn wrong_provenance(error: &serde_json::Error) -> WeightsError {
+    WeightsError::Refused(format!("cannot read or write the provenance of the intention points: {error}"))
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
-use super::{Intentions, IntentionsError, Provenance, Reservoir, for_each_track};
+use super::{Intentions, Provenance, Reservoir, for_each_track};
+use crate::WeightsError;
 use crate::perception::Class;
 
 /// Displacement in metres below which an agent counts as standing, which has a point of its own.
@@ -72,16 +73,21 @@ impl EndPoints {
     /// from a stream named by seed and class.
     ///
     /// # Errors
-    /// [`IntentionsError`] if too few end points were recorded.
-    pub fn build(&self, count: usize) -> Result<Intentions, IntentionsError> {
+    /// [`WeightsError`] if too few end points were recorded.
+    pub fn build(&self, count: usize) -> Result<Intentions, WeightsError> {
         if !(2..=4096).contains(&count) {
-            return Err(IntentionsError::Number(count));
+            let text = format!("cannot make {count} intention points: expected 2 to 4096");
+            return Err(WeightsError::Refused(text));
         }
         let mut points: [Vec<Vec2>; 3] = Default::default();
         for class in Class::ALL {
             let places = &self.classes[class.index()].kept;
             if places.len() < count {
-                return Err(IntentionsError::TooFew { class, found: places.len(), wanted: count });
+                return Err(WeightsError::Refused(format!(
+                    "found {} distinct positions of class `{class}` after 8 s, expected at least {count}: \
+                     name more scenarios or request fewer points",
+                    places.len()
+                )));
             }
             points[class.index()] = self.means(class, places, count);
         }

@@ -22,8 +22,8 @@ mod trainable;
 mod training_task;
 mod window;
 
+pub use intentions::Intentions;
 pub use intentions::PREFIX as INTENTIONS_PREFIX;
-pub use intentions::{Intentions, IntentionsError};
 pub use k_means::EndPoints;
 pub use map::LearningMap;
 pub use origin::Origin;

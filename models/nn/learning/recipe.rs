@@ -39,7 +39,7 @@ pub(super) fn recipe_parameters(
 /// Returns a recipe as a document (TOML) that states every value, with unit, range and meaning.
 ///
 /// # Errors
-/// [`ModelError::NoRange`] for a value without a range.
+/// [`ModelError`] for a value without a range.
 pub fn recipe_document(recipe: &Parameters) -> Result<String, ModelError> {
     let mut rows = recipe.ranges()?;
     // Values without a table come first, since a heading holds until the next one.

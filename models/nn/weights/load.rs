@@ -6,6 +6,7 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 
 use super::names::{ParameterPath, transpose};
+use super::tensors::more;
 use super::{Tensors, WeightsError};
 
 impl Tensors<'_> {
@@ -27,14 +28,20 @@ impl Tensors<'_> {
         }
         let mut extra = found.iter().filter(|(name, _)| !expected_shapes.shapes.contains_key(**name));
         if let Some((name, shape)) = extra.next() {
-            let (name, found) = ((*name).to_owned(), shape.to_vec());
-            return Err(WeightsError::Extra { name, found, others: extra.count() });
+            let more = more(extra.count());
+            return Err(WeightsError::Refused(format!(
+                "tensor `{name}` {shape:?} has no place in the network{more}: the weights belong to another \
+                 network or configuration"
+            )));
         }
         let mut values = BTreeMap::new();
         for (name, expected) in expected_shapes.shapes {
             let (found, floats) = self.floats(&name)?;
             if found != expected {
-                return Err(WeightsError::Shape { name, expected, found: found.to_vec() });
+                return Err(WeightsError::Refused(format!(
+                    "tensor `{name}` is {found:?}, expected {expected:?}: the configuration is not that of \
+                     these weights"
+                )));
             }
             values.insert(name, floats);
         }

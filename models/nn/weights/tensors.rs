@@ -23,10 +23,12 @@ impl<'a> Tensors<'a> {
     /// Reads the tensors from the bytes of a whole file.
     ///
     /// # Errors
-    /// [`WeightsError::Format`], or [`WeightsError::LfsPointer`].
+    /// [`WeightsError`] if they are cut short, of another format, or a pointer of Git LFS.
     pub fn read(bytes: &'a [u8]) -> Result<Self, WeightsError> {
         if bytes.starts_with(LFS_POINTER) {
-            return Err(WeightsError::LfsPointer);
+            let text =
+                "the file is a pointer of Git LFS and not the weights: run `git lfs pull` in its repository";
+            return Err(WeightsError::Refused(text.to_owned()));
         }
         let (_, header) = SafeTensors::read_metadata(bytes)?;
         let metadata = header.metadata().clone().unwrap_or_default().into_iter().collect();
@@ -51,16 +53,21 @@ impl<'a> Tensors<'a> {
     /// Checks the kind of the network before its configuration is read, since those of other kinds differ.
     ///
     /// # Errors
-    /// [`WeightsError::Kind`] if it is another one, [`WeightsError::Config`] if the configuration is missing
-    /// or no object.
-    pub fn expect_kind(&self, expected: &'static str) -> Result<(), WeightsError> {
+    /// [`WeightsError`] if it is another one, or the configuration is missing or no object.
+    pub fn expect_kind(&self, expected: &str) -> Result<(), WeightsError> {
         #[derive(Deserialize)]
         struct Kind {
             #[serde(default)]
             kind: String,
         }
         let Kind { kind: found } = self.config()?;
-        if found == expected { Ok(()) } else { Err(WeightsError::Kind { found, expected }) }
+        if found == expected {
+            return Ok(());
+        }
+        Err(WeightsError::Refused(format!(
+            "the file holds a network of kind `{found}`, expected `{expected}`: \
+             use it with the simulator that it was trained for"
+        )))
     }
 
     /// Returns names and shapes, ordered by name.
@@ -99,13 +106,16 @@ impl<'a> Tensors<'a> {
     /// that are used twice. Does nothing if either is missing.
     ///
     /// # Errors
-    /// [`WeightsError::Twins`] if the two differ.
+    /// [`WeightsError`] if the two differ.
     pub fn drop_twin(&mut self, name: &str, other: &str) -> Result<(), WeightsError> {
         let (Some(a), Some(b)) = (self.tensors.get(name), self.tensors.get(other)) else {
             return Ok(());
         };
         if (a.dtype(), a.shape(), a.data()) != (b.dtype(), b.shape(), b.data()) {
-            return Err(WeightsError::Twins { name: name.into(), other: other.into() });
+            return Err(WeightsError::Refused(format!(
+                "tensors `{name}` and `{other}` should be identical but differ: the weights belong to \
+                 another network"
+            )));
         }
         self.tensors.remove(name);
         Ok(())
@@ -118,7 +128,13 @@ impl<'a> Tensors<'a> {
             self.tensors.keys().find_map(|key| key.strip_suffix(name)).filter(|prefix| {
                 prefix.ends_with('.') && self.tensors.keys().all(|key| key.starts_with(prefix))
             });
-        WeightsError::Missing { name: name.to_owned(), others, prefix: prefix.map(str::to_owned) }
+        let reason = match prefix {
+            Some(prefix) => format!(
+                "the names of all tensors begin with `{prefix}`: remove this prefix when exporting them"
+            ),
+            None => "the weights belong to another network or configuration".to_owned(),
+        };
+        WeightsError::Refused(format!("tensor `{name}` is missing{}: {reason}", more(others)))
     }
 
     /// Returns the shape and the values of a tensor of 32-bit floats, row by row.
@@ -128,13 +144,24 @@ impl<'a> Tensors<'a> {
     pub fn floats(&self, name: &str) -> Result<(&[usize], Vec<f32>), WeightsError> {
         let view = self.tensors.get(name).ok_or_else(|| self.missing(name, 0))?;
         if view.dtype() != Dtype::F32 {
-            return Err(WeightsError::Type { name: name.into(), found: format!("{:?}", view.dtype()) });
+            let found = view.dtype();
+            return Err(WeightsError::Refused(format!(
+                "tensor `{name}` holds {found:?}, expected F32: convert it when exporting"
+            )));
         }
         let values: Vec<f32> =
             view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-            return Err(WeightsError::NotFinite { name: name.into(), at, value: values[at] });
+            let value = values[at];
+            return Err(WeightsError::Refused(format!(
+                "tensor `{name}` holds {value} at {at}: the weights are damaged, or training diverged"
+            )));
         }
         Ok((view.shape(), values))
     }
+}
+
+/// Returns the text about other tensors with the same fault.
+pub(super) fn more(others: usize) -> String {
+    if others == 0 { String::new() } else { format!(", and {others} more") }
 }

@@ -1,8 +1,7 @@
 //! Sizes of the reactive network.
 
+use reactsim_nn::WeightsError;
 use serde::{Deserialize, Serialize};
-
-use super::error::PolicyError;
 
 /// Sizes and ranges of the reactive network. Stored with its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,8 +50,12 @@ impl Config {
     /// Checks the sizes.
     ///
     /// # Errors
-    /// [`PolicyError::Size`] naming the field.
-    pub fn check(&self) -> Result<(), PolicyError> {
+    /// [`WeightsError`] naming the field.
+    pub fn check(&self) -> Result<(), WeightsError> {
+        let refuse = |field: &str, value: f64, expected: &str| {
+            let text = format!("the file's configuration has {field} = {value}, expected {expected}");
+            Err(WeightsError::Refused(text))
+        };
         let sizes = [
             ("hidden", self.hidden),
             ("heads", self.heads),
@@ -68,16 +71,16 @@ impl Config {
         ];
         for (field, value) in sizes {
             if !(1..=4096).contains(&value) {
-                return Err(PolicyError::Size { field, value: value as f64, expected: "1 to 4096" });
+                return refuse(field, value as f64, "1 to 4096");
             }
         }
         if self.map_layers > 64 {
             let value = self.map_layers as f64;
-            return Err(PolicyError::Size { field: "map_layers", value, expected: "at most 64" });
+            return refuse("map_layers", value, "at most 64");
         }
         for (field, value) in [("agent_radius", self.agent_radius), ("map_radius", self.map_radius)] {
             if !(value > 0.0 && value < 1e4) {
-                return Err(PolicyError::Size { field, value, expected: "metres, above 0 and below 10000" });
+                return refuse(field, value, "metres, above 0 and below 10000");
             }
         }
         Ok(())

@@ -9,7 +9,6 @@ pub(crate) mod batch;
 mod cached_step;
 mod choice;
 mod config;
-mod error;
 pub(crate) mod linked_places;
 pub(crate) mod network;
 mod pair;
@@ -23,7 +22,6 @@ mod window;
 
 pub use cached_step::CachedStep;
 pub use config::Config;
-pub use error::PolicyError;
 pub use network::Network;
 pub use policy::Policy;
 pub use scoring::Logits;

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use reactsim_nn::perception::Class;
-use reactsim_nn::{Initializer, Tensors, weights::save_with};
+use reactsim_nn::{Initializer, Tensors, WeightsError, weights::save_with};
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::Vocabulary;
 use super::super::tokens::file::PREFIX;
-use super::error::KIND;
-use super::{Config, Network, PolicyError};
+use super::{Config, Network};
+
+/// Name of this kind of network in the configuration of a file.
+const KIND: &str = "reactive";
 
 /// A trained network and the tokens that it chooses from.
 #[derive(Clone, Debug)]
@@ -35,8 +37,8 @@ impl Policy {
     /// Reads a policy from the bytes of a file.
     ///
     /// # Errors
-    /// [`PolicyError`] naming the tensor, token or field.
-    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
+    /// [`WeightsError`] naming the tensor, token or field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
         let mut tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
         let stored: StoredConfig = tensors.config()?;
@@ -52,12 +54,12 @@ impl Policy {
     /// Returns the bytes of a file; `made` is metadata describing how it was made.
     ///
     /// # Errors
-    /// [`PolicyError`] if the provenance cannot be serialized.
-    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
+    /// [`WeightsError`] if the provenance cannot be serialized.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let (tables, entry) = self.vocabulary.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
         let mut metadata = made.clone();
         metadata.extend([entry]);
-        Ok(save_with(&self.network, &stored, tables, &metadata)?)
+        save_with(&self.network, &stored, tables, &metadata)
     }
 }

@@ -1,6 +1,6 @@
 //! Configuration of the network.
 
-use reactsim_nn::{AttentionConfig, FeedForwardConfig};
+use reactsim_nn::{AttentionConfig, FeedForwardConfig, WeightsError};
 use serde::{Deserialize, Serialize};
 
 use super::super::tokens::TOKEN_STEPS;
@@ -130,31 +130,15 @@ impl TokenCounts {
     }
 }
 
-/// Reason why a configuration is rejected.
-#[derive(Debug, thiserror::Error)]
-pub enum ConfigError {
-    /// The text is not JSON, or entries are missing or have another type.
-    #[error("the network's configuration is not usable: {0}")]
-    Json(#[from] serde_json::Error),
-    /// An entry has an invalid value.
-    #[error("`{name}` of the network's configuration is {found}, expected {expected}")]
-    Value {
-        /// Name of the entry.
-        name: &'static str,
-        /// Its value.
-        found: String,
-        /// Expected value.
-        expected: &'static str,
-    },
-}
-
 impl SmartConfig {
     /// Reads and checks a configuration from JSON.
     ///
     /// # Errors
-    /// [`ConfigError`] naming the entry.
-    pub fn from_json(text: &str) -> Result<Self, ConfigError> {
-        let config: Self = serde_json::from_str(text)?;
+    /// [`WeightsError`] naming the entry.
+    pub fn from_json(text: &str) -> Result<Self, WeightsError> {
+        let invalid =
+            |error| WeightsError::Refused(format!("the network's configuration is not usable: {error}"));
+        let config: Self = serde_json::from_str(text).map_err(invalid)?;
         config.check()?;
         Ok(config)
     }
@@ -162,9 +146,12 @@ impl SmartConfig {
     /// Checks the configuration.
     ///
     /// # Errors
-    /// [`ConfigError::Value`] naming the first invalid entry.
-    pub fn check(&self) -> Result<(), ConfigError> {
-        let wrong = |name, found: String, expected| Err(ConfigError::Value { name, found, expected });
+    /// [`WeightsError`] naming the first invalid entry.
+    pub fn check(&self) -> Result<(), WeightsError> {
+        let wrong = |name: &str, found: String, expected: &str| {
+            let text = format!("`{name}` of the network's configuration is {found}, expected {expected}");
+            Err(WeightsError::Refused(text))
+        };
         let counts = self.n_token_agent.of_classes();
         for (name, count) in [
             ("hidden_dim", self.hidden_dim),

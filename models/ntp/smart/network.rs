@@ -6,8 +6,7 @@ use reactsim_nn::{Initializer, Noise, Tensors, WeightsError};
 
 use super::tables::{pick, rows};
 use super::{
-    AgentEncoder, Batch, ConfigError, InputError, Links, MapEncoder, SmartConfig, Stage, TokenShapes,
-    TokenTables,
+    AgentEncoder, Batch, InputError, Links, MapEncoder, SmartConfig, Stage, TokenShapes, TokenTables,
 };
 
 /// The network: it maps scenes to a score for every token of every agent at every step. Its output is
@@ -20,33 +19,12 @@ pub struct Smart {
     config: SmartConfig,
 }
 
-/// Error from loading a network.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// Invalid configuration.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// Invalid tensors.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// The configuration states a different number of parameters than its network has.
-    #[error(
-        "the configuration states {stated} parameters, its network has {found}: it belongs to another network"
-    )]
-    Size {
-        /// Number stated in `n_params`.
-        stated: usize,
-        /// Number of parameters of the network.
-        found: usize,
-    },
-}
-
 impl Smart {
     /// Builds a network with initial weights.
     ///
     /// # Errors
-    /// [`ConfigError`] if the configuration is invalid.
-    pub fn init(config: &SmartConfig, init: &mut Initializer) -> Result<Self, ConfigError> {
+    /// [`WeightsError`] if the configuration is invalid.
+    pub fn init(config: &SmartConfig, init: &mut Initializer) -> Result<Self, WeightsError> {
         config.check()?;
         Ok(Self {
             map_encoder: MapEncoder::init(config, init),
@@ -59,24 +37,28 @@ impl Smart {
     /// without the prefix `encoder.` of a complete training checkpoint, or a file saved by this program.
     ///
     /// # Errors
-    /// [`LoadError`] naming what does not fit.
-    pub fn load(config: &SmartConfig, weights: &[u8], device: &Device) -> Result<Self, LoadError> {
+    /// [`WeightsError`] naming what does not fit.
+    pub fn load(config: &SmartConfig, weights: &[u8], device: &Device) -> Result<Self, WeightsError> {
         Self::of_tensors(config, Tensors::read(weights)?, device)
     }
 
     /// Like [`Smart::load`], from tensors that were in a file with others.
     ///
     /// # Errors
-    /// [`LoadError`] naming what does not fit.
+    /// [`WeightsError`] naming what does not fit.
     pub fn of_tensors(
         config: &SmartConfig,
         tensors: Tensors<'_>,
         device: &Device,
-    ) -> Result<Self, LoadError> {
+    ) -> Result<Self, WeightsError> {
         let network = Self::init(config, &mut Initializer::blank(device))?;
         let found = network.num_params();
         if config.n_params != 0 && config.n_params != found {
-            return Err(LoadError::Size { stated: config.n_params, found });
+            return Err(WeightsError::Refused(format!(
+                "the configuration states {} parameters, its network has {found}: it belongs to another \
+                 network",
+                config.n_params
+            )));
         }
         let mut tensors = tensors.without_prefix("encoder.");
         // One norm is stored under two names where sources and destinations are of one kind.
@@ -173,7 +155,7 @@ impl Smart {
     /// Computes the vectors of all tokens.
     ///
     /// # Errors
-    /// [`InputError::Vocabulary`] if their number is not that of the network.
+    /// [`InputError`] if their number is not that of the network.
     pub fn tables(&self, shapes: &TokenShapes, device: &Device) -> Result<TokenTables, InputError> {
         shapes.check(self.config())?;
         let mut starts = [0; 3];

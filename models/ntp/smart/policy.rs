@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::super::tokens::file::PREFIX;
 use super::super::tokens::map_vocabulary::MAP_PREFIX;
-use super::super::tokens::{MapVocabulary, TOKEN_FRAMES, Vocabulary, VocabularyError};
-use super::{InputError, LoadError, Smart, SmartConfig, TokenShapes, TokenTables};
+use super::super::tokens::{MapVocabulary, TOKEN_FRAMES, Vocabulary};
+use super::{InputError, Smart, SmartConfig, TokenShapes, TokenTables};
 
 /// Name of this kind of network in the configuration of a file.
 const KIND: &str = "smart";
@@ -36,73 +36,50 @@ struct StoredConfig {
     network: serde_json::Value,
 }
 
-/// Error from reading or building a policy.
-#[derive(Debug, thiserror::Error)]
-pub enum SmartPolicyError {
-    /// Invalid network.
-    #[error(transparent)]
-    Network(#[from] LoadError),
-    /// Invalid vocabulary.
-    #[error(transparent)]
-    Vocabulary(#[from] VocabularyError),
-    /// The vocabularies belong to another network.
-    #[error(transparent)]
-    Tokens(#[from] InputError),
-    /// Tokens have another duration.
-    #[error(
-        "`shift_frames` of the network's configuration is {0}, expected {TOKEN_FRAMES}: \
-         tokens of half a second at 10 Hz"
-    )]
-    Frames(usize),
-}
-
-impl From<WeightsError> for SmartPolicyError {
-    fn from(error: WeightsError) -> Self {
-        Self::Network(error.into())
-    }
-}
-
 impl SmartPolicy {
     /// Combines a network with its vocabularies.
     ///
     /// # Errors
-    /// [`SmartPolicyError`] if they do not belong together.
+    /// [`WeightsError`] if they do not belong together.
     pub fn new(
         network: Smart,
         vocabulary: Vocabulary,
         map_vocabulary: MapVocabulary,
         device: &Device,
-    ) -> Result<Self, SmartPolicyError> {
+    ) -> Result<Self, WeightsError> {
         let frames = network.config().shift_frames;
         if frames != TOKEN_FRAMES {
-            return Err(SmartPolicyError::Frames(frames));
+            return Err(WeightsError::Refused(format!(
+                "`shift_frames` of the network's configuration is {frames}, expected {TOKEN_FRAMES}: \
+                 tokens of half a second at 10 Hz"
+            )));
         }
-        let tables = network.tables(&token_shapes(&vocabulary, &map_vocabulary), device)?;
+        let tables = network.tables(&token_shapes(&vocabulary, &map_vocabulary), device).map_err(foreign)?;
         Ok(Self { vocabulary, map_vocabulary, network, tables })
     }
 
     /// Reads a policy from the bytes of a file written by [`Self::write`] or `models/ntp/export.py`.
     ///
     /// # Errors
-    /// [`SmartPolicyError`] naming the tensor, token or entry.
-    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, SmartPolicyError> {
+    /// [`WeightsError`] naming the tensor, token or entry.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
         let mut tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
         let stored: StoredConfig = tensors.config()?;
-        let config = SmartConfig::from_json(&stored.network.to_string()).map_err(LoadError::from)?;
+        let config = SmartConfig::from_json(&stored.network.to_string())?;
         let vocabulary = Vocabulary::from_tables(&tensors.split_off(PREFIX))?;
         let map_vocabulary = MapVocabulary::from_tables(&tensors.split_off(MAP_PREFIX))?;
         // Check before loading the network: with a vocabulary of another size, the network would seem
         // wrong.
-        token_shapes(&vocabulary, &map_vocabulary).check(&config)?;
+        token_shapes(&vocabulary, &map_vocabulary).check(&config).map_err(foreign)?;
         Self::new(Smart::of_tensors(&config, tensors, device)?, vocabulary, map_vocabulary, device)
     }
 
     /// Returns the bytes of a file; `made` is metadata describing how it was made.
     ///
     /// # Errors
-    /// [`SmartPolicyError`] if the provenance cannot be serialized.
-    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, SmartPolicyError> {
+    /// [`WeightsError`] if the provenance cannot be serialized.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let (mut tables, entry) = self.vocabulary.tables()?;
         let (map_tables, map_entry) = self.map_vocabulary.tables()?;
         tables.extend(map_tables);
@@ -111,8 +88,13 @@ impl SmartPolicy {
         let stored = StoredConfig { kind: KIND.to_owned(), network };
         let mut metadata = made.clone();
         metadata.extend([entry, map_entry]);
-        Ok(save_with(&self.network, &stored, tables, &metadata)?)
+        save_with(&self.network, &stored, tables, &metadata)
     }
+}
+
+/// Refuses vocabularies of another network.
+fn foreign(error: InputError) -> WeightsError {
+    WeightsError::Refused(error.to_string())
 }
 
 /// Converts the vocabularies to the token shapes that the network reads.

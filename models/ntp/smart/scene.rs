@@ -58,65 +58,27 @@ pub struct Scene {
     pub steps: Vec<Step>,
 }
 
-/// Reason why network input is rejected.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum InputError {
-    /// Lists that should have equal lengths do not.
-    #[error("`{field}` has {found} entries, expected {expected}: one per entry of the other lists")]
-    Length {
-        /// Name of the list.
-        field: &'static str,
-        /// Its length.
-        found: usize,
-        /// Expected length.
-        expected: usize,
-    },
-    /// An index is too large.
-    #[error("`{field}` {index} is {found}, expected a number below {below}")]
-    Range {
-        /// Name of the list.
-        field: &'static str,
-        /// Index of the entry.
-        index: usize,
-        /// Value of the entry.
-        found: usize,
-        /// Bound that it must be below.
-        below: usize,
-    },
-    /// A number is NaN or infinite.
-    #[error("`{field}` {index} is not finite")]
-    NotFinite {
-        /// Name of the list.
-        field: &'static str,
-        /// Index of the entry.
-        index: usize,
-    },
-    /// The vocabulary has another size than the network's.
-    #[error(
-        "the vocabulary has {found} tokens of {of}, expected {expected}: it does not belong to this network"
-    )]
-    Vocabulary {
-        /// Class of the tokens, or the map.
-        of: &'static str,
-        /// Number of tokens in the vocabulary.
-        found: usize,
-        /// Number of tokens of the network.
-        expected: usize,
-    },
-}
+/// Reason why network input is rejected: the list and the entry.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct InputError(pub(super) String);
 
 fn length<T>(field: &'static str, list: &[T], expected: usize) -> Result<(), InputError> {
     if list.len() == expected {
         Ok(())
     } else {
-        Err(InputError::Length { field, found: list.len(), expected })
+        let found = list.len();
+        Err(InputError(format!(
+            "`{field}` has {found} entries, expected {expected}: one per entry of the other lists"
+        )))
     }
 }
 
 fn below(field: &'static str, numbers: impl Iterator<Item = (usize, usize)>) -> Result<(), InputError> {
     for (index, (found, below)) in numbers.enumerate() {
         if found >= below {
-            return Err(InputError::Range { field, index, found, below });
+            let text = format!("`{field}` {index} is {found}, expected a number below {below}");
+            return Err(InputError(text));
         }
     }
     Ok(())
@@ -128,7 +90,7 @@ fn finite<const D: usize>(
 ) -> Result<(), InputError> {
     for (index, row) in rows.enumerate() {
         if !row.iter().all(|v| v.is_finite()) {
-            return Err(InputError::NotFinite { field, index });
+            return Err(InputError(format!("`{field}` {index} is not finite")));
         }
     }
     Ok(())

@@ -17,7 +17,7 @@ impl TokenShapes {
     /// Checks the numbers of tokens against a network with this configuration.
     ///
     /// # Errors
-    /// [`InputError::Vocabulary`].
+    /// [`InputError`] if one differs.
     pub fn check(&self, config: &SmartConfig) -> Result<(), InputError> {
         let counts = config.n_token_agent.of_classes();
         let [vehicles, pedestrians, cyclists] = [0, 1, 2].map(|c| (self.agents[c].len(), counts[c]));
@@ -28,7 +28,10 @@ impl TokenShapes {
             ("the map", (self.map.len(), config.n_token_map)),
         ] {
             if found != expected {
-                return Err(InputError::Vocabulary { of, found, expected });
+                return Err(InputError(format!(
+                    "the vocabulary has {found} tokens of {of}, expected {expected}: it does not belong to \
+                     this network"
+                )));
             }
         }
         Ok(())

@@ -3,10 +3,10 @@
 use reactsim_nn::learning::Provenance;
 use reactsim_nn::perception::Class;
 
+use super::file::damaged_provenance;
 use super::token_set::corner_distance;
 use super::{
     BuildError, Kinematic, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary,
-    VocabularyError,
 };
 
 /// Mean corner distance in metres from the nearest token above which a kinematic token is added.
@@ -36,7 +36,7 @@ pub trait BuildVocabulary: Tokenizer {
                 filled.insert(class.name().to_owned(), (tokens.len() - drawn).into());
             }
         }
-        let mut settings = self.settings().map_err(VocabularyError::Provenance)?;
+        let mut settings = self.settings().map_err(damaged_provenance)?;
         if let (Some(settings), true) = (settings.as_object_mut(), fill) {
             settings.insert("filled_with_kinematic".to_owned(), filled.into());
         }

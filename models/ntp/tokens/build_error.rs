@@ -1,8 +1,7 @@
 //! Reasons why a vocabulary cannot be built.
 
+use reactsim_nn::WeightsError;
 use reactsim_nn::perception::Class;
-
-use super::VocabularyError;
 
 /// Error from building a vocabulary.
 #[derive(Debug, thiserror::Error)]
@@ -36,5 +35,5 @@ pub enum BuildError {
     },
     /// The tokens do not form a vocabulary.
     #[error(transparent)]
-    Vocabulary(#[from] VocabularyError),
+    Vocabulary(#[from] WeightsError),
 }

@@ -5,11 +5,11 @@ use std::collections::HashMap;
 use reactsim_geometry::{Vec2, heading_of};
 use reactsim_nn::learning::Provenance;
 use reactsim_nn::perception::Class;
-use reactsim_nn::{Tensors, weights::Tables};
+use reactsim_nn::{Tensors, WeightsError, weights::Tables};
 use reactsim_scene::dynamics::Pose;
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::{Dtype, SafeTensorError, SafeTensors, tensor::TensorView};
 
-use super::{ORIGIN, TOKEN_POSES, TokenPoses, Vocabulary, VocabularyError};
+use super::{ORIGIN, TOKEN_POSES, TokenPoses, Vocabulary};
 
 /// Key of the metadata entry that holds the provenance, as JSON. A single entry, so that equal
 /// vocabularies give equal bytes.
@@ -29,11 +29,11 @@ impl Vocabulary {
     /// poses and contours.
     ///
     /// # Errors
-    /// [`VocabularyError`] naming tensor and value if the bytes are cut short, tensors are missing or
+    /// [`WeightsError`] naming tensor and value if the bytes are cut short, tensors are missing or
     /// have another type or shape, or tokens are not finite or do not start at the origin.
-    pub fn read(bytes: &[u8]) -> Result<Self, VocabularyError> {
-        let file = SafeTensors::deserialize(bytes)?;
-        let (_, header) = SafeTensors::read_metadata(bytes)?;
+    pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
+        let file = SafeTensors::deserialize(bytes).map_err(incomplete)?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(incomplete)?;
         let mut names = file.names();
         names.sort_unstable();
         let has = |layout: &[&str; 3]| layout.iter().all(|name| names.contains(name));
@@ -48,9 +48,9 @@ impl Vocabulary {
         let classes = names.iter().filter(|name| name.starts_with(PREFIX)).count();
         let made = header.metadata().as_ref().and_then(|m| m.get(PROVENANCE_KEY));
         let Some(made) = made.filter(|_| classes == NATIVE_TENSORS.len() && has(&NATIVE_TENSORS)) else {
-            return Err(VocabularyError::Layout { expected: listed(&NATIVE_TENSORS), found: listed(&names) });
+            return Err(no_vocabulary(&listed(&NATIVE_TENSORS), &listed(&names)));
         };
-        let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
+        let provenance = serde_json::from_str(made).map_err(damaged_provenance)?;
         Self::new(each(&file, &NATIVE_TENSORS, poses)?, provenance)
     }
 
@@ -58,20 +58,19 @@ impl Vocabulary {
     /// and the provenance in the metadata.
     ///
     /// # Errors
-    /// [`VocabularyError`], as [`Self::read`].
-    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, VocabularyError> {
+    /// [`WeightsError`], as [`Self::read`].
+    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, WeightsError> {
         let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
         let Some(made) =
             tensors.metadata().get(PROVENANCE_KEY).filter(|_| found.len() == NATIVE_TENSORS.len())
         else {
-            return Err(VocabularyError::Layout { expected: listed(&NATIVE_TENSORS), found: listed(&found) });
+            return Err(no_vocabulary(&listed(&NATIVE_TENSORS), &listed(&found)));
         };
-        let provenance = serde_json::from_str(made).map_err(VocabularyError::Provenance)?;
+        let provenance = serde_json::from_str(made).map_err(damaged_provenance)?;
         let table = |name: &'static str| {
-            let (shape, values) = tensors.floats(name).map_err(|e| VocabularyError::Table(e.to_string()))?;
+            let (shape, values) = tensors.floats(name)?;
             if shape.len() != 3 || shape[1..] != [TOKEN_POSES, 3] {
-                let (tensor, found) = (name.to_owned(), shape.to_vec());
-                return Err(VocabularyError::Shape { tensor, found, expected: "[tokens, 6, 3]" });
+                return Err(wrong_shape(name, shape, "[tokens, 6, 3]"));
             }
             let values: Vec<f64> = values.into_iter().map(f64::from).collect();
             let pose = |v: &[f64]| Pose { position: Vec2::new(v[0], v[1]), heading: v[2] };
@@ -87,9 +86,9 @@ impl Vocabulary {
     /// provenance. Both are stored with the weights of a network trained with them.
     ///
     /// # Errors
-    /// [`VocabularyError::Provenance`].
-    pub fn tables(&self) -> Result<(Tables, (String, String)), VocabularyError> {
-        let made = serde_json::to_string(self.provenance()).map_err(VocabularyError::Provenance)?;
+    /// [`WeightsError`] if the provenance cannot be written as text.
+    pub fn tables(&self) -> Result<(Tables, (String, String)), WeightsError> {
+        let made = serde_json::to_string(self.provenance()).map_err(damaged_provenance)?;
         let tables = Class::ALL.into_iter().map(|class| {
             let tokens = (0..self.tokens(class)).flat_map(|t| self.poses(class, t));
             let values = tokens.flat_map(|p| [p.position.x, p.position.y, p.heading].map(|v| v as f32));
@@ -102,9 +101,9 @@ impl Vocabulary {
     /// Returns the bytes of a file that [`Self::read`] reads back as the same vocabulary.
     ///
     /// # Errors
-    /// [`VocabularyError`] if the vocabulary is too large for such a file.
-    pub fn write(&self) -> Result<Vec<u8>, VocabularyError> {
-        let made = serde_json::to_string(self.provenance()).map_err(VocabularyError::Provenance)?;
+    /// [`WeightsError`] if the vocabulary is too large for such a file.
+    pub fn write(&self) -> Result<Vec<u8>, WeightsError> {
+        let made = serde_json::to_string(self.provenance()).map_err(damaged_provenance)?;
         let data = Class::ALL.map(|class| {
             let tokens = (0..self.tokens(class)).flat_map(|t| self.poses(class, t));
             let values = tokens.flat_map(|p| [p.position.x, p.position.y, p.heading]);
@@ -113,26 +112,28 @@ impl Vocabulary {
         let mut tensors = Vec::new();
         for (class, data) in Class::ALL.into_iter().zip(&data) {
             let shape = vec![self.tokens(class), TOKEN_POSES, 3];
-            tensors.push((NATIVE_TENSORS[class.index()], TensorView::new(Dtype::F32, shape, data)?));
+            let view = TensorView::new(Dtype::F32, shape, data).map_err(incomplete)?;
+            tensors.push((NATIVE_TENSORS[class.index()], view));
         }
-        Ok(safetensors::serialize(tensors, Some(HashMap::from([(PROVENANCE_KEY.to_owned(), made)])))?)
+        let metadata = HashMap::from([(PROVENANCE_KEY.to_owned(), made)]);
+        safetensors::serialize(tensors, Some(metadata)).map_err(incomplete)
     }
 }
 
-type Decode = fn(&str, &TensorView<'_>) -> Result<Vec<TokenPoses>, VocabularyError>;
+type Decode = fn(&str, &TensorView<'_>) -> Result<Vec<TokenPoses>, WeightsError>;
 
 /// Decodes the tokens of every class from its tensor.
 fn each(
     file: &SafeTensors<'_>,
     names: &[&str; 3],
     decode: Decode,
-) -> Result<[Vec<TokenPoses>; 3], VocabularyError> {
-    let tokens = |i: usize| decode(names[i], &file.tensor(names[i])?);
+) -> Result<[Vec<TokenPoses>; 3], WeightsError> {
+    let tokens = |i: usize| decode(names[i], &file.tensor(names[i]).map_err(incomplete)?);
     Ok([tokens(0)?, tokens(1)?, tokens(2)?])
 }
 
 /// Decodes the tokens of a tensor of poses.
-fn poses(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, VocabularyError> {
+fn poses(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, WeightsError> {
     let expected = "[tokens, 6, 3]";
     let values = values(name, tensor, &[TOKEN_POSES, 3], expected)?;
     let pose = |v: &[f64]| Pose { position: Vec2::new(v[0], v[1]), heading: v[2] };
@@ -141,7 +142,7 @@ fn poses(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, Vocabul
 
 /// Decodes the tokens of a tensor of contours: the centre is the mean of the corners, and the heading
 /// points from the left back corner to the left front one.
-fn contours(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, VocabularyError> {
+fn contours(name: &str, tensor: &TensorView<'_>) -> Result<Vec<TokenPoses>, WeightsError> {
     let expected = "[tokens, 6, 4, 2]";
     let values = values(name, tensor, &[TOKEN_POSES, 4, 2], expected)?;
     let pose = |v: &[f64]| {
@@ -169,16 +170,45 @@ fn values(
     tensor: &TensorView<'_>,
     inner: &[usize],
     expected: &'static str,
-) -> Result<Vec<f64>, VocabularyError> {
+) -> Result<Vec<f64>, WeightsError> {
     if tensor.dtype() != Dtype::F32 {
-        return Err(VocabularyError::Type { tensor: name.to_owned(), found: tensor.dtype() });
+        return Err(wrong_type(name, tensor.dtype()));
     }
     let shape = tensor.shape();
     if shape.len() != inner.len() + 1 || shape[1..] != *inner {
-        return Err(VocabularyError::Shape { tensor: name.to_owned(), found: shape.to_vec(), expected });
+        return Err(wrong_shape(name, shape, expected));
     }
     let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     Ok(tensor.data().chunks_exact(4).map(number).collect())
+}
+
+/// Refuses a vocabulary with a text.
+pub(super) fn refused(text: String) -> WeightsError {
+    WeightsError::Refused(text)
+}
+
+pub(super) fn incomplete(error: SafeTensorError) -> WeightsError {
+    refused(format!("the vocabulary is not a complete safetensors file: {error}"))
+}
+
+pub(super) fn damaged_provenance(error: serde_json::Error) -> WeightsError {
+    refused(format!("the provenance of the vocabulary cannot be read: {error}"))
+}
+
+/// Refuses a file with tensors of no known layout.
+pub(super) fn no_vocabulary(expected: &str, found: &str) -> WeightsError {
+    refused(format!(
+        "the file holds no vocabulary: expected the tensors {expected}, found {found}; \
+         `reactsim train vocabulary` makes vocabularies"
+    ))
+}
+
+pub(super) fn wrong_type(tensor: &str, found: Dtype) -> WeightsError {
+    refused(format!("tensor `{tensor}` is of type {found:?}, expected F32"))
+}
+
+pub(super) fn wrong_shape(tensor: &str, found: &[usize], expected: &str) -> WeightsError {
+    refused(format!("tensor `{tensor}` has the shape {found:?}, expected {expected}"))
 }
 
 /// Formats the first names of a list for a message.

@@ -3,16 +3,15 @@
 use std::f64::consts::TAU;
 
 use reactsim_geometry::{Vec2, direction, wrap};
+use reactsim_nn::WeightsError;
 use reactsim_nn::learning::Provenance;
 use reactsim_nn::perception::Class;
 use reactsim_scene::DT;
 use reactsim_scene::dynamics::{Pose, REAR_AXLE};
 use serde::Serialize;
 
-use super::{
-    BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary,
-    VocabularyError,
-};
+use super::file::damaged_provenance;
+use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary};
 
 /// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0
 /// is an exact standstill.
@@ -111,9 +110,9 @@ impl Kinematic {
     /// Builds the vocabulary of this grid.
     ///
     /// # Errors
-    /// [`VocabularyError`] if a setting is not finite.
-    pub fn build(&self) -> Result<Vocabulary, VocabularyError> {
-        let settings = serde_json::to_value(self).map_err(VocabularyError::Provenance)?;
+    /// [`WeightsError`] if a setting is not finite.
+    pub fn build(&self) -> Result<Vocabulary, WeightsError> {
+        let settings = serde_json::to_value(self).map_err(damaged_provenance)?;
         let provenance = Provenance { method: "kinematic".to_owned(), settings, ..Provenance::default() };
         Vocabulary::new(Class::ALL.map(|class| self.of(class)), provenance)
     }

@@ -5,13 +5,14 @@ use std::collections::HashMap;
 use rand::RngExt;
 use reactsim_geometry::{Vec2, direction, into_frame};
 use reactsim_nn::learning::{Provenance, Reservoir};
-use reactsim_nn::{Tensors, weights::Tables};
+use reactsim_nn::{Tensors, WeightsError, weights::Tables};
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::Scenario;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 
-use super::{CURVE_POINTS, CurvePiece, VocabularyError, curve_pieces};
+use super::file::{damaged_provenance, incomplete, no_vocabulary, refused, wrong_shape, wrong_type};
+use super::{CURVE_POINTS, CurvePiece, curve_pieces};
 
 /// Curve of a token: eleven points in the frame of the first, with the first chord along x.
 type Curve = [Vec2; CURVE_POINTS];
@@ -36,14 +37,17 @@ impl MapVocabulary {
     /// Builds a vocabulary of these curves, rounded to the 32 bits of files.
     ///
     /// # Errors
-    /// [`VocabularyError`] if there are none, or a coordinate is not finite.
-    pub fn new(curves: &[Curve], provenance: Provenance) -> Result<Self, VocabularyError> {
+    /// [`WeightsError`] if there are none, or a coordinate is not finite.
+    pub fn new(curves: &[Curve], provenance: Provenance) -> Result<Self, WeightsError> {
         if curves.is_empty() {
-            return Err(VocabularyError::NoCurves);
+            return Err(refused("the map vocabulary has no curves; give scenarios with maps".to_owned()));
         }
         for (token, curve) in curves.iter().enumerate() {
             if let Some(p) = curve.iter().find(|p| !(p.x.is_finite() && p.y.is_finite())) {
-                return Err(VocabularyError::CurveNotFinite { token, value: [p.x, p.y] });
+                let value = [p.x, p.y];
+                return Err(refused(format!(
+                    "curve {token} of the map vocabulary: {value:?} (x, y) is not finite"
+                )));
             }
         }
         let round = |v: f64| f64::from(v as f32);
@@ -92,10 +96,10 @@ impl MapVocabulary {
     /// Reads a vocabulary: native files, and those of SMART and CATK.
     ///
     /// # Errors
-    /// [`VocabularyError`] naming tensor and value.
-    pub fn read(bytes: &[u8]) -> Result<Self, VocabularyError> {
-        let file = SafeTensors::deserialize(bytes)?;
-        let (_, header) = SafeTensors::read_metadata(bytes)?;
+    /// [`WeightsError`] naming tensor and value.
+    pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
+        let file = SafeTensors::deserialize(bytes).map_err(incomplete)?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(incomplete)?;
         let names = file.names();
         let Some(name) =
             [NATIVE_TENSOR, FOREIGN_TENSORS[0], FOREIGN_TENSORS[1]].into_iter().find(|n| names.contains(n))
@@ -103,14 +107,11 @@ impl MapVocabulary {
             let mut found: Vec<_> = names.iter().map(|n| format!("`{n}`")).collect();
             found.sort_unstable();
             found.truncate(8);
-            return Err(VocabularyError::Layout {
-                expected: format!("`{NATIVE_TENSOR}`"),
-                found: found.join(", "),
-            });
+            return Err(no_vocabulary(&format!("`{NATIVE_TENSOR}`"), &found.join(", ")));
         };
-        let tensor = file.tensor(name)?;
+        let tensor = file.tensor(name).map_err(incomplete)?;
         if tensor.dtype() != Dtype::F32 {
-            return Err(VocabularyError::Type { tensor: name.to_owned(), found: tensor.dtype() });
+            return Err(wrong_type(name, tensor.dtype()));
         }
         let shape = tensor.shape();
         let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
@@ -123,17 +124,13 @@ impl MapVocabulary {
     /// the provenance in the metadata, without which it counts as foreign.
     ///
     /// # Errors
-    /// [`VocabularyError`], as [`Self::read`].
-    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, VocabularyError> {
+    /// [`WeightsError`], as [`Self::read`].
+    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, WeightsError> {
         let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
         if found != [NATIVE_TENSOR] {
-            return Err(VocabularyError::Layout {
-                expected: format!("`{NATIVE_TENSOR}`"),
-                found: found.join(", "),
-            });
+            return Err(no_vocabulary(&format!("`{NATIVE_TENSOR}`"), &found.join(", ")));
         }
-        let (shape, values) =
-            tensors.floats(NATIVE_TENSOR).map_err(|e| VocabularyError::Table(e.to_string()))?;
+        let (shape, values) = tensors.floats(NATIVE_TENSOR)?;
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
         Self::new(
             &curves(NATIVE_TENSOR, shape, &values)?,
@@ -145,9 +142,9 @@ impl MapVocabulary {
     /// provenance. Both are stored with the weights of a network trained with them.
     ///
     /// # Errors
-    /// [`VocabularyError::Provenance`].
-    pub fn tables(&self) -> Result<(Tables, (String, String)), VocabularyError> {
-        let made = serde_json::to_string(&self.provenance).map_err(VocabularyError::Provenance)?;
+    /// [`WeightsError`] if the provenance cannot be written as text.
+    pub fn tables(&self) -> Result<(Tables, (String, String)), WeightsError> {
+        let made = serde_json::to_string(&self.provenance).map_err(damaged_provenance)?;
         let values = self.curves.iter().flatten().flat_map(|p| [p.x as f32, p.y as f32]).collect();
         let table = (vec![self.curves.len(), CURVE_POINTS, 2], values);
         Ok((Tables::from([(NATIVE_TENSOR.to_owned(), table)]), (PROVENANCE_KEY.to_owned(), made)))
@@ -156,38 +153,36 @@ impl MapVocabulary {
     /// Returns the bytes of a file that [`Self::read`] reads back as the same vocabulary.
     ///
     /// # Errors
-    /// [`VocabularyError`] if the vocabulary is too large for such a file.
-    pub fn write(&self) -> Result<Vec<u8>, VocabularyError> {
-        let made = serde_json::to_string(&self.provenance).map_err(VocabularyError::Provenance)?;
+    /// [`WeightsError`] if the vocabulary is too large for such a file.
+    pub fn write(&self) -> Result<Vec<u8>, WeightsError> {
+        let made = serde_json::to_string(&self.provenance).map_err(damaged_provenance)?;
         let values = self.curves.iter().flatten().flat_map(|p| [p.x, p.y]);
         let data: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
-        let view = TensorView::new(Dtype::F32, vec![self.curves.len(), CURVE_POINTS, 2], &data)?;
-        Ok(safetensors::serialize(
-            [(NATIVE_TENSOR, view)],
-            Some(HashMap::from([(PROVENANCE_KEY.to_owned(), made)])),
-        )?)
+        let view = TensorView::new(Dtype::F32, vec![self.curves.len(), CURVE_POINTS, 2], &data)
+            .map_err(incomplete)?;
+        let metadata = HashMap::from([(PROVENANCE_KEY.to_owned(), made)]);
+        safetensors::serialize([(NATIVE_TENSOR, view)], Some(metadata)).map_err(incomplete)
     }
 }
 
 /// Decodes the curves of a tensor.
-fn curves(name: &str, shape: &[usize], values: &[f64]) -> Result<Vec<Curve>, VocabularyError> {
+fn curves(name: &str, shape: &[usize], values: &[f64]) -> Result<Vec<Curve>, WeightsError> {
     let fits = match shape {
         [_, points, 2] => *points == CURVE_POINTS,
         [_, values] => *values == 2 * CURVE_POINTS,
         _ => false,
     };
     if !fits {
-        let (tensor, found) = (name.to_owned(), shape.to_vec());
-        return Err(VocabularyError::Shape { tensor, found, expected: "[tokens, 11, 2] or [tokens, 22]" });
+        return Err(wrong_shape(name, shape, "[tokens, 11, 2] or [tokens, 22]"));
     }
     let curve = |v: &[f64]| std::array::from_fn(|i| Vec2::new(v[2 * i], v[2 * i + 1]));
     Ok(values.chunks_exact(2 * CURVE_POINTS).map(curve).collect())
 }
 
 /// Parses the provenance of a file.
-fn provenance(made: Option<&String>) -> Result<Provenance, VocabularyError> {
+fn provenance(made: Option<&String>) -> Result<Provenance, WeightsError> {
     match made {
-        Some(made) => serde_json::from_str(made).map_err(VocabularyError::Provenance),
+        Some(made) => serde_json::from_str(made).map_err(damaged_provenance),
         None => Ok(Provenance { method: "foreign".to_owned(), ..Provenance::default() }),
     }
 }
@@ -231,8 +226,8 @@ impl MapVocabularyBuilder {
     /// middle and end points is at most `tolerance` metres.
     ///
     /// # Errors
-    /// [`VocabularyError`] if no scenario had a map.
-    pub fn build(&self, tokens: usize, tolerance: f64) -> Result<MapVocabulary, VocabularyError> {
+    /// [`WeightsError`] if no scenario had a map.
+    pub fn build(&self, tokens: usize, tolerance: f64) -> Result<MapVocabulary, WeightsError> {
         // NaN and negative tolerances would remove nothing.
         let tolerance = tolerance.max(0.0);
         let mut left = self.sample.kept.clone();

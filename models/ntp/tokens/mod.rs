@@ -31,7 +31,7 @@ pub use motion::{ORIGIN, motion_between, moved};
 pub use segments::Segments;
 pub use tokenizer::Tokenizer;
 pub use trajtok::{EndGrid, TrajTok};
-pub use vocabulary::{Vocabulary, VocabularyError};
+pub use vocabulary::Vocabulary;
 
 use reactsim_scene::dynamics::Pose;
 

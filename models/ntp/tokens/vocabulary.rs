@@ -1,11 +1,12 @@
 //! Vocabulary: the motions of each class that an agent can choose from.
 
 use reactsim_geometry::Vec2;
+use reactsim_nn::WeightsError;
 use reactsim_nn::learning::Provenance;
 use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
-use safetensors::{Dtype, SafeTensorError};
 
+use super::file::refused;
 use super::token_set::{TokenSet, corner_distance};
 use super::{TOKEN_POSES, TokenPoses};
 
@@ -22,95 +23,13 @@ pub struct Vocabulary {
     provenance: Provenance,
 }
 
-/// Error from reading or building a vocabulary.
-#[derive(Debug, thiserror::Error)]
-pub enum VocabularyError {
-    /// The file is not safetensors.
-    #[error("the vocabulary is not a complete safetensors file: {0}")]
-    File(#[from] SafeTensorError),
-    /// A tensor of a file with weights cannot be read.
-    #[error("{0}")]
-    Table(String),
-    /// The tensors have no known layout.
-    #[error(
-        "the file holds no vocabulary: expected the tensors {expected}, found {found}; \
-         `reactsim train vocabulary` makes vocabularies"
-    )]
-    Layout {
-        /// Names of the native layout.
-        expected: String,
-        /// Names in the file.
-        found: String,
-    },
-    /// A tensor has another element type.
-    #[error("tensor `{tensor}` is of type {found:?}, expected F32")]
-    Type {
-        /// Name of the tensor.
-        tensor: String,
-        /// Type in the file.
-        found: Dtype,
-    },
-    /// A tensor has another shape.
-    #[error("tensor `{tensor}` has the shape {found:?}, expected {expected}")]
-    Shape {
-        /// Name of the tensor.
-        tensor: String,
-        /// Shape in the file.
-        found: Vec<usize>,
-        /// Expected shape, such as `[tokens, 6, 3]`.
-        expected: &'static str,
-    },
-    /// The provenance cannot be read.
-    #[error("the provenance of the vocabulary cannot be read: {0}")]
-    Provenance(serde_json::Error),
-    /// A class has no tokens.
-    #[error("class `{0}` has no tokens; every class needs at least one")]
-    Empty(Class),
-    /// A pose is NaN or infinite.
-    #[error("class `{class}`, token {token}, pose {pose}: {value:?} (x, y, heading) is not finite")]
-    NotFinite {
-        /// Class.
-        class: Class,
-        /// Index of the token.
-        token: usize,
-        /// Index of the pose.
-        pose: usize,
-        /// x, y, heading.
-        value: [f64; 3],
-    },
-    /// A map vocabulary has no curves.
-    #[error("the map vocabulary has no curves; give scenarios with maps")]
-    NoCurves,
-    /// A coordinate of a map curve is NaN or infinite.
-    #[error("curve {token} of the map vocabulary: {value:?} (x, y) is not finite")]
-    CurveNotFinite {
-        /// Index of the token.
-        token: usize,
-        /// x, y.
-        value: [f64; 2],
-    },
-    /// A token does not start at the origin.
-    #[error(
-        "class `{class}`, token {token} starts at {value:?} (x, y, heading), expected 0, 0, 0: \
-         poses are in the frame of the first one"
-    )]
-    Start {
-        /// Class.
-        class: Class,
-        /// Index of the token.
-        token: usize,
-        /// x, y, heading.
-        value: [f64; 3],
-    },
-}
-
 impl Vocabulary {
     /// Builds a vocabulary of these tokens, per class in the order of [`Class::ALL`].
     ///
     /// # Errors
-    /// [`VocabularyError`] if a class is empty, a pose is not finite, or a token does not start at the
+    /// [`WeightsError`] if a class is empty, a pose is not finite, or a token does not start at the
     /// origin.
-    pub fn new(tokens: [Vec<TokenPoses>; 3], provenance: Provenance) -> Result<Self, VocabularyError> {
+    pub fn new(tokens: [Vec<TokenPoses>; 3], provenance: Provenance) -> Result<Self, WeightsError> {
         for (class, tokens) in Class::ALL.into_iter().zip(&tokens) {
             check(class, tokens)?;
         }
@@ -130,11 +49,6 @@ impl Vocabulary {
     /// Returns the number of tokens of a class; at least one.
     pub fn tokens(&self, class: Class) -> usize {
         self.of(class).poses.len()
-    }
-
-    /// Returns the number of tokens of the largest class.
-    pub fn most_tokens(&self) -> usize {
-        Class::ALL.into_iter().map(|class| self.tokens(class)).max().unwrap_or(0)
     }
 
     /// Returns the poses of a token at 0, 0.1 … 0.5 s, in the frame of the first; metres, radians.
@@ -182,18 +96,23 @@ impl Vocabulary {
     }
 }
 
-fn check(class: Class, tokens: &[TokenPoses]) -> Result<(), VocabularyError> {
+fn check(class: Class, tokens: &[TokenPoses]) -> Result<(), WeightsError> {
     if tokens.is_empty() {
-        return Err(VocabularyError::Empty(class));
+        return Err(refused(format!("class `{class}` has no tokens; every class needs at least one")));
     }
     for (token, poses) in tokens.iter().enumerate() {
         for (pose, p) in poses.iter().enumerate() {
             let value = [p.position.x, p.position.y, p.heading];
             if !value.iter().all(|v| v.is_finite()) {
-                return Err(VocabularyError::NotFinite { class, token, pose, value });
+                return Err(refused(format!(
+                    "class `{class}`, token {token}, pose {pose}: {value:?} (x, y, heading) is not finite"
+                )));
             }
             if pose == 0 && value.iter().any(|v| v.abs() > START_TOLERANCE) {
-                return Err(VocabularyError::Start { class, token, value });
+                return Err(refused(format!(
+                    "class `{class}`, token {token} starts at {value:?} (x, y, heading), expected 0, 0, 0: \
+                     poses are in the frame of the first one"
+                )));
             }
         }
     }

@@ -1,6 +1,5 @@
 //! The baselines of this family.
 
-use burn::tensor::Device;
 use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_nn::device_of;
 use reactsim_rollout::Controller;
@@ -9,27 +8,23 @@ use super::{Driving, Policy, QpRegressionSimulator, RegressionSimulator};
 
 /// Baseline that plans along predictions.
 pub const QP_REGRESSION: Baseline = Baseline {
-    id: "qp-regression",
-    card: include_str!("cards/qp_regression.toml"),
-    ranges: include_str!("ranges/qp_regression.toml"),
-    oracle: false,
     takes_stage: false,
     by_default: true,
-    needs_weights: true,
-    make: qp_regression,
+    ..Baseline::of_network(
+        "qp-regression",
+        include_str!("cards/qp_regression.toml"),
+        include_str!("ranges/qp_regression.toml"),
+        qp_regression,
+    )
 };
 
 /// Baseline that executes predictions as they are.
-pub const REGRESSION: Baseline = Baseline {
-    id: "regression",
-    card: include_str!("cards/regression.toml"),
-    ranges: include_str!("ranges/regression.toml"),
-    oracle: false,
-    takes_stage: true,
-    by_default: false,
-    needs_weights: true,
-    make: regression,
-};
+pub const REGRESSION: Baseline = Baseline::of_network(
+    "regression",
+    include_str!("cards/regression.toml"),
+    include_str!("ranges/regression.toml"),
+    regression,
+);
 
 /// The same with the published structure, without the lane outlook.
 pub const MTR: Baseline = Baseline { id: "mtr", card: include_str!("cards/mtr.toml"), ..REGRESSION };
@@ -45,17 +40,13 @@ pub(super) fn regression_driving() -> Result<Driving, ModelError> {
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;
     let (device, settings) = (device_of(setup.backend), crate::settings()?);
-    let policy = read_policy(&setup, &device)?;
+    let policy = setup.read_weights(|bytes| Policy::read(bytes, &device))?;
     Ok(Controller::Fair(Box::new(QpRegressionSimulator::new(policy, smooth, settings, device))))
 }
 
 fn regression(setup: Setup) -> Result<Controller, ModelError> {
     let driving = setup.parameters()?;
     let device = device_of(setup.backend);
-    let policy = read_policy(&setup, &device)?;
+    let policy = setup.read_weights(|bytes| Policy::read(bytes, &device))?;
     Ok(Controller::Fair(Box::new(RegressionSimulator::new(policy, driving, device))))
-}
-
-fn read_policy(setup: &Setup, device: &Device) -> Result<Policy, ModelError> {
-    Policy::read(&setup.weights()?.bytes, device).map_err(|e| setup.refuse_weights(e))
 }

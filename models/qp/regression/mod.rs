@@ -12,7 +12,7 @@ mod predict;
 mod simulator;
 mod smoothed;
 
-pub use policy::{Ground, Policy, PolicyError};
+pub use policy::{Ground, Policy};
 pub use predict::{Mode, ModePoint, Prediction};
 pub use simulator::{Driving, EpisodeMemory, RegressionSimulator, predicted_slots};
 pub use smoothed::{PlanningParameters, QpRegressionSimulator};

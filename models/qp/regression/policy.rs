@@ -4,9 +4,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use burn::tensor::Device;
-use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions, IntentionsError};
+use reactsim_nn::learning::{INTENTIONS_PREFIX, Intentions};
 use reactsim_nn::perception::{KnownMotion, SceneView};
-use reactsim_nn::{Initializer, SizeError, Tensors, WeightsError, weights::save_with};
+use reactsim_nn::{Initializer, Tensors, WeightsError, weights::save_with};
 use reactsim_rollout::Observation;
 use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{HISTORY, Start};
@@ -77,26 +77,12 @@ fn sizes(stored: Value) -> Result<Config, WeightsError> {
     serde_json::from_value(Value::Object(fields)).map_err(|e| WeightsError::Config(e.to_string()))
 }
 
-/// Error of a file that holds no valid policy.
-#[derive(Debug, thiserror::Error)]
-pub enum PolicyError {
-    /// The tensors or the configuration are invalid.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
-    /// The intention points are invalid.
-    #[error(transparent)]
-    Intentions(#[from] IntentionsError),
-    /// A size is out of range.
-    #[error(transparent)]
-    Size(#[from] SizeError),
-}
-
 impl Policy {
     /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// [`PolicyError`], which names the tensor or the field.
-    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, PolicyError> {
+    /// [`WeightsError`], which names the tensor or the field.
+    pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
         let tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
         let stored: StoredConfig<Value> = tensors.config()?;
@@ -112,13 +98,13 @@ impl Policy {
     /// Returns the bytes of a file; `made` is further metadata.
     ///
     /// # Errors
-    /// [`PolicyError`] if the provenance or the configuration cannot be written as text.
-    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, PolicyError> {
+    /// [`WeightsError`] if the provenance or the configuration cannot be written as text.
+    pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let (tables, entry) = self.intentions.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
         let mut metadata = made.clone();
         metadata.extend([entry]);
-        Ok(save_with(&self.network, &stored, tables, &metadata)?)
+        save_with(&self.network, &stored, tables, &metadata)
     }
 
     /// Returns the map features of a scenario, for [`Self::predict`]; they are the same for the whole

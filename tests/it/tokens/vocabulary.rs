@@ -7,11 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use reactsim::dynamics::Pose;
 use reactsim::geometry::Vec2;
 use reactsim::models::learning::Provenance;
-use reactsim::models::nn::device;
+use reactsim::models::nn::{WeightsError, device};
 use reactsim::models::ntp::reactive::Policy;
-use reactsim::models::ntp::tokens::{
-    Kinematic, ORIGIN, TokenPoses, Vocabulary, VocabularyError, motion_between, moved,
-};
+use reactsim::models::ntp::tokens::{Kinematic, ORIGIN, TokenPoses, Vocabulary, motion_between, moved};
 use reactsim::models::perception::Class;
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
@@ -193,7 +191,7 @@ fn what_is_no_vocabulary_is_refused_by_name() {
         let names = ["vocabulary.vehicle", "vocabulary.pedestrian", "vocabulary.cyclist"];
         Vocabulary::read(&file(&names.map(|n| (n, dtype, shape)), value)).map(|_| ())
     };
-    let error = |result: Result<(), VocabularyError>| result.unwrap_err().to_string();
+    let error = |result: Result<(), WeightsError>| result.unwrap_err().to_string();
     assert!(own(f, &[2, 6, 3], 0.0).is_ok());
     insta::assert_snapshot!(error(own(f, &[0, 6, 3], 0.0)), @"class `vehicle` has no tokens; every class needs at least one");
     insta::assert_snapshot!(error(own(f, &[2, 5, 3], 0.0)), @"tensor `vocabulary.vehicle` has the shape [2, 5, 3], expected [tokens, 6, 3]");
@@ -205,10 +203,11 @@ fn what_is_no_vocabulary_is_refused_by_name() {
     let two = file(&[("vocabulary.vehicle", f, shape), ("vocabulary.cyclist", f, shape)], 0.0);
     insta::assert_snapshot!(error(Vocabulary::read(&two).map(|_| ())), @"the file holds no vocabulary: expected the tensors `vocabulary.vehicle`, `vocabulary.pedestrian`, `vocabulary.cyclist`, found `vocabulary.cyclist`, `vocabulary.vehicle`; `reactsim train vocabulary` makes vocabularies");
     let four = ["vocabulary.vehicle", "vocabulary.pedestrian", "vocabulary.cyclist", "vocabulary.horse"];
-    let four = Vocabulary::read(&file(&four.map(|n| (n, f, shape)), 0.0));
-    assert!(matches!(four, Err(VocabularyError::Layout { .. })));
+    let four = Vocabulary::read(&file(&four.map(|n| (n, f, shape)), 0.0)).map(|_| ());
+    assert!(error(four).starts_with("the file holds no vocabulary: "));
     let whole = kinematic().write().unwrap();
     for cut in [0, 7, 100, whole.len() - 1] {
-        assert!(matches!(Vocabulary::read(&whole[..cut]), Err(VocabularyError::File(_))), "{cut}");
+        let cut_short = error(Vocabulary::read(&whole[..cut]).map(|_| ()));
+        assert!(cut_short.starts_with("the vocabulary is not a complete safetensors file: "), "{cut}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_baseline::{Card, ModelError};
+use reactsim_baseline::Card;
 use reactsim_models as models;
 use reactsim_qp::Smoothing;
 
@@ -136,7 +136,7 @@ fn title(stage: Smoothing) -> &'static str {
 fn switch(simulator: &PlannedSimulator, key: &str) -> Result<Option<bool>, EvaluationError> {
     let baseline = SimulatorId::parse(&simulator.id).ok().and_then(|id| models::find(id.baseline));
     let Some(baseline) = baseline else { return Ok(None) };
-    let card = Card::read(baseline.id, baseline.card).map_err(ModelError::from)?;
+    let card = Card::read(baseline.id, baseline.card)?;
     let Some(on) = card.parameters.get(key).and_then(toml::Value::as_bool) else { return Ok(None) };
     Ok(Some(simulator.parameters.get(key).map_or(on, |value| value == "true")))
 }

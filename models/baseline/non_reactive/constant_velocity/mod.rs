@@ -6,16 +6,7 @@ use reactsim_scene::{AgentState, DT, Start};
 use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
-pub const ENTRY: Baseline = Baseline {
-    id: "constant-velocity",
-    card: include_str!("card.toml"),
-    ranges: "",
-    oracle: false,
-    takes_stage: true,
-    by_default: true,
-    needs_weights: false,
-    make,
-};
+pub const ENTRY: Baseline = Baseline::of_rules("constant-velocity", include_str!("card.toml"), "", make);
 
 fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(ConstantVelocity)))

@@ -8,14 +8,9 @@ use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline = Baseline {
-    id: "log-replay",
-    card: include_str!("card.toml"),
-    ranges: "",
     oracle: true,
     takes_stage: false,
-    by_default: true,
-    needs_weights: false,
-    make,
+    ..Baseline::of_rules("log-replay", include_str!("card.toml"), "", make)
 };
 
 fn make(_: Setup) -> Result<Controller, ModelError> {

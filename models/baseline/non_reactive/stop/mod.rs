@@ -7,16 +7,8 @@ use serde::Deserialize;
 use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
-pub const ENTRY: Baseline = Baseline {
-    id: "stop",
-    card: include_str!("card.toml"),
-    ranges: include_str!("ranges.toml"),
-    oracle: false,
-    takes_stage: true,
-    by_default: true,
-    needs_weights: false,
-    make,
-};
+pub const ENTRY: Baseline =
+    Baseline::of_rules("stop", include_str!("card.toml"), include_str!("ranges.toml"), make);
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
