@@ -38,7 +38,7 @@ impl LiveTable {
         simulator.scenarios += 1;
         for (column, (sum, count)) in MAIN_COLUMNS.iter().zip(&mut simulator.sums) {
             let scores = rows.iter().filter_map(|row| row.metrics.get(column.metric).copied().flatten());
-            let values: Vec<f64> = scores.filter_map(|score| Score::from(score).value()).collect();
+            let values: Vec<f64> = scores.filter_map(Score::value).collect();
             if !values.is_empty() {
                 *sum += values.iter().sum::<f64>() / values.len() as f64;
                 *count += 1;

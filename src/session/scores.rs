@@ -64,11 +64,11 @@ pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
 #[derive(Serialize)]
 pub(super) struct Scored<'a> {
     rows: &'a [Row],
-    events: Vec<Vec<EventLine<'a>>>,
+    events: Vec<Vec<EventLine>>,
 }
 
 impl<'a> Scored<'a> {
-    pub(super) fn new(rows: &'a [Row], events: &'a [Vec<Event>]) -> Self {
+    pub(super) fn new(rows: &'a [Row], events: &[Vec<Event>]) -> Self {
         Self { rows, events: event_lines(rows, events) }
     }
 }
@@ -83,8 +83,8 @@ pub(super) fn metric_options(named: &BTreeMap<String, String>) -> Result<Options
 }
 
 /// Returns the events of each rollout as lines of `events.jsonl`.
-fn event_lines<'a>(rows: &'a [Row], events: &'a [Vec<Event>]) -> Vec<Vec<EventLine<'a>>> {
-    let of_rollout = |(rollout, (row, events)): (u32, (&'a Row, &'a Vec<Event>))| {
+fn event_lines(rows: &[Row], events: &[Vec<Event>]) -> Vec<Vec<EventLine>> {
+    let of_rollout = |(rollout, (row, events)): (u32, (&Row, &Vec<Event>))| {
         events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
     };
     (0..).zip(rows.iter().zip(events)).map(of_rollout).collect()

@@ -4,7 +4,8 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::evaluation::{Value, read_summary};
+use reactsim::evaluation::read_summary;
+use reactsim::metrics::Score;
 use serde_json::json;
 
 use crate::program::{copy, said, text};
@@ -96,7 +97,7 @@ fn entries_that_are_not_alike_are_refused() {
         edit_rows(entry, |rows| {
             for row in rows.iter_mut().filter(|r| r.simulator == "log-replay") {
                 if let Some(Some(value)) = row.metrics.get_mut("aav-collision") {
-                    *value = Value::Count(0);
+                    *value = Score::Count(0);
                 }
             }
         });

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use reactsim::evaluation::{Estimate, Value as Number, read_rows, read_summary, read_tally};
+use reactsim::evaluation::{Estimate, read_rows, read_summary, read_tally};
 use reactsim::metrics::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
 use reactsim::{Benchmark, BenchmarkError};
 use serde_json::{Value, json};
@@ -57,7 +57,7 @@ fn a_metric_of_the_user_is_in_every_result() {
     let run = home.path().join("run");
     own(&run);
     for row in read_rows(&run).unwrap() {
-        let expected = row.rollout.map(|_| Some(Number::Value(3.0)));
+        let expected = row.rollout.map(|_| Some(Score::Value(3.0)));
         assert_eq!(row.metrics.get("agents").copied(), expected, "{row:?}");
     }
     let summary = read_summary(&run).unwrap();

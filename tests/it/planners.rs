@@ -5,8 +5,9 @@ use std::path::Path;
 
 use reactsim::Benchmark;
 use reactsim::evaluation::{
-    AvChoice, FinishedRun, PlannerRanks, Row, Value, read_provenance, read_rows, read_study, read_summary,
+    AvChoice, FinishedRun, PlannerRanks, Row, read_provenance, read_rows, read_study, read_summary,
 };
+use reactsim::metrics::Score;
 
 use crate::program::said;
 use crate::small_scenarios;
@@ -32,7 +33,7 @@ fn run(av: &str, out: &Path, more: &[&str]) -> String {
 
 fn value(row: &Row, metric: &str) -> Option<f64> {
     row.metrics[metric].map(|value| match value {
-        Value::Value(value) => value,
+        Score::Value(value) => value,
         other => panic!("{metric}: {other:?}"),
     })
 }

@@ -8,10 +8,11 @@ use std::sync::atomic::AtomicBool;
 
 use reactsim::evaluation::reference::{Reference, RerunInputs, SimulatorClass, verify};
 use reactsim::evaluation::{
-    Execution, Provenance, Row, Source, Summary, Tally, Value, read_provenance, read_rows, read_summary,
-    read_tally, shipped_benchmark,
+    Execution, Provenance, Row, Source, Summary, Tally, read_provenance, read_rows, read_summary, read_tally,
+    shipped_benchmark,
 };
 use reactsim::formats;
+use reactsim::metrics::Score;
 use serde_json::json;
 
 use crate::program::MINI;
@@ -268,7 +269,7 @@ fn equal_numbers_verify_and_one_other_number_is_named() {
     edit_rows(&other, |rows| {
         let row = rows.iter_mut().find(|r| r.simulator == "stop" && r.record == 40 && r.rollout == Some(0));
         let row = row.unwrap();
-        let Some(Some(Value::Count(n))) = row.metrics.get_mut("aav-collision") else { panic!("{row:?}") };
+        let Some(Some(Score::Count(n))) = row.metrics.get_mut("aav-collision") else { panic!("{row:?}") };
         *n += 3;
     });
     let other = made(&other, &at("other-reference"), &[]);
@@ -449,7 +450,7 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
     let mut shifted = reference.clone();
     let shift = |reference: &mut Reference, by: f64| {
         for row in reference.rows.as_mut().unwrap().iter_mut().filter(|r| r.simulator == "regression") {
-            if let Some(Some(Value::Value(ade))) = row.metrics.get_mut("ade") {
+            if let Some(Some(Score::Value(ade))) = row.metrics.get_mut("ade") {
                 *ade += by;
             }
         }

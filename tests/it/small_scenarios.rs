@@ -132,19 +132,7 @@ pub(crate) fn source(name: &str, scenarios: Vec<usize>) -> Source {
 pub(crate) fn source_of(name: &str, scenarios: Vec<usize>, make: fn(usize) -> Scenario) -> Source {
     Source {
         count: Some(scenarios.len()),
-        file: FileRecord {
-            name: name.to_owned(),
-            format: "generated".into(),
-            bytes: 0,
-            blake3: String::new(),
-            current_frame: None,
-            window_step: None,
-            history: None,
-            future: None,
-            all_agents: false,
-            trajectories: None,
-            companions: Vec::new(),
-        },
+        file: FileRecord { name: name.to_owned(), format: "generated".into(), ..FileRecord::default() },
         open: Box::new(move |first| {
             let scenarios = scenarios.clone();
             Ok(Box::new(scenarios.into_iter().skip(first).map(move |i| Ok(decoded(make(i))))))

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rand_chacha::rand_core::Rng;
 use reactsim_baseline::weights::{PLANNER, shipped};
-use reactsim_external::{self as external, EpisodeNames, ExternalPlanner};
+use reactsim_external::{EpisodeNames, ExternalPlanner};
 use reactsim_models::diffusion_planner::PlannerPolicy;
 use reactsim_nn::{Backend, device};
 use reactsim_planning::PlanningError;
@@ -115,19 +115,9 @@ impl Driver {
     /// Creates the driver `external:NAME` from a running program.
     pub fn external(planner: ExternalPlanner) -> Self {
         let name = planner.name().to_owned();
-        let stated = planner.description();
-        let record = SimulatorRecord {
-            external: Some(ExternalRecord {
-                command: planner.command().text().to_owned(),
-                protocol: external::PROTOCOL.to_owned(),
-                name: stated.name.clone(),
-                version: stated.version.clone(),
-                weights_sha256: stated.weights_sha256.clone(),
-                batch: 1,
-                reveals_ids: planner.reveals_ids(),
-            }),
-            ..SimulatorRecord::named(&name, &name)
-        };
+        let (command, stated) = (planner.command(), planner.description());
+        let external = ExternalRecord::of(command, stated, 1, planner.reveals_ids());
+        let record = SimulatorRecord { external: Some(external), ..SimulatorRecord::named(&name, &name) };
         let kind = DriverKind::External(Box::new(planner));
         Self { driver: AvDriver::External(name), record: Some(record), backend: None, kind }
     }

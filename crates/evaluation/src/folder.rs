@@ -23,7 +23,7 @@ use crate::layout::{
     EVENTS, FAILURES, PROVENANCE, REFERENCE_RECORD, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SUMMARY,
 };
 use crate::provenance::Provenance;
-use crate::row::{EventHead, EventLine, Failure, RecordPosition, Row};
+use crate::row::{EventLine, Failure, RecordPosition, Row};
 use crate::statistics::tally::Tally;
 use crate::summary::Summary;
 
@@ -291,9 +291,9 @@ fn counted_events(path: &Path) -> Result<CountedEvents, EvaluationError> {
     let (mut counted, mut line, mut damaged) = (CountedEvents::new(), 0, None);
     for_lines(path, |_, text| {
         line += 1;
-        match serde_json::from_str::<EventHead>(text) {
-            Ok(head) if head.counted => {
-                counted.insert((head.place(), head.simulator, head.rollout, head.metric));
+        match serde_json::from_str::<EventLine>(text) {
+            Ok(line) if line.event.counted => {
+                counted.insert((line.place(), line.simulator, line.event.rollout, line.event.metric));
             }
             Ok(_) => {}
             Err(source) => {
@@ -310,7 +310,7 @@ fn has_its_events(row: &Row, events: &CountedEvents) -> bool {
     let Some(rollout) = row.rollout else { return true };
     METRICS.iter().filter(|metric| metric.has_events()).all(|metric| {
         let id = metric.spec().id;
-        let score = row.metrics.get(id).copied().flatten().and_then(|value| Score::from(value).value());
+        let score = row.metrics.get(id).copied().flatten().and_then(Score::value);
         let key = || (row.place(), row.simulator.clone(), rollout, id.to_owned());
         score.is_none_or(|score| score == 0.0) || events.contains(&key())
     })
@@ -321,14 +321,8 @@ fn has_its_events(row: &Row, events: &CountedEvents) -> bool {
 /// # Errors
 /// [`EvaluationError`] if there is none or it is damaged.
 pub fn read_provenance(folder: &Path) -> Result<Provenance, EvaluationError> {
-    let path = folder.join(PROVENANCE);
-    let text = match fs::read_to_string(&path) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => {
-            return Err(EvaluationError::NoRun { path: folder.to_owned() });
-        }
-        other => other.map_err(cannot_read(&path))?,
-    };
-    serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
+    let found = read_json(&folder.join(PROVENANCE))?;
+    found.ok_or_else(|| EvaluationError::NoRun { path: folder.to_owned() })
 }
 
 /// Reads the result in a run folder.
@@ -336,15 +330,11 @@ pub fn read_provenance(folder: &Path) -> Result<Provenance, EvaluationError> {
 /// # Errors
 /// [`EvaluationError`] if there is none yet or it is damaged.
 pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
-    let path = folder.join(SUMMARY);
-    let text = match fs::read_to_string(&path) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => {
-            read_provenance(folder)?;
-            return Err(EvaluationError::unfinished(folder));
-        }
-        other => other.map_err(cannot_read(&path))?,
-    };
-    serde_json::from_str(&text).map_err(|source| EvaluationError::Damaged { path, source })
+    if let Some(summary) = read_json(&folder.join(SUMMARY))? {
+        return Ok(summary);
+    }
+    read_provenance(folder)?;
+    Err(EvaluationError::unfinished(folder))
 }
 
 /// Reads the values in the folder of a finished run.

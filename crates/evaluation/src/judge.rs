@@ -10,21 +10,21 @@ use reactsim_rollout::{Entering, Rollout};
 use reactsim_scene::{Certificate, Scenario};
 
 use crate::judge::av_scores::{JudgedAv, judge_av};
-use crate::row::{Row, Value};
+use crate::row::Row;
 
 /// The scores of the rollouts of one scenario and one simulator.
 pub(super) struct PairScores {
     /// Scores of each rollout.
     pub(super) rollouts: Vec<RolloutResult>,
     /// Metrics over all rollouts.
-    pub(super) over_all: BTreeMap<String, Option<Value>>,
+    pub(super) over_all: BTreeMap<String, Option<Score>>,
     /// The first value of a metric of the calling program that is not finite, in words.
     pub(super) not_finite: Option<String>,
 }
 
 /// The scores of one rollout.
 pub(super) struct RolloutResult {
-    pub(super) metrics: BTreeMap<String, Option<Value>>,
+    pub(super) metrics: BTreeMap<String, Option<Score>>,
     pub(super) events: Vec<Event>,
     pub(super) deviation: BTreeMap<String, f64>,
     pub(super) direction_tracking: &'static str,
@@ -119,13 +119,12 @@ fn rolled_out<'s>(scenario: &'s Scenario, rollout: &Rollout) -> Cow<'s, Scenario
 fn finite(
     (spec, score): (&MetricSpec, Option<Score>),
     not_finite: &mut Option<String>,
-) -> (String, Option<Value>) {
+) -> (String, Option<Score>) {
     let number = score.and_then(Score::value);
     if let Some(value) = number.filter(|value| !value.is_finite() && metric(spec.id).is_none()) {
         not_finite.get_or_insert_with(|| format!("metric `{}` is {value}, expected a finite value", spec.id));
     }
-    let score = score.filter(|_| number.is_none_or(f64::is_finite));
-    (spec.id.to_owned(), score.map(Value::from))
+    (spec.id.to_owned(), score.filter(|_| number.is_none_or(f64::is_finite)))
 }
 
 /// Returns the statistics that are defined, by name.

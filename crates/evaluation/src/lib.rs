@@ -70,7 +70,7 @@ pub use plan::{Deviations, NoAv, Plan};
 pub use provenance::conditions::{Condition, ConditionDifference, changed_options};
 pub use provenance::leaves::differences;
 pub use provenance::{Provenance, SettingsRecord, program_commit, program_version, set_program_commit};
-pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, RowLength, RowNote, Value};
+pub use row::{EventLine, EventRecord, Failure, RecordPosition, Row, RowLength, RowNote};
 pub use runner::merge::{merge, unite};
 pub use runner::{Execution, Outcome, RunObserver, run};
 pub use scoring::Scoring;

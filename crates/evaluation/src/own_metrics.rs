@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use reactsim_formats::rollouts::ByName;
+use reactsim_metrics::Score;
 use serde::Deserialize;
 
 use crate::error::EvaluationError;
@@ -14,7 +15,7 @@ use crate::folder::{
 };
 use crate::layout::{EVENTS, PROVENANCE, ROLLOUTS, ROWS};
 use crate::metric_record::{MetricRecord, checked};
-use crate::row::{EventHead, EventLine, EventRecord, Row, Value};
+use crate::row::{EventLine, EventRecord, Row};
 use crate::summary::{Summary, SummaryProvenance};
 
 /// Metrics that another program computed for every rollout of a finished run.
@@ -79,7 +80,7 @@ impl AddedMetrics {
         let mut others = String::new();
         for_lines(&folder.join(EVENTS), |_, text| {
             // Events of a call that was interrupted go, too.
-            if serde_json::from_str::<EventHead>(text).is_ok_and(|event| !added.has(&event.metric)) {
+            if serde_json::from_str::<EventLine>(text).is_ok_and(|line| !added.has(&line.event.metric)) {
                 others.push_str(text);
             }
         })?;
@@ -120,7 +121,7 @@ impl AddedMetrics {
             for own in &self.metrics {
                 let value = of.values.get(&own.id);
                 let value = value.ok_or_else(|| format!("{place}: metric `{}` has no entry", own.id))?;
-                row.metrics.insert(own.id.clone(), value.map(Value::Value));
+                row.metrics.insert(own.id.clone(), value.map(Score::Value));
             }
             let agents = if of.events.is_empty() { None } else { agents(row, rollout)? };
             for event in &of.events {
@@ -146,7 +147,7 @@ impl AddedMetrics {
                          does not have"
                     ));
                 }
-                lines.push_str(&line(&EventLine::of_record(row, event)));
+                lines.push_str(&line(&EventLine::of(row, event.clone())));
             }
         }
         match found.keys().next() {
@@ -180,7 +181,7 @@ mod tests {
         let mut rows: [Row; 1] = [serde_json::from_value(row).unwrap()];
         let agents = ["av", "a"].map(str::to_owned);
         let lines = added.fill(&mut rows, |_, _| Ok(is_kept.then(|| agents.clone().into())))?;
-        assert_eq!(rows[0].metrics["own"], Some(Value::Value(1.0)));
+        assert_eq!(rows[0].metrics["own"], Some(Score::Value(1.0)));
         Ok(lines)
     }
 

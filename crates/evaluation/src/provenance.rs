@@ -24,7 +24,7 @@ use crate::source::selection::Selection;
 /// parameters and weights, and for networks the backend and the class of the processor.
 ///
 /// Two runs with equal provenance have equal results if their commit is known and has no `+`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Version of the program.
@@ -75,7 +75,7 @@ pub struct Provenance {
 const RECORDED: &str = "recorded";
 
 /// The settings of a run, as stored in files.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SettingsRecord {
     /// `reactive` or `realism`; `recorded` for scored rollouts of other programs.
@@ -107,18 +107,7 @@ pub struct SettingsRecord {
 impl SettingsRecord {
     /// Returns the settings of recorded rollouts, of which only their number is known.
     pub fn recorded(rollouts: u32) -> Self {
-        Self {
-            protocol: RECORDED.to_owned(),
-            av: RECORDED.to_owned(),
-            replan_steps: 0,
-            av_lookahead: false,
-            entering: None,
-            seed: 0,
-            rollouts,
-            limit: None,
-            pose: None,
-            selection: Selection::default(),
-        }
+        Self { protocol: RECORDED.to_owned(), av: RECORDED.to_owned(), rollouts, ..Self::default() }
     }
 
     /// Returns the planner that drives the AV, with its settings, such as `idm,tracker=perfect`; it is judged
@@ -158,7 +147,6 @@ pub fn program_commit() -> &'static str {
 }
 
 impl Provenance {
-    /// Returns the text of `provenance.json`.
     pub(super) fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).expect("provenance is text and numbers");
         text.push('\n');

@@ -19,7 +19,7 @@ pub struct RecordPosition {
 
 /// The scores of one scenario, simulator and rollout; or, without a rollout, of all rollouts of the pair
 /// together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Row {
     /// Index of the input file.
@@ -44,7 +44,7 @@ pub struct Row {
     pub direction_tracking: Option<String>,
     /// Value per metric; `None` if nothing could be evaluated.
     #[serde(deserialize_with = "by_metric")]
-    pub metrics: BTreeMap<String, Option<Value>>,
+    pub metrics: BTreeMap<String, Option<Score>>,
     /// Statistics of the deviated AV against the logged AV, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub deviation: BTreeMap<String, f64>,
@@ -113,15 +113,9 @@ impl Row {
             scenario: scenario.id.clone(),
             digest,
             simulator: simulator.to_owned(),
-            rollout: None,
-            category: None,
-            difficulty: None,
-            direction_tracking: None,
-            metrics: BTreeMap::new(),
-            deviation: BTreeMap::new(),
-            outcomes: BTreeMap::new(),
             notes: notes.map(|(id, note)| (id.to_string(), note)).collect(),
             length: RowLength::stated(scenario.length()),
+            ..Self::default()
         }
     }
 
@@ -155,115 +149,24 @@ impl Row {
     }
 }
 
-/// A [`Score`] as stored in files, with its components.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Value {
-    /// Hits of valid.
-    Rate(u64, u64),
-    /// A count of agents.
-    Count(u64),
-    /// A sum and the number of its terms.
-    Mean(f64, u64),
-    /// A number that is not a ratio.
-    Value(f64),
-}
-
-impl From<Score> for Value {
-    fn from(score: Score) -> Self {
-        match score {
-            Score::Rate { hits, valid } => Self::Rate(hits, valid),
-            Score::Count(n) => Self::Count(n),
-            Score::Mean { sum, n } => Self::Mean(sum, n),
-            Score::Value(v) => Self::Value(v),
-        }
-    }
-}
-
-impl From<Value> for Score {
-    fn from(value: Value) -> Self {
-        match value {
-            Value::Rate(hits, valid) => Self::Rate { hits, valid },
-            Value::Count(n) => Self::Count(n),
-            Value::Mean(sum, n) => Self::Mean { sum, n },
-            Value::Value(v) => Self::Value(v),
-        }
-    }
-}
-
-/// A counted event as one line of `events.jsonl`.
-#[derive(Debug, Serialize)]
-pub struct EventLine<'a> {
+/// An event as one line of `events.jsonl`: where it is from, and what it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EventLine {
     /// Index of the input file.
     pub input: usize,
     /// Index of the record in it.
     pub record: usize,
     /// Id of the scenario.
-    pub scenario: &'a str,
+    pub scenario: String,
     /// Id of the simulator.
-    pub simulator: &'a str,
-    /// Index of the rollout.
-    pub rollout: u32,
-    /// Id of the metric.
-    pub metric: &'a str,
-    /// First step, from 1.
-    pub step: usize,
-    /// Last step.
-    pub last_step: usize,
-    /// Id of the agent.
-    pub agent: &'a str,
-    /// Id of the partner.
-    pub partner: Option<&'a str>,
-    /// Reason why the event counts or not.
-    pub reason: Option<&'a str>,
-    /// Whether the event counts in the metric's value.
-    pub counted: bool,
-    /// Named values at the event; those that are not finite are left out.
-    pub values: BTreeMap<&'a str, f64>,
+    pub simulator: String,
+    /// The event.
+    #[serde(flatten)]
+    pub event: EventRecord,
 }
 
-impl<'a> EventLine<'a> {
-    /// Creates the line of an event of a rollout.
-    pub fn new(row: &'a Row, rollout: u32, event: &'a Event) -> Self {
-        Self {
-            input: row.input,
-            record: row.record,
-            scenario: &row.scenario,
-            simulator: &row.simulator,
-            rollout,
-            metric: event.metric,
-            step: event.step,
-            last_step: event.last_step,
-            agent: &event.agent,
-            partner: event.partner.as_deref(),
-            reason: event.reason,
-            counted: event.counted,
-            values: event.values.iter().copied().filter(|(_, v)| v.is_finite()).collect(),
-        }
-    }
-
-    /// Creates the line of an event that was read.
-    pub(super) fn of_record(row: &'a Row, event: &'a EventRecord) -> Self {
-        Self {
-            input: row.input,
-            record: row.record,
-            scenario: &row.scenario,
-            simulator: &row.simulator,
-            rollout: event.rollout,
-            metric: &event.metric,
-            step: event.step,
-            last_step: event.last_step,
-            agent: &event.agent,
-            partner: event.partner.as_deref(),
-            reason: event.reason.as_deref(),
-            counted: event.counted,
-            values: event.values.iter().map(|(name, value)| (name.as_str(), *value)).collect(),
-        }
-    }
-}
-
-/// A line of `events.jsonl` as read, without the names of scenario and simulator.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// An event as stored in files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EventRecord {
     /// Index of the rollout.
     pub rollout: u32,
@@ -281,27 +184,34 @@ pub struct EventRecord {
     pub reason: Option<String>,
     /// Whether the event counts in the metric's value.
     pub counted: bool,
-    /// Named values at the event.
+    /// Named values at the event; those that are not finite are left out.
     pub values: BTreeMap<String, f64>,
 }
 
-/// The identity of a line of `events.jsonl`, and whether it counts.
-#[derive(Debug, Deserialize)]
-pub(super) struct EventHead {
-    input: usize,
-    record: usize,
-    /// Id of the simulator.
-    pub simulator: String,
-    /// Index of the rollout.
-    pub rollout: u32,
-    /// Id of the metric.
-    pub metric: String,
-    /// Whether the event counts in the metric's value.
-    pub counted: bool,
-}
+impl EventLine {
+    /// Creates the line of an event in the scenario and with the simulator of a row.
+    pub(super) fn of(row: &Row, event: EventRecord) -> Self {
+        let (scenario, simulator) = (row.scenario.clone(), row.simulator.clone());
+        Self { input: row.input, record: row.record, scenario, simulator, event }
+    }
 
-impl EventHead {
-    /// Returns the position of the record.
+    /// Creates the line of an event of a rollout.
+    pub fn new(row: &Row, rollout: u32, event: &Event) -> Self {
+        let finite = event.values.iter().filter(|(_, value)| value.is_finite());
+        let record = EventRecord {
+            rollout,
+            metric: event.metric.to_owned(),
+            step: event.step,
+            last_step: event.last_step,
+            agent: event.agent.clone(),
+            partner: event.partner.clone(),
+            reason: event.reason.map(str::to_owned),
+            counted: event.counted,
+            values: finite.map(|(name, value)| ((*name).to_owned(), *value)).collect(),
+        };
+        Self::of(row, record)
+    }
+
     pub(super) fn place(&self) -> RecordPosition {
         RecordPosition { input: self.input, record: self.record }
     }
@@ -347,19 +257,5 @@ impl Failure {
     /// Returns the position of the record.
     pub fn place(&self) -> RecordPosition {
         RecordPosition { input: self.input, record: self.record }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn values_keep_their_components() {
-        let text = |s| serde_json::to_string(&Value::from(s)).unwrap();
-        assert_eq!(text(Score::Rate { hits: 1, valid: 0 }), r#"{"rate":[1,0]}"#);
-        assert_eq!(text(Score::Count(2)), r#"{"count":2}"#);
-        assert_eq!(text(Score::Mean { sum: 0.5, n: 3 }), r#"{"mean":[0.5,3]}"#);
-        assert_eq!(text(Score::Value(0.1)), r#"{"value":0.1}"#);
     }
 }

@@ -84,17 +84,12 @@ impl Scoring {
                 ..SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX))
             },
             metric_options: named_options(&options),
-            own_metrics: Vec::new(),
-            driver: None,
             simulators: recorded.simulators().iter().map(|name| SimulatorRecord::named(name, name)).collect(),
             // The rollout files first, then the scenario files.
             inputs: files,
-            deviations: None,
             benchmark,
-            backend: None,
-            cpu: None,
             keep_rollouts: Some(true),
-            partition: None,
+            ..Provenance::default()
         };
         Ok(Self { recorded, scenarios: scenarios.to_vec(), provenance, deviations: None, failures })
     }

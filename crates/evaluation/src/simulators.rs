@@ -223,7 +223,8 @@ impl PlannedSimulator {
             return Err(EvaluationError::repeated(&id));
         }
         let (mut title, mut card) = (id.clone(), String::new());
-        let external = Some(ExternalRecord::of(&simulator));
+        let (command, stated) = (simulator.command(), simulator.description());
+        let external = ExternalRecord::of(command, stated, simulator.batch(), simulator.reveals_ids());
         let processes = Some(simulator.processes().clone());
         let mut controller = Controller::Fair(Box::new(simulator));
         if let Some(smoothing) = smoothing {
@@ -231,19 +232,7 @@ impl PlannedSimulator {
             (title, id) = (format!("{title} + {}", smoothing.name()), smoothing.id(&id));
             card.push_str(qp::CARD);
         }
-        let parameters = BTreeMap::new();
-        Ok(Self {
-            id,
-            title,
-            card,
-            parameters,
-            weights: None,
-            members: Vec::new(),
-            backend: None,
-            external,
-            controller,
-            processes,
-        })
+        Ok(Self { title, card, external: Some(external), processes, ..Self::own(id, controller) })
     }
 
     /// Returns the number of scenarios of a file that are always rolled out together: the batch of an

@@ -86,7 +86,7 @@ pub struct Pressure {
 }
 
 /// Provenance with facts about the finished run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SummaryProvenance {
     /// Program, settings, inputs, models.
     #[serde(flatten)]

@@ -13,7 +13,7 @@ use crate::folder::rollouts::{entered_in, recorded_tracks};
 use crate::folder::{cannot_read, for_lines, read_summary, read_tally};
 use crate::layout::REFERENCE_RECORD;
 use crate::layout::{EVENTS, ROLLOUTS};
-use crate::row::{EventHead, EventRecord, RecordPosition};
+use crate::row::{EventLine, EventRecord, RecordPosition};
 use crate::statistics::tally::Tally;
 use crate::summary::Summary;
 
@@ -53,22 +53,21 @@ impl FinishedRun {
         }
         let mut damaged = None;
         for_lines(&path, |at, text| {
-            let head: EventHead = match serde_json::from_str(text) {
-                Ok(head) => head,
+            let line: EventLine = match serde_json::from_str(text) {
+                Ok(line) => line,
                 Err(error) => {
                     damaged.get_or_insert(error);
                     return;
                 }
             };
-            let Some(simulator) = tally.simulators.iter().position(|s| *s == head.simulator) else { return };
-            let place = head.place();
-            let range = events.entry((place, simulator)).or_default();
+            let Some(simulator) = tally.simulators.iter().position(|s| *s == line.simulator) else { return };
+            let range = events.entry((line.place(), simulator)).or_default();
             if range.length == 0 {
                 range.offset = at;
             }
             range.length = (at - range.offset) as usize + text.len();
-            if head.counted {
-                *range.counted.entry(head.metric).or_default() += 1;
+            if line.event.counted {
+                *range.counted.entry(line.event.metric).or_default() += 1;
             }
         })?;
         if let Some(source) = damaged {

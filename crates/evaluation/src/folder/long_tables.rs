@@ -14,12 +14,11 @@ use parquet::arrow::ArrowWriter;
 use reactsim_files::NewFile;
 use reactsim_formats::table::properties;
 use reactsim_metrics::{MetricSpec, Score};
-use serde::Deserialize;
 
 use crate::error::EvaluationError;
 use crate::folder::{cannot_write, for_parsed_lines};
 use crate::layout::{EVENTS, EVENTS_TABLE, ROWS, VALUES_TABLE};
-use crate::row::{EventRecord, Row};
+use crate::row::{EventLine, Row};
 
 /// Number of rows that are written at once.
 const BATCH: usize = 65_536;
@@ -31,17 +30,8 @@ pub(crate) fn write(folder: &Path, metrics: &[&'static MetricSpec]) -> Result<()
     for_parsed_lines(&folder.join(ROWS), |row: Row| values.add(&row))?;
     values.finish()?;
     let mut events = Table::new(&folder.join(EVENTS_TABLE), Events::default());
-    for_parsed_lines(&folder.join(EVENTS), |event: EventRow| events.add(&event))?;
+    for_parsed_lines(&folder.join(EVENTS), |event: EventLine| events.add(&event))?;
     events.finish()
-}
-
-/// A line of `events.jsonl`.
-#[derive(Deserialize)]
-struct EventRow {
-    scenario: String,
-    simulator: String,
-    #[serde(flatten)]
-    event: EventRecord,
 }
 
 /// Columns that are being filled.
@@ -131,7 +121,7 @@ impl Columns for Values {
             self.simulator.append_value(&row.simulator);
             self.rollout.append_option(row.rollout);
             self.metric.append_value(spec.id);
-            self.value.append_option(value.and_then(|value| Score::from(value).value()));
+            self.value.append_option(value.and_then(Score::value));
             self.unit.append_value(spec.unit.name());
             self.category.append_option(row.category.as_deref());
             self.difficulty.append_option(row.difficulty.as_deref());
@@ -187,9 +177,9 @@ impl Default for Events {
 }
 
 impl Columns for Events {
-    type Record = EventRow;
+    type Record = EventLine;
 
-    fn add(&mut self, EventRow { scenario, simulator, event }: &EventRow) -> usize {
+    fn add(&mut self, EventLine { scenario, simulator, event, .. }: &EventLine) -> usize {
         let step = |step: usize| u32::try_from(step).unwrap_or(u32::MAX);
         self.scenario_id.append_value(scenario);
         self.simulator.append_value(simulator);

@@ -9,9 +9,9 @@ use reactsim_formats::{
     Cause, FormatError,
     table::{Column, Leaf, TableReader, TableWriter, Value as Cell, View},
 };
-use reactsim_metrics::REMOVED_METRICS;
+use reactsim_metrics::{REMOVED_METRICS, Score};
 
-use crate::row::{Row, RowLength, RowNote, Value};
+use crate::row::{Row, RowLength, RowNote};
 
 /// Kind of the file in its metadata.
 const KIND: &str = "reactsim-rows";
@@ -21,6 +21,38 @@ const VERSION: u32 = 1;
 const GROUP_ROWS: usize = 4096;
 /// Maximum count that a floating-point number represents exactly.
 const MAX_COUNT: u64 = 1 << 53;
+
+/// Name, type and depth of a column, and whether cells may be null.
+type Shape = (&'static str, Leaf, usize, bool);
+
+/// The columns of every file.
+const COLUMNS: [Shape; 17] = [
+    ("input", Leaf::Whole, 0, false),
+    ("record", Leaf::Whole, 0, false),
+    ("scenario", Leaf::Text, 0, false),
+    ("digest", Leaf::Text, 0, false),
+    ("simulator", Leaf::Text, 0, false),
+    ("rollout", Leaf::Whole, 0, true),
+    ("category", Leaf::Text, 0, true),
+    ("difficulty", Leaf::Text, 0, true),
+    ("direction_tracking", Leaf::Text, 0, true),
+    ("metric", Leaf::Text, 1, false),
+    ("kind", Leaf::Text, 1, true),
+    ("numerator", Leaf::Number, 1, true),
+    ("denominator", Leaf::Whole, 1, true),
+    ("deviation", Leaf::Text, 1, false),
+    ("deviation_value", Leaf::Number, 1, false),
+    ("outcome", Leaf::Text, 1, false),
+    ("outcome_count", Leaf::Whole, 1, false),
+];
+/// The columns of files in which a row has notes: most runs have none.
+const NOTES: [Shape; 3] = [
+    ("note", Leaf::Text, 1, false),
+    ("note_count", Leaf::Whole, 1, false),
+    ("note_detail", Leaf::Text, 1, true),
+];
+/// The columns of files in which a scenario is longer or shorter than those of the benchmark.
+const LENGTH: [Shape; 2] = [("history", Leaf::Whole, 0, true), ("steps", Leaf::Whole, 0, true)];
 
 /// Writes rows to a file.
 ///
@@ -32,42 +64,13 @@ const MAX_COUNT: u64 = 1 << 53;
 /// # Errors
 /// [`FormatError`] if the file cannot be written, or a count is too large for it.
 pub(crate) fn write(path: &Path, rows: &[Row]) -> Result<(), FormatError> {
-    let mut columns = vec![
-        Column::new("input", Leaf::Whole, 0, false),
-        Column::new("record", Leaf::Whole, 0, false),
-        Column::new("scenario", Leaf::Text, 0, false),
-        Column::new("digest", Leaf::Text, 0, false),
-        Column::new("simulator", Leaf::Text, 0, false),
-        Column::new("rollout", Leaf::Whole, 0, true),
-        Column::new("category", Leaf::Text, 0, true),
-        Column::new("difficulty", Leaf::Text, 0, true),
-        Column::new("direction_tracking", Leaf::Text, 0, true),
-        Column::new("metric", Leaf::Text, 1, false),
-        Column::new("kind", Leaf::Text, 1, true),
-        Column::new("numerator", Leaf::Number, 1, true),
-        Column::new("denominator", Leaf::Whole, 1, true),
-        Column::new("deviation", Leaf::Text, 1, false),
-        Column::new("deviation_value", Leaf::Number, 1, false),
-        Column::new("outcome", Leaf::Text, 1, false),
-        Column::new("outcome_count", Leaf::Whole, 1, false),
-    ];
-    // Rows of most runs have no notes.
     let has_notes = rows.iter().any(|row| !row.notes.is_empty());
-    if has_notes {
-        columns.extend([
-            Column::new("note", Leaf::Text, 1, false),
-            Column::new("note_count", Leaf::Whole, 1, false),
-            Column::new("note_detail", Leaf::Text, 1, true),
-        ]);
-    }
     let has_lengths = rows.iter().any(|row| row.length.is_some());
-    if has_lengths {
-        columns.extend([
-            Column::new("history", Leaf::Whole, 0, true),
-            Column::new("steps", Leaf::Whole, 0, true),
-        ]);
-    }
-    let mut table = TableWriter::create(path, (KIND, VERSION), GROUP_ROWS, columns)?;
+    let notes = NOTES.iter().filter(|_| has_notes);
+    let length = LENGTH.iter().filter(|_| has_lengths);
+    let columns = COLUMNS.iter().chain(notes).chain(length);
+    let columns = columns.map(|&(name, leaf, depth, nullable)| Column::new(name, leaf, depth, nullable));
+    let mut table = TableWriter::create(path, (KIND, VERSION), GROUP_ROWS, columns.collect())?;
     for (record, row) in (0..).zip(rows) {
         let refuse = |cause| FormatError::record(path, record, Some(row.scenario.clone()), cause);
         put(&mut table, row, has_notes, has_lengths).map_err(refuse)?;
@@ -135,16 +138,16 @@ fn put(table: &mut TableWriter, row: &Row, has_notes: bool, has_lengths: bool) -
 /// Kind, numerator and denominator of a value.
 type Split = (&'static str, f64, Option<u32>);
 
-fn split(name: &str, value: Value) -> Result<Split, Cause> {
+fn split(name: &str, score: Score) -> Result<Split, Cause> {
     let exact = |n: u64| match n <= MAX_COUNT {
         true => Ok(n as f64),
         false => Err(Cause::value(name, n, "at most 2^53")),
     };
-    Ok(match value {
-        Value::Rate(hits, valid) => ("rate", exact(hits)?, Some(whole(name, valid)?)),
-        Value::Count(n) => ("count", exact(n)?, None),
-        Value::Mean(sum, n) => ("mean", sum, Some(whole(name, n)?)),
-        Value::Value(v) => ("value", v, None),
+    Ok(match score {
+        Score::Rate { hits, valid } => ("rate", exact(hits)?, Some(whole(name, valid)?)),
+        Score::Count(n) => ("count", exact(n)?, None),
+        Score::Mean { sum, n } => ("mean", sum, Some(whole(name, n)?)),
+        Score::Value(v) => ("value", v, None),
     })
 }
 
@@ -179,122 +182,79 @@ fn rows(path: &Path, mut table: TableReader) -> Result<Vec<Row>, FormatError> {
     Ok(rows)
 }
 
-/// The columns of a batch of rows.
+/// The columns of a batch of rows, by name. Those of notes and of the length may be absent.
 struct Columns {
     len: usize,
-    input: View,
-    record: View,
-    scenario: View,
-    digest: View,
-    simulator: View,
-    rollout: View,
-    category: View,
-    difficulty: View,
-    direction_tracking: View,
-    metric: View,
-    kind: View,
-    numerator: View,
-    denominator: View,
-    deviation: View,
-    deviation_value: View,
-    outcome: View,
-    outcome_count: View,
-    /// Id, count and detail of notes; `None` if no row has notes.
-    notes: Option<[View; 3]>,
-    /// Frames of the history and steps; `None` if all scenarios have the length of the benchmark.
-    length: Option<[View; 2]>,
+    views: BTreeMap<&'static str, View>,
 }
 
 impl Columns {
     fn of(batch: &RecordBatch) -> Result<Self, Cause> {
-        let one = |name, leaf| View::need(batch, name, leaf, 0);
-        let list = |name, leaf| View::need(batch, name, leaf, 1);
-        let notes = match View::find(batch, "note", Leaf::Text, 1)? {
-            Some(ids) => Some([ids, list("note_count", Leaf::Whole)?, list("note_detail", Leaf::Text)?]),
-            None => None,
-        };
-        let length = match View::find(batch, "history", Leaf::Whole, 0)? {
-            Some(history) => Some([history, one("steps", Leaf::Whole)?]),
-            None => None,
-        };
-        Ok(Self {
-            len: batch.num_rows(),
-            input: one("input", Leaf::Whole)?,
-            record: one("record", Leaf::Whole)?,
-            scenario: one("scenario", Leaf::Text)?,
-            digest: one("digest", Leaf::Text)?,
-            simulator: one("simulator", Leaf::Text)?,
-            rollout: one("rollout", Leaf::Whole)?,
-            category: one("category", Leaf::Text)?,
-            difficulty: one("difficulty", Leaf::Text)?,
-            direction_tracking: one("direction_tracking", Leaf::Text)?,
-            metric: list("metric", Leaf::Text)?,
-            kind: list("kind", Leaf::Text)?,
-            numerator: list("numerator", Leaf::Number)?,
-            denominator: list("denominator", Leaf::Whole)?,
-            deviation: list("deviation", Leaf::Text)?,
-            deviation_value: list("deviation_value", Leaf::Number)?,
-            outcome: list("outcome", Leaf::Text)?,
-            outcome_count: list("outcome_count", Leaf::Whole)?,
-            notes,
-            length,
-        })
+        let mut views = BTreeMap::new();
+        for group in [&COLUMNS[..], &NOTES, &LENGTH] {
+            let (first, leaf, depth, _) = group[0];
+            let is_there = first == COLUMNS[0].0 || View::find(batch, first, leaf, depth)?.is_some();
+            for &(name, leaf, depth, _) in group.iter().filter(|_| is_there) {
+                views.insert(name, View::need(batch, name, leaf, depth)?);
+            }
+        }
+        Ok(Self { len: batch.num_rows(), views })
     }
 
     fn row(&self, row: usize) -> Result<Row, Cause> {
+        let view = |name: &str| &self.views[name];
         let mut metrics = BTreeMap::new();
         for (name, [kind, numerator, denominator]) in
-            self.named(row, &self.metric, [&self.kind, &self.numerator, &self.denominator])?
+            self.named(row, "metric", ["kind", "numerator", "denominator"])?
         {
             if REMOVED_METRICS.contains(&name.as_str()) {
                 continue;
             }
-            let value = match self.kind.text(kind) {
+            let value = match view("kind").text(kind) {
                 None => None,
                 Some(kind) => Some(self.value(&name, kind, numerator, denominator)?),
             };
             metrics.insert(name, value);
         }
         let mut deviation = BTreeMap::new();
-        for (name, [cell]) in self.named(row, &self.deviation, [&self.deviation_value])? {
-            let value = self.deviation_value.number(cell).ok_or_else(|| missing_value(&name))?;
+        for (name, [cell]) in self.named(row, "deviation", ["deviation_value"])? {
+            let value = view("deviation_value").number(cell).ok_or_else(|| missing_value(&name))?;
             deviation.insert(name, value);
         }
         let mut outcomes = BTreeMap::new();
-        for (name, [cell]) in self.named(row, &self.outcome, [&self.outcome_count])? {
-            let count = self.outcome_count.whole(cell).ok_or_else(|| missing_value(&name))?;
+        for (name, [cell]) in self.named(row, "outcome", ["outcome_count"])? {
+            let count = view("outcome_count").whole(cell).ok_or_else(|| missing_value(&name))?;
             outcomes.insert(name, count.into());
         }
         let mut notes = BTreeMap::new();
-        if let Some([ids, counts, details]) = &self.notes {
-            for (id, [count, detail]) in self.named(row, ids, [counts, details])? {
-                let count = counts.whole(count).ok_or_else(|| missing_value(&id))?;
-                notes.insert(id, RowNote { count, detail: details.text(detail).map(str::to_owned) });
+        if self.views.contains_key("note") {
+            for (id, [count, detail]) in self.named(row, "note", ["note_count", "note_detail"])? {
+                let count = view("note_count").whole(count).ok_or_else(|| missing_value(&id))?;
+                let detail = view("note_detail").text(detail).map(str::to_owned);
+                notes.insert(id, RowNote { count, detail });
             }
         }
-        let frames = self.length.as_ref().map(|columns| columns.each_ref().map(|column| column.whole(row)));
-        let length = match frames {
-            Some([Some(history), Some(steps)]) => {
-                Some(RowLength { history: history as usize, steps: steps as usize })
-            }
-            _ => None,
-        };
-        let text = |view: &View| view.text(row).map(str::to_owned);
+        let frames = |name: &str| self.views.get(name).and_then(|view| view.whole(row));
+        let length = frames("history").zip(frames("steps"));
+        let number = |name: &str| view(name).whole(row).ok_or_else(|| missing_value(name));
+        let text = |name: &str| view(name).text(row).map(str::to_owned);
+        let stated = |name: &str| text(name).ok_or_else(|| missing_value(name));
         Ok(Row {
-            input: number(&self.input, row)? as usize,
-            record: number(&self.record, row)? as usize,
-            scenario: text(&self.scenario).ok_or_else(|| missing_value("scenario"))?,
-            digest: text(&self.digest).ok_or_else(|| missing_value("digest"))?,
-            simulator: text(&self.simulator).ok_or_else(|| missing_value("simulator"))?,
-            rollout: self.rollout.whole(row),
-            category: text(&self.category),
-            difficulty: text(&self.difficulty),
-            direction_tracking: text(&self.direction_tracking),
+            input: number("input")? as usize,
+            record: number("record")? as usize,
+            scenario: stated("scenario")?,
+            digest: stated("digest")?,
+            simulator: stated("simulator")?,
+            rollout: view("rollout").whole(row),
+            category: text("category"),
+            difficulty: text("difficulty"),
+            direction_tracking: text("direction_tracking"),
             metrics,
             deviation,
             outcomes,
             notes,
-            length,
+            length: length
+                .map(|(history, steps)| RowLength { history: history as usize, steps: steps as usize }),
         })
     }
 
@@ -302,9 +262,10 @@ impl Columns {
     fn named<const N: usize>(
         &self,
         row: usize,
-        names: &View,
-        others: [&View; N],
+        names: &str,
+        others: [&str; N],
     ) -> Result<Vec<(String, [usize; N])>, Cause> {
+        let (names, others) = (&self.views[names], others.map(|other| &self.views[other]));
         let cells = names.range(0, row);
         let starts = others.map(|other| other.range(0, row));
         for (other, range) in others.iter().zip(&starts) {
@@ -320,28 +281,27 @@ impl Columns {
         named.collect()
     }
 
-    fn value(&self, name: &str, kind: &str, numerator: usize, denominator: usize) -> Result<Value, Cause> {
-        let above =
-            self.numerator.number(numerator).filter(|v| v.is_finite()).ok_or_else(|| missing_value(name))?;
-        let below = || self.denominator.whole(denominator).map(u64::from).ok_or_else(|| missing_value(name));
+    fn value(&self, name: &str, kind: &str, numerator: usize, denominator: usize) -> Result<Score, Cause> {
+        let above = self.views["numerator"]
+            .number(numerator)
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| missing_value(name))?;
+        let below =
+            || self.views["denominator"].whole(denominator).map(u64::from).ok_or_else(|| missing_value(name));
         let count = || match above >= 0.0 && above <= MAX_COUNT as f64 && above.fract() == 0.0 {
             true => Ok(above as u64),
             false => Err(Cause::value(format!("`numerator` of `{name}`"), above, "a count")),
         };
         Ok(match kind {
-            "rate" => Value::Rate(count()?, below()?),
-            "count" => Value::Count(count()?),
-            "mean" => Value::Mean(above, below()?),
-            "value" => Value::Value(above),
+            "rate" => Score::Rate { hits: count()?, valid: below()? },
+            "count" => Score::Count(count()?),
+            "mean" => Score::Mean { sum: above, n: below()? },
+            "value" => Score::Value(above),
             other => {
                 return Err(Cause::value(format!("`kind` of `{name}`"), other, "rate, count, mean or value"));
             }
         })
     }
-}
-
-fn number(view: &View, row: usize) -> Result<u32, Cause> {
-    view.whole(row).ok_or_else(|| missing_value(view.name()))
 }
 
 fn missing_value(name: &str) -> Cause {
@@ -354,12 +314,12 @@ mod tests {
 
     fn row(record: usize) -> Row {
         let metrics = [
-            ("a", Some(Value::Rate(3, 7))),
-            ("b", Some(Value::Count(2))),
-            ("c", Some(Value::Mean(0.1 + 0.2, 11))),
-            ("d", Some(Value::Value(-1.0 / 3.0))),
+            ("a", Some(Score::Rate { hits: 3, valid: 7 })),
+            ("b", Some(Score::Count(2))),
+            ("c", Some(Score::Mean { sum: 0.1 + 0.2, n: 11 })),
+            ("d", Some(Score::Value(-1.0 / 3.0))),
             ("e", None),
-            ("f", Some(Value::Rate(0, 0))),
+            ("f", Some(Score::Rate { hits: 0, valid: 0 })),
         ];
         Row {
             input: 1,
@@ -403,7 +363,11 @@ mod tests {
     fn counts_beyond_the_columns_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.parquet");
-        for value in [Value::Rate(1, 1 << 32), Value::Count(1 << 54), Value::Mean(0.0, 1 << 32)] {
+        for value in [
+            Score::Rate { hits: 1, valid: 1 << 32 },
+            Score::Count(1 << 54),
+            Score::Mean { sum: 0.0, n: 1 << 32 },
+        ] {
             let many = Row { metrics: [("a".to_owned(), Some(value))].into(), ..row(0) };
             let refused = write(&path, &[many]).unwrap_err().to_string();
             assert!(refused.contains("scène-0") && refused.contains("2^"), "{refused}");

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use reactsim_files::work::Pool;
 use reactsim_metrics::wosac::{Config, MeanMetrics, RolloutShare, Scorer, WosacError, WosacMetrics};
 use reactsim_scene::wosac::{ScenarioRollouts, WosacLog};
+use serde::{Deserialize, Serialize};
 
 use crate::statistics::Estimate;
 
@@ -46,7 +47,8 @@ pub struct RealismRow {
 }
 
 /// A scenario, record or file without scores.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RealismFailure {
     /// Id of the scenario, if it is known.
     pub scenario_id: Option<String>,

@@ -10,7 +10,7 @@ use super::scores::{RealismFailure, RealismRow, RealismScores};
 #[serde(deny_unknown_fields)]
 struct ScoresText {
     rows: Vec<RowRecord>,
-    failures: Vec<FailureRecord>,
+    failures: Vec<RealismFailure>,
     missing: Vec<String>,
 }
 
@@ -21,7 +21,7 @@ struct RowRecord {
     rollouts: usize,
     metrics: Vec<MetricsRecord>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    shares: Vec<Vec<ShareRecord>>,
+    shares: Vec<Vec<RolloutShare>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -32,20 +32,6 @@ struct MetricsRecord {
     likelihoods: [Option<f64>; Feature::COUNT],
     rates: [f64; 2],
     traffic_light_violation_rate: Option<f64>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ShareRecord {
-    metametric: f64,
-    likelihoods: [Option<f64>; Feature::COUNT],
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FailureRecord {
-    scenario_id: Option<String>,
-    error: String,
 }
 
 impl MetricsRecord {
@@ -79,20 +65,15 @@ impl RealismScores {
     /// # Panics
     /// Never: scores are text and numbers.
     pub fn to_text(&self) -> String {
-        let share = |&RolloutShare { metametric, likelihoods }: &_| ShareRecord { metametric, likelihoods };
         let row = |row: &RealismRow| RowRecord {
             scenario_id: row.scenario_id.clone(),
             rollouts: row.rollouts,
             metrics: row.metrics.iter().map(MetricsRecord::of).collect(),
-            shares: row.shares.iter().map(|shares| shares.iter().map(share).collect()).collect(),
-        };
-        let failure = |failure: &RealismFailure| FailureRecord {
-            scenario_id: failure.scenario_id.clone(),
-            error: failure.error.clone(),
+            shares: row.shares.clone(),
         };
         let part = ScoresText {
             rows: self.rows.iter().map(row).collect(),
-            failures: self.failures.iter().map(failure).collect(),
+            failures: self.failures.clone(),
             missing: self.missing.clone(),
         };
         serde_json::to_string(&part).expect("scores are text and numbers")
@@ -104,7 +85,6 @@ impl RealismScores {
     /// The reason why the text has no scores of these configurations.
     pub fn add_text(&mut self, text: &[u8]) -> Result<(), String> {
         let scores: ScoresText = serde_json::from_slice(text).map_err(|error| error.to_string())?;
-        let share = |ShareRecord { metametric, likelihoods }| RolloutShare { metametric, likelihoods };
         for RowRecord { scenario_id, rollouts, metrics, shares } in scores.rows {
             if metrics.len() != self.configs.len() {
                 return Err(format!("`{scenario_id}` has {} metrics", metrics.len()));
@@ -113,11 +93,9 @@ impl RealismScores {
                 return Err(format!("`{scenario_id}` has shares in {} metrics", shares.len()));
             }
             let metrics = metrics.into_iter().map(MetricsRecord::metrics).collect();
-            let shares = shares.into_iter().map(|shares| shares.into_iter().map(share).collect()).collect();
             self.rows.push(RealismRow { scenario_id, rollouts, metrics, shares });
         }
-        let failure = |FailureRecord { scenario_id, error }| RealismFailure { scenario_id, error };
-        self.failures.extend(scores.failures.into_iter().map(failure));
+        self.failures.extend(scores.failures);
         self.missing.extend(scores.missing);
         Ok(())
     }

@@ -85,7 +85,27 @@ pub struct Difference {
     pub found: String,
 }
 
+impl SimulatorCheck {
+    /// Begins the check of a simulator of this class, which must agree bit for bit if `exact`.
+    fn of(id: &str, class: &SimulatorClass, exact: bool) -> Self {
+        Self {
+            id: id.to_owned(),
+            class: class.name(),
+            bit_for_bit: exact,
+            compared: 0,
+            differing: 0,
+            left_out: 0,
+            largest: None,
+            passed: true,
+        }
+    }
+}
+
 impl Verification {
+    fn of(subject: Subject) -> Self {
+        Self { subject, simulators: Vec::new(), differences: Vec::new(), left_out: 0 }
+    }
+
     /// Returns whether all compared results agree as closely as required.
     pub fn passed(&self) -> bool {
         self.simulators.iter().all(|s| s.passed)

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use reactsim_baseline::WeightsFile;
-use reactsim_external::{self as external, ExternalSimulator};
+use reactsim_external::{self as external, Command, Description};
 use serde::{Deserialize, Serialize};
 
 use crate::simulators::access::Access;
 
 /// A simulator of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorRecord {
     /// Id.
@@ -37,16 +37,7 @@ pub struct SimulatorRecord {
 impl SimulatorRecord {
     /// Creates the record of a driver of the AV without a card.
     pub(crate) fn named(id: &str, title: &str) -> Self {
-        Self {
-            id: id.to_owned(),
-            title: title.to_owned(),
-            oracle: false,
-            card: String::new(),
-            parameters: BTreeMap::new(),
-            weights: None,
-            members: Vec::new(),
-            external: None,
-        }
+        Self { id: id.to_owned(), title: title.to_owned(), ..Self::default() }
     }
 
     /// Returns what the simulator can know beyond its observations.
@@ -92,17 +83,16 @@ pub struct ExternalRecord {
 }
 
 impl ExternalRecord {
-    /// Creates the record of a simulator.
-    pub fn of(simulator: &ExternalSimulator) -> Self {
-        let stated = simulator.description();
+    /// Creates the record of a simulator or planner from its command and what it states.
+    pub(crate) fn of(command: &Command, stated: &Description, batch: usize, reveals_ids: bool) -> Self {
         Self {
-            command: simulator.command().text().to_owned(),
+            command: command.text().to_owned(),
             protocol: external::PROTOCOL.to_owned(),
             name: stated.name.clone(),
             version: stated.version.clone(),
             weights_sha256: stated.weights_sha256.clone(),
-            batch: simulator.batch(),
-            reveals_ids: simulator.reveals_ids(),
+            batch,
+            reveals_ids,
         }
     }
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::EvaluationError;
 
 /// A file of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FileRecord {
     /// Name without its folder, so that moving the folder does not change the input.
@@ -64,20 +64,7 @@ impl FileRecord {
     /// [`EvaluationError::Read`] names the file.
     pub fn of(path: &Path, format: &str) -> Result<Self, EvaluationError> {
         let CompanionRecord { name, bytes, blake3 } = CompanionRecord::of(path)?;
-        let format = format.to_owned();
-        Ok(Self {
-            name,
-            format,
-            bytes,
-            blake3,
-            current_frame: None,
-            window_step: None,
-            history: None,
-            future: None,
-            all_agents: false,
-            trajectories: None,
-            companions: Vec::new(),
-        })
+        Ok(Self { name, format: format.to_owned(), bytes, blake3, ..Self::default() })
     }
 
     /// Creates the record of a file whose content is embedded in the program.
@@ -87,13 +74,7 @@ impl FileRecord {
             format: format.to_owned(),
             bytes: content.len() as u64,
             blake3: blake3::hash(content).to_hex().to_string(),
-            current_frame: None,
-            window_step: None,
-            history: None,
-            future: None,
-            all_agents: false,
-            trajectories: None,
-            companions: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -107,15 +88,12 @@ impl FileRecord {
         Self {
             name: name_of(&input.path).into_owned(),
             format: input.format.id().to_owned(),
-            bytes: 0,
-            blake3: String::new(),
             current_frame,
             window_step,
             history: input.length.history,
             future: input.length.future,
             all_agents: input.all_agents,
-            trajectories: None,
-            companions: Vec::new(),
+            ..Self::default()
         }
     }
 

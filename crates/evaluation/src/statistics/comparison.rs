@@ -253,10 +253,10 @@ fn permutation(differences: &[f64], seed: u64, metric: &str) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_metrics::{METRICS, metric};
+    use reactsim_metrics::{METRICS, Score, metric};
 
     use super::*;
-    use crate::row::{Row, RowLength, Value};
+    use crate::row::{Row, RowLength};
 
     /// A run of one scenario with this digest and number of steps.
     fn tally(digest: &str, steps: usize) -> Tally {
@@ -264,20 +264,13 @@ mod tests {
         let simulators = vec!["idm".to_owned()];
         let mut tally = Tally { metrics, simulators, rollouts: 1, entries: BTreeMap::new() };
         tally.add(&[Row {
-            input: 0,
-            record: 0,
             scenario: "s".to_owned(),
             digest: digest.to_owned(),
             simulator: "idm".to_owned(),
             rollout: Some(0),
-            category: None,
-            difficulty: None,
-            direction_tracking: None,
-            metrics: [("ade".to_owned(), Some(Value::Value(1.0)))].into(),
-            deviation: BTreeMap::new(),
-            outcomes: BTreeMap::new(),
-            notes: BTreeMap::new(),
+            metrics: [("ade".to_owned(), Some(Score::Value(1.0)))].into(),
             length: (steps != 80).then_some(RowLength { history: 11, steps }),
+            ..Row::default()
         }]);
         tally
     }

@@ -136,7 +136,6 @@ impl NamedSamples {
         }
     }
 
-    /// Returns the estimates by name.
     pub(crate) fn finish(self) -> BTreeMap<String, Estimate> {
         let estimate = |(name, values): (String, Vec<f64>)| {
             let estimate = Estimate::of(&values, self.seed, &name);
@@ -148,10 +147,10 @@ impl NamedSamples {
 
 #[cfg(test)]
 mod tests {
-    use reactsim_metrics::METRICS;
+    use reactsim_metrics::{METRICS, Score};
 
     use super::*;
-    use crate::row::{RecordPosition, Row, Value};
+    use crate::row::{RecordPosition, Row};
     use crate::statistics::tally::Tally;
 
     fn tally() -> Tally {
@@ -165,22 +164,16 @@ mod tests {
         let mut tally = tally();
         for (s, simulator) in tally.simulators.clone().into_iter().enumerate() {
             let value = (s == 0 || !i.is_multiple_of(10))
-                .then(|| Value::Value(((i * 7919) % 1000) as f64 + s as f64));
+                .then(|| Score::Value(((i * 7919) % 1000) as f64 + s as f64));
             tally.add(&[Row {
-                input: 0,
                 record: i,
                 scenario: format!("scenario-{i}"),
-                digest: String::new(),
                 simulator,
                 rollout: Some(0),
                 category: Some(["lateral", "longitudinal"][i % 2].to_owned()),
-                difficulty: None,
-                direction_tracking: None,
                 metrics: [("ade".to_owned(), value)].into(),
                 deviation: [("ade".to_owned(), i as f64)].into(),
-                outcomes: BTreeMap::new(),
-                notes: BTreeMap::new(),
-                length: None,
+                ..Row::default()
             }]);
         }
         tally.entries.remove(&RecordPosition { input: 0, record: i }).unwrap()

@@ -117,11 +117,8 @@ impl Tally {
         });
         let mut cell = Cell::default();
         for metric in &self.metrics {
-            let scores: Vec<Score> = rows
-                .iter()
-                .filter_map(|r| r.metrics.get(metric.id).copied().flatten())
-                .map(Score::from)
-                .collect();
+            let scores: Vec<Score> =
+                rows.iter().filter_map(|r| r.metrics.get(metric.id).copied().flatten()).collect();
             cell.values.push(mean(scores.iter().filter_map(|s| s.value())));
             cell.any.push(mean(scores.iter().filter_map(|s| match s {
                 Score::Count(n) => Some(if *n > 0 { 1.0 } else { 0.0 }),

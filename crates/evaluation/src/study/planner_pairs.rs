@@ -129,8 +129,10 @@ pub(super) fn two(n: usize) -> impl Iterator<Item = [usize; 2]> {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_metrics::Score;
+
     use super::*;
-    use crate::row::{Row, Value};
+    use crate::row::Row;
     use crate::study::{Member, SimulatorRanks, StudyKind};
 
     const SIMULATORS: [&str; 2] = ["log-replay", "idm"];
@@ -143,20 +145,13 @@ mod tests {
         for (simulator, scores) in SIMULATORS.iter().zip(scores) {
             for (record, score) in scores.iter().enumerate() {
                 tally.add(&[Row {
-                    input: 0,
                     record,
                     scenario: format!("s{record}"),
                     digest: record.to_string(),
                     simulator: (*simulator).to_owned(),
                     rollout: Some(0),
-                    category: None,
-                    difficulty: None,
-                    direction_tracking: None,
-                    metrics: [("av-score".to_owned(), Some(Value::Value(*score)))].into(),
-                    deviation: BTreeMap::new(),
-                    outcomes: BTreeMap::new(),
-                    notes: BTreeMap::new(),
-                    length: None,
+                    metrics: [("av-score".to_owned(), Some(Score::Value(*score)))].into(),
+                    ..Row::default()
                 }]);
             }
         }

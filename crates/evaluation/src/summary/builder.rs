@@ -174,16 +174,13 @@ impl<'a> SummaryBuilder<'a> {
                 run: Provenance { keep_rollouts: None, ..self.provenance.clone() },
                 scenarios: self.scenarios,
                 scenarios_blake3: self.digest.finalize().to_hex().to_string(),
-                passed_over: 0,
-                unselected: 0,
-                missing_ids: Vec::new(),
-                unused_deviations: 0,
                 allowed,
                 intervals,
                 notes: self.notes,
                 lengths,
                 direction_tracking: self.direction_tracking,
                 failures: failures.to_vec(),
+                ..SummaryProvenance::default()
             },
         }
     }

@@ -1,5 +1,7 @@
 //! The metrics of a scenario or of a set of scenarios.
 
+use serde::{Deserialize, Serialize};
+
 use super::config::Config;
 use super::feature::{Bucket, Feature};
 
@@ -25,7 +27,8 @@ pub struct WosacMetrics {
 
 /// Share of a rollout in the metrics of its scenario: the metric of all rollouts minus the metric of all
 /// others, as if the rollout did not exist. Negative: the scenario has a better score without the rollout.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RolloutShare {
     /// Share in the metametric.
     pub metametric: f64,

@@ -33,8 +33,7 @@ pub(super) fn rows(
     if expected.iter().all(|row| row.notes.is_empty()) {
         found.iter_mut().for_each(|row| row.notes.clear());
     }
-    let mut verification =
-        Verification { subject: Subject::Rows, simulators: Vec::new(), differences: Vec::new(), left_out: 0 };
+    let mut verification = Verification::of(Subject::Rows);
     for simulator in &reference.provenance.simulators {
         let step = if simulator.is_network() { every } else { 1 };
         let all = expected.iter().filter(|r| r.simulator == simulator.id);
@@ -42,16 +41,8 @@ pub(super) fn rows(
         let found: Vec<&Row> = found.iter().filter(|r| r.simulator == simulator.id).collect();
         let class = &reference.record.simulators[&simulator.id];
         let exact = is_exact(class, same_machine);
-        let mut check = SimulatorCheck {
-            id: simulator.id.clone(),
-            class: class.name(),
-            bit_for_bit: exact,
-            compared: expected.len(),
-            differing: 0,
-            left_out: left_out.len(),
-            largest: None,
-            passed: true,
-        };
+        let mut check = SimulatorCheck::of(&simulator.id, class, exact);
+        (check.compared, check.left_out) = (expected.len(), left_out.len());
         let mut differences = differing_rows(&expected, &found, &mut check);
         if !exact {
             // All rows must exist and the scenarios must be equal; results of rollouts may differ within
@@ -107,7 +98,7 @@ fn fields(a: &Row, b: &Row) -> Vec<(String, String, String)> {
         let without = Row { metrics: BTreeMap::new(), ..row.clone() };
         let mut fields = leaves(&without);
         for (metric, value) in &row.metrics {
-            let text = value.map_or_else(|| "none".to_owned(), |v| score_text(v.into()));
+            let text = value.map_or_else(|| "none".to_owned(), score_text);
             fields.insert(format!("metrics.{metric}"), text);
         }
         fields
@@ -129,7 +120,7 @@ fn score_text(score: Score) -> String {
 }
 
 fn note_largest(a: &Row, b: &Row, check: &mut SimulatorCheck) {
-    let value = |row: &Row, metric: &str| Score::from(row.metrics.get(metric).copied().flatten()?).value();
+    let value = |row: &Row, metric: &str| row.metrics.get(metric).copied().flatten()?.value();
     for metric in a.metrics.keys() {
         let Some((a, b)) = value(a, metric).zip(value(b, metric)) else { continue };
         let difference = (b - a).abs();
@@ -209,12 +200,7 @@ pub(super) fn summaries(
     left_out: Option<&[&str]>,
     same_machine: bool,
 ) -> Verification {
-    let mut verification = Verification {
-        subject: Subject::Summary,
-        simulators: Vec::new(),
-        differences: Vec::new(),
-        left_out: 0,
-    };
+    let mut verification = Verification::of(Subject::Summary);
     let stated = &reference.summary;
     let found = found.cloned().map(|mut found| {
         found.restrict_to(&stated.metrics());
@@ -226,16 +212,7 @@ pub(super) fn summaries(
         let class = &reference.record.simulators[id];
         let exact = is_exact(class, same_machine);
         let expected = &stated.simulators[id];
-        let mut check = SimulatorCheck {
-            id: id.clone(),
-            class: class.name(),
-            bit_for_bit: exact,
-            compared: 0,
-            differing: 0,
-            left_out: 0,
-            largest: None,
-            passed: true,
-        };
+        let mut check = SimulatorCheck::of(id, class, exact);
         let values = leaves(expected).len();
         if left_out.is_some_and(|ids| ids.contains(&id.as_str())) {
             check.left_out = values;
