@@ -7,7 +7,7 @@ mod realism;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use clap::{ArgMatches, Args, Command, FromArgMatches};
+use clap::Args;
 
 use super::inputs::sources;
 use super::output::ExitStatus;
@@ -42,34 +42,9 @@ const FORMATS: [&str; 3] = ["markdown", "latex", "json"];
 pub(super) struct StudyArgs {
     #[command(subcommand)]
     named: Option<named::NamedStudy>,
+    /// None of a named study: it has no axis.
     #[command(flatten)]
-    of_axes: OptionalAxes,
-}
-
-/// Arguments of studies of any keys, if there is an axis: a named study has none.
-#[derive(Debug)]
-struct OptionalAxes(Option<AxesArgs>);
-
-impl Args for OptionalAxes {
-    fn augment_args(command: Command) -> Command {
-        AxesArgs::augment_args(command)
-    }
-
-    fn augment_args_for_update(command: Command) -> Command {
-        AxesArgs::augment_args_for_update(command)
-    }
-}
-
-impl FromArgMatches for OptionalAxes {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let has_axis = matches.contains_id("axis");
-        Ok(Self(has_axis.then(|| AxesArgs::from_arg_matches(matches)).transpose()?))
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
+    of_axes: Option<AxesArgs>,
 }
 
 /// Arguments of studies of any keys.
@@ -121,7 +96,7 @@ struct Design {
 impl StudyArgs {
     /// Returns the arguments that all studies have.
     fn shared(&self) -> anyhow::Result<&SharedArgs> {
-        match (&self.named, &self.of_axes.0) {
+        match (&self.named, &self.of_axes) {
             (Some(named), _) => Ok(named.shared()),
             (None, Some(args)) => Ok(&args.shared),
             (None, None) => bail!("no study is named: give --axis KEY=VALUES and --out FOLDER"),
@@ -131,7 +106,7 @@ impl StudyArgs {
     /// Plans the study on these scenarios, and starts the external programs.
     fn plan(&self, sources: Vec<Source>) -> anyhow::Result<PlannedStudy> {
         let shared = self.shared()?;
-        let design = match (&self.named, &self.of_axes.0) {
+        let design = match (&self.named, &self.of_axes) {
             (Some(named), _) => named.design(&sources)?,
             (None, args) => Design {
                 kind: StudyKind::Axes,

@@ -76,7 +76,9 @@ impl Gallery {
             scenes.insert(lead.scenario);
         }
         for id in cases {
-            scenes.insert(self.find(id).ok_or_else(|| PageError::UnknownScenario(id.clone()))?);
+            let unknown =
+                || format!("no run has a scenario `{id}`; `rows.jsonl` of a run folder lists its scenarios");
+            scenes.insert(self.find(id).ok_or_else(|| PageError::Refused(unknown()))?);
         }
         let mut texts = String::new();
         let mut drawn = BTreeSet::new();

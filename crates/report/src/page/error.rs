@@ -1,7 +1,6 @@
 //! Errors of the page.
 
 use std::io;
-use std::path::PathBuf;
 
 use reactsim_evaluation::EvaluationError;
 use reactsim_formats::FormatError;
@@ -18,22 +17,9 @@ pub enum PageError {
     /// A file of candidates cannot be read.
     #[error(transparent)]
     Candidates(#[from] FormatError),
-    /// A file of candidates has no scenario that the page could show.
-    #[error("{path} has {total} scenarios with candidates: there is none to review from number {from} on")]
-    NoCandidates {
-        /// The file.
-        path: PathBuf,
-        /// Number of the first scenario of the page.
-        from: usize,
-        /// Number of scenarios in the file.
-        total: usize,
-    },
-    /// Two runs have the same name.
-    #[error("two runs are named `{0}`: give each once")]
-    SameRun(String),
-    /// A requested scenario is in none of the runs.
-    #[error("no run has a scenario `{0}`; `rows.jsonl` of a run folder lists its scenarios")]
-    UnknownScenario(String),
+    /// Runs or scenarios are repeated, unknown or not there; the text names them.
+    #[error("{0}")]
+    Refused(String),
     /// The data cannot be represented as JSON.
     #[error("could not write the data of the page as JSON: {0}")]
     Json(#[from] serde_json::Error),

@@ -72,7 +72,8 @@ impl Gallery {
         let mut runs = Vec::with_capacity(members.len());
         for member in members {
             if !names.insert(member.name.clone()) {
-                return Err(PageError::SameRun(member.name));
+                let text = format!("two runs are named `{}`: give each once", member.name);
+                return Err(PageError::Refused(text));
             }
             let finished = FinishedRun::open(&member.folder)?;
             runs.push(GalleryRun { name: member.name, study: member.study, finished });
@@ -142,7 +143,6 @@ impl Gallery {
         messages
     }
 
-    /// Returns whether there is a scene of a scenario.
     pub(super) fn has_scene(&self, index: usize) -> bool {
         self.runs.iter().zip(&self.scenarios[index].places).any(|(run, place)| {
             let inputs = &run.finished.summary().provenance.run.inputs;

@@ -48,7 +48,10 @@ pub fn write_review(file: &Path, from: usize, count: usize, out: &mut dyn Write)
         }
     }
     if scenarios.is_empty() {
-        return Err(PageError::NoCandidates { path: file.to_owned(), from, total });
+        return Err(PageError::Refused(format!(
+            "{} has {total} scenarios with candidates: there is none to review from number {from} on",
+            file.display()
+        )));
     }
     let data = json!({
         "file": name, "digest": digest, "from": from, "total": total, "scenarios": scenarios,
