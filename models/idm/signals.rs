@@ -37,7 +37,6 @@ impl KnownLights {
         Self { frames: 0, ..self }
     }
 
-    /// Returns the state of the light of a lane.
     fn of_lane(&self, start: &Start, lane: usize) -> Option<LightState> {
         self.states[start.lights.iter().position(|l| l.lane == lane)?]
     }

@@ -174,7 +174,6 @@ fn object(start: &Start, ids: &ObjectIds, slot: usize, state: Frame) -> Option<T
     })
 }
 
-/// Returns the obstacles as objects.
 fn obstacles(start: &Start, ids: &ObjectIds) -> Vec<TrackedObject> {
     let object = |(i, obstacle): (usize, &OrientedBox)| TrackedObject {
         id: ids.obstacle(i).clone(),

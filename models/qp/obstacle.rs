@@ -60,7 +60,6 @@ impl Obstacle {
         Self::new([b; TIMES], [Vec2::zeros(); TIMES])
     }
 
-    /// Returns the obstacle at a height.
     pub(super) fn at_height(self, height: f64) -> Self {
         Self { height, ..self }
     }

@@ -371,7 +371,6 @@ fn reach(now: &VehicleMotion, modes: &[Mode]) -> f64 {
     far.max(now.speed * now.speed / 8.0)
 }
 
-/// Returns the mode of proposed states.
 pub(super) fn mode_of(states: &[AgentState]) -> Mode {
     Mode::of(states.iter().map(AgentState::position).collect())
 }

@@ -247,7 +247,6 @@ pub(super) fn reverses(vehicle: &PlannedVehicle<'_>, mode: &Mode) -> bool {
         || vehicle.now.speed < REVERSING_SPEED && way.dot(&axis) < -0.7 * way.norm()
 }
 
-/// Returns a straight path.
 fn straight(vehicle: &PlannedVehicle<'_>) -> Path {
     Path::drive(vehicle.now.pose, vehicle.rear, 1.0, &[0.0; super::path::STATIONS + 1])
 }

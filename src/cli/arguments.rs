@@ -110,7 +110,6 @@ fn is_read(input: &Path, file: &Path) -> bool {
     is_same(input, file) || is_inside() && found().iter().any(|found| is_same(&found.path, file))
 }
 
-/// Returns whether a path is that of a file of a run folder.
 fn is_run_file(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let folder = path.parent().unwrap_or(Path::new(""));

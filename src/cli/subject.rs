@@ -41,7 +41,6 @@ impl ExecutionArgs {
     }
 }
 
-/// Returns the sources of the scenarios' logs.
 pub(super) fn log_sources(subject: &SubjectSpec) -> anyhow::Result<Vec<LogSource>> {
     simulated_logs(&subject.input.scenarios, &subject.input.reading)
 }

@@ -79,7 +79,6 @@ impl LogCache {
         Ok(())
     }
 
-    /// Returns the log of a scenario.
     fn find(&mut self, id: &str) -> Result<WosacLog, String> {
         if let Some(log) = self.kept.iter().find(|log| log.scenario_id == id) {
             return Ok(log.clone());

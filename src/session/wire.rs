@@ -57,7 +57,6 @@ pub(super) fn answer(kind: &str, document: &impl Serialize) -> Answer {
     Ok(answer)
 }
 
-/// Returns the answer to a request that failed.
 pub(super) fn failed(RequestError(text): RequestError) -> FrameWriter {
     let mut answer = FrameWriter::new("error");
     answer.tensor("document", Values::bytes(Value::String(text).to_string().into_bytes()));

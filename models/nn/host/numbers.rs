@@ -34,7 +34,6 @@ impl Numbers {
         }
     }
 
-    /// Returns the numbers.
     pub(crate) fn slice(&self) -> &[f32] {
         match self {
             // Networks are loaded and computed in this type.

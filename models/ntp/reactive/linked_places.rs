@@ -22,7 +22,6 @@ impl LinkedPlaces {
         Self::of(&KnownMap::of(start, config.map_radius), config)
     }
 
-    /// Returns the places of a map.
     pub(crate) fn of(map: &KnownMap, config: &Config) -> Self {
         let places = Places::of(map);
         let mut links = Links::default();

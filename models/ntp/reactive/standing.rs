@@ -72,7 +72,6 @@ impl Standing {
     }
 }
 
-/// Returns these rows of features.
 fn select(features: &Tensor<2>, rows: &[i32]) -> Tensor<2> {
     let index = TensorData::new(rows.to_vec(), [rows.len()]);
     features.clone().select(0, Tensor::<1, Int>::from_data(index, &features.device()))

@@ -13,7 +13,6 @@ pub struct TokenTables {
 }
 
 impl TokenTables {
-    /// Returns the device of the vectors.
     pub(super) fn device(&self) -> Device {
         self.map.device()
     }

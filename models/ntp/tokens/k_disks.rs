@@ -151,7 +151,6 @@ impl Tokenizer for KDisks {
 }
 
 impl KDisks {
-    /// Returns whether a motion is plausible for a class.
     fn is_plausible(&self, class: Class, motion: &TokenPoses) -> bool {
         // Window of SMART: no agent is faster.
         let front = class.contour(motion[TOKEN_FRAMES])[0];

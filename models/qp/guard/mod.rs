@@ -116,7 +116,6 @@ impl GuardSettings {
                 .all(|(_, av)| open.clone().any(|way| clearances.first_meeting(way, av).is_none()))
     }
 
-    /// Returns the weight of a forecast of the AV.
     fn weight(&self, forecast: AvForecast) -> f64 {
         match forecast {
             AvForecast::GoesOn => 1.0,

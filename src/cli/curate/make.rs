@@ -205,7 +205,6 @@ fn finish(
 }
 
 impl MakeArgs {
-    /// Returns the file to write.
     fn out(&self) -> anyhow::Result<&Path> {
         self.out.as_deref().context("give the file to write with --out")
     }

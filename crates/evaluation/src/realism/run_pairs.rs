@@ -184,7 +184,6 @@ impl RunPairs {
         &self.missing
     }
 
-    /// Returns the next log.
     fn next_log(&mut self) -> Option<Result<Logged, RealismFailure>> {
         loop {
             if let Some((logs, left)) = self.open.as_mut().filter(|(_, left)| *left > 0) {

@@ -38,7 +38,6 @@ impl Files {
         Ok(Self { place, content })
     }
 
-    /// Returns the files of an embedded reference.
     pub(super) fn embedded(name: &str) -> Option<Self> {
         let (name, files) = SHIPPED.iter().find(|(embedded, _)| *embedded == name)?;
         let content = files.iter().map(|(file, bytes)| ((*file).to_owned(), Cow::Borrowed(*bytes)));

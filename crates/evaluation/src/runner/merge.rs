@@ -68,7 +68,6 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
     Ok((run, summary))
 }
 
-/// Returns the provenance of the whole run.
 fn whole(partitions: &[PathBuf]) -> Result<Provenance, EvaluationError> {
     let Some(first) = partitions.first() else {
         return Err(EvaluationError::NoRun { path: PathBuf::new() });

@@ -109,7 +109,6 @@ fn given_motion(logged: &LoggedAgent, current: usize) -> Option<CheckedMotion<'_
     })
 }
 
-/// Returns the case of one scenario of a document.
 fn case_of<'a>(scenario: &'a DocumentScenario, index: &'a MapIndex, options: Options) -> Case<'a> {
     let objects =
         scenario.agents.iter().map(|a| Object { agent: &a.agent, track: (&a.track).into() }).collect();

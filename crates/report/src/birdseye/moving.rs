@@ -27,7 +27,6 @@ impl<'a> StepRenderer<'a> {
         Self { scene: Scene::new(scenario, view) }
     }
 
-    /// Returns the last step.
     pub(crate) fn last(&self) -> usize {
         self.scene.last
     }

@@ -176,7 +176,6 @@ impl Gallery {
         ranges.values().map(|(low, high)| high - low).fold(0.0, f64::max)
     }
 
-    /// Returns the value of a metric with a subject in a scenario.
     fn value(&self, index: usize, subject: &Subject, metric: &str) -> Option<f64> {
         let place = self.scenarios[index].places[subject.run]?;
         let tally = self.runs[subject.run].finished.tally();

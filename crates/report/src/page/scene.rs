@@ -55,7 +55,6 @@ struct SceneEvent<'a> {
     values: Vec<(&'a str, f64)>,
 }
 
-/// Returns the JSON of a scene.
 pub(super) fn scene(scenario: &Scenario, rollouts: &[SubjectRollout]) -> serde_json::Result<String> {
     let current = scenario.start.current();
     let place = |id: &str| scenario.start.agents.iter().position(|a| a.id == id);

@@ -186,7 +186,6 @@ impl LearningMap for Lines {
 }
 
 impl Line {
-    /// Returns the state of its light.
     fn state(&self, lights: &[Option<LightState>]) -> Option<LightState> {
         self.light.and_then(|light| lights.get(light).copied().flatten())
     }
