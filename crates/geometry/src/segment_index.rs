@@ -122,7 +122,7 @@ mod tests {
             let (index, p) = (SegmentIndex::new(segments.iter().copied(), 4.0), whole(&(x, y)));
             let d2 = |i: u32| {
                 let [a, b] = segments[i as usize];
-                if left_out > 1 && i % left_out == 0 { f64::INFINITY } else { point_segment(p, a, b).0 }
+                if left_out > 1 && i.is_multiple_of(left_out) { f64::INFINITY } else { point_segment(p, a, b).0 }
             };
             let all = (0..segments.len() as u32).map(|i| (i, d2(i))).filter(|found| found.1.is_finite());
             let scan = all.reduce(|a, b| if b.1 < a.1 { b } else { a });

@@ -105,7 +105,7 @@ pub(super) const AGENT_AGENT: &OfBenchmark = &OfBenchmark {
         source: "ReactSim-Bench, Metric Computation Details: agent-agent collision rate",
     },
     has_events: true,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

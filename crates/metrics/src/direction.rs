@@ -212,7 +212,7 @@ pub(super) const DIRECTION: &OfBenchmark = &OfBenchmark {
         source: "ReactSim-Bench, Metric Computation Details: driving-direction violation rate",
     },
     has_events: true,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

@@ -20,7 +20,7 @@ pub(super) const LOG_CLINGING: &OfBenchmark = &OfBenchmark {
                  position at that step",
     },
     has_events: false,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {

@@ -87,7 +87,7 @@ pub(super) const OFF_ROAD: &OfBenchmark = &OfBenchmark {
         source: "ReactSim-Bench, Metric Computation Details: off-road rate",
     },
     has_events: true,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

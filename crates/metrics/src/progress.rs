@@ -24,7 +24,7 @@ pub(super) const PROGRESS: &OfBenchmark = &OfBenchmark {
                  the AV",
     },
     has_events: false,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {

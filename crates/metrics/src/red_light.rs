@@ -138,7 +138,7 @@ pub(super) const RED_LIGHT: &OfBenchmark = &OfBenchmark {
                  observed red light",
     },
     has_events: true,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

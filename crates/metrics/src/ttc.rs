@@ -123,7 +123,7 @@ pub(super) const RISKY: &OfBenchmark = &OfBenchmark {
         source: "ReactSim-Bench, Metric Computation Details: agent-AV risky TTC count",
     },
     has_events: true,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {

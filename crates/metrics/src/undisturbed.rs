@@ -17,7 +17,7 @@ pub(super) const UNDISTURBED_LOSS: &OfBenchmark = &OfBenchmark {
                  need not answer the AV",
     },
     has_events: true,
-    score: score,
+    score,
 };
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
