@@ -27,7 +27,7 @@ except ImportError:
 WEIGHTS = Path("fine_tune.pt")
 CLONING, FINE_TUNING = 20.0, 180.0  # time limits of the stages, seconds
 GENERATE = "generate --preset train --count 60 --seed 12 --out".split()
-SIZES = {"agents": 8, "history": 2, "lanes": 8, "points": 5, "lights": 1}
+SIZES = {"agents": 8, "frames": 2, "lanes": 8, "points": 5, "lights": 1}
 LIMITS = np.array([6.0, 0.3])  # acceleration (m/s²) and curvature (1/m) of an action of 1
 SCALE = {"av": 10.0, "agents": 10.0, "lanes": 10.0, "lights": 20.0}
 NAMES = ["av", "av_size", "agents", "agent_features", "lanes", "lane_features", "lights"]

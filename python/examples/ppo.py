@@ -61,7 +61,7 @@ class AlongRoute(gymnasium.Wrapper):
     """Reduces driving to the choice of an acceleration along the route."""
 
     def __init__(self, source, **settings):
-        sizes = {"agents": AGENTS, "history": 1, "lanes": 1, "points": 2, "lights": 1}
+        sizes = {"agents": AGENTS, "frames": 1, "lanes": 1, "points": 2, "lights": 1}
         super().__init__(
             reactsim.Env(
                 source,

@@ -7,7 +7,7 @@ of the logged AV, without times, is observed as its route.
 
 Observations are dictionaries of float32 arrays in the frame of the AV: the origin is its box centre
 and the x axis points along its heading. Units are metres, m/s and radians. Rows that do not exist
-are 0, and so is their flag `valid`. H, A, L, P, K and R are the arguments `history`, `agents`,
+are 0, and so is their flag `valid`. H, A, L, P, K and R are the arguments `frames`, `agents`,
 `lanes`, `points`, `lights` and `route`.
 
 - `av` [H, 7]: the AV at the last H frames, oldest first: x, y, cosine and sine of the heading, vx,
@@ -98,7 +98,7 @@ class _Core:
         poses: int = 10,
         every: int = 1,
         agents: int = 32,
-        history: int = 11,
+        frames: int = 11,
         lanes: int = 64,
         points: int = 10,
         lights: int = 8,
@@ -112,6 +112,8 @@ class _Core:
         metric_options: Mapping[str, Any] | None = None,
         current_frame: int | None = None,
         window_step: int | None = None,
+        history: int | None = None,
+        future: int | str | None = None,
         all_agents: bool = False,
         **rolled_out: Any,
     ) -> None:
@@ -120,7 +122,12 @@ class _Core:
         kinds = ("bicycle", "plan", "state")
         if action not in kinds:
             raise ValueError(f"`action` is {action!r}, expected one of {', '.join(kinds)}")
-        as_read = {"current_frame": current_frame, "window_step": window_step}
+        as_read: dict[str, Any] = {
+            "current_frame": current_frame,
+            "window_step": window_step,
+            "history": history,
+            "future": future,
+        }
         reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
         self.reward: Reward = REWARD if reward is None else reward
         self.action_space = action_space(action, poses)
@@ -142,7 +149,7 @@ class _Core:
             "action": {"plan": {"poses": poses}} if action == "plan" else action,
             "sizes": {
                 "agents": agents,
-                "history": history,
+                "frames": frames,
                 "lanes": lanes,
                 "points": points,
                 "lights": lights,
@@ -163,6 +170,8 @@ class _Core:
             raise
         self.scenarios: list[str] = description["scenarios"]
         self.measures: list[str] = description["measures"]
+        self.flags = [f"_{name}" for name in self.measures]
+        """Names of the entries of `infos` that tell whose measures they are."""
         self.arrays: list[str] = [name for name, _ in description["arrays"]]
         self.flat = flat
         self.observation_space = observation_space(description["arrays"], flat)
@@ -206,7 +215,7 @@ class _Core:
         if len(self.processes) > 1:
             self._check_finite(values, episodes)
         shares = [{"episodes": own} for own in self._shares(episodes)]
-        parts = np.split(values, self.firsts[1:])
+        parts = np.split(values, self.firsts[1:]) if len(self.firsts) > 1 else [values]
         answers = self._all("step", shares, [{"actions": part} for part in parts])
         ends = {
             first + int(slot): end
@@ -428,10 +437,12 @@ def weighted(reward: Reward, names: Sequence[str], measures: Array) -> Array:
     if callable(reward):
         return np.array([float(reward(dict(zip(names, row)))) for row in measures.tolist()])
     # Unknown measures neither reward nor cost anything.
-    known = np.where(np.isfinite(measures), measures, 0.0)
+    of_weights = measures[:, [names.index(name) for name in reward]]
+    known = np.where(np.isfinite(of_weights), of_weights, 0.0)
+    # One sum after the other, so that rewards do not depend on the number of episodes.
     rewards = np.zeros(len(measures))
-    for name, weight in reward.items():
-        rewards += weight * known[:, names.index(name)]
+    for weight, column in zip(reward.values(), known.T):
+        rewards += weight * column
     return rewards
 
 
@@ -499,8 +510,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         every: Number of steps of 0.1 s per action. Measures are then sums of progress, flags that
             are 1 at any step, the smallest time to collision, and the last speed.
         agents: Number of the nearest agents that are observed.
-        history: Number of frames that are observed, 1 to 100; frames before the first one are
-            absent.
+        frames: Number of frames that are observed, 1 to 100; those before the first one are absent.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.
@@ -521,6 +531,9 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         external_limit: Time for every answer of a command, such as "5s"; by default that of `run`.
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
+        history: Number of frames of 0.1 s of a scenario up to and including the current one.
+        future: Number of steps of 0.1 s of an episode, or a time such as "15s", or "log" for all
+            that are recorded. The shipped scenarios have a fixed length.
         all_agents: Simulate all agents that are present at the current frame.
 
     Raises:
@@ -746,9 +759,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         rewards = weighted(core.reward, core.measures, measures)
         rewards[self._is_over] = 0.0
         infos = self._infos()
-        infos.update({name: measures[:, k].copy() for k, name in enumerate(core.measures)})
-        was_running = ~self._is_over
-        infos.update({f"_{name}": was_running.copy() for name in core.measures})
+        infos.update(zip(core.measures, measures.T.copy()))
+        infos.update(dict.fromkeys(core.flags, ~self._is_over))
         for slot, end in ends.items():
             for name, value in end_info(end).items():
                 if name not in infos:

@@ -79,7 +79,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         limit: Only the first `limit` scenarios of every file.
         action: "bicycle" or "state", as for `Env`.
         agents: Number of the nearest agents, the AV included, that each agent observes.
-        history: Number of frames that are observed, 1 to 100, as for `Env`.
+        frames: Number of frames that are observed, 1 to 100, as for `Env`.
         lanes: Number of the nearest pieces of lanes that are observed.
         points: Number of points of a piece of a lane.
         lights: Number of the nearest traffic lights that are observed.
@@ -89,6 +89,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         metric_options: Variants of the metrics.
         current_frame: Index of the current frame, from 0, for formats that leave it open.
         window_step: Frames between scenarios of one recording of 20 s.
+        history: Number of frames of a scenario up to and including the current one, as for `Env`.
+        future: Number of steps of an episode, or a time, or "log", as for `Env`.
         all_agents: Simulate all agents that are present at the current frame.
         rolled_out: `replan`, `av_lookahead`, `seed`, `weights`, `parameters` and `external_limit`
             of the simulator, as for `Env`.
@@ -117,7 +119,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         limit: int | None = None,
         action: str = "bicycle",
         agents: int = 32,
-        history: int = 11,
+        frames: int = 11,
         lanes: int = 64,
         points: int = 10,
         lights: int = 8,
@@ -127,6 +129,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         metric_options: Mapping[str, Any] | None = None,
         current_frame: int | None = None,
         window_step: int | None = None,
+        history: int | None = None,
+        future: int | str | None = None,
         all_agents: bool = False,
         **rolled_out: Any,
     ) -> None:
@@ -144,9 +148,14 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         traffic, sessions = None, None
         if simulator is not None:
             traffic, sessions = traffic_of(simulator, 1, **rolled_out)
-        as_read = {"current_frame": current_frame, "window_step": window_step}
+        as_read: dict[str, Any] = {
+            "current_frame": current_frame,
+            "window_step": window_step,
+            "history": history,
+            "future": future,
+        }
         reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
-        sizes = {"agents": agents, "history": history, "lanes": lanes, "points": points}
+        sizes = {"agents": agents, "frames": frames, "lanes": lanes, "points": points}
         common = {
             "reading": reading,
             "ids": list(ids),

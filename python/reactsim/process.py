@@ -269,7 +269,8 @@ class ProgramProcess:
         metadata, arrays = answer
         if metadata["seq"] != seq:
             raise self._broken(f"it answered request {metadata['seq']}, expected {seq}")
-        document = json.loads(arrays.pop("document").tobytes()) if "document" in arrays else None
+        text = arrays.pop("document").tobytes().decode() if "document" in arrays else "null"
+        document = {} if text == "{}" else json.loads(text)
         if metadata["type"] == "error":
             cause = self._programs.raised
             raise ReactsimError(document or "the program gives no reason") from cause

@@ -318,7 +318,7 @@ class TestEnv:
         self, closing: Any, tmp_path: Path
     ) -> None:
         lengths = other_lengths(tmp_path)
-        sizes = {**SMALL, "every": 30, "history": 12}
+        sizes = {**SMALL, "every": 30, "frames": 12}
         env = closing(reactsim.Env(tmp_path, render_mode="rgb_array", **sizes))
         for name, (history, steps) in lengths.items():
             seen, _ = env.reset(options={"scenario": name})
@@ -334,6 +334,37 @@ class TestEnv:
                 before, picture = picture, env.render()
                 assert not np.array_equal(before, picture)
             assert env.save_gif(tmp_path / "episode.gif", size=100)[:6] == b"GIF89a"
+
+    @pytest.mark.parametrize(
+        ("given", "frames", "steps"),
+        [
+            ({"future": 90}, 21, 90),
+            ({"history": 11, "future": "6s"}, 11, 60),
+            ({"future": "log"}, 21, 150),
+        ],
+    )
+    def test_episodes_are_as_long_as_is_asked(
+        self, closing: Any, tmp_path: Path, given: Dict[str, Any], frames: int, steps: int
+    ) -> None:
+        other_lengths(tmp_path)
+        log = tmp_path / "long.json"
+        env = closing(reactsim.Env(log, every=30, **given, **SMALL))
+        envs = closing(reactsim.VectorEnv(log, num_envs=2, jobs=2, every=30, **given, **SMALL))
+        env.reset()
+        envs.reset()
+        for decision in range(1, steps // 30 + 1):
+            *_, terminated, truncated, info = env.step(np.zeros(2))
+            assert not terminated and truncated == (decision == steps // 30)
+            assert envs.step(np.zeros((2, 2)))[3].tolist() == [truncated] * 2
+        assert env.states.shape[1] == frames + steps
+        assert info["scores"].metrics["aav-collision"] is not None
+
+    def test_lengths_that_a_log_does_not_have_are_refused(self, tmp_path: Path) -> None:
+        other_lengths(tmp_path)
+        with pytest.raises(reactsim.ReactsimError, match="short"):
+            reactsim.Env(tmp_path / "short.json", future="10s")
+        with pytest.raises(reactsim.ReactsimError, match="`future`"):
+            reactsim.Env(limit=1, future="10s")
 
     def test_stable_baselines_has_no_objections(
         self, closing: Any, recwarn: pytest.WarningsRecorder

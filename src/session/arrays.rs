@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Polyline, Vec2, direction, left};
 use crate::rollout::Observation;
-use crate::scene::{AgentKind, AgentState, LaneKind, Length, LightState, Scenario};
+use crate::scene::{AgentKind, AgentState, Frame, LaneKind, Length, LightState, Scenario};
 
 /// Distance between points of lanes, metres.
 const LANE_SPACING: f64 = 2.0;
@@ -23,7 +23,7 @@ pub struct Sizes {
     /// Number of the nearest other agents.
     pub agents: usize,
     /// Number of frames up to now, 1 to 100; those before the first frame are absent.
-    pub history: usize,
+    pub frames: usize,
     /// Number of the nearest pieces of lanes.
     pub lanes: usize,
     /// Number of points of a piece of a lane, at least 2.
@@ -55,7 +55,7 @@ impl Sizes {
     pub(super) fn fault(&self) -> Option<String> {
         let limits = [
             ("agents", self.agents, 0, 1024),
-            ("history", self.history, 1, Length::MAX_HISTORY),
+            ("frames", self.frames, 1, Length::MAX_HISTORY),
             ("lanes", self.lanes, 0, 4096),
             ("points", self.points, 2, 1024),
             ("lights", self.lights, 0, 1024),
@@ -68,9 +68,9 @@ impl Sizes {
     /// Returns the arrays with their shapes, in the order in which they are written.
     pub fn shapes(&self) -> [(&'static str, Vec<usize>); ARRAYS] {
         [
-            ("av", vec![self.history, STATE]),
+            ("av", vec![self.frames, STATE]),
             ("av_size", vec![2]),
-            ("agents", vec![self.agents, self.history, STATE]),
+            ("agents", vec![self.agents, self.frames, STATE]),
             ("agent_features", vec![self.agents, AGENT]),
             ("lanes", vec![self.lanes, self.points, POINT]),
             ("lane_features", vec![self.lanes, LANE]),
@@ -97,8 +97,6 @@ impl Arrays {
 #[derive(Clone, Debug)]
 struct Piece {
     lane: usize,
-    /// Middle, metres.
-    middle: Vec2,
     /// Points with the direction there.
     points: Vec<(Vec2, Vec2)>,
     is_connector: bool,
@@ -109,9 +107,35 @@ struct Piece {
 #[derive(Clone, Debug)]
 pub(super) struct SceneArrays {
     pieces: Vec<Piece>,
+    /// Middle of each piece, metres.
+    middles: Vec<Vec2>,
     /// Lights per lane that has some.
     lights_of_lane: Vec<Vec<usize>>,
-    route: Option<Polyline>,
+    route: Option<Route>,
+}
+
+/// The path of the logged AV, without its times.
+#[derive(Clone, Debug)]
+struct Route {
+    path: Polyline,
+    /// Direction of each segment.
+    ahead: Vec<Vec2>,
+}
+
+/// Directions of the headings of all agents at all frames so far. They are computed once per frame, since
+/// every observation has many frames of many agents.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Directions(Vec<Vec<Vec2>>);
+
+impl Directions {
+    /// Adds the frames since the last call.
+    pub(super) fn follow(&mut self, seen: &Observation<'_>) {
+        self.0.resize_with(seen.tracks().len(), Vec::new);
+        for (known, track) in self.0.iter_mut().zip(seen.tracks()) {
+            let new = &track[known.len()..];
+            known.extend(new.iter().map(|frame| frame.map_or_else(Vec2::zeros, |at| direction(at.heading))));
+        }
+    }
 }
 
 impl SceneArrays {
@@ -119,7 +143,7 @@ impl SceneArrays {
     /// times.
     pub(super) fn new(scenario: &Scenario, points: usize) -> Self {
         let map = &scenario.start.map;
-        let mut pieces = Vec::new();
+        let (mut pieces, mut middles) = (Vec::new(), Vec::new());
         for (lane, recorded) in map.lanes.iter().enumerate() {
             let (line, length) = (&recorded.baseline, LANE_SPACING * (points - 1) as f64);
             let count = (line.length() / length).ceil().max(1.0);
@@ -132,9 +156,9 @@ impl SceneArrays {
                     (line.at(s), direction(line.heading_at(s)))
                 };
                 let points: Vec<_> = (0..points).map(at).collect();
+                middles.push(line.at((first as f64 + 0.5 * (points.len() - 1) as f64) * spacing));
                 pieces.push(Piece {
                     lane,
-                    middle: line.at((first as f64 + 0.5 * (points.len() - 1) as f64) * spacing),
                     points,
                     is_connector: recorded.kind == LaneKind::Connector,
                     speed_limit: recorded.speed_limit.unwrap_or(0.0),
@@ -147,13 +171,17 @@ impl SceneArrays {
                 lights.push(i);
             }
         }
-        Self { pieces, lights_of_lane, route: logged_path(scenario) }
+        let route = logged_path(scenario).map(|path| {
+            let ahead = (0..path.segments()).map(|segment| direction(path.heading(segment))).collect();
+            Route { path, ahead }
+        });
+        Self { pieces, middles, lights_of_lane, route }
     }
 
     /// Returns the length of the route up to the point nearest to `p`, metres; 0 without a route. Points
     /// beyond an end count with their distance along it.
     pub(super) fn progress(&self, p: Vec2) -> f64 {
-        self.route.as_ref().map_or(0.0, |route| {
+        self.route.as_ref().map_or(0.0, |Route { path: route, .. }| {
             let found = route.project(p);
             let last = route.at(route.length());
             let beyond = (p - last).dot(&direction(route.heading_at(route.length())));
@@ -161,8 +189,16 @@ impl SceneArrays {
         })
     }
 
-    /// Appends the observation of agent `own` to the arrays; zeros if it is absent.
-    pub(super) fn write(&self, seen: &Observation<'_>, own: usize, sizes: &Sizes, arrays: &mut Arrays) {
+    /// Appends the observation of agent `own` to the arrays; zeros if it is absent. `directions` have all
+    /// frames that are seen.
+    pub(super) fn write(
+        &self,
+        seen: &Observation<'_>,
+        directions: &Directions,
+        own: usize,
+        sizes: &Sizes,
+        arrays: &mut Arrays,
+    ) {
         let lengths = sizes.shapes().map(|(_, shape)| shape.iter().product::<usize>());
         let first: [usize; ARRAYS] = std::array::from_fn(|i| arrays.0[i].len());
         for (array, length) in arrays.0.iter_mut().zip(lengths) {
@@ -170,28 +206,30 @@ impl SceneArrays {
         }
         let Some(now) = seen.state(own) else { return };
         let frame = LocalFrame { origin: now.position(), ahead: direction(now.heading) };
+        let track = |i: usize| (seen.track(i), directions.0[i].as_slice());
         let [av, av_size, agents, features, lanes, lane_features, lights, route] = &mut arrays.0;
         let agent = &seen.start().agents[own];
-        write_track(&mut av[first[0]..], seen, own, sizes.history, &frame);
+        write_track(&mut av[first[0]..], track(own), sizes.frames, &frame);
         av_size[first[1]..].copy_from_slice(&[agent.length as f32, agent.width as f32]);
         let others = nearest(sizes.agents, seen.tracks().len(), |i| {
             let state = seen.state(i).filter(|_| i != own)?;
             Some((state.position() - frame.origin).norm_squared())
         });
         for (row, &i) in others.iter().enumerate() {
-            let at = first[2] + row * sizes.history * STATE;
-            write_track(&mut agents[at..], seen, i, sizes.history, &frame);
+            let at = first[2] + row * sizes.frames * STATE;
+            write_track(&mut agents[at..], track(i), sizes.frames, &frame);
             write_agent(&mut features[first[3] + row * AGENT..], seen, i);
         }
-        let near = nearest(sizes.lanes, self.pieces.len(), |i| {
-            Some((self.pieces[i].middle - frame.origin).norm_squared())
+        let near = nearest(sizes.lanes, self.middles.len(), |i| {
+            Some((self.middles[i] - frame.origin).norm_squared())
         });
         for (row, &i) in near.iter().enumerate() {
             let piece = &self.pieces[i];
             let at = first[4] + row * sizes.points * POINT;
-            for (values, &(p, ahead)) in lanes[at..].chunks_mut(POINT).zip(&piece.points) {
+            let points = lanes[at..].as_chunks_mut::<POINT>().0;
+            for (values, &(p, ahead)) in points.iter_mut().zip(&piece.points) {
                 let ([x, y], [cos, sin]) = (frame.point(p), frame.vector(ahead));
-                values.copy_from_slice(&[x, y, cos, sin]);
+                *values = [x, y, cos, sin];
             }
             let mut of_lane = [0.0_f32; 3];
             for &light in &self.lights_of_lane[piece.lane] {
@@ -209,15 +247,16 @@ impl SceneArrays {
             let ([x, y], [red, yellow, green]) = (frame.point(all[i].stop_point), colors(seen, i));
             lights[first[6] + row * LIGHT..][..LIGHT].copy_from_slice(&[x, y, red, yellow, green, 1.0]);
         }
-        if let Some(path) = &self.route {
+        if let Some(Route { path, ahead }) = &self.route {
             let s = path.project(frame.origin).s;
             for (k, values) in route[first[7]..].chunks_mut(ROUTE).enumerate() {
                 let s = s + ROUTE_SPACING * (k + 1) as f64;
                 if s > path.length() {
                     break;
                 }
+                let segment = path.segment_at(s);
                 let ([x, y], [cos, sin]) =
-                    (frame.point(path.at(s)), frame.vector(direction(path.heading_at(s))));
+                    (frame.point(path.on_segment(s, segment)), frame.vector(ahead[segment]));
                 values.copy_from_slice(&[x, y, cos, sin, 1.0]);
             }
         }
@@ -252,30 +291,37 @@ impl LocalFrame {
     }
 }
 
-/// Returns up to `most` of `count` indices with a distance, nearest first.
+/// Returns up to `most` of `count` indices with a distance, 0 or more, nearest first.
 fn nearest(most: usize, count: usize, distance: impl Fn(usize) -> Option<f64>) -> Vec<usize> {
-    let mut found: Vec<(f64, usize)> = (0..count).filter_map(|i| Some((distance(i)?, i))).collect();
     if most == 0 {
         return Vec::new();
     }
-    let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    let mut found: Vec<(u64, usize)> = Vec::with_capacity(count);
+    // The bits of numbers that are not negative are in the order of the numbers.
+    found.extend((0..count).filter_map(|i| Some((distance(i)?.to_bits(), i))));
     if found.len() > most {
-        found.select_nth_unstable_by(most - 1, order);
+        found.select_nth_unstable(most - 1);
         found.truncate(most);
     }
-    found.sort_unstable_by(order);
+    found.sort_unstable();
     found.into_iter().map(|(_, i)| i).collect()
 }
 
-/// Writes the last `frames` frames of an agent, oldest first; those before its first frame stay 0.
-fn write_track(values: &mut [f32], seen: &Observation<'_>, agent: usize, frames: usize, frame: &LocalFrame) {
-    let track = seen.track(agent);
+/// Writes the last `frames` frames of an agent with the directions of its headings, oldest first; those before
+/// its first frame stay 0.
+fn write_track(
+    values: &mut [f32],
+    (track, directions): (&[Frame], &[Vec2]),
+    frames: usize,
+    frame: &LocalFrame,
+) {
     let (first, absent) = (track.len().saturating_sub(frames), frames.saturating_sub(track.len()));
-    for (state, values) in track[first..].iter().zip(values.chunks_mut(STATE).skip(absent)) {
+    let rows = values.as_chunks_mut::<STATE>().0.iter_mut().skip(absent);
+    for ((state, ahead), values) in track[first..].iter().zip(&directions[first..]).zip(rows) {
         let Some(state) = state else { continue };
-        let ([x, y], [cos, sin]) = (frame.point(state.position()), frame.vector(direction(state.heading)));
+        let ([x, y], [cos, sin]) = (frame.point(state.position()), frame.vector(*ahead));
         let [vx, vy] = frame.vector(AgentState::velocity(state).unwrap_or_default());
-        values.copy_from_slice(&[x, y, cos, sin, vx, vy, 1.0]);
+        *values = [x, y, cos, sin, vx, vy, 1.0];
     }
 }
 

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use super::action::{ActionKind, Mover};
-use super::arrays::{Arrays, SceneArrays, Sizes};
+use super::arrays::{Arrays, Directions, SceneArrays, Sizes};
 use super::traffic::{Traffic, is_broken_off, reason};
 use super::wire::{RequestError, missing, refused};
 use crate::evaluation::{DeviationLabels, Row, judge_in_memory};
@@ -88,6 +88,7 @@ struct Slot {
     next: Rc<Cell<Option<AgentState>>>,
     mover: Mover,
     judge: SampleJudge,
+    directions: Directions,
     /// Length of the route up to the AV, metres.
     progress: f64,
     end: Option<End>,
@@ -322,11 +323,13 @@ impl Environment {
     }
 
     /// Returns the observations of slots.
-    pub fn observe(&self, slots: impl ExactSizeIterator<Item = usize>) -> Arrays {
-        let mut arrays = Arrays::with_capacity(&self.settings.sizes, slots.len());
+    pub fn observe(&mut self, slots: impl ExactSizeIterator<Item = usize>) -> Arrays {
+        let sizes = &self.settings.sizes;
+        let mut arrays = Arrays::with_capacity(sizes, slots.len());
         for i in slots {
-            let prepared = &self.slots[i].prepared;
-            prepared.arrays.write(&self.lockstep.seen(i), AV, &self.settings.sizes, &mut arrays);
+            let (Slot { prepared, directions, .. }, seen) = (&mut self.slots[i], self.lockstep.seen(i));
+            directions.follow(&seen);
+            prepared.arrays.write(&seen, directions, AV, sizes, &mut arrays);
         }
         arrays
     }
@@ -380,7 +383,8 @@ impl Environment {
         let judge = SampleJudge::new(ego_states_until_now(track, &prepared.shape));
         let progress = prepared.arrays.progress(scenario.start.now(AV).position());
         let (mover, next) = (mover.ok_or_else(absent)?, Rc::new(Cell::new(None)));
-        Ok(Slot { scenario, prepared, next, mover, judge, progress, end: None })
+        let directions = Directions::default();
+        Ok(Slot { scenario, prepared, next, mover, judge, directions, progress, end: None })
     }
 }
 
@@ -466,7 +470,7 @@ mod tests {
     fn environment(scenarios: Vec<Arc<Scenario>>, every: usize) -> Result<Environment, RequestError> {
         let id = "constant-velocity".to_owned();
         let controller = crate::models::find(&id).unwrap().simulator().unwrap();
-        let sizes = Sizes { agents: 1, history: 30, lanes: 1, points: 2, lights: 0, route: 0 };
+        let sizes = Sizes { agents: 1, frames: 30, lanes: 1, points: 2, lights: 0, route: 0 };
         let settings = EnvironmentSettings {
             traffic: Traffic { id, controller, settings: Settings::default() },
             action: ActionKind::Bicycle,

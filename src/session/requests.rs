@@ -94,7 +94,8 @@ pub(super) fn reset(request: &Frame, environment: &mut Option<Environment>) -> A
     }
     environment.reset(&episodes)?;
     let mut answer = FrameWriter::new("observation");
-    put_observations(&mut answer, environment, 0..environment.slots());
+    let slots = 0..environment.slots();
+    put_observations(&mut answer, environment, slots);
     Ok(answer)
 }
 
@@ -117,7 +118,8 @@ pub(super) fn step(request: &Frame, environment: &mut Option<Environment>) -> An
         request.floats("actions", &[environment.slots(), environment.settings().action.values()])?;
     let stepped = environment.step(&actions, &episodes)?;
     let mut answer = answer("stepped", &ends(environment, &stepped)?)?;
-    put_observations(&mut answer, environment, 0..environment.slots());
+    let slots = 0..environment.slots();
+    put_observations(&mut answer, environment, slots);
     let measures = stepped.iter().flat_map(|one| one.measures);
     answer.tensor("measures", Values::f64(&[stepped.len(), MEASURES.len()], measures));
     let flag = |is_so: fn(&End) -> bool| {
@@ -213,7 +215,8 @@ pub(super) fn reset_world(request: &Frame, world: &mut Option<World>) -> Answer 
     let [agents, _] = world.actions();
     let ids: Vec<&str> = scenario.start.agents[1..=agents].iter().map(|agent| agent.id.as_str()).collect();
     let mut answer = answer("observation", &ids)?;
-    put_arrays(&mut answer, world.sizes(), agents, world.observe());
+    let arrays = world.observe();
+    put_arrays(&mut answer, world.sizes(), agents, &arrays);
     Ok(answer)
 }
 
@@ -224,7 +227,8 @@ pub(super) fn step_world(request: &Frame, world: &mut Option<World>) -> Answer {
     let stepped = world.step(&request.floats("actions", &shape)?)?;
     let end = stepped.is_over.then(|| end_document(world.scores())).transpose()?;
     let mut answer = answer("stepped", &end)?;
-    put_arrays(&mut answer, world.sizes(), shape[0], world.observe());
+    let arrays = world.observe();
+    put_arrays(&mut answer, world.sizes(), shape[0], &arrays);
     let measures = stepped.measures.iter().flatten().copied();
     answer.tensor("measures", Values::f64(&[shape[0], AGENT_MEASURES.len()], measures));
     Ok(answer)
@@ -304,18 +308,18 @@ fn shapes(sizes: &Sizes) -> Value {
 /// Adds the observations of slots.
 fn put_observations(
     answer: &mut FrameWriter,
-    environment: &Environment,
+    environment: &mut Environment,
     slots: impl ExactSizeIterator<Item = usize>,
 ) {
-    let rows = slots.len();
-    put_arrays(answer, &environment.settings().sizes, rows, environment.observe(slots));
+    let (rows, arrays) = (slots.len(), environment.observe(slots));
+    put_arrays(answer, &environment.settings().sizes, rows, &arrays);
 }
 
 /// Adds arrays of observations with this number of rows.
-fn put_arrays(answer: &mut FrameWriter, sizes: &Sizes, rows: usize, arrays: Arrays) {
-    for ((name, shape), values) in sizes.shapes().into_iter().zip(arrays.0) {
+fn put_arrays(answer: &mut FrameWriter, sizes: &Sizes, rows: usize, arrays: &Arrays) {
+    for ((name, shape), values) in sizes.shapes().into_iter().zip(&arrays.0) {
         let shape: Vec<usize> = std::iter::once(rows).chain(shape).collect();
-        answer.tensor(name, Values::f32(&shape, values));
+        answer.tensor(name, Values::f32(&shape, values.iter().copied()));
     }
 }
 

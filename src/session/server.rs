@@ -140,7 +140,7 @@ mod tests {
 
     /// Arguments of an environment with small arrays.
     fn environment(action: &Value, simulator: &str) -> Value {
-        let sizes = json!({ "agents": 3, "history": 2, "lanes": 4, "points": 3, "lights": 1, "route": 2 });
+        let sizes = json!({ "agents": 3, "frames": 2, "lanes": 4, "points": 3, "lights": 1, "route": 2 });
         let traffic = json!({
             "simulator": simulator, "batches": 2, "external_limit": null, "weights": {}, "parameters": {},
             "replan": "2hz", "av_lookahead": true, "seed": 0,

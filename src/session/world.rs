@@ -6,7 +6,7 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 
 use super::action::{ActionKind, Mover};
-use super::arrays::{Arrays, SceneArrays, Sizes};
+use super::arrays::{Arrays, Directions, SceneArrays, Sizes};
 use super::traffic::{Traffic, reason};
 use super::wire::{RequestError, missing, refused};
 use crate::evaluation::{Plan, Row, judge_in_memory};
@@ -60,6 +60,7 @@ pub struct World {
 struct WorldEpisode {
     scenario: Arc<Scenario>,
     arrays: SceneArrays,
+    directions: Directions,
     lockstep: Lockstep<'static, Arc<Scenario>>,
     /// Motion of each agent that actions move.
     movers: Vec<Mover>,
@@ -263,7 +264,8 @@ impl World {
         let beginning = RolloutBeginning { scenario: Arc::clone(&scenario), av, rollout };
         let lockstep = Lockstep::begin([beginning], &self.controller, &self.settings);
         let arrays = SceneArrays::new(&scenario, self.sizes.points);
-        let new = WorldEpisode { scenario: Arc::clone(&scenario), arrays, lockstep, movers };
+        let (scenario_of, directions) = (Arc::clone(&scenario), Directions::default());
+        let new = WorldEpisode { scenario: scenario_of, arrays, directions, lockstep, movers };
         match self.episode.insert(new).lockstep.failure(0) {
             Some(error) => refused(reason(&self.id, error)),
             None => Ok(scenario),
@@ -303,12 +305,13 @@ impl World {
     }
 
     /// Returns the observation of each agent that actions move.
-    pub fn observe(&self) -> Arrays {
+    pub fn observe(&mut self) -> Arrays {
         let mut arrays = Arrays::with_capacity(&self.sizes, self.actions()[0]);
-        if let Some(episode) = &self.episode {
-            let seen = episode.lockstep.seen(0);
-            for agent in AV + 1..=episode.movers.len() {
-                episode.arrays.write(&seen, agent, &self.sizes, &mut arrays);
+        if let Some(WorldEpisode { arrays: of_scene, directions, lockstep, movers, .. }) = &mut self.episode {
+            let seen = lockstep.seen(0);
+            directions.follow(&seen);
+            for agent in AV + 1..=movers.len() {
+                of_scene.write(&seen, directions, agent, &self.sizes, &mut arrays);
             }
         }
         arrays
@@ -390,7 +393,7 @@ mod tests {
             spec.subject.av = Some(av);
             spec.plan(RunParts::default()).unwrap()
         };
-        let sizes = Sizes { agents: 2, history: 1, lanes: 2, points: 2, lights: 1, route: 0 };
+        let sizes = Sizes { agents: 2, frames: 1, lanes: 2, points: 2, lights: 1, route: 0 };
         let (action, scores) = (ActionKind::State, Some(Options::default()));
         World::new(scenarios, WorldSettings { plan, traffic, controlled, action, sizes, scores })
     }

@@ -9,7 +9,7 @@ use super::collisions::{FirstContact, collisions};
 use super::comfort::{ComfortFilters, comfort};
 use super::context::Context;
 use super::drivable_area::drivable_area;
-use super::time_to_collision::time_to_collision;
+use super::time_to_collision::{is_within_reach, time_to_collision};
 use super::{History, MIN_SAMPLES, MetricValue, MissingInputs};
 
 /// Number of samples of ego from which its comfort is judged: the longest filter of the metric.
@@ -57,7 +57,10 @@ impl SampleJudge {
     ) -> SampleScores {
         self.ego.push(ego);
         self.ego.drain(..self.ego.len().saturating_sub(COMFORT_SAMPLES));
-        objects.retain(|object| !self.collided.contains(&object.id));
+        let (footprint, speed) = (ego.footprint(&shape), ego.speed());
+        objects.retain(|object| {
+            is_within_reach(&footprint, speed, object) && !self.collided.contains(&object.id)
+        });
         let present = History {
             map,
             shape,

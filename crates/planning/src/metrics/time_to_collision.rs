@@ -94,6 +94,14 @@ fn projected(context: &Context<'_>, collisions: &Collisions, step: usize) -> Opt
     })
 }
 
+/// Returns whether an object is near enough for a contact within the horizon. Most are not, and their boxes need
+/// not be made.
+pub(super) fn is_within_reach(footprint: &OrientedBox, speed: f64, object: &TrackedObject) -> bool {
+    let radii = footprint.radius() + 0.5 * (object.length + object.width);
+    let reach = radii + PROJECTION_HORIZON * (speed + object.speed());
+    (object.center - footprint.center).norm() <= reach
+}
+
 /// Returns the box that contains a box throughout the horizon.
 fn sweep(footprint: &OrientedBox, speed: f64) -> OrientedBox {
     let half_travel = 0.5 * speed * PROJECTION_HORIZON;
