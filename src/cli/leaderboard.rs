@@ -17,7 +17,8 @@ Examples:
   reactsim leaderboard references/reactsim-bench-v1 entries/* --html leaderboard.html
 
 An entry is a run folder (`reactsim run --out`) on a whole benchmark, with the settings of the \
-first entry. It is verified if it has rollouts (--keep-rollouts) that reproduce its numbers.";
+first entry. It is verified if it has rollouts (--keep-rollouts) that reproduce its numbers. Methods \
+are ranked by Pareto fronts of collisions with the AV, ADE and progress.";
 
 /// Arguments of `leaderboard`.
 #[derive(Debug, Args)]

@@ -1,4 +1,4 @@
-//! A leaderboard: the simulators of several entries in one table, by increasing collisions with the AV.
+//! A leaderboard: the simulators of several entries in one table, by their Pareto rank.
 
 mod page;
 
@@ -15,8 +15,8 @@ use reactsim_evaluation::{BenchmarkRecord, Estimate, Summary, TableMarks};
 
 pub use page::write_page;
 
-/// Metric by which the lines are sorted.
-const SORT_METRIC: &str = "aav-collision";
+/// Metrics of the ranks: safety, realism and progress.
+const OBJECTIVES: [&str; 3] = ["aav-collision", "ade", "progress"];
 
 /// Formats of a leaderboard on stdout.
 pub const FORMS: [&str; 3] = ["markdown", "csv", "json"];
@@ -28,25 +28,102 @@ struct Line<'a> {
     title: &'a str,
     marks: TableMarks,
     metrics: &'a BTreeMap<String, Estimate>,
+    /// The Pareto rank, from 1; `None` for oracles, and without a value of every objective.
+    rank: Option<usize>,
 }
 
 impl Line<'_> {
+    /// Returns the values of the objectives, less is better.
+    fn costs(&self) -> Option<[f64; OBJECTIVES.len()]> {
+        if self.marks.is_oracle() {
+            return None;
+        }
+        let cost = |metric: &'static str| {
+            let sign = if Column::benchmark(metric).kind().1 { 1.0 } else { -1.0 };
+            Some(sign * self.mean(metric)?)
+        };
+        let [safety, realism, progress] = OBJECTIVES.map(cost);
+        Some([safety?, realism?, progress?])
+    }
+
     fn mean(&self, metric: &str) -> Option<f64> {
         self.metrics.get(metric).and_then(|e| e.mean)
     }
 }
 
-/// Returns all lines, sorted by collisions with the AV, then in the order of the entries.
-fn lines(entries: &[Entry]) -> Vec<Line<'_>> {
-    let mut lines: Vec<Line<'_>> = entries.iter().flat_map(lines_of).collect();
-    let key = |line: &Line<'_>| line.mean(SORT_METRIC).unwrap_or(f64::INFINITY);
-    lines.sort_by(|a, b| key(a).total_cmp(&key(b)));
-    lines
+/// The lines of a leaderboard.
+struct Lines<'a> {
+    /// By rank, then by collisions with the AV, then in the order of the entries; those without a rank last.
+    shown: Vec<Line<'a>>,
+    /// Number of lines that repeat one of an earlier entry: the same simulator with the same numbers.
+    repeated: usize,
+}
+
+impl<'a> Lines<'a> {
+    fn of(entries: &'a [Entry]) -> Self {
+        let mut shown: Vec<Line<'_>> = Vec::new();
+        let mut repeated = 0;
+        for line in entries.iter().flat_map(lines_of) {
+            if shown.iter().any(|earlier| earlier.id == line.id && earlier.metrics == line.metrics) {
+                repeated += 1;
+            } else {
+                shown.push(line);
+            }
+        }
+        let costs: Vec<_> = shown.iter().map(Line::costs).collect();
+        for (line, rank) in shown.iter_mut().zip(ranks(&costs)) {
+            line.rank = rank;
+        }
+        let collisions = |line: &Line<'_>| line.mean(OBJECTIVES[0]).unwrap_or(f64::INFINITY);
+        let rank = |line: &Line<'_>| line.rank.unwrap_or(usize::MAX);
+        shown.sort_by(|a, b| rank(a).cmp(&rank(b)).then(collisions(a).total_cmp(&collisions(b))));
+        Self { shown, repeated }
+    }
+
+    /// Explains the ranks, and which lines are left out.
+    fn legend(&self) -> Vec<String> {
+        let titles = OBJECTIVES.map(|metric| Column::benchmark(metric).title()).join(", ");
+        let mut all = vec![format!(
+            "Rank 1: no other method is at least as good in {titles} and better in one; rank 2: the same without \
+             those of rank 1, and so on. Oracles have no rank"
+        )];
+        if self.repeated > 0 {
+            all.push(format!("{} of an earlier entry left out", count(self.repeated, "repetition")));
+        }
+        all
+    }
+}
+
+/// Returns the Pareto rank of each line with costs.
+fn ranks<const N: usize>(costs: &[Option<[f64; N]>]) -> Vec<Option<usize>> {
+    let is_better = |a: &[f64; N], b: &[f64; N]| {
+        let mut pairs = a.iter().zip(b);
+        pairs.clone().all(|(a, b)| a <= b) && pairs.any(|(a, b)| a < b)
+    };
+    let mut ranks = vec![None; costs.len()];
+    for rank in 1..=costs.len() {
+        let left = |i: &usize| ranks[*i].is_none() && costs[*i].is_some();
+        let open: Vec<usize> = (0..costs.len()).filter(left).collect();
+        let is_beaten = |i: usize| {
+            let beats = |other: usize| Some(is_better(costs[other].as_ref()?, costs[i].as_ref()?));
+            open.iter().any(|&other| beats(other) == Some(true))
+        };
+        let front: Vec<usize> = open.iter().copied().filter(|&i| !is_beaten(i)).collect();
+        front.into_iter().for_each(|i| ranks[i] = Some(rank));
+    }
+    ranks
 }
 
 fn lines_of(entry: &Entry) -> Vec<Line<'_>> {
     let order = entry.summary.order();
-    order.map(|(id, title, s)| Line { entry, id, title, marks: s.marks(), metrics: &s.metrics }).collect()
+    order
+        .map(|(id, title, s)| Line { entry, id, title, marks: s.marks(), metrics: &s.metrics, rank: None })
+        .collect()
+}
+
+/// Returns a rank as the text of a cell.
+fn rank_text(rank: Option<usize>) -> String {
+    rank.map_or_else(|| "–".to_owned(), |rank| rank.to_string())
 }
 
 /// Returns the columns for which at least one entry has a number.
@@ -94,19 +171,23 @@ pub fn write(entries: &[Entry], form: &str, out: &mut dyn Write) -> io::Result<(
 }
 
 fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
-    let (columns, lines) = (columns(entries), lines(entries));
-    let mut head = vec!["Entry".to_owned(), "Method".to_owned(), "Status".to_owned()];
+    let (columns, lines) = (columns(entries), Lines::of(entries));
+    let mut head = ["Rank", "Entry", "Method", "Status"].map(str::to_owned).to_vec();
     head.extend(columns.iter().map(Column::head));
     let mut rows = vec![head];
-    for line in &lines {
-        let mut row = vec![escape(&line.entry.name), method(line.title, line.marks)];
+    for line in &lines.shown {
+        let name = escape(&line.entry.name);
+        let mut row = vec![rank_text(line.rank), name, method(line.title, line.marks)];
         row.push(line.entry.status.name().to_owned());
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
         rows.push(row);
     }
-    write_aligned(out, &rows, 3)?;
+    write_aligned(out, &rows, 4)?;
     writeln!(out)?;
-    legend(out, lines.iter().map(|l| l.marks))?;
+    legend(out, lines.shown.iter().map(|l| l.marks))?;
+    for text in lines.legend() {
+        writeln!(out, "{text}.")?;
+    }
     for text in status_legend(entries) {
         writeln!(out, "{text}.")?;
     }
@@ -115,15 +196,17 @@ fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
 
 fn write_csv(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     let columns = columns(entries);
-    write!(out, "entry,simulator,method,oracle,status")?;
+    write!(out, "rank,entry,simulator,method,oracle,status")?;
     for c in &columns {
         write!(out, ",{0},{0}-low,{0}-high", c.metric)?;
     }
     writeln!(out)?;
     let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
-    for line in lines(entries) {
+    for line in Lines::of(entries).shown {
         let (entry, status) = (quote(&line.entry.name), line.entry.status.name());
-        write!(out, "{entry},{},{},{},{status}", quote(line.id), quote(line.title), line.marks.is_oracle())?;
+        let rank = line.rank.map(|rank| rank.to_string()).unwrap_or_default();
+        let (id, title) = (quote(line.id), quote(line.title));
+        write!(out, "{rank},{entry},{id},{title},{},{status}", line.marks.is_oracle())?;
         for c in &columns {
             let e = line.metrics.get(c.metric).copied().unwrap_or_default();
             write!(out, ",{},{},{}", number(e.mean), number(e.low), number(e.high))?;
@@ -141,6 +224,7 @@ struct JsonBoard<'a> {
 
 #[derive(Serialize)]
 struct JsonLine<'a> {
+    rank: Option<usize>,
     entry: &'a str,
     simulator: &'a str,
     method: &'a str,
@@ -150,7 +234,8 @@ struct JsonLine<'a> {
 }
 
 fn write_json(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
-    let lines = lines(entries).into_iter().map(|line| JsonLine {
+    let lines = Lines::of(entries).shown.into_iter().map(|line| JsonLine {
+        rank: line.rank,
         entry: &line.entry.name,
         simulator: line.id,
         method: line.title,
@@ -161,4 +246,24 @@ fn write_json(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     let board = JsonBoard { benchmark: entries.first().map(|e| &e.benchmark), lines: lines.collect() };
     serde_json::to_writer_pretty(&mut *out, &board)?;
     writeln!(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_method_that_another_beats_has_a_later_rank() {
+        let costs = [
+            Some([0.1, 2.0, -0.9]),
+            Some([0.2, 1.0, -0.9]),
+            // Worse than the first, equal to the second.
+            Some([0.2, 2.0, -0.9]),
+            None,
+            Some([0.2, 1.0, -0.9]),
+            // Worse than the third, too.
+            Some([0.3, 2.0, -0.9]),
+        ];
+        assert_eq!(ranks(&costs), [Some(1), Some(1), Some(2), None, Some(1), Some(3)]);
+    }
 }

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use super::super::birdseye::escape;
 use super::super::markdown::{cell, marks};
 use super::super::table::Column;
-use super::{Line, about, columns, lines, status_legend};
+use super::{Line, Lines, about, columns, rank_text, status_legend};
 
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("sort.js");
@@ -28,7 +28,7 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         digest(SCRIPT),
         digest(STYLE)
     );
-    let (columns, lines) = (columns(entries), lines(entries));
+    let (columns, lines) = (columns(entries), Lines::of(entries));
     let benchmark = entries.first().map(|e| e.benchmark.to_string()).unwrap_or_default();
     let title = escape(&format!("Leaderboard: {benchmark}"));
     writeln!(
@@ -40,17 +40,16 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
          <link rel=\"icon\" href=\"data:,\">\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n\
          <div class=\"wide\"><table>\n<thead><tr>"
     )?;
-    for head in
-        ["Entry", "Method", "Status"].map(str::to_owned).into_iter().chain(columns.iter().map(Column::head))
-    {
+    let texts = ["Rank", "Entry", "Method", "Status"].map(str::to_owned);
+    for head in texts.into_iter().chain(columns.iter().map(Column::head)) {
         write!(out, "<th scope=\"col\" aria-sort=\"none\"><button>{}</button></th>", escape(&head))?;
     }
     writeln!(out, "</tr></thead>\n<tbody>")?;
-    for line in &lines {
+    for line in &lines.shown {
         row(out, &columns, line)?;
     }
     writeln!(out, "</tbody>\n</table></div>")?;
-    for text in marks(lines.iter().map(|l| l.marks)) {
+    for text in marks(lines.shown.iter().map(|l| l.marks)) {
         writeln!(out, "<p>{text}.</p>")?;
     }
     writeln!(
@@ -58,6 +57,9 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         "<p>Means over scenarios ± half the width of the 95 % bootstrap interval; \
          ↓ less is better, ↑ more is.</p>"
     )?;
+    for text in lines.legend() {
+        writeln!(out, "<p>{}.</p>", escape(&text))?;
+    }
     for text in status_legend(entries) {
         writeln!(out, "<p>{text}.</p>")?;
     }
@@ -70,7 +72,9 @@ fn row(out: &mut dyn Write, columns: &[Column], line: &Line<'_>) -> io::Result<(
     let status = line.entry.status.name();
     write!(
         out,
-        "<tr><td>{}</td><td>{}{mark}</td><td class=\"{status}\">{status}</td>",
+        "<tr><td data-value=\"{}\">{}</td><td>{}</td><td>{}{mark}</td><td class=\"{status}\">{status}</td>",
+        line.rank.map(|rank| rank.to_string()).unwrap_or_default(),
+        rank_text(line.rank),
         escape(&line.entry.name),
         escape(line.title)
     )?;
