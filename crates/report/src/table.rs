@@ -230,6 +230,30 @@ pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
     runs.iter().map(|run| format!("{}{}", name(run), provenance(run))).collect()
 }
 
+/// Returns the numbers of scenarios of columns that could not be judged in all of them, if there are such: the
+/// means of two lines may then be of different scenarios.
+pub(super) fn unequal<'a>(columns: impl IntoIterator<Item = (&'a Column, Vec<Line<'a>>)>) -> Option<String> {
+    let counted = |(column, lines): (&Column, Vec<Line<'_>>)| {
+        let of = |line: &Line<'_>| {
+            let estimate = line.metrics.get(column.metric).filter(|e| e.mean.is_some())?;
+            Some((estimate.scenarios, line.scenarios))
+        };
+        let judged: Vec<(usize, usize)> = lines.iter().filter_map(of).collect();
+        let counts = || judged.iter().map(|(judged, _)| *judged);
+        let (least, most) = (counts().min()?, counts().max()?);
+        let is_less = judged.iter().any(|(judged, all)| judged < all);
+        let range = if least == most { least.to_string() } else { format!("{least} to {most}") };
+        is_less.then(|| format!("{} {range}", column.title()))
+    };
+    let counts: Vec<String> = columns.into_iter().filter_map(counted).collect();
+    (!counts.is_empty()).then(|| {
+        format!(
+            "Means of fewer scenarios: {}; `reactsim compare` takes those that both rows have",
+            counts.join(", ")
+        )
+    })
+}
+
 /// Returns the marks that these simulators have.
 pub(super) fn marked(of: impl IntoIterator<Item = TableMarks>) -> impl Iterator<Item = Mark> {
     let found: Vec<Mark> = of.into_iter().flat_map(TableMarks::marks).collect();
@@ -412,4 +436,44 @@ pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
 /// Returns a count with its noun in singular or plural.
 pub(super) fn count(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_evaluation::Access;
+
+    use super::*;
+
+    #[test]
+    fn means_of_fewer_scenarios_are_named() {
+        let estimate = |scenarios| Estimate {
+            mean: Some(1.0).filter(|_| scenarios > 0),
+            scenarios,
+            ..Estimate::default()
+        };
+        let metrics = |ade, progress, over_reaction| {
+            [("ade", ade), ("progress", progress), ("over-reaction", over_reaction)]
+                .map(|(id, scenarios)| (id.to_owned(), estimate(scenarios)))
+                .into()
+        };
+        // Nothing could be judged in the first one.
+        let all: [BTreeMap<String, Estimate>; 3] =
+            [metrics(30, 28, 0), metrics(30, 28, 29), metrics(30, 28, 27)];
+        let line = |metrics| Line {
+            run: None,
+            av: None,
+            group: 0,
+            title: "",
+            marks: TableMarks { access: Access::Blind, is_allowed: false },
+            scenarios: 30,
+            failed: 0,
+            metrics,
+        };
+        let columns = ["ade", "progress", "over-reaction"].map(|id| Column::of(id).unwrap());
+        let note = unequal(columns.iter().map(|column| (column, all.iter().map(line).collect())));
+        let expected = "Means of fewer scenarios: Progress 28, Over-r. 27 to 29; `reactsim compare` takes those that both \
+                        rows have";
+        assert_eq!(note.as_deref(), Some(expected));
+        assert_eq!(unequal([(&columns[0], all.iter().map(line).collect())]), None);
+    }
 }
