@@ -24,10 +24,15 @@ const STEP_DELAY: Duration = Duration::from_secs(2);
 const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {left}{prefix}{msg}";
 const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{prefix}{msg}";
 
-/// Bar with the number of scenarios, and the preliminary table of a run below it. Hidden if stderr is not a
-/// terminal. Failures are always printed.
+/// Time until the first line of progress without a terminal, and between the others.
+const LINE_INTERVALS: [Duration; 2] = [Duration::from_secs(10), Duration::from_secs(30)];
+
+/// Bar with the number of scenarios, and the preliminary table of a run below it. If stderr is not a terminal,
+/// lines in place of the bar. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
+    began: Instant,
+    next_line: Mutex<Duration>,
     failures: AtomicUsize,
     /// Time of the last finished scenario.
     last_done: Mutex<Instant>,
@@ -49,7 +54,9 @@ impl Progress {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self { bar, failures: AtomicUsize::new(0), last_done: Mutex::new(Instant::now()), table: None }
+        let (began, failures, table) = (Instant::now(), AtomicUsize::new(0), None);
+        let (next_line, last_done) = (Mutex::new(LINE_INTERVALS[0]), Mutex::new(began));
+        Self { bar, began, next_line, failures, last_done, table }
     }
 
     /// Shows progress with a table of what is finished.
@@ -76,6 +83,15 @@ impl Progress {
         *self.last_done.lock() = Instant::now();
         self.bar.set_prefix("");
         self.bar.set_position(done as u64);
+        let elapsed = self.began.elapsed();
+        if self.bar.is_hidden() && !is_quiet() {
+            let mut next = self.next_line.lock();
+            if elapsed >= *next {
+                *next = elapsed + LINE_INTERVALS[1];
+                let text = line_of(done, self.bar.length(), elapsed);
+                say(format_args!("{text}{}", self.failure_count()));
+            }
+        }
     }
 
     /// Prints that a scenario failed; `text` begins with a colon.
@@ -110,13 +126,31 @@ impl Progress {
     }
 }
 
+/// Returns a line of progress: how many scenarios are finished, and the time left if their number is known.
+fn line_of(done: usize, total: Option<u64>, elapsed: Duration) -> String {
+    let seconds = elapsed.as_secs_f64();
+    let rate = rate_text(done as f64 / seconds);
+    match total {
+        Some(total) => {
+            let left = (total as f64 - done as f64).max(0.0) * seconds / done.max(1) as f64;
+            let left = HumanDuration(Duration::from_secs_f64(left));
+            format!("{done} of {total} scenarios, {rate}, {left:#} left")
+        }
+        None => format!("{done} scenarios, {rate}"),
+    }
+}
+
+/// Returns a rate per second in three digits.
+fn rate_text(rate: f64) -> String {
+    let digits = if rate < 1.0 { 2 } else { usize::from(rate < 100.0) };
+    format!("{rate:.digits$}/s")
+}
+
 /// Returns a style with the rate in three digits, and with the time left as soon as there is a rate.
 fn style(template: &str) -> ProgressStyle {
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     let style = style.with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
-        let rate = state.per_sec();
-        let digits = if rate < 1.0 { 2 } else { usize::from(rate < 100.0) };
-        write!(out, "{rate:.digits$}/s").ok();
+        out.write_str(&rate_text(state.per_sec())).ok();
     });
     style.with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
         match state.pos() {
@@ -164,5 +198,18 @@ impl CurationObserver for Progress {
 
     fn failed(&self, error: &str) {
         self.failure(format_args!(": {error}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_have_the_time_left_if_it_is_known() {
+        let of = |done, total| line_of(done, total, Duration::from_secs(60));
+        assert_eq!(of(30, Some(90)), "30 of 90 scenarios, 0.50/s, 2m left");
+        assert_eq!(of(600, None), "600 scenarios, 10.0/s");
+        assert_eq!(of(90, Some(90)), "90 of 90 scenarios, 1.5/s, 0s left");
     }
 }

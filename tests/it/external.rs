@@ -217,6 +217,7 @@ fn simulators_that_cannot_start_are_refused_with_their_reason() {
         ("exit2 hello", "it ended with exit code 2"),
         ("raise hello", "ValueError: the child fails on purpose"),
         ("print hello", "begins with the text \"Loading \": only frames may be written to standard output"),
+        ("print hello", "\na program in Python must call `reactsim.serve` and print nothing before"),
         ("version hello", "of version \"2\" of the protocol; this program speaks 1"),
         ("failed hello", "not today"),
         ("name hello", "`welcome`: `name` is missing or empty"),
@@ -233,7 +234,10 @@ fn simulators_that_cannot_start_are_refused_with_their_reason() {
     let missing = refusal(ExternalSettings::new("mine", Command::Shell("no-such-program-here".to_owned())));
     assert!(missing.contains("it ended with exit code 127") && missing.contains("not found"), "{missing}");
     let silent = refusal(ExternalSettings::new("mine", Command::Shell("exit 0".to_owned())));
-    assert!(silent.ends_with("exit code 0\na program in Python must call `reactsim.serve`"), "{silent}");
+    let remedy = "a program in Python must call `reactsim.serve` and print nothing before";
+    assert!(silent.ends_with(&format!("exit code 0\n{remedy}")), "{silent}");
+    let brief = refusal(ExternalSettings::new("mine", Command::Shell("echo hello".to_owned())));
+    assert!(brief.contains(remedy), "{brief}");
     let hanging = refusal(child.settings("hang hello", Duration::from_millis(300)));
     assert!(hanging.contains("no `welcome` within 0.3 s"), "{hanging}");
     for (settings, part) in [

@@ -49,7 +49,8 @@ impl ExternalSimulator {
         let (processes, description) = Processes::start(&settings, outline, Role::Simulator)?;
         let is_supported = |steps: &usize| description.intervals.contains(steps);
         let unsupported = intervals.iter().find(|steps| !is_supported(steps));
-        if let (Some(asked), Some(hint)) = (unsupported, description.intervals.first()) {
+        let nearest = |asked: usize| description.intervals.iter().min_by_key(|own| own.abs_diff(asked));
+        if let Some((asked, hint)) = unsupported.and_then(|asked| Some((asked, nearest(*asked)?))) {
             let supported = description.intervals.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
             return Err(ExternalError(format!(
                 "external program `{}` plans every {supported} steps, this run every {asked}: give `replan` \

@@ -19,7 +19,12 @@ const MOST_FAILED_STARTS: u32 = 3;
 const MOST_FAILED_EPISODES: usize = 3;
 
 /// Starts of the reasons why a program that never serves has not greeted.
-const NOT_SERVING: [&str; 2] = ["it ended with exit code 0", "no `welcome` within"];
+const NOT_SERVING: [&str; 4] = [
+    "it ended with exit code 0",
+    "no `welcome` within",
+    "the output begins with the text",
+    "the output ends inside the length of a frame",
+];
 
 /// Time in which a process must end after `bye`.
 const TIME_TO_CLOSE: Duration = Duration::from_secs(5);
@@ -240,7 +245,7 @@ impl Workers {
         let is_silent = |text: &str| NOT_SERVING.iter().any(|start| text.starts_with(start));
         let description = read(&mut connection).map_err(|error| match error {
             RequestError::Broken(text) if is_silent(&text) => {
-                format!("{text}\na program in Python must call `reactsim.serve`")
+                format!("{text}\na program in Python must call `reactsim.serve` and print nothing before")
             }
             RequestError::Broken(text) => text,
             // Its process still runs, and its standard error may say more.

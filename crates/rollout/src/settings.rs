@@ -43,8 +43,21 @@ pub struct Replan {
 
 /// Error for a text that is not a replan interval.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is not a replan interval: expected 1 to 80 steps, such as `5steps`, or a rate, such as `2hz`")]
-pub struct ParseReplanError(String);
+#[error(
+    "`{text}` is not a replan interval: expected 1 to 80 steps, such as `5steps`, or a rate, such as `2hz`{}",
+    self.hint()
+)]
+pub struct ParseReplanError {
+    text: String,
+    /// The nearest interval to a number that is none, steps.
+    nearest: Option<usize>,
+}
+
+impl ParseReplanError {
+    fn hint(&self) -> String {
+        self.nearest.map_or_else(String::new, |steps| format!("; the nearest is `{steps}steps`"))
+    }
+}
 
 impl Replan {
     /// A plan at every step.
@@ -78,20 +91,22 @@ impl FromStr for Replan {
     type Err = ParseReplanError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let refuse = || ParseReplanError(text.to_owned());
+        let refuse = |nearest| ParseReplanError { text: text.to_owned(), nearest };
         let lower = text.trim().to_ascii_lowercase();
         let steps = if let Some(rate) = lower.strip_suffix("hz") {
-            let rate: f64 = rate.trim().parse().map_err(|_| refuse())?;
-            let steps = 10.0 / rate;
-            if !(steps.is_finite() && (steps - steps.round()).abs() < 1e-9) {
-                return Err(refuse());
-            }
-            steps.round() as usize
+            10.0 / rate.trim().parse::<f64>().map_err(|_| refuse(None))?
         } else {
             let digits = lower.strip_suffix("steps").or_else(|| lower.strip_suffix("step")).unwrap_or(&lower);
-            digits.trim().parse().map_err(|_| refuse())?
+            digits.trim().parse::<u64>().map_err(|_| refuse(None))? as f64
         };
-        Self::every(steps).ok_or_else(refuse)
+        if steps.is_nan() || steps < 0.0 {
+            return Err(refuse(None));
+        }
+        let nearest = steps.round().clamp(1.0, FUTURE as f64);
+        let is_one = (steps - nearest).abs() < 1e-9;
+        Some(Self { steps: nearest as usize })
+            .filter(|_| is_one)
+            .ok_or_else(|| refuse(Some(nearest as usize)))
     }
 }
 

@@ -105,7 +105,7 @@ fn effort(certificate: &Certificate) -> String {
         let time = certificate.time_to_react().map_or(String::new(), |t| format!(", {t:.1} s to react"));
         let braking = certificate.required_deceleration().unwrap_or(0.0);
         let swerve = if certificate.needs_swerve() { ", a swerve" } else { "" };
-        format!("{difficulty}: the AV can be avoided with {braking:.1} m/s²{time}{swerve}")
+        format!("{difficulty}: braking with {braking:.1} m/s² is enough to avoid the AV{time}{swerve}")
     };
     certificate
         .difficulty()
@@ -121,7 +121,7 @@ fn response(response: &Response) -> String {
         n => format!(", {:.1} m to the {}", n.abs(), if *n > 0.0 { "left" } else { "right" }),
     };
     format!(
-        "`{agent}` answers {whom}: brakes with {peak_deceleration:.1} m/s²{aside}, \
+        "`{agent}` answers {whom}, for example by braking with up to {peak_deceleration:.1} m/s²{aside}, \
          {clearance:.1} m clear of the AV"
     )
 }
