@@ -176,7 +176,10 @@ class Results:
     def svg(
         self, scenario: str, simulator: str, *, source: PathLike | None = None, step: int = 40
     ) -> Svg:
-        """Returns a picture of a kept rollout at a step, made by the program."""
+        """Returns a picture of a kept rollout at a step, made by the program.
+
+        `source`: file or folder of the scenario; where the run read it by default.
+        """
         given = {"id": scenario, "rollout": self, "simulator": simulator, "steps": step}
         return Svg(picture("svg", source, **given).decode("utf-8"))
 
@@ -195,7 +198,7 @@ class Results:
         Args:
             scenario: Id of the scenario.
             simulators: Ids of the simulators; all of the run by default.
-            source: File or folder of the scenario; the shipped benchmark by default.
+            source: File or folder of the scenario; where the run read it by default.
             size: Side of a panel, pixels; 480 by default.
             every: Show only every Nth step; 1, the default, is 10 frames per second.
             follow: Keep the AV in the middle, which makes larger files.

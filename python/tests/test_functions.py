@@ -183,7 +183,8 @@ class TestPictures:
         before = runs[0]
         pictures = [results.svg("cut-in", "idm", source=MINI) for results in runs]
         assert pictures[0] != pictures[1]
-        both = before.gif("cut-in", source=MINI, every=20)
+        assert [results.svg("cut-in", "idm") for results in runs] == pictures
+        both = before.gif("cut-in", every=20)
         assert both == before.gif("cut-in", ["idm", "stop-py"], source=MINI, every=20)
         assert both != before.gif("cut-in", "idm", source=MINI, every=20)
 

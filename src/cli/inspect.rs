@@ -5,23 +5,23 @@ mod live;
 mod pictures;
 mod recorded;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args;
 
 use super::inputs::inputs_of;
 use super::output::{ExitStatus, say, write_result};
 use crate::evaluation::suggestion::did_you_mean;
-use crate::evaluation::{CASE_STUDIES, CaseStudy, ReadingSpec, Source};
-use crate::formats::{self, FormatError};
+use crate::evaluation::{CASE_STUDIES, CaseStudy, ReadingSpec, RunSpec, ScenarioSpec, Source};
+use crate::formats::{self, FormatError, Input};
 use crate::scene::{Deviation, Scenario};
 
 /// Arguments of `inspect`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER, group = clap::ArgGroup::new("picture").multiple(true))]
 pub(super) struct InspectArgs {
-    /// File, folder or URL of scenarios [default: the shipped benchmark]
+    /// File, folder or URL of scenarios [default: those of --rollout, else the shipped benchmark]
     #[arg(value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
     /// Id of the scenario [default: the first one]
@@ -106,6 +106,11 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
     };
     let paths = args.scenario.as_slice();
     if args.reading.is_shipped(paths) {
+        if let Some(run) = args.rollout.as_deref().filter(|_| args.reading == ReadingSpec::default())
+            && let Some(inputs) = of_run(run)?
+        {
+            return wanted.pick(formats::open_all(inputs)?, &format!("the input of {}", run.display()));
+        }
         args.reading.check_absent()?;
         let scenarios = Source::shipped(usize::MAX).scenarios()?;
         return wanted.pick(scenarios, "the shipped benchmark");
@@ -114,6 +119,18 @@ fn find(args: &InspectArgs) -> anyhow::Result<Scenario> {
     let name =
         inputs.first().map(|input| args.scenario.as_ref().unwrap_or(&input.path).display().to_string());
     wanted.pick(formats::open_all(inputs)?, &name.unwrap_or_default())
+}
+
+/// Returns the scenarios that a run has read, as its specification names them; `None` if they ship with the
+/// program, or it has no specification.
+fn of_run(run: &Path) -> anyhow::Result<Option<Vec<Input>>> {
+    let Some(spec) = RunSpec::of_run(run)? else { return Ok(None) };
+    let ScenarioSpec { scenarios, reading, .. } = spec.subject.input;
+    if reading.is_shipped(&scenarios) {
+        return Ok(None);
+    }
+    let gone = || format!("name the scenarios of {}, which are no longer where it read them", run.display());
+    inputs_of(&reading, &scenarios).with_context(gone).map(Some)
 }
 
 /// The scenario that is asked for.
