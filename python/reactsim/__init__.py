@@ -62,6 +62,7 @@ from .scoring import (
     score,
     score_states,
 )
+from .training import train
 from .wosac import WosacRollouts, WosacScores, WosacShares, wosac
 
 __all__ = [
@@ -116,6 +117,7 @@ __all__ = [
     "score",
     "score_states",
     "serve",
+    "train",
     "train_adapt",
     "wosac",
 ]
