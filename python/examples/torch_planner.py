@@ -163,25 +163,8 @@ class TorchPlanner(reactsim.Planner):
     @staticmethod
     def path(seen):
         """Returns the centre lines of linked lanes of the route, from the one nearest to the AV."""
-        lanes, route = seen.scene.lanes, set(seen.route)
-        xy, heading = seen.av[:2], seen.av[2]
-
-        def distance(index):
-            points = lanes[index].points
-            k = min(int(np.argmin(np.linalg.norm(points - xy, axis=1))), len(points) - 2)
-            step = points[k + 1] - points[k]
-            turn = np.cos(np.arctan2(step[1], step[0]) - heading)
-            return np.linalg.norm(points[k] - xy) + 20.0 * (turn < 0.5)
-
-        lane = min(seen.route, key=distance)
-        path, used = [lanes[lane].points], {lane}
-        while True:
-            following = [k for k in lanes[lane].successors if k in route and k not in used]
-            if not following:
-                return np.concatenate(path)
-            lane = following[0]
-            used.add(lane)
-            path.append(lanes[lane].points[1:])
+        path = [seen.scene.lanes[lane].points for lane in seen.route_chain]
+        return np.concatenate([path[0], *(points[1:] for points in path[1:])])
 
 
 if __name__ == "__main__":

@@ -41,6 +41,7 @@ from typing import (
     NamedTuple,
     Optional,
     Sequence,
+    Set,
     Tuple,
     Union,
 )
@@ -291,9 +292,8 @@ def _layout(text: bytes, size: int) -> Tuple[List[Any], List[Tuple[str, Any, Lis
 
 def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array]) -> List[Any]:
     """Returns a safetensors document as its header and one buffer per tensor, without copies."""
-    header: Dict[str, Any] = {"__metadata__": dict(metadata)}
     parts: List[Any] = []
-    offset = 0
+    kinds: List[Tuple[str, str, Tuple[int, ...], int]] = []
     # Wide types first, so that every tensor is aligned.
     for name in sorted(tensors, key=lambda n: (-tensors[n].dtype.itemsize, n)):
         array = np.ascontiguousarray(tensors[name]).reshape(tensors[name].shape)
@@ -302,14 +302,29 @@ def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array])
             raise ProtocolError(
                 "safetensors: tensor `%s` has the unsupported type %s" % (name, array.dtype)
             )
-        entry = {"dtype": _DTYPE_NAMES[array.dtype.str], "shape": list(array.shape)}
-        header[name] = dict(entry, data_offsets=[offset, offset + array.nbytes])
-        offset += array.nbytes
+        kinds.append((name, array.dtype.str, array.shape, array.nbytes))
         if array.nbytes:
             parts.append(array.reshape(-1).view(np.uint8).data)
-    text = json.dumps(header, separators=(",", ":")).encode("ascii")
+    text = json.dumps({"__metadata__": dict(metadata)}, separators=(",", ":")).encode("ascii")
+    text = text[:-1] + _entries(tuple(kinds))
     text += b" " * (-len(text) % 8)
     return [len(text).to_bytes(8, "little") + text, *parts]
+
+
+@functools.lru_cache(maxsize=64)
+def _entries(kinds: Tuple[Tuple[str, str, Tuple[int, ...], int], ...]) -> bytes:
+    """Returns the end of a header after its metadata: entries of tensors that follow one another.
+
+    Each has a name, a type, a shape and a number of bytes. Most frames of a session have the same.
+    """
+    header: Dict[str, Any] = {}
+    offset = 0
+    for name, dtype, shape, size in kinds:
+        entry = {"dtype": _DTYPE_NAMES[dtype], "shape": list(shape)}
+        header[name] = dict(entry, data_offsets=[offset, offset + size])
+        offset += size
+    text = json.dumps(header, separators=(",", ":"))[1:].encode("ascii")
+    return b"," + text if header else text
 
 
 _Frame = Tuple[Dict[str, str], Dict[str, Array]]
@@ -438,6 +453,10 @@ class Neighbor(NamedTuple):
 
     Attributes:
         lane: Index in `Scene.lanes`.
+        self_start: First point of the section of the own centre line.
+        self_end: Last point of this section.
+        other_start: First point of the section of the centre line of the adjacent lane.
+        other_end: Last point of this section.
 
     """
 
@@ -455,11 +474,16 @@ class Lane:
     Attributes:
         index: Index in `Scene.lanes`.
         points: Centre line, f64 [P, 2], metres.
+        is_connector: Whether it leads through a junction.
         category: 0 undefined, 1 freeway, 2 surface street, 3 bike.
         speed_limit: Speed limit, m/s; NaN if unknown.
         outline: Outline, f64 [P, 2], metres; None if the map records a half-width or nothing.
         half_width: Half-width around the centre line, metres; NaN if the map records an outline or
             nothing.
+        successors: Lanes that follow at its end, as indices in `Scene.lanes`.
+        predecessors: Lanes that lead to its beginning, as indices.
+        left: Adjacent lanes on the left.
+        right: Adjacent lanes on the right.
         heights: Height of each point of the centre line, f64 [P], metres, NaN if unknown; None for
             simulators.
 
@@ -955,7 +979,8 @@ class PlannerObservation:
 
     Attributes:
         scene: Agents and map.
-        route: Lanes of the route in driving order, as indices in `scene.lanes`.
+        route: All lanes of the route in driving order, parallel ones next to each other, as indices
+            in `scene.lanes`; see `route_chain` and `route_beside`.
         memory: The value that `Planner.begin` returned for this episode.
         frame: Present frame, 10 to 89 in the benchmark.
         steps: Number of steps until the next plan.
@@ -992,6 +1017,76 @@ class PlannerObservation:
         """Present state of the AV, f64 [5]: x, y, heading, vx, vy; metres, radians and m/s."""
         state: Array = self.states[0, -1]
         return state
+
+    @property
+    def route_chain(self) -> List[int]:
+        """Lanes of the route that can be driven in turn, from the one nearest to the AV.
+
+        Indices in `scene.lanes`. Each lane is a successor of the one before it; or it is beside it,
+        where the route goes on only after a change of lanes. Empty without a route.
+        """
+        if not self.route:
+            return []
+        lanes, av = self.scene.lanes, self.av
+        start = min(self.route, key=lambda lane: _offset(lanes[lane].points, av))
+        return _chain(self.route, start, lanes)
+
+    def route_beside(self, lane: int) -> List[int]:
+        """Returns the lanes of the route that are parallel to one of its lanes, nearest first.
+
+        Args:
+            lane: Index in `scene.lanes`, as those that are returned.
+
+        """
+        return _beside(set(self.route), lane, self.scene.lanes)
+
+
+def _offset(points: Array, state: Array) -> float:
+    """Returns the distance of a state (x, y, heading, ...) from a line of points [P, 2], metres.
+
+    20 m are added if the line turns away from the heading by more than 60 degrees.
+    """
+    first, along = points[:-1], np.diff(points, axis=0)
+    squares = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+    shares = np.clip(np.einsum("ij,ij->i", state[:2] - first, along) / squares, 0.0, 1.0)
+    distances = np.hypot(*(first + shares[:, None] * along - state[:2]).T)
+    nearest = int(np.argmin(distances))
+    x, y = along[nearest]
+    turns_away = math.cos(math.atan2(y, x) - state[2]) < 0.5
+    return float(distances[nearest]) + 20.0 * turns_away
+
+
+def _beside(route: Set[int], lane: int, lanes: Sequence[Lane]) -> List[int]:
+    """Returns the lanes of a route that are linked with a lane as neighbours, nearest first."""
+    found = [lane]
+    for known in found:
+        for neighbor in [*lanes[known].left, *lanes[known].right]:
+            if neighbor.lane in route and neighbor.lane not in found:
+                found.append(neighbor.lane)
+    return found[1:]
+
+
+def _chain(route: Sequence[int], start: int, lanes: Sequence[Lane]) -> List[int]:
+    """Returns the longest chain of lanes of a route from a lane on, with the fewest changes."""
+    place: Dict[int, int] = {}
+    for lane in route:
+        place.setdefault(lane, len(place))
+    # Per lane: number of lanes that can follow, changes of lanes (negative), and what is next.
+    ahead: Dict[int, Tuple[int, int, List[int]]] = {}
+    for lane in reversed(list(place)):
+        best: Tuple[int, int, List[int]] = (0, 0, [])
+        for here in [lane, *_beside(set(place), lane, lanes)]:
+            change = [] if here == lane else [here]
+            for after in lanes[here].successors:
+                if after in ahead and place[after] > place[here]:
+                    count, changes, _ = ahead[after]
+                    following = (count + 1, changes - len(change), [*change, after])
+                    best = max(best, following, key=lambda choice: choice[:2])
+        ahead[lane] = best
+    chain = [start]
+    while ahead[chain[-1]][2]:
+        chain += ahead[chain[-1]][2]
+    return chain
 
 
 class Trajectory:
@@ -1482,6 +1577,11 @@ def _clean(text: str, limit: int = MAX_TEXT) -> str:
 _CLAIMED = "_reactsim_streams"
 
 
+def is_served() -> bool:
+    """Returns whether the program has started this process for a simulator or planner."""
+    return hasattr(sys, _CLAIMED)
+
+
 def claim_streams() -> Tuple[IO[bytes], IO[bytes]]:
     """Takes standard input and output for the protocol; returns both as binary streams.
 
@@ -1537,7 +1637,7 @@ def serve(*programs: Any) -> None:
     NAME of `--external NAME=COMMAND`. Prints go to standard error. An exception in the simulator
     fails the batch with the traceback, and the process goes on.
     """
-    if not hasattr(sys, _CLAIMED) and sys.stdin is not None and sys.stdin.isatty():
+    if not is_served() and sys.stdin is not None and sys.stdin.isatty():
         text = "this program is a simulator or planner for reactsim; start it with: "
         text += "reactsim run --external 'NAME=%s %s' (planners: --planner)"
         raise SystemExit(text % (os.path.basename(sys.executable), " ".join(sys.argv)))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Union, cast
 
-from .client import Session
+from .client import Session, is_served, serve
 from .metric import Metric, checked
 from .options import paths, reading, selection
 from .process import attend, first_errors, own_session
@@ -61,6 +61,9 @@ def run(
 
     The program `reactsim` is started as a child process; it asks the simulators and the planner,
     which stay in this process, so breakpoints, prints and notebooks work.
+
+    If the program has started this process (`--external NAME='python mine.py'`), `run` serves the
+    simulators and the planner as `serve` does, and ends the process: one script is for both.
 
     Args:
         simulators: A `Simulator`, a class without arguments to make one, any object with the same
@@ -125,6 +128,10 @@ def run(
     given += [("planner", planner)] if planner is not None else []
     if not given and not baselines and not has_spec:
         raise ValueError("give simulators, a planner, only `baselines`, or a specification")
+    if given and is_served():
+        # A script that runs its simulator is also one that `--external` can start.
+        serve(*(own for _, own in given))
+        raise SystemExit
     if metrics:
         metrics = checked(metrics)
     if planner is not None and av is not None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from types import SimpleNamespace
 from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 import pytest
 import reactsim
 from fakes import ROOT, Child, Loopback, Message, make_scenes
-from reactsim.client import Array, Planner, PlannerObservation, Scene
+from reactsim.client import Array, Lane, Neighbor, Planner, PlannerObservation, Scene
 from stop import Stop
 
 
@@ -408,3 +409,42 @@ def test_a_script_without_the_program_that_is_asked_says_so() -> None:
             child.ask("hello", {"role": "simulator", "name": "third"})
         code, errors = child.wait()
         assert code == 1 and "none or several of them are a simulator with the name third" in errors
+
+
+def lane(index: int, y: float, start: float, after: List[int], beside: Sequence[int] = ()) -> Any:
+    """A lane of 10 m along x from `start`."""
+    points = np.array([[start, y], [start + 5.0, y], [start + 10.0, y]])
+    neighbors = [Neighbor(other, 0, 2, 0, 2) for other in beside]
+    return Lane(index, points, False, 2, np.nan, None, 1.75, after, [], neighbors, [])
+
+
+def test_the_route_is_a_chain_and_the_lanes_beside_it() -> None:
+    # Two lanes side by side; only the left one goes on. Lane 5 is not on the route.
+    lanes = [
+        lane(0, 0.0, 0.0, [2], [1]),
+        lane(1, -3.5, 0.0, [3], [0]),
+        lane(2, 0.0, 10.0, [4], [3]),
+        lane(3, -3.5, 10.0, [5], [2]),
+        lane(4, 0.0, 20.0, []),
+        lane(5, -3.5, 20.0, []),
+    ]
+    scene: Any = SimpleNamespace(lanes=lanes)
+
+    def observed(x: float, y: float, heading: float, route: List[int]) -> PlannerObservation:
+        states = np.array([[[[x, y, heading, 1.0, 0.0]]]])
+        seen: Any = SimpleNamespace(
+            frame=10, steps=5, states=states, valid=np.ones((1, 1, 1), bool), light_states=None
+        )
+        return PlannerObservation(scene, route, None, seen)
+
+    route = [0, 1, 2, 3, 4]
+    assert observed(3.0, 0.2, 0.0, route).route_chain == [0, 2, 4]
+    # A change of lanes, as late as it is needed.
+    assert observed(3.0, -3.4, 0.0, route).route_chain == [1, 3, 2, 4]
+    assert observed(12.0, -3.4, 0.0, route).route_chain == [3, 2, 4]
+    # A lane that leads elsewhere is no nearer.
+    lanes.append(lane(6, -3.4, 3.0, []))
+    lanes[6].points = lanes[6].points[:, ::-1].copy()
+    assert observed(-3.4, 3.0, 0.0, [6, 0, 2]).route_chain == [0, 2]
+    assert observed(3.0, 0.0, 0.0, []).route_chain == []
+    assert [observed(3.0, 0.0, 0.0, route).route_beside(k) for k in (0, 3, 4)] == [[1], [2], []]

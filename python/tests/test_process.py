@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import sys
@@ -138,6 +139,19 @@ def test_prints_do_not_break_the_protocol(how: str, tmp_path: Path) -> None:
         "grandchild",
     ):
         assert part in errors
+
+
+def test_a_script_that_runs_its_simulator_serves_it_too(tmp_path: Path) -> None:
+    text = (EXAMPLES / "stop.py").read_text()
+    text = re.sub(
+        r"reactsim\.serve\((\w+\(\))\)", r"print(reactsim.run(\1, limit=1).table())", text
+    )
+    (tmp_path / "mine.py").write_text(text + '    print("after")\n')
+    with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
+        assert child.hello()["name"] == "stop-py"
+        roll_out(child, make_scenes())
+        child.bye()
+        assert child.wait() == (0, "")
 
 
 def test_copied_client(tmp_path: Path) -> None:
