@@ -7,6 +7,9 @@ use super::Area;
 /// Cell size of the index, metres.
 const CELL_SIZE: f64 = 6.0;
 
+/// Bound of the rounding errors of distances, metres.
+const ROUNDING: f64 = 1e-6;
+
 /// A list of areas with a spatial index.
 #[derive(Clone, Debug)]
 pub struct Areas {
@@ -48,6 +51,33 @@ impl Areas {
 
     /// Returns the distance from `p` to the nearest area, metres; infinite without areas.
     pub fn distance(&self, p: Vec2) -> f64 {
-        self.areas.iter().map(|area| area.distance(p)).fold(f64::INFINITY, f64::min)
+        let mut nearest = f64::INFINITY;
+        for area in &self.areas {
+            // No point of an area is nearer than its bounds, up to rounding.
+            if area.bounds().distance2(p).sqrt() - ROUNDING <= nearest {
+                nearest = nearest.min(area.distance(p));
+            }
+        }
+        nearest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_is_that_of_the_nearest_area() {
+        let square = |x: f64, y: f64, side: f64| {
+            let corners = [(x, y), (x + side, y), (x + side, y + side), (x, y + side)];
+            Area::ring(corners.map(|(x, y)| Vec2::new(x, y)).to_vec()).unwrap()
+        };
+        let areas = Areas::new(vec![square(0.0, 0.0, 4.0), square(30.0, -2.0, 1.0), square(6.0, 6.0, 9.0)]);
+        for k in 0..400 {
+            let p = Vec2::new(f64::from(k % 20) * 2.3 - 8.0, f64::from(k / 20) * 1.9 - 12.0);
+            let all = areas.list().iter().map(|area| area.distance(p));
+            assert_eq!(areas.distance(p), all.fold(f64::INFINITY, f64::min), "{p:?}");
+        }
+        assert_eq!(Areas::new(Vec::new()).distance(Vec2::zeros()), f64::INFINITY);
     }
 }
