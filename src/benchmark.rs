@@ -116,7 +116,7 @@ pub enum BenchmarkError {
     #[error("no AV is driven by `{0}`: set `av` to planner:{0}")]
     UnusedPlanner(String),
     /// The limit of scenarios is 0.
-    #[error("`limit` is 0, expected at least 1 scenario of every file")]
+    #[error("`limit` is 0, expected at least 1 scenario")]
     ZeroLimit,
     /// A run is to be resumed, but no folder is given.
     #[error("`resume` continues the run in a folder: give one with `folder`")]
@@ -327,7 +327,7 @@ impl Benchmark {
         self
     }
 
-    /// At most this number of scenarios of every file; 0 is refused.
+    /// At most this number of scenarios that are run, over all files; 0 is refused.
     pub fn limit(mut self, scenarios: usize) -> Self {
         self.limit = Some(scenarios);
         self

@@ -499,7 +499,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         simulator: Id of the simulator, such as "idm" or "mix:idm=1+ntp-guarded=1"; or a `Simulator`
             of this process, or its class; or NAME=COMMAND, an external one: "mine=python mine.py".
         ids: Only scenarios with one of these ids; all by default.
-        limit: Only the first `limit` scenarios of every file.
+        limit: Only the first `limit` of the selected scenarios, over all files.
         action: Kind of the actions. "bicycle": acceleration (m/s², up to 6) and curvature (1/m,
             left positive, up to 0.3) of a kinematic bicycle that does not reverse; values beyond
             are clipped. "plan": poses [poses, 3] after 1, 2, ... steps in the frame of the AV (x,

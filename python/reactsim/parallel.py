@@ -76,7 +76,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
         simulator: Simulator of the agents that actions do not move, as for `Env`.
         controlled: Number of the nearest agents that actions move; all without a simulator.
         ids: Only scenarios with one of these ids; all by default.
-        limit: Only the first `limit` scenarios of every file.
+        limit: Only the first `limit` of the selected scenarios, over all files.
         action: "bicycle" or "state", as for `Env`.
         agents: Number of the nearest agents, the AV included, that each agent observes.
         frames: Number of frames that are observed, 1 to 100, as for `Env`.

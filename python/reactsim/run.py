@@ -89,7 +89,7 @@ def run(
             to the results; see `Metric`. They need pyarrow.
         rollouts: Rollouts per scenario and simulator; 1 by default.
         seed: Seed of all random choices; 0 by default.
-        limit: Only the first `limit` scenarios of every file.
+        limit: Only the first `limit` of the selected scenarios, over all files.
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
         current_frame: Index of the current frame, from 0, for formats that leave it open.

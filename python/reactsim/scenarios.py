@@ -189,7 +189,7 @@ def scenarios(
         source: File or folder of scenarios of any format that the program reads; the shipped
             benchmark by default.
         deviations: File of deviated AVs.
-        limit: Only the first `limit` scenarios of every file.
+        limit: Only the first `limit` of the selected scenarios, over all files.
         ids: Only scenarios with one of these ids; all by default.
         categories: Only scenarios whose deviated AV has one of these categories, such as "lateral".
         future: Read the logged future and the deviated AV too; also the number of frames after the

@@ -12,9 +12,12 @@ use super::subject::ExecutionArgs;
 use super::{gallery, reference};
 use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
-use crate::evaluation::{Deviations, FinishedRun, NuplanSpec, Source, weights};
+use crate::evaluation::{
+    Deviations, FinishedRun, NuplanSpec, Source, limited, limited_shipped, weights, whole,
+};
 use crate::formats::Input;
 use crate::report::{paper, verification};
+use crate::scene::Scenario;
 
 /// Stride in scenarios at which `--quick` runs networks.
 const QUICK_STRIDE: usize = 15;
@@ -133,18 +136,25 @@ fn inputs(args: &VerifyArgs) -> anyhow::Result<Vec<Input>> {
 fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs> {
     args.nuplan.check()?;
     let stated = &reference.provenance;
-    let most = stated.settings.limit.unwrap_or(usize::MAX);
-    let sources = if args.scenarios.is_empty() && args.nuplan.filter.is_none() {
-        vec![Source::shipped(most)]
-    } else {
-        let mut inputs = inputs(args)?;
-        // The provenance holds the current frames of each file.
-        for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
-            input.frames = file.frames();
-            input.all_agents = file.all_agents;
-        }
-        Source::of_inputs(inputs, most)?
-    };
     let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
+    let tracks = deviations.as_ref().map(|deviations| &deviations.tracks);
+    let is_run = |scenario: &Scenario| stated.settings.selection.has(scenario, tracks);
+    let is_shipped = args.scenarios.is_empty() && args.nuplan.filter.is_none();
+    let sources = match (is_shipped, stated.settings.limit) {
+        (true, None) => vec![Source::shipped(usize::MAX)],
+        (true, Some(most)) => vec![limited_shipped(most, Some(&is_run))?],
+        (false, limit) => {
+            let mut inputs = inputs(args)?;
+            // The provenance holds the current frames of each file.
+            for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
+                input.frames = file.frames();
+                input.all_agents = file.all_agents;
+            }
+            Source::of_inputs(match limit {
+                Some(most) => limited(inputs, most, Some(&is_run)),
+                None => whole(inputs),
+            })?
+        }
+    };
     Ok(RerunInputs { sources, deviations, weights: weights(&args.model_weights)? })
 }

@@ -31,7 +31,7 @@ struct Common {
     reading: Reading,
     /// Ids of scenarios; all by default.
     ids: BTreeSet<String>,
-    /// Number of scenarios of every file.
+    /// Largest number of scenarios.
     limit: Option<usize>,
     /// The simulator; none if actions move all agents.
     traffic: Option<NamedTraffic>,

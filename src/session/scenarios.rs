@@ -8,7 +8,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::wire::{RequestError, refused};
-use crate::evaluation::{Deviations, Selection, Source};
+use crate::evaluation::{Deviations, Selection, Source, whole};
 use crate::formats::{self as formats, CurrentFrames, FutureChoice, LengthChoice, PendingScenarios};
 use crate::scene::Scenario;
 
@@ -76,10 +76,10 @@ impl Reading {
         for input in &mut inputs {
             (input.frames, input.length, input.all_agents) = (frames, length, self.all_agents);
         }
-        Ok(Source::of_inputs(inputs, usize::MAX)?)
+        Ok(Source::of_inputs(whole(inputs))?)
     }
 
-    /// Reads the scenarios with these ids, or all without ids, at most `limit` of every file.
+    /// Reads the scenarios with these ids, or all without ids, at most `limit`.
     ///
     /// # Errors
     /// If a scenario cannot be read, or an id is missing.
@@ -90,11 +90,18 @@ impl Reading {
     ) -> Result<Vec<Arc<Scenario>>, RequestError> {
         let selection = Selection { ids: ids.clone(), ..Selection::default() };
         let mut scenarios = Vec::new();
+        let most = limit.unwrap_or(usize::MAX);
         for source in self.sources()? {
-            for scenario in source.scenarios()?.take(limit.unwrap_or(usize::MAX)) {
+            if scenarios.len() == most {
+                break;
+            }
+            for scenario in source.scenarios()? {
                 let scenario = scenario?;
                 if selection.has_id(&scenario.id) {
                     scenarios.push(Arc::new(scenario));
+                }
+                if scenarios.len() == most {
+                    break;
                 }
             }
         }

@@ -79,12 +79,12 @@ pub use scoring::in_memory::{judge_in_memory, score_in_memory};
 pub use simulators::access::{Access, Mark, TableMarks};
 pub use simulators::record::{ExternalRecord, SimulatorRecord, WeightsRecord};
 pub use simulators::{Adjustments, PlannedSimulator, weights_file};
-pub use source::Source;
 pub use source::benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
 pub use source::file_record::{CompanionRecord, FileRecord, Registrar};
 pub use source::scenario_files::ScenarioFiles;
 pub use source::selection::Selection;
 pub use source::shipped::shipped_ids;
+pub use source::{Share, Source, limited, limited_shipped, whole};
 pub use spec::{
     Axis, AxisValue, ExternalPrograms, ExternalSpec, MotionSpec, NuplanSpec, Opening, ReadingSpec,
     RolloutSpec, RunSpec, ScenarioSpec, SelectionSpec, Specification, Stage, SubjectSpec, Time,

@@ -93,7 +93,7 @@ pub struct SettingsRecord {
     pub seed: u64,
     /// Number of rollouts per scenario and simulator.
     pub rollouts: u32,
-    /// Maximum number of scenarios per file; absent if unlimited.
+    /// Maximum number of scenarios, in earlier versions of every file; absent if unlimited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<usize>,
     /// The point of vehicles whose poses were given, if not the box centre: `rear-axle`, with its distance.

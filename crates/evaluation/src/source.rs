@@ -32,25 +32,82 @@ pub struct Source {
     pub count: Option<usize>,
 }
 
+/// A scenario file with the number of records that are used.
+pub type Share = (Input, usize);
+
+/// Returns scenario files of which all records are used.
+pub fn whole(inputs: Vec<Input>) -> Vec<Share> {
+    inputs.into_iter().map(|input| (input, usize::MAX)).collect()
+}
+
+/// Returns the first files that have `most` scenarios which are run, all without `is_run`; the last one is used
+/// as far as it is needed. Records are decoded only to ask `is_run`.
+pub fn limited(inputs: Vec<Input>, most: usize, is_run: Option<&dyn Fn(&Scenario) -> bool>) -> Vec<Share> {
+    let (mut left, mut shares) = (most, Vec::new());
+    for input in inputs {
+        if left == 0 {
+            break;
+        }
+        let (records, run) = match (is_run, input.count()) {
+            (None, Some(count)) => (left, count.min(left)),
+            // What cannot be opened is reported when it is run.
+            _ => input.open_from(0).map_or((usize::MAX, 0), |records| first_records(records, left, is_run)),
+        };
+        left -= run;
+        shares.push((input, records));
+    }
+    shares
+}
+
+/// Returns the shipped scenarios up to the one with which `most` are run, all without `is_run`.
+///
+/// # Errors
+/// [`FormatError`] if they cannot be read.
+pub fn limited_shipped(
+    most: usize,
+    is_run: Option<&dyn Fn(&Scenario) -> bool>,
+) -> Result<Source, FormatError> {
+    let records = (Source::shipped(usize::MAX).open)(0)?;
+    Ok(Source::shipped(first_records(records, most, is_run).0))
+}
+
+/// Returns the number of records up to the one with which `most` scenarios are run, and that of the scenarios.
+fn first_records(
+    records: PendingScenarios,
+    most: usize,
+    is_run: Option<&dyn Fn(&Scenario) -> bool>,
+) -> (usize, usize) {
+    let (mut read, mut run) = (0, 0);
+    for record in records {
+        let counts = is_run
+            .is_none_or(|is_run| record.and_then(|decode| decode()).is_ok_and(|scenario| is_run(&scenario)));
+        (read, run) = (read + 1, run + usize::from(counts));
+        if run == most {
+            break;
+        }
+    }
+    (read, run)
+}
+
 impl Source {
-    /// Scenario files, of each of which at most `most` scenarios are read.
+    /// Scenario files.
     ///
     /// # Errors
     /// [`EvaluationError::Read`] if a file cannot be read for its digest.
-    pub fn of_inputs(inputs: Vec<Input>, most: usize) -> Result<Vec<Self>, EvaluationError> {
+    pub fn of_inputs(inputs: Vec<Share>) -> Result<Vec<Self>, EvaluationError> {
         let mut registrar = Registrar::default();
         let mut files = Vec::with_capacity(inputs.len());
-        for input in &inputs {
+        for (input, _) in &inputs {
             files.push(registrar.record(input)?);
         }
-        let mut sources = Self::unread(inputs, most);
+        let mut sources = Self::unread(inputs);
         sources.iter_mut().zip(files).for_each(|(source, file)| source.file = file);
         Ok(sources)
     }
 
     /// Scenario files that are not read for their digests.
-    pub fn unread(inputs: Vec<Input>, most: usize) -> Vec<Self> {
-        let of = |input: Input| Self {
+    pub fn unread(inputs: Vec<Share>) -> Vec<Self> {
+        let of = |(input, most): Share| Self {
             file: FileRecord::unread(&input),
             count: input.count().map(|count| count.min(most)),
             open: input.opener(most),
@@ -63,19 +120,15 @@ impl Source {
     ///
     /// # Errors
     /// [`EvaluationError::Read`] if a file cannot be read for its digest.
-    pub fn of_partition(
-        inputs: Vec<Input>,
-        most: usize,
-        partition: Partition,
-    ) -> Result<Vec<Self>, EvaluationError> {
-        let mut sources = Self::unread(inputs.clone(), most);
+    pub fn of_partition(inputs: Vec<Share>, partition: Partition) -> Result<Vec<Self>, EvaluationError> {
+        let mut sources = Self::unread(inputs.clone());
         if sources.len() < partition.count() {
             sources.par_iter_mut().for_each(|source| source.count = Some(count_records(&source.open)));
         }
         let mut registrar = Registrar::default();
         let ranges = Self::ranges(&sources, Some(partition), 1);
         let is_single = sources.len() == 1;
-        for ((source, input), range) in sources.iter_mut().zip(&inputs).zip(ranges) {
+        for ((source, (input, _)), range) in sources.iter_mut().zip(&inputs).zip(ranges) {
             // A single file may be a known benchmark, which a partition without records names as well.
             if is_single || !range.is_empty() {
                 source.file = registrar.record(input)?;
@@ -219,5 +272,42 @@ impl Reader<'_> {
             break;
         }
         items
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn a_limit_counts_the_scenarios_that_are_run_over_all_files() {
+        // One scenario per file.
+        let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/mini");
+        let inputs = reactsim_formats::find_inputs(Path::new(mini)).unwrap();
+        let names = |is_run: Option<&dyn Fn(&Scenario) -> bool>, most| -> Vec<String> {
+            let shares = limited(inputs.clone(), most, is_run);
+            let name = |(input, _): Share| input.path.file_stem().unwrap().to_string_lossy().into_owned();
+            shares.into_iter().map(name).collect()
+        };
+        assert_eq!(names(None, 2), ["crossing", "crosswalk"]);
+        assert_eq!(names(None, 99).len(), inputs.len());
+        // Files are used up to the last scenario that is run.
+        let is_run = |scenario: &Scenario| matches!(scenario.id.as_str(), "crosswalk" | "left-turn-across");
+        assert_eq!(names(Some(&is_run), 1), ["crossing", "crosswalk"]);
+        assert_eq!(names(Some(&is_run), 2), ["crossing", "crosswalk", "cut-in", "left-turn-across"]);
+        // Records of one file.
+        let bench = || (Source::shipped(usize::MAX).open)(0).unwrap();
+        assert_eq!(first_records(bench(), 7, None), (7, 7));
+        assert_eq!(first_records(bench(), 1000, None), (150, 150));
+        let lateral = |scenario: &Scenario| {
+            scenario
+                .deviation
+                .as_ref()
+                .is_some_and(|d| d.category == Some(reactsim_scene::Deviation::Lateral))
+        };
+        let (read, run) = first_records(bench(), 3, Some(&lateral));
+        assert!(run == 3 && read > 3, "{read}");
     }
 }

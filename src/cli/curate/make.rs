@@ -19,7 +19,9 @@ use crate::curation::store::Writer;
 use crate::curation::{
     self, CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
-use crate::evaluation::{FileRecord, ReadingSpec, Registrar, program_commit, program_version, unite};
+use crate::evaluation::{
+    FileRecord, ReadingSpec, Registrar, Share, limited, program_commit, program_version, unite, whole,
+};
 use crate::files::name_of;
 use crate::formats::{self, Opener, Partition, count_records};
 use crate::report::curation_tables;
@@ -47,7 +49,7 @@ pub(super) struct MakeArgs {
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Only the first N scenarios of every file [default: all]
+    /// Only the first N scenarios, over all files [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
     /// Threads; they do not change the result [default: one per core]
@@ -128,8 +130,8 @@ pub(super) fn make(
     // From here on there is a file to complete.
     let stop = stop_on_interrupt("writing what is finished")?;
     let mut writer = Writer::create(out)?;
-    let most = args.limit.map_or(usize::MAX, NonZeroUsize::get);
-    let total = found.iter().map(|input| Some(input.count()?.min(most))).sum();
+    let found = args.limited(found);
+    let total = found.iter().map(|(input, most)| Some(input.count()?.min(*most))).sum();
     let (inputs, _) = args.inputs(found, None)?;
     let settings = args.settings();
     let base = args.provenance(&settings, reading, &inputs)?;
@@ -152,7 +154,7 @@ fn find(
     let (out, source, settings) = (args.out()?, args.source.open(args.temperature)?, args.settings());
     let stop = stop_on_interrupt("stopping; an unfinished partition is not kept")?;
     let _lock = partition::folder(out)?;
-    let (inputs, ranges) = args.inputs(found, Some(partition))?;
+    let (inputs, ranges) = args.inputs(args.limited(found), Some(partition))?;
     let base = args.provenance(&settings, reading, &inputs)?;
     let progress = Progress::new();
     let curation =
@@ -214,21 +216,28 @@ impl MakeArgs {
         self.jobs.map_or_else(available_threads, usize::from)
     }
 
+    /// Returns the files as far as they are used.
+    fn limited(&self, found: Vec<formats::Input>) -> Vec<Share> {
+        match self.limit {
+            Some(most) => limited(found, most.get(), None),
+            None => whole(found),
+        }
+    }
+
     /// Returns the inputs with their digests, and which records of each a partition has. Inputs without any
     /// are not read for their digests.
     fn inputs(
         &self,
-        found: Vec<formats::Input>,
+        found: Vec<Share>,
         partition: Option<Partition>,
     ) -> anyhow::Result<(Vec<Input>, Vec<Range<usize>>)> {
-        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
-        let openers: Vec<Opener> = found.iter().map(|input| input.clone().opener(most)).collect();
+        let openers: Vec<Opener> = found.iter().map(|(input, most)| input.clone().opener(*most)).collect();
         let ranges = match partition {
             None => vec![0..usize::MAX; found.len()],
             Some(partition) => partition.of_inputs(found.len(), 1, |i| count_records(&openers[i])),
         };
         let (mut inputs, mut registrar) = (Vec::new(), Registrar::default());
-        for ((input, open), range) in found.iter().zip(openers).zip(&ranges) {
+        for (((input, _), open), range) in found.iter().zip(openers).zip(&ranges) {
             let (name, digest) = match range.is_empty() {
                 true => (name_of(&input.path).into_owned(), String::new()),
                 false => {

@@ -41,7 +41,7 @@ pub(super) struct IntentionsArgs {
     /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
-    /// Only the first N scenarios of every file [default: all]
+    /// Only the first N scenarios, over all files [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
     /// Positions per class to keep in memory

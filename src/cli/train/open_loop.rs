@@ -41,7 +41,7 @@ pub(super) struct OpenLoopArgs {
     /// Also predict parked agents
     #[arg(long)]
     with_parked: bool,
-    /// Only the first N scenarios of every file [default: all]
+    /// Only the first N scenarios, over all files [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
     /// Tensor backend of the networks; `reactsim list backends` shows which this program has

@@ -21,7 +21,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Creates a reader of the first `limit` records of every input.
+    /// Creates a reader of the first `limit` records.
     pub(super) fn new(
         inputs: &'a [Input],
         limit: Option<NonZeroUsize>,
@@ -33,7 +33,8 @@ impl<'a> Reader<'a> {
 
     /// Calls `visit` on the first readable scenarios, at most `most`, and returns their number.
     pub(super) fn each(&mut self, most: usize, mut visit: impl FnMut(&Scenario)) -> usize {
-        let (mut visited, limit) = (0, self.limit.map_or(usize::MAX, NonZeroUsize::get));
+        let most = most.min(self.limit.map_or(usize::MAX, NonZeroUsize::get));
+        let mut visited = 0;
         for input in self.inputs {
             let scenarios = match input.open() {
                 Ok(scenarios) => scenarios,
@@ -42,7 +43,7 @@ impl<'a> Reader<'a> {
                     continue;
                 }
             };
-            for scenario in scenarios.take(limit) {
+            for scenario in scenarios {
                 if visited >= most || self.stop.load(Ordering::Relaxed) {
                     return visited;
                 }

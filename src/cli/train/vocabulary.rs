@@ -48,7 +48,7 @@ pub(super) struct VocabularyArgs {
     /// Seed of all random choices
     #[arg(long, default_value_t = 0, value_name = "S")]
     seed: u64,
-    /// Only the first N scenarios of every file [default: all]
+    /// Only the first N scenarios, over all files [default: all]
     #[arg(long, value_name = "N")]
     limit: Option<NonZeroUsize>,
     /// Tokens per class (k-disks) [default: 2048]

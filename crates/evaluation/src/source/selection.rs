@@ -1,8 +1,9 @@
 //! Selection of scenarios by id and category.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_scene::Deviation;
+use reactsim_formats::deviations::DeviationRecord;
+use reactsim_scene::{Deviation, Scenario};
 use serde::{Deserialize, Serialize};
 
 /// The scenarios of the sources that a run uses: those with one of the ids and one of the categories.
@@ -26,6 +27,19 @@ impl Selection {
     /// Returns whether scenarios with this id are selected, as far as the category allows.
     pub fn has_id(&self, id: &str) -> bool {
         self.ids.is_empty() || self.ids.contains(id)
+    }
+
+    /// Returns whether a scenario is selected. If there is a file of deviations, it must be there, and its category
+    /// is that there.
+    pub fn has(&self, scenario: &Scenario, deviations: Option<&BTreeMap<String, DeviationRecord>>) -> bool {
+        let category = match deviations {
+            Some(deviations) => match deviations.get(&scenario.id) {
+                Some(record) => record.category,
+                None => return false,
+            },
+            None => scenario.deviation.as_ref().and_then(|deviation| deviation.category),
+        };
+        self.has_id(&scenario.id) && self.has_category(category)
     }
 
     /// Returns whether scenarios of this category are selected, as far as the id allows.

@@ -5,14 +5,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use reactsim_formats::{
-    CurrentFrames, FutureChoice, Input, LengthChoice, Partition, PassedOver, nuplan_filter, survey,
+    CurrentFrames, FutureChoice, Input, LengthChoice, Partition, PassedOver, deviations, nuplan_filter,
+    survey,
 };
-use reactsim_scene::{Deviation, Length};
+use reactsim_scene::{Deviation, Length, Scenario};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EvaluationError;
-use crate::source::Source;
 use crate::source::selection::Selection;
+use crate::source::{Source, limited, limited_shipped, whole};
 
 /// Scenarios, by default those of the shipped benchmark, and their deviated AVs.
 #[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
@@ -24,7 +25,7 @@ pub struct ScenarioSpec {
     /// Deviated AVs by scenario id, Parquet or JSON, also a URL; other scenarios are skipped
     #[arg(long, value_name = "FILE")]
     pub deviations: Option<PathBuf>,
-    /// Only the first N scenarios of every file [default: all]
+    /// Only the first N scenarios that are run, over all files [default: all]
     #[arg(long, value_name = "N")]
     pub limit: Option<NonZeroUsize>,
     /// Scenarios by id and category.
@@ -115,7 +116,7 @@ pub enum Opening {
 }
 
 impl ScenarioSpec {
-    /// Returns the largest number of scenarios of a file.
+    /// Returns the largest number of scenarios.
     pub fn most(&self) -> usize {
         self.limit.map_or(usize::MAX, NonZeroUsize::get)
     }
@@ -131,15 +132,28 @@ impl ScenarioSpec {
     /// # Errors
     /// [`EvaluationError`] if a file cannot be read, or a key has no effect on the shipped scenarios.
     pub fn open(&self, opening: Opening) -> Result<(Vec<Source>, PassedOver), EvaluationError> {
+        let selection = self.selection.selection();
+        let selects = self.limit.is_some() && !(selection.is_all() && self.deviations.is_none());
+        let deviations = self.deviations.as_deref().filter(|_| selects).map(deviations::read).transpose()?;
+        let is_run = |scenario: &Scenario| selection.has(scenario, deviations.as_ref());
+        let is_run = selects.then_some(&is_run as &dyn Fn(&Scenario) -> bool);
         if self.is_shipped() {
             self.reading.check_absent()?;
-            return Ok((vec![Source::shipped(self.most())], PassedOver::new()));
+            let source = match self.limit {
+                Some(most) => limited_shipped(most.get(), is_run)?,
+                None => Source::shipped(usize::MAX),
+            };
+            return Ok((vec![source], PassedOver::new()));
         }
         let (inputs, passed_over) = self.reading.find_inputs(&self.scenarios)?;
+        let inputs = match self.limit {
+            Some(most) => limited(inputs, most.get(), is_run),
+            None => whole(inputs),
+        };
         let sources = match opening {
-            Opening::Whole => Source::of_inputs(inputs, self.most())?,
-            Opening::Partition(partition) => Source::of_partition(inputs, self.most(), partition)?,
-            Opening::Unread => Source::unread(inputs, self.most()),
+            Opening::Whole => Source::of_inputs(inputs)?,
+            Opening::Partition(partition) => Source::of_partition(inputs, partition)?,
+            Opening::Unread => Source::unread(inputs),
         };
         Ok((sources, passed_over))
     }
