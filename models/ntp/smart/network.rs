@@ -72,7 +72,7 @@ impl Smart {
                 tensors.drop_twin(&format!("{norm}_dst.{part}"), &format!("{norm}_src.{part}"))?;
             }
         }
-        Ok(tensors.load(network)?)
+        tensors.load(network)
     }
 
     /// Returns the network with everything but the attention of agents and the token heads fixed, as CATK
