@@ -1,12 +1,12 @@
 //! Oriented road edges; their left side is drivable.
 
-use super::{SegmentIndex, Vec2, point_segment};
+use super::{Bounds, Grid, Vec2, point_segment};
 
 /// Oriented polylines that bound an area on their left, with an index over their segments.
 #[derive(Clone, Debug)]
 pub struct OrientedEdges {
     segments: Vec<Segment>,
-    index: SegmentIndex,
+    grid: Grid,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +61,8 @@ impl OrientedEdges {
             segments[last as usize].next = closed.then_some(first);
             segments[first as usize].previous = closed.then_some(last);
         }
-        Self { index: SegmentIndex::new(segments.iter().map(|s| [s.a, s.b]), 4.0), segments }
+        let bounds: Vec<Bounds> = segments.iter().map(|s| Bounds::of([s.a, s.b])).collect();
+        Self { grid: Grid::new(&bounds, 4.0), segments }
     }
 
     /// Returns whether there are no edges.
@@ -74,7 +75,11 @@ impl OrientedEdges {
     ///
     /// `start` is the segment found for a nearby point; it only shortens the search. `None` without edges.
     pub fn nearest(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
-        self.nearest_where(p, start, |_, _, _| true)
+        let (segment, d2) = self.grid.nearest(p, start, |i| {
+            let s = &self.segments[i as usize];
+            point_segment(p, s.a, s.b).0
+        })?;
+        Some(NearestEdge { segment, distance: d2.sqrt(), outside: self.outside(p, segment) })
     }
 
     /// Like [`Self::nearest`], among the segments for which `keep` is true. It receives the index of the
@@ -91,7 +96,7 @@ impl OrientedEdges {
             let (d2, t) = point_segment(p, s.a, s.b);
             if keep(i, t, d2) { d2 } else { f64::INFINITY }
         };
-        let (segment, d2) = self.index.nearest(p, start, distance2)?;
+        let (segment, d2) = self.grid.nearest(p, start, distance2).filter(|found| found.1.is_finite())?;
         Some(NearestEdge { segment, distance: d2.sqrt(), outside: self.outside(p, segment) })
     }
 

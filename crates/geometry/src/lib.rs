@@ -12,7 +12,6 @@ mod obb;
 mod polygon;
 mod polyline;
 mod ring_index;
-mod segment_index;
 mod sweep;
 mod union;
 
@@ -24,7 +23,6 @@ pub use obb::{OrientedBox, rounded_distance};
 pub use polygon::{Polygon, point_in_ring, ring_distance};
 pub use polyline::{Polyline, PolylineError, Projection};
 pub use ring_index::{PolygonIndex, RingIndex};
-pub use segment_index::SegmentIndex;
 pub use sweep::time_to_impact;
 pub use union::{GRID_SPACING, on_grid, ring_area, union, union_of};
 

@@ -131,8 +131,8 @@ struct Sink {
     rest: Vec<u8>,
 }
 
-/// Number of bytes that are hashed at a time: the processor's cache holds them, and whole parts of this length
-/// are hashed fastest.
+/// Number of bytes that are hashed at a time: the processor's cache holds them, and whole parts of this
+/// length are hashed fastest.
 const PART: usize = 1 << 16;
 
 impl Sink {

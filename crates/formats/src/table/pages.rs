@@ -25,7 +25,7 @@ const VALUE_SIZE: u64 = 8;
 const INDEX_PAGE: i64 = 1;
 
 /// Checks all pages of a column chunk and returns the memory they need in bytes, that of the longest page or
-/// of all values, whichever is larger; and the size in bytes that each page states, without pages of an index.
+/// of all values, whichever is larger; and the size in bytes that each page states, without index pages.
 pub(super) fn check(chunk: &[u8], column: &str, codec: Compression) -> Result<(u64, Vec<usize>), Cause> {
     let (mut rest, mut longest, mut values, mut sizes) = (chunk, 0, 0, Vec::new());
     let damaged = |what: &str| Cause::Undecodable(format!("{what} of column `{column}` is damaged"));

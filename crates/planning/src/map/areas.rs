@@ -1,6 +1,6 @@
 //! Indexed lists of areas.
 
-use reactsim_geometry::{Grid, Vec2};
+use reactsim_geometry::{Bounds, Grid, Vec2};
 
 use super::Area;
 

@@ -1,13 +1,13 @@
 //! The ground: lanes and road edges with their heights, and how it joins places.
 
-use reactsim_geometry::{SegmentIndex, Vec2, point_segment};
+use reactsim_geometry::{Bounds, Grid, Vec2, point_segment};
 
 use super::{LEVEL_GAP, MAX_SLOPE, apart};
 use crate::{Road, RoadMap};
 
 /// Distance in metres up to which lanes and edges give the height of the ground at a point.
 pub(super) const GROUND_DISTANCE: f64 = 10.0;
-/// Size of the cells of the index, metres: a few pieces of lines.
+/// Size of the cells of the index, metres: a few segments of each line.
 const CELL_SIZE: f64 = 3.0;
 /// Shortest part of a line, metres, whose slope counts: recorded heights are noisy from point to point.
 const SLOPE_LENGTH: f64 = 10.0;
@@ -22,7 +22,7 @@ const FOLLOW_DISTANCE: f64 = 400.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Ground {
     segments: Vec<Segment>,
-    index: SegmentIndex,
+    grid: Grid,
     /// Largest slope of the ground, metres per metre.
     steepest: f64,
 }
@@ -69,7 +69,8 @@ impl Ground {
                 }
             }
         }
-        Self { index: SegmentIndex::new(segments.iter().map(|s| s.ends), CELL_SIZE), segments, steepest }
+        let bounds: Vec<Bounds> = segments.iter().map(|s| Bounds::of(s.ends)).collect();
+        Self { grid: Grid::new(&bounds, CELL_SIZE), segments, steepest }
     }
 
     /// Returns the height at the point nearest to `p` of the segments within 10 m for which `keep` is true,
@@ -80,7 +81,7 @@ impl Ground {
             let (distance2, height) = segment.at(p);
             if keep(segment, height) { distance2 } else { f64::INFINITY }
         };
-        let found = self.index.nearest_within(p, GROUND_DISTANCE, distance2)?;
+        let found = self.grid.nearest_within(p, GROUND_DISTANCE, distance2)?;
         Some(self.segments[found as usize].at(p).1)
     }
 
