@@ -57,6 +57,7 @@ pub const TASKS: &[TrainingTask] = &[
     ntp::smart::learn::TASK,
     ntp::smart::learn::catk::TASK,
     ntp::smart::learn::grpo::TASK,
+    ntp::realism::TASK,
     qp_regression::learn::TASK,
     vbd::learn::TASK,
     ctg::learn::TASK,

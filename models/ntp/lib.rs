@@ -12,6 +12,7 @@ mod haste;
 pub mod learn;
 mod policy_loss;
 pub mod reactive;
+pub mod realism;
 mod sampling;
 pub mod smart;
 mod slowdown;

@@ -16,6 +16,18 @@ pub(crate) struct Choice {
     pub advantage: f32,
 }
 
+/// Returns all choices of a batch of samples, of which the first nodes are in these rows.
+pub(crate) fn in_batch<'c>(
+    choices: impl Iterator<Item = &'c Vec<Choice>>,
+    firsts: impl Iterator<Item = usize>,
+) -> Vec<Choice> {
+    let shifted = |(own, first): (&Vec<Choice>, usize)| {
+        let shifted = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + first, ..c.drawn }, ..*c };
+        own.iter().map(shifted).collect::<Vec<_>>()
+    };
+    choices.zip(firsts).flat_map(shifted).collect()
+}
+
 /// Returns the negative log-likelihood of drawn tokens, weighted by their advantages, plus `anchor` times the
 /// divergence of the scores from those of a reference network (Kullback and Leibler, nats, reference first),
 /// which is a metric too. Items are the weights of the agents.

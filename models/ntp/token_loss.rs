@@ -24,6 +24,15 @@ pub(crate) struct Target {
     pub weight: f32,
 }
 
+/// Who chooses a target, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Chooser {
+    /// Slot of the agent.
+    pub slot: usize,
+    /// Frame from which the token leads on.
+    pub frame: usize,
+}
+
 /// Returns the weight of an agent's labels in the loss.
 pub(crate) fn loss_weight<M>(scene: &LearningScene<M>, slot: usize) -> f32 {
     if scene.is_parked(slot) { PARKED_WEIGHT } else { 1.0 }

@@ -48,6 +48,7 @@ def train_adapt(
     *,
     model: str = "ntp-guarded",
     minutes: float = 10.0,
+    reward: str | None = None,
     seed: int = 0,
     exclude: PathLike | Sequence[PathLike] = (),
     resume: bool = False,
@@ -66,6 +67,7 @@ def train_adapt(
         out: Folder to write: scenarios, training, runs.
         model: Simulator to adapt.
         minutes: Time for everything.
+        reward: Reward by which the network is fine-tuned after the training: "realism".
         seed: Seed of all random choices.
         exclude: Files or folders of scenarios that are left out, even if they are among the logs.
         resume: Continue in `out` where it was interrupted.
@@ -84,6 +86,7 @@ def train_adapt(
     given = [
         ("--model", model),
         ("--minutes", minutes),
+        ("--reward", reward),
         ("--out", out),
         ("--seed", seed),
         *each("--exclude", exclude),
@@ -93,7 +96,8 @@ def train_adapt(
     ]
     folder = Path(local_folder(out))
     produce(["train", "adapt", *arguments(given, paths(logs))], folder / "realism", show=progress)
-    baseline, weights = f"{model}@mine", folder / "training" / "weights.safetensors"
+    training = "training" if reward is None else "rewarded"
+    baseline, weights = f"{model}@mine", folder / training / "weights.safetensors"
     options = [f"--model-weights={baseline}={weights}"]
     haste = folder / "haste.txt"
     if haste.exists():

@@ -131,6 +131,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
             lambda: reactsim.train_adapt(
                 "l",
                 "o",
+                reward="realism",
                 exclude="x",
                 resume=True,
                 jobs=1,

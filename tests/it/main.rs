@@ -47,6 +47,7 @@ mod protocol;
 mod pufferdrive;
 mod qp;
 mod qp_regression;
+mod realism_rewards;
 mod reference;
 mod rollout_checks;
 mod scenes;

@@ -452,6 +452,37 @@ fn the_published_network_is_trained_and_drives() {
     );
 }
 
+/// Shipped networks of both kinds are fine-tuned by realism from the command line, and drive.
+#[test]
+fn networks_are_tuned_by_realism() {
+    let folder = tempfile::tempdir().unwrap();
+    let (few, _) = few(folder.path());
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let base = ["train", "realism", text(&few), "--set", "rollouts=2", "--set", "learning.held_out=0"];
+    let short = ["--set", "learning.batch=1", "--set", "learning.epochs=0.3", "--jobs", "1"];
+    for (from, reader) in [("ntp-reactive", "ntp-reactive"), ("trajtok-small", "smart")] {
+        let (out, more) = (at(from), ["--from", from, "--set", "features=kinematic", "--out"]);
+        let (_, notes) = said(&[&base[..], &short, &more, &[&out]].concat(), 0);
+        assert!(notes.contains("trained 2 steps"), "{notes}");
+        assert!(notes.contains(&format!("{reader}@mine={out}/weights.safetensors")), "{notes}");
+        let row = log_rows(Path::new(&out)).pop().unwrap();
+        for name in ["metametric", "av-contacts", "lost", "divergence"] {
+            assert!(row["metrics"][name].is_number(), "{name} is not in {row}");
+        }
+        let weights = format!("{reader}={out}/weights.safetensors");
+        done(&["run", text(&few), "--models", reader, "--model-weights", &weights, "--limit", "1"]);
+    }
+    let refused = |more: &[&str]| said(&[&base[..], more, &["--out", &at("no")]].concat(), 2).1;
+    assert!(refused(&[]).contains("give --from FILE"));
+    assert!(refused(&["--from", "regression"]).contains("weights neither of `ntp-reactive`"));
+    assert!(refused(&["--from", "idm"]).contains("this program has no weights of it"));
+    assert!(refused(&["--from", "ntp-reactive", "--set", "features=map"]).contains("kinematic"));
+    let long = at("long.parquet");
+    done(&words(&format!("generate --preset train --count 1 --future 100 --out {long} --quiet")));
+    let refused = said(&["train", "realism", &long, "--from", "ntp-reactive", "--out", &at("no")], 2).1;
+    assert!(refused.contains("no other length"), "{refused}");
+}
+
 /// The quick training reacts to deviated AVs better than constant velocity, and stays near the log.
 #[test]
 #[ignore = "trains for some minutes"]
@@ -518,4 +549,13 @@ fn shipped_networks_are_adapted_to_logs() {
     done(&[&adapt[..], &["--resume"]].concat());
     assert!(out.join("realism/summary.json").exists());
     assert_eq!(weights(), before);
+
+    let other = folder.path().join("rewarded");
+    let rewarded = ["train", "adapt", text(&logs), "--minutes", "0.05", "--reward", "realism", "--out", text(&other)];
+    refused(&[&rewarded[..], &["--model", "regression"]].concat(), "does not learn by rewards");
+    let (_, notes) = said(&rewarded, 0);
+    assert!(notes.contains("rewarded/weights.safetensors"), "{notes}");
+    let identity = &json_of(&other.join("rewarded/training.json"))["training"]["task"];
+    assert_eq!(identity["recipe"]["features"], "all");
+    assert!(other.join("reward.toml").exists() && other.join("realism/summary.json").exists());
 }

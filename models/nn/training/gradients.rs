@@ -207,7 +207,9 @@ where
 
     fn read(&self, number: usize) -> Result<T::Example, TrainingError> {
         let refuse = |cause| TrainingError::Read { example: self.source.id(number).to_owned(), cause };
-        self.source.read(number).map_err(refuse)
+        let example = self.source.read(number).map_err(refuse)?;
+        self.task.check(&example).map_err(refuse)?;
+        Ok(example)
     }
 
     fn prepare(&self, part: &Part) -> Result<Prepared<T::Sample>, TrainingError> {

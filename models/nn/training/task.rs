@@ -113,6 +113,14 @@ pub trait Task: Sync {
         false
     }
 
+    /// Checks that an example is of the kind that the task learns from. By default all are.
+    ///
+    /// # Errors
+    /// A message that names the example; it ends the training.
+    fn check(&self, _example: &Self::Example) -> Result<(), String> {
+        Ok(())
+    }
+
     /// Prepares a sample of an example; `None` if there is nothing to learn from it.
     fn prepare(&self, example: &Self::Example, view: View<'_>) -> Option<Self::Sample>;
 

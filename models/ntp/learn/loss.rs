@@ -1,6 +1,6 @@
 //! Training loss of the reactive network.
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use reactsim_nn::training::Output;
 
 use super::super::reactive::Config;
@@ -18,19 +18,37 @@ pub(crate) fn loss(
     config: &Config,
     device: &Device,
 ) -> Output {
+    let samples: Vec<&Sample> = samples.iter().collect();
+    let targets: Vec<Target> = samples
+        .iter()
+        .zip(first_rows(&samples))
+        .flat_map(|(sample, first)| sample.targets.iter().map(move |t| Target { row: t.row + first, ..*t }))
+        .collect();
+    let nodes = encoded(network, &samples, config, device);
+    token_loss(&targets, distributions, device, |class, rows| {
+        network.logits(class, nodes.clone().select(0, rows))
+    })
+}
+
+/// Returns the features of all nodes of samples, [nodes, hidden].
+pub(crate) fn encoded(network: &Network, samples: &[&Sample], config: &Config, device: &Device) -> Tensor<2> {
     let maps: Vec<_> = samples.iter().map(|s| &s.linked).collect();
     let map = map_tensors(&maps, config, device);
-    let (mut scenes, mut targets) = (Vec::new(), Vec::new());
-    let (mut places, mut nodes) = (0, 0);
-    for sample in samples {
-        scenes.push((sample.steps.as_slice(), SceneRows { places, earlier: nodes, ..SceneRows::default() }));
-        targets.extend(sample.targets.iter().map(|t| Target { row: t.row + nodes, ..*t }));
+    let mut scenes = Vec::new();
+    let mut places = 0;
+    for (sample, earlier) in samples.iter().zip(first_rows(samples)) {
+        scenes.push((sample.steps.as_slice(), SceneRows { places, earlier, ..SceneRows::default() }));
         places += sample.linked.places.all.len();
-        nodes += sample.steps.iter().map(|s| s.slots.len()).sum::<usize>();
     }
     let nodes = node_tensors(&scenes, config, device);
-    let encoded = network.encode(&nodes, &network.encode_map(&map), &PastNodes::Here, None);
-    token_loss(&targets, distributions, device, |class, rows| {
-        network.logits(class, encoded.nodes.clone().select(0, rows))
+    network.encode(&nodes, &network.encode_map(&map), &PastNodes::Here, None).nodes
+}
+
+/// Returns the row of the first node of each sample in a batch.
+pub(crate) fn first_rows(samples: &[&Sample]) -> impl Iterator<Item = usize> {
+    samples.iter().scan(0, |next, sample| {
+        let first = *next;
+        *next += sample.steps.iter().map(|s| s.slots.len()).sum::<usize>();
+        Some(first)
     })
 }

@@ -143,7 +143,8 @@ impl Task for NextToken {
         let (config, most) = (&self.recipe.network, self.recipe.agents);
         let map = KnownMap::of(&window.start, config.map_radius);
         let varied = stream.map(|stream| (&self.recipe.augmentation, stream));
-        sample(LearningScene::of(window, map), config, &self.vocabulary, most, varied)
+        let scene = LearningScene::of(window, map);
+        sample(scene, config, &self.vocabulary, most, varied).map(|(sample, _)| sample)
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

@@ -3,6 +3,7 @@
 mod choice;
 mod data;
 mod model;
+mod stage;
 mod verdict;
 
 use std::ffi::OsString;
@@ -18,6 +19,7 @@ use serde_json::{Map, Value, json};
 
 use self::data::{Files, Logs};
 use self::model::AdaptableModel;
+use self::stage::Stage;
 use self::verdict::Judgement;
 use super::data::Data;
 use super::exclusion::Exclusion;
@@ -46,8 +48,8 @@ const CERTIFICATES_PER_EPOCH: f64 = 2.0;
 /// Share of the time that may have passed when the training ends; the rest is for the choice of settings and the
 /// table.
 const TRAINED_AT: f64 = 0.75;
-/// Steps with which the speed of the training is measured.
-const PACE_STEPS: f64 = 6.0;
+/// The same of the imitation, if a training by a reward follows.
+const IMITATED_AT: f64 = 0.45;
 /// Largest number of epochs: more learn single logs by heart.
 const MOST_EPOCHS: f64 = 40.0;
 /// Largest number of logs that are read, per minute of the time limit.
@@ -67,6 +69,10 @@ const MOST_ROLLOUTS: u32 = 8;
 const ARGUMENTS: &str = "adapt.json";
 /// Name of the recipe in the folder.
 const RECIPE: &str = "recipe.toml";
+const REWARD_RECIPE: &str = "reward.toml";
+/// Names of the trainings in the folder.
+const TRAINING: &str = "training";
+const REWARDED: &str = "rewarded";
 /// Names of the runs in the folder.
 const REACTIVE: &str = "reactive";
 const REALISM: &str = "realism";
@@ -85,6 +91,7 @@ const AFTER: &str = "\
    --minutes allow, and keeps the network with the lowest validation loss.
 4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the smallest one that \
    keeps progress, if it is as safe and, beyond chance, no worse in displacement and over-reaction.
+   With --reward realism, a fine-tuning by realism follows, as of the task `realism`.
 5. Judges by the other part, in both protocols: prints whether the network is adapted, the paired \
    differences between before and after, and the table with `idm` and constant velocity.
 
@@ -108,6 +115,9 @@ pub(super) struct AdaptArgs {
     /// Time for everything, minutes; the number of epochs follows from it and the speed of the machine
     #[arg(long, default_value_t = 10.0, value_name = "M")]
     minutes: f64,
+    /// Fine-tune by this reward after the training: the Sim Agents metametric and reactions to deviated AVs
+    #[arg(long, value_name = "NAME", value_parser = ["realism"])]
+    reward: Option<String>,
     /// Files or folders of scenarios that are not learned from, even if they are among the others; may
     /// be repeated
     #[arg(long, value_name = "SCENARIOS")]
@@ -134,6 +144,7 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
         bail!("--minutes {}: expected a number above 0, up to 100000", args.minutes);
     }
     let model = AdaptableModel::find(&args.model)?;
+    let reward = args.reward.as_deref().map(|task| rewarding(model, task)).transpose()?;
     let mut inputs = inputs_of(&args.reading, &args.logs)?;
     // If there are too many logs for the time, those that are read are a random sample of the files.
     inputs.sort_by_key(|input| {
@@ -142,8 +153,9 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     });
     let _lock = claim_folder(args)?;
     let stop = stop_on_interrupt("keeping what is finished")?;
-    let mut session = SessionArgs::within(&args.out, args.seed, args.resume, args.jobs);
-    let jobs = session.jobs();
+    let session = |name| SessionArgs::within(args.out.join(name), args.seed, args.resume, args.jobs);
+    let (imitating, rewarded) = (session(TRAINING), session(REWARDED));
+    let jobs = imitating.jobs();
     let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
     let interrupted = || {
         say(format_args!("interrupted; to continue, repeat the command with --resume"));
@@ -162,16 +174,19 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     };
     let files = data::make(&logs, &args.out, (REACTING, &idm))?;
     let Some(files) = files else { return interrupted() };
-    session.scenarios = learned(&files)?;
-
     let shipped = shipped_weights(model, &args.out)?;
-    let recipe = recipe(args, model, &shipped, &session, begun)?;
-    let task = task::find(model.task)?;
-    let recipe = RecipeArgs::of_file(&recipe).read(task)?;
-    let settings = learning_settings(&recipe, args.seed)?;
-    let training = build(model, recipe, &shipped)?;
-    let weights = session.folder()?.join(WEIGHTS);
-    let status = session::train(&session, training.as_ref(), settings, None, &stop)?;
+    let until = if reward.is_some() { IMITATED_AT } else { TRAINED_AT };
+    let imitation = Stage::of_model(model, &shipped, until)?;
+    let session = SessionArgs { scenarios: learned(&files)?, ..imitating };
+    let mut status = imitation.train(args, &session, begun, &stop)?;
+    let mut weights = session.folder()?.join(WEIGHTS);
+    if let Some(task) = reward.filter(|_| status == ExitStatus::Done) {
+        let stage = Stage::of_reward(task, &weights);
+        let scenarios = [&files.logs, &files.tuning].map(|path| path.display().to_string()).to_vec();
+        let session = SessionArgs { scenarios, ..rewarded };
+        status = stage.train(args, &session, begun, &stop)?;
+        weights = session.folder()?.join(WEIGHTS);
+    }
     if status != ExitStatus::Done {
         return Ok(status);
     }
@@ -189,6 +204,14 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let name = if verdict == Verdict::Better { "adapted" } else { "trained" };
     say(format_args!("the {name} simulator runs with: reactsim run {}", arguments.join(" ")));
     Ok(status)
+}
+
+/// Returns the task of a reward, for a model that learns by it.
+fn rewarding(model: &AdaptableModel, task: &str) -> anyhow::Result<&'static TrainingTask> {
+    if !model.takes_rewards() {
+        bail!("--reward {task}: `{}` does not learn by rewards; a network of tokens does", model.id);
+    }
+    task::find(task)
 }
 
 /// Locks the folder and writes the arguments. Refuses a folder of other files, or of an adaptation with other
@@ -218,6 +241,9 @@ fn check_folder(args: &AdaptArgs) -> anyhow::Result<Option<Value>> {
     });
     if let Some(filter) = &args.reading.nuplan.filter {
         wanted["filter"] = json!(filter.display().to_string());
+    }
+    if let Some(reward) = &args.reward {
+        wanted["reward"] = json!(reward);
     }
     if !args.exclude.is_empty() {
         wanted["exclude"] = json!(args.exclude);
@@ -269,66 +295,6 @@ fn shipped_weights(model: &AdaptableModel, folder: &Path) -> anyhow::Result<Path
     };
     let path = folder.join("shipped.safetensors");
     replace(&path, |out| out.write_all(&weights.bytes))
-        .with_context(|| format!("could not write {}", path.display()))?;
-    Ok(path)
-}
-
-fn build(
-    model: &AdaptableModel,
-    recipe: models::Parameters,
-    shipped: &Path,
-) -> anyhow::Result<Box<dyn Trainable>> {
-    let inputs: Vec<String> =
-        model.inputs.iter().map(|name| format!("{name}={}", shipped.display())).collect();
-    task::build(task::find(model.task)?, recipe, &inputs, Some(shipped), Backend::default())
-}
-
-/// Writes the recipe, unless it was written before; returns its file. The number of epochs follows from the time
-/// that is left and the measured speed.
-fn recipe(
-    args: &AdaptArgs,
-    model: &AdaptableModel,
-    shipped: &Path,
-    session: &SessionArgs,
-    begun: Instant,
-) -> anyhow::Result<PathBuf> {
-    let path = args.out.join(RECIPE);
-    if path.exists() {
-        return Ok(path);
-    }
-    let task = task::find(model.task)?;
-    let read = |changes| RecipeArgs { recipe: model.recipe.map(str::to_owned), set: changes }.read(task);
-    let data = Data::open(&session.scenarios, Exclusion::read(&[])?, &args.out.join("cache"))?;
-    let length = data.length();
-    let batch = learning_settings(&read(Vec::new())?, args.seed)?.batch as f64;
-    // A short training, of which nothing stays, tells the speed.
-    let recipe = read(model.changes(PACE_STEPS * batch / length, PACE_STEPS as u64))?;
-    let settings = learning_settings(&recipe, args.seed)?;
-    let settings = crate::training::Settings { held_out: 0.0, ..settings };
-    let folder = args.out.join("pace");
-    fs::remove_dir_all(&folder).ok();
-    let start = Instant::now();
-    build(model, recipe, shipped)?.learn(Training {
-        source: &data,
-        settings,
-        execution: Execution { jobs: session.jobs(), checkpoint_every: std::time::Duration::from_secs(3600) },
-        about: Map::new(),
-        measure: None,
-        observer: &(),
-        folder: &folder,
-        resume: false,
-        stop: &AtomicBool::new(false),
-    })?;
-    fs::remove_dir_all(&folder).with_context(|| format!("could not remove {}", folder.display()))?;
-    let per_second = PACE_STEPS / start.elapsed().as_secs_f64();
-    let left = 60.0 * args.minutes * TRAINED_AT - begun.elapsed().as_secs_f64();
-    let steps = (left * per_second).max(20.0).min(MOST_EPOCHS * length / batch);
-    let recipe = read(model.changes(steps * batch / length, steps as u64))?;
-    say(format_args!(
-        "training: {steps:.0} steps of {batch} of {length:.0} scenarios, {per_second:.2} steps/s"
-    ));
-    let text = recipe_document(&recipe)?;
-    replace(&path, |out| out.write_all(text.as_bytes()))
         .with_context(|| format!("could not write {}", path.display()))?;
     Ok(path)
 }

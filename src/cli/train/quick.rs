@@ -53,7 +53,7 @@ pub(super) struct QuickArgs {
 pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
     let _lock = lock_folder(&args.out)?;
     let stop = stop_on_interrupt("keeping what is finished")?;
-    let mut session = SessionArgs::within(&args.out, args.seed, args.resume, args.jobs);
+    let mut session = SessionArgs::within(args.out.join("training"), args.seed, args.resume, args.jobs);
     let Some(files) = data::make(&args.out, session.jobs(), &stop)? else {
         say(format_args!("interrupted; to continue, repeat the command with --resume"));
         return Ok(ExitStatus::Interrupted);

@@ -57,11 +57,11 @@ pub(super) struct SessionArgs {
 }
 
 impl SessionArgs {
-    /// Returns the arguments of a training in the folder `training` of another one, without scenarios.
-    pub(super) fn within(folder: &Path, seed: u64, resume: bool, jobs: Option<u16>) -> Self {
+    /// Returns the arguments of a training in a folder, without scenarios.
+    pub(super) fn within(folder: PathBuf, seed: u64, resume: bool, jobs: Option<u16>) -> Self {
         Self {
             scenarios: Vec::new(),
-            out: Some(folder.join("training")),
+            out: Some(folder),
             resume,
             cache: None,
             exclude: Vec::new(),

@@ -11,10 +11,11 @@ use super::recipe::RecipeArgs;
 use super::session::{self, SessionArgs};
 use crate::cli::output::{ExitStatus, note, stop_on_interrupt, write_result};
 use crate::evaluation::suggestion::did_you_mean;
+use crate::evaluation::{Adjustments, PlannedSimulator, weights_file};
 use crate::files::read_regular;
 use crate::models::learning::{TaskSetup, Trainable, TrainingTask, learning_settings, recipe_document};
 use crate::models::nn::{Backend, check_backend, device_of};
-use crate::models::{self, Parameters, TASKS, WeightsFile, find_task};
+use crate::models::{self, Baseline, Parameters, TASKS, WeightsFile, find_task};
 use crate::training::WEIGHTS;
 
 /// Arguments of a training.
@@ -30,8 +31,8 @@ pub(super) struct TaskArgs {
     /// File that the task is given, such as vocabulary=tokens.safetensors; may be repeated
     #[arg(long, value_name = "NAME=FILE")]
     input: Vec<String>,
-    /// Start from the weights of an earlier training instead of new ones
-    #[arg(long, value_name = "FILE")]
+    /// Start from the weights of an earlier training, or of a model that ships, instead of new ones
+    #[arg(long, value_name = "FILE|ID")]
     from: Option<PathBuf>,
     #[command(flatten)]
     session: SessionArgs,
@@ -61,7 +62,7 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<ExitStatus> {
     let stop = stop_on_interrupt("writing a checkpoint after this step")?;
     let status = session::train(&args.session, training.as_ref(), settings, closed_loop.as_ref(), &stop)?;
     if status == ExitStatus::Done
-        && let Some(baseline) = task.simulators.first().and_then(|id| models::find(id))
+        && let Some(baseline) = reader(task, &args.session.folder()?.join(WEIGHTS))?
     {
         let (folder, id) = (args.session.folder()?.display(), baseline.id);
         let shipped = if baseline.is_complete() { format!("{id},") } else { String::new() };
@@ -70,6 +71,17 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<ExitStatus> {
         ));
     }
     Ok(status)
+}
+
+/// Returns the first simulator of a task that reads these weights: those of some tasks are of several networks.
+fn reader(task: &TrainingTask, weights: &Path) -> anyhow::Result<Option<&'static Baseline>> {
+    let weights = weights_file(weights)?;
+    let reads = |baseline: &&Baseline| {
+        let weights = vec![(baseline.id.to_owned(), weights.clone())];
+        let adjustments = Adjustments { weights, ..Adjustments::default() };
+        PlannedSimulator::adjusted(&[baseline.id.to_owned()], &adjustments).is_ok()
+    };
+    Ok(task.simulators.iter().filter_map(|id| models::find(id)).find(reads))
 }
 
 /// Returns the task with this id.
@@ -104,8 +116,16 @@ pub(super) fn build(
         };
         files.insert(name, file(Path::new(path))?);
     }
-    let from = from.map(file).transpose()?;
+    let from = from.map(parent).transpose()?;
     Ok((task.make)(TaskSetup { recipe, inputs: files, from, device: device_of(backend) })?)
+}
+
+/// Returns a file of weights, or those of a model that ships if there is no file of this name.
+fn parent(name: &Path) -> anyhow::Result<WeightsFile> {
+    let baseline = name.to_str().filter(|_| !name.exists()).and_then(models::find);
+    let Some(baseline) = baseline else { return file(name) };
+    let shipped = models::weights::shipped(baseline.id)?;
+    shipped.with_context(|| format!("--from {}: this program has no weights of it: give a file", baseline.id))
 }
 
 fn file(path: &Path) -> anyhow::Result<WeightsFile> {

@@ -155,6 +155,42 @@ impl<'a> Scorer<'a> {
         Ok(configs.iter().map(scored).collect())
     }
 
+    /// Scores rollouts as [`Self::score`] does, and divides the share of every rollout among its evaluated
+    /// objects: the metric of all minus the metric without the values of one object in one rollout. Those of the
+    /// other objects in the rollout stay as they are, next to the object. By rollout and object; without
+    /// entries if there is one rollout.
+    ///
+    /// # Errors
+    /// Same as [`Self::score`].
+    pub fn score_with_object_shares(
+        &self,
+        rollouts: &ScenarioRollouts,
+        config: &Config,
+    ) -> Result<(WosacMetrics, Vec<Vec<RolloutShare>>), WosacError> {
+        let tallies = self.tally(rollouts, std::slice::from_ref(config), &mut |_| ())?;
+        let metrics = self.metrics(&tallies, config);
+        if tallies.all.rollouts < 2 {
+            return Ok((metrics, Vec::new()));
+        }
+        let objects = 0..self.objects.evaluated;
+        let judged = Feature::ALL.map(|feature| {
+            objects.clone().map(|object| self.judged_steps(feature, object, config).count()).sum::<usize>()
+        });
+        let shares = |own: &Tally| {
+            let rest = tallies.all.without(own);
+            let share = |object: usize| {
+                let others = Feature::ALL.map(|feature| {
+                    let of = (object, judged[feature as usize]);
+                    let factor = self.factor((&tallies.all, &rest), config, feature, of)?;
+                    Some(metrics.likelihood(feature)? * factor)
+                });
+                metrics.share(config, &others)
+            };
+            objects.clone().map(share).collect()
+        };
+        Ok((metrics, tallies.own.iter().map(shares).collect()))
+    }
+
     /// Counts the features of every rollout.
     pub(super) fn tally(
         &self,
@@ -227,19 +263,60 @@ impl<'a> Scorer<'a> {
     }
 
     /// Returns the likelihood of the logged events under the frequencies in the rollouts. All objects have
-    /// the same weight. Objects other than vehicles never violate a traffic light, but they count.
+    /// the same weight.
     fn event_likelihood(&self, tally: &Tally, event: Feature) -> f64 {
+        let sum: f64 = (0..self.objects.evaluated).map(|object| self.event_term(tally, event, object)).sum();
+        math::exp(sum / self.objects.evaluated as f64)
+    }
+
+    /// Returns the logarithm of the likelihood of the logged event of an object. Objects other than vehicles never
+    /// violate a traffic light, but they count.
+    fn event_term(&self, tally: &Tally, event: Feature, object: usize) -> f64 {
         let (counts, rollouts) = (event_counts(tally, event), tally.rollouts);
-        let of_object = |object: usize| {
-            let is_judged = event != Feature::TrafficLightViolation || self.is_vehicle(object);
-            let count = if is_judged { counts[object] } else { 0 };
-            match is_judged && has_event(&self.logged[object], event, &self.masks[object]) {
-                true => log_event_probability(count, rollouts),
-                false => log_event_probability(rollouts as u32 - count, rollouts),
+        let is_judged = event != Feature::TrafficLightViolation || self.is_vehicle(object);
+        let count = if is_judged { counts[object] } else { 0 };
+        match is_judged && has_event(&self.logged[object], event, &self.masks[object]) {
+            true => log_event_probability(count, rollouts),
+            false => log_event_probability(rollouts as u32 - count, rollouts),
+        }
+    }
+
+    /// Returns the sum of the logarithms of the likelihoods of the logged values of an object, and their number.
+    fn step_term(
+        &self,
+        tally: &Tally,
+        config: &Config,
+        (feature, bins): (Feature, Bins),
+        object: usize,
+    ) -> Option<(f64, usize)> {
+        let histograms = tally.histograms(feature, bins)?;
+        let values = self.logged[object].values(feature)?;
+        let probabilities = log_probabilities(histograms.counts(object));
+        let terms = self.judged_steps(feature, object, config).map(|k| values[k]);
+        let terms: Vec<f64> = terms.map(|value| probabilities[histograms.edges.bin(value)]).collect();
+        Some((terms.iter().sum(), terms.len()))
+    }
+
+    /// Returns by which factor the likelihood of a feature changes if the counts of an object become those of
+    /// another tally. `judged` is the number of steps of all objects at which the feature is judged.
+    fn factor(
+        &self,
+        (all, rest): (&Tally, &Tally),
+        config: &Config,
+        feature: Feature,
+        (object, judged): (usize, usize),
+    ) -> Option<f64> {
+        let change = match config.estimators[feature as usize] {
+            Estimator::Histogram(bins) => {
+                let term = |tally| Some(self.step_term(tally, config, (feature, bins), object)?.0);
+                (term(rest)? - term(all)?) / judged as f64
+            }
+            Estimator::Bernoulli => {
+                let term = |tally| self.event_term(tally, feature, object);
+                (term(rest) - term(all)) / self.objects.evaluated as f64
             }
         };
-        let sum: f64 = (0..self.objects.evaluated).map(of_object).sum();
-        math::exp(sum / self.objects.evaluated as f64)
+        Some(math::exp(change))
     }
 
     /// Returns the steps (counted from 0) at which the logged values of a feature are judged.

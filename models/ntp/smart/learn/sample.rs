@@ -5,7 +5,7 @@ use reactsim_nn::learning::Window;
 use reactsim_nn::training::Stream;
 use reactsim_scene::Scenario;
 
-use super::super::super::token_loss::{Target, loss_weight};
+use super::super::super::token_loss::{Chooser, Target, loss_weight};
 use super::super::super::tokens::{
     MapVocabulary, TOKEN_FRAMES, TOKEN_STEPS, TokenNoise, Vocabulary, curve_pieces, motion_between,
 };
@@ -23,7 +23,7 @@ pub struct Sample {
 }
 
 /// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is
-/// nothing to learn.
+/// nothing to learn. Also returns which agent chooses each target.
 pub(super) fn sample(
     scenario: &Scenario,
     recipe: &Recipe,
@@ -31,7 +31,7 @@ pub(super) fn sample(
     vocabulary: &Vocabulary,
     map_vocabulary: &MapVocabulary,
     mut varied: Option<&mut Stream>,
-) -> Option<Sample> {
+) -> Option<(Sample, Vec<Chooser>)> {
     let window = Window::of(scenario, varied.as_deref_mut());
     let pieces = curve_pieces(&window.start);
     let mut logged = LoggedScene::of(window, pieces);
@@ -46,7 +46,7 @@ pub(super) fn sample(
         noise = augmentation.noise().map(|noise| (noise, stream));
     }
     let mut scene = scene_without_agents(&logged, map_vocabulary, recipe.map_radius, steps)?;
-    let mut targets = Vec::new();
+    let (mut targets, mut choosers) = (Vec::new(), Vec::new());
     for (number, agent) in tracked_agents(&logged, recipe.agents, shift).enumerate() {
         let class = agent.class;
         let tokens = match &mut noise {
@@ -64,13 +64,14 @@ pub(super) fn sample(
             let Some(goal) = agent.track.pose((at + 2) * TOKEN_FRAMES).filter(|_| at > 0) else { continue };
             let token = vocabulary.nearest(class, motion_between(tokens.poses[at], goal));
             targets.push(Target { row: number * steps + at - first, class, token, weight });
+            choosers.push(Chooser { slot: agent.slot, frame: (at + 1) * TOKEN_FRAMES });
         }
     }
     if targets.is_empty() {
         return None;
     }
     forget_unseen_pieces(&mut scene, config);
-    Some(Sample { scene, targets })
+    Some((Sample { scene, targets }, choosers))
 }
 
 /// Removes map tokens from which nothing reaches an agent, which are most of a map: agents see some tokens,

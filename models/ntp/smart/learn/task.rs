@@ -133,7 +133,8 @@ impl Task for NextSmartToken {
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream())
+        let made = sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream());
+        made.map(|(sample, _)| sample)
     }
 
     fn loss(&self, model: &Smart, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

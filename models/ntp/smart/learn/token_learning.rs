@@ -9,12 +9,12 @@ use reactsim_nn::training::Output;
 use reactsim_rollout::Controller;
 
 use super::super::super::entries::smart_parameters;
-use super::super::super::policy_loss::{Choice, policy_loss};
+use super::super::super::policy_loss::{Choice, in_batch, policy_loss};
 use super::super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::super::token_loss::{Target, token_loss};
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
 use super::super::{
-    Batch, Scene, Smart, SmartPolicy, SmartSimulator, TokenShapes, TokenTables, token_shapes,
+    Batch, Scene, Smart, SmartParameters, SmartPolicy, SmartSimulator, TokenShapes, TokenTables, token_shapes,
 };
 use super::Sample;
 
@@ -92,19 +92,15 @@ impl TokenLearning {
         &self,
         network: &Smart,
         reference: &Smart,
-        scenes: &[Scene],
-        choices: &[Vec<Choice>],
+        scenes: &[&Scene],
+        choices: &[&Vec<Choice>],
         anchor: f64,
     ) -> Output {
         let device = self.device.clone().autodiff();
         let noise = &mut Noise::none();
-        let scores = self.scores(network, scenes.iter(), &device, noise);
-        let fixed = self.scores(reference, scenes.iter(), &self.device, noise);
-        let shifted = |(own, first): (&Vec<Choice>, usize)| {
-            let shifted = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + first, ..c.drawn }, ..*c };
-            own.iter().map(shifted).collect::<Vec<_>>()
-        };
-        let all: Vec<Choice> = choices.iter().zip(first_rows(scenes.iter())).flat_map(shifted).collect();
+        let scores = self.scores(network, scenes.iter().copied(), &device, noise);
+        let fixed = self.scores(reference, scenes.iter().copied(), &self.device, noise);
+        let all = in_batch(choices.iter().copied(), first_rows(scenes.iter().copied()));
         let current = |class, rows| self.of_class(&scores, class, rows);
         policy_loss(&all, anchor, &device, current, |class, rows| self.of_class(&fixed, class, rows))
     }
@@ -140,7 +136,14 @@ impl TokenLearning {
 
     /// Returns the simulator that executes the tokens of a network as they are. The error is a message.
     pub(super) fn controller(&self, network: &Smart) -> Result<Controller, String> {
+        let SmartParameters { map_radius, .. } = smart_parameters().map_err(|e| e.to_string())?;
+        self.controller_within(network, map_radius)
+    }
+
+    /// As [`Self::controller`], with a map of this radius in metres.
+    pub(super) fn controller_within(&self, network: &Smart, map_radius: f64) -> Result<Controller, String> {
         let parameters = smart_parameters().map_err(|e| e.to_string())?;
+        let parameters = SmartParameters { map_radius, ..parameters };
         Ok(Controller::Fair(Box::new(SmartSimulator::new("smart", self.policy(network)?, parameters))))
     }
 }

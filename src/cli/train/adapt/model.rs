@@ -96,6 +96,11 @@ impl AdaptableModel {
         })
     }
 
+    /// Returns whether the network can be trained by rewards: it draws tokens.
+    pub(super) fn takes_rewards(&self) -> bool {
+        matches!(self.task, "ntp-reactive" | "smart")
+    }
+
     /// Returns the changes of the recipe: a short warm-up and a validation after each tenth, for this many epochs
     /// and steps.
     pub(super) fn changes(&self, epochs: f64, steps: u64) -> Vec<String> {

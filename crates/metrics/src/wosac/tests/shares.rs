@@ -84,3 +84,28 @@ fn a_single_rollout_has_no_share() {
     let expected: Vec<_> = metrics.into_iter().map(|metrics| (metrics, Vec::new())).collect();
     assert_eq!(scored, expected);
 }
+
+#[test]
+fn objects_divide_the_share_of_their_rollout() {
+    let config = Config::CHALLENGE_2025;
+    for (seed, objects) in [(7, 1), (8, 6)] {
+        let (mut log, rollouts) = fixture::scenario(seed, objects, 8, [0.0, 0.0]);
+        if objects == 1 {
+            log.tracks_to_predict.clear();
+        }
+        let scorer = Scorer::new(&log).unwrap();
+        let (metrics, shares) = scorer.score_with_object_shares(&rollouts, &config).unwrap();
+        let whole = scorer.score_with_shares(&rollouts, &[config]).unwrap().remove(0);
+        assert_eq!(metrics, whole.0);
+        assert_eq!(shares.len(), 8);
+        for (parts, whole) in shares.iter().zip(&whole.1) {
+            assert_eq!(parts.len(), scorer.evaluated().len());
+            let sum: f64 = parts.iter().map(|part| part.metametric).sum();
+            // An object alone has the share of its rollout; shares of several add up to first order.
+            let tolerance = if parts.len() == 1 { 1e-12 } else { 0.3 * whole.metametric.abs() + 2e-3 };
+            assert!((sum - whole.metametric).abs() < tolerance, "{sum}, {}", whole.metametric);
+        }
+    }
+    let (log, rollouts) = fixture::scenario(9, 3, 1, [0.0, 0.0]);
+    assert_eq!(Scorer::new(&log).unwrap().score_with_object_shares(&rollouts, &config).unwrap().1, [[]; 0]);
+}

@@ -91,7 +91,8 @@ impl ClosedLoopRecipe for GrpoRecipe {
         let groups = tuning.groups(&model.valid(), samples, stream);
         let choices: Vec<_> = groups.iter().flat_map(|group| choices(group)).collect();
         let metrics = tuning.summary(&groups);
-        let scenes: Vec<_> = groups.into_iter().flatten().map(|rollout| rollout.scene).collect();
+        let choices: Vec<_> = choices.iter().collect();
+        let scenes: Vec<_> = groups.iter().flatten().map(|rollout| &rollout.scene).collect();
         let (reference, anchor) = (tuning.parent.valid(), tuning.recipe.anchor);
         let mut output = tuning.tokens.policy_loss(model, &reference, &scenes, &choices, anchor);
         output.metrics.extend(&metrics);

@@ -1,0 +1,215 @@
+//! Fine-tuning by realism as a task.
+
+use std::collections::BTreeMap;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand::RngExt;
+use reactsim_nn::learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
+use reactsim_nn::training::{Output, Settings, Stream, Sums, Task, View};
+use reactsim_rollout::Controller;
+use reactsim_scene::{CURRENT, Scenario};
+
+use super::super::learn::DrivenReactive;
+use super::super::policy_loss::Choice;
+use super::super::reactive::Policy;
+use super::super::smart::SmartPolicy;
+use super::super::smart::learn::DrivenSmart;
+use super::super::token_loss::Chooser;
+use super::super::tokens::TOKEN_FRAMES;
+use super::advantage::{Fines, Steps};
+use super::group::{Group, Prepared, check};
+use super::{Driven, RealismRecipe};
+
+/// Fine-tuning of networks of tokens by realism.
+pub const TASK: TrainingTask = TrainingTask {
+    id: ID,
+    also: &[],
+    title: "Fine-tuning of `ntp-reactive`, `smart` and their relatives by the Sim Agents metametric",
+    simulators: &["ntp-reactive", "ntp-guarded", "smart", "smart-projected"],
+    defaults: || {
+        let learner = Settings {
+            epochs: 1.0,
+            batch: 4,
+            learning_rate: 1e-4,
+            floor: 0.1,
+            clip: 0.5,
+            validate_every: 50,
+            most_held_out: 16,
+            ..Settings::default()
+        };
+        recipe_values(&RealismRecipe::default(), &learner)
+    },
+    ranges: include_str!("ranges.toml"),
+    recipes: &[],
+    inputs: &[],
+    needs_weights: true,
+    make,
+};
+
+/// Id of the task.
+const ID: &str = "realism";
+
+fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
+    let file = setup.from.as_ref().ok_or(TaskError::NoWeights { id: ID })?;
+    let (name, bytes, digest) = (file.name.clone(), file.bytes.clone(), file.digest.clone());
+    realism(setup.recipe()?, &bytes, digest, &setup.device).map_err(|source| TaskError::File {
+        what: "weights",
+        file: name,
+        source: source.into(),
+    })
+}
+
+/// Builds the training of weights of `ntp-reactive` or `smart`, or of networks with their structure, on this device,
+/// which must be one without autodiff. `digest` names the weights.
+///
+/// # Errors
+/// A message if the bytes are weights of neither.
+pub fn realism(
+    recipe: RealismRecipe,
+    weights: &[u8],
+    digest: String,
+    device: &Device,
+) -> Result<Box<dyn Trainable>, String> {
+    let learning = device.clone().autodiff();
+    let reactive = match Policy::read(weights, &learning) {
+        Ok(policy) => {
+            let driven = DrivenReactive::new(policy, device)?;
+            return Ok(Box::new(Realism::new(recipe, driven, digest, device)));
+        }
+        Err(error) => error,
+    };
+    match SmartPolicy::read(weights, &learning) {
+        Ok(policy) => Ok(Box::new(Realism::new(recipe, DrivenSmart::new(policy, device), digest, device))),
+        Err(smart) => {
+            Err(format!("it has weights neither of `ntp-reactive` ({reactive}) nor of `smart` ({smart})"))
+        }
+    }
+}
+
+/// The fine-tuning task of a network.
+struct Realism<D> {
+    recipe: RealismRecipe,
+    driven: D,
+    /// Digest of the weights that the training begins with.
+    digest: String,
+    /// Device without autodiff.
+    device: Device,
+}
+
+impl<D: Driven> Realism<D> {
+    fn new(recipe: RealismRecipe, driven: D, digest: String, device: &Device) -> Self {
+        Self { recipe, driven, digest, device: device.clone() }
+    }
+
+    /// Lets a network without gradients drive in scenarios. `learned` receives the groups; returns metrics, with the
+    /// objective of each scenario.
+    fn drive(
+        &self,
+        network: &D::Network,
+        scenarios: &[Prepared],
+        seed: u64,
+        mut learned: impl FnMut(&Prepared, &Group),
+    ) -> Result<Sums, String> {
+        let controller = self.driven.controller(network)?;
+        let (recipe, mut sums) = (&self.recipe, Sums::new());
+        for scenario in scenarios {
+            let mut objective = 0.0;
+            if recipe.weights.realism > 0.0 {
+                let (group, metrics) = scenario.realism(&controller, recipe, seed)?;
+                objective += recipe.weights.realism * recipe.features.part(metrics.likelihoods);
+                sums.add("metametric", metrics.metametric, 1.0);
+                learned(scenario, &group);
+            }
+            if recipe.weights.reactions > 0.0
+                && let Some((group, fines)) = scenario.reactions(&controller, recipe, seed)?
+            {
+                let (rollouts, agents) = (fines.len() as f64, scenario.scenario.start.agents.len() as f64);
+                let fined: f64 = fines.iter().map(Fines::sum).sum();
+                objective -= recipe.weights.reactions * fined / (rollouts * agents);
+                for fines in &fines {
+                    sums.add("av-contacts", fines.av_contacts.len() as f64, 1.0);
+                    sums.add("contacts", fines.contacts.len() as f64, 1.0);
+                    sums.add("lost", fines.lost.values().sum(), 1.0);
+                }
+                learned(scenario, &group);
+            }
+            sums.add("reward", objective, 1.0);
+        }
+        Ok(sums)
+    }
+
+    /// Returns what agents did in a group, with the advantages of their tokens. The AV is external.
+    fn samples(&self, scenario: &Prepared, group: &Group) -> Vec<(D::Sample, Vec<Choice>)> {
+        let sample = |(tracks, advantages): (&_, &Vec<Steps>)| {
+            let (sample, choosers) = self.driven.sample(&scenario.realised(tracks), self.recipe.agents)?;
+            let choice = |(drawn, chooser): (&_, &Chooser)| {
+                let step = (chooser.frame - CURRENT) / TOKEN_FRAMES;
+                let advantage = advantages[chooser.slot][step] as f32;
+                (chooser.slot > 0).then_some(Choice { drawn: *drawn, advantage })
+            };
+            let choices = self.driven.targets(&sample).iter().zip(&choosers).filter_map(choice).collect();
+            Some((sample, choices))
+        };
+        group.rollouts.iter().zip(&group.advantages).filter_map(sample).collect()
+    }
+
+    /// A loss that ends the training, because a network whose scores are no numbers does not drive.
+    fn undefined(&self) -> Output {
+        Output::new(Tensor::from_floats([f32::NAN], &self.device), 1.0, Sums::new())
+    }
+}
+
+impl<D: Driven> Task for Realism<D> {
+    type Example = Scenario;
+    type Sample = Prepared;
+    type Model = D::Network;
+
+    fn init(&self, _seed: u64) -> D::Network {
+        self.driven.first()
+    }
+
+    fn begins_trained(&self) -> bool {
+        true
+    }
+
+    fn check(&self, scenario: &Scenario) -> Result<(), String> {
+        check(scenario).map_err(|error| error.to_string())
+    }
+
+    fn prepare(&self, scenario: &Scenario, _view: View<'_>) -> Option<Prepared> {
+        Prepared::new(scenario)
+    }
+
+    /// In validation, the loss is the negative objective, by draws that are always the same.
+    fn loss(&self, model: &D::Network, samples: &[Prepared], stream: Option<&mut Stream>) -> Output {
+        let Some(stream) = stream else {
+            let Ok(metrics) = self.drive(model, samples, 0, |_, _| ()) else { return self.undefined() };
+            let items = metrics.weight("reward");
+            let loss = -metrics.mean("reward").unwrap_or(0.0) * items;
+            return Output::new(Tensor::from_floats([loss as f32], &self.device), items, metrics);
+        };
+        let mut learned = Vec::new();
+        let take = |scenario: &Prepared, group: &Group| learned.extend(self.samples(scenario, group));
+        let Ok(metrics) = self.drive(&model.valid(), samples, stream.random(), take) else {
+            return self.undefined();
+        };
+        let mut output = self.driven.loss(model, &learned, self.recipe.weights.kl);
+        output.metrics.extend(&metrics);
+        output
+    }
+
+    fn file(&self, model: &D::Network, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {
+        self.driven.file(model, metadata)
+    }
+
+    fn describe(&self) -> serde_json::Value {
+        serde_json::json!({ "recipe": self.recipe, "from": self.digest })
+    }
+}
+
+impl<D: Driven> SimulatorTask for Realism<D> {
+    fn controller(&self, network: &D::Network) -> Result<Controller, String> {
+        self.driven.controller(network)
+    }
+}
