@@ -112,7 +112,8 @@ fn what_is_realistic_becomes_likelier() {
     let source = Same::of(scenario(3));
     for (weights, reactions) in [(ntp_reactive::untrained(), 0.0), (smart_simulator::untrained(), 1.0)] {
         let folder = tempfile::tempdir().unwrap();
-        let ended = learn(task(&weights, reactions).as_ref(), &source, (folder.path(), 12.0, 0.2), (2, false, 1000));
+        let ended =
+            learn(task(&weights, reactions).as_ref(), &source, (folder.path(), 12.0, 0.4), (2, false, 1000));
         assert_eq!(ended, Ok(Ending::Finished));
         let rewards = rewards(folder.path());
         let [before, after] = rewards[..] else { panic!("{rewards:?}") };
@@ -143,7 +144,8 @@ fn other_lengths_and_other_weights_are_refused_by_name() {
     assert_ne!(short.length(), Length::BENCHMARK);
     let folder = tempfile::tempdir().unwrap();
     let task = task(&ntp_reactive::untrained(), 1.0);
-    let refused = learn(task.as_ref(), &Same::of(short), (folder.path(), 1.0, 0.0), (1, false, 1)).unwrap_err();
+    let refused =
+        learn(task.as_ref(), &Same::of(short), (folder.path(), 1.0, 0.0), (1, false, 1)).unwrap_err();
     assert!(refused.contains("road-003") && refused.contains("no other length"), "{refused}");
 
     let recipe = RealismRecipe::default();

@@ -551,7 +551,8 @@ fn shipped_networks_are_adapted_to_logs() {
     assert_eq!(weights(), before);
 
     let other = folder.path().join("rewarded");
-    let rewarded = ["train", "adapt", text(&logs), "--minutes", "0.05", "--reward", "realism", "--out", text(&other)];
+    let rewarded =
+        ["train", "adapt", text(&logs), "--minutes", "0.05", "--reward", "realism", "--out", text(&other)];
     refused(&[&rewarded[..], &["--model", "regression"]].concat(), "does not learn by rewards");
     let (_, notes) = said(&rewarded, 0);
     assert!(notes.contains("rewarded/weights.safetensors"), "{notes}");

@@ -25,9 +25,9 @@ const DISCOUNT: f64 = 0.9;
 /// Values of the tokens of an agent, by step.
 pub(super) type Steps = [f64; STEPS];
 
-/// Returns the advantages of objects by rollout and object: their shares, times the numbers of rollouts and of
-/// objects. The result is in units of the metametric: what all objects gained if all had done likewise in all
-/// rollouts.
+/// Returns the advantages of objects by rollout and object: their shares, times the numbers of rollouts and
+/// of objects. The result is in units of the metametric: what all objects gained if all had done likewise in
+/// all rollouts.
 pub(super) fn of_shares(shares: &[Vec<RolloutShare>], features: Features) -> Vec<Vec<f64>> {
     let scale = |objects: usize| (shares.len() * objects) as f64;
     let of = |own: &Vec<RolloutShare>| {
@@ -103,8 +103,8 @@ impl Fines {
         contacts + LOST * self.lost.values().sum::<f64>()
     }
 
-    /// Returns the negative fines of `agents` agents that count for the token of each step: later contacts, which
-    /// are discounted, and over-reaction, to which all tokens contribute.
+    /// Returns the negative fines of `agents` agents that count for the token of each step: later contacts,
+    /// which are discounted, and over-reaction, to which all tokens contribute.
     pub(super) fn values(&self, agents: usize) -> Vec<Steps> {
         let mut values = vec![[0.0; STEPS]; agents];
         for (contacts, fine) in [(&self.av_contacts, AV_CONTACT), (&self.contacts, CONTACT)] {
@@ -138,7 +138,8 @@ mod tests {
             likelihoods[Feature::CollisionIndication as usize] = Some(collision);
             RolloutShare { metametric: 0.05 * speed + 0.25 * collision, likelihoods }
         };
-        // Two rollouts of three objects: the first object did well in the first rollout, the last one did not.
+        // Two rollouts of three objects: the first object did well in the first rollout, the last one did
+        // not.
         let shares = [
             vec![share(0.2, 0.0), share(0.0, 0.0), share(0.1, -0.1)],
             vec![share(-0.2, 0.0), share(0.0, 0.0), share(0.0, 0.1)],

@@ -23,14 +23,15 @@ pub(crate) trait Driven: Send + Sync {
     /// Returns the simulator with a network without autodiff. The error is a message.
     fn controller(&self, network: &Self::Network) -> Result<Controller, String>;
 
-    /// Builds the sample of a scenario whose future is a rollout, and says who chose each token. `None` if no agent
-    /// chose any.
+    /// Builds the sample of a scenario whose future is a rollout, and says who chose each token. `None` if no
+    /// agent chose any.
     fn sample(&self, scenario: &Scenario, agents: usize) -> Option<(Self::Sample, Vec<Chooser>)>;
 
     /// Returns the tokens of a sample, in the order of their choosers.
     fn targets<'s>(&self, sample: &'s Self::Sample) -> &'s [Target];
 
-    /// Returns the policy gradient's loss of a network with autodiff on samples with their choices, with the weight
+    /// Returns the policy gradient's loss of a network with autodiff on samples with their choices, with the
+    /// weight
     /// `anchor` of the divergence from the first network.
     fn loss(&self, network: &Self::Network, samples: &[(Self::Sample, Vec<Choice>)], anchor: f64) -> Output;
 

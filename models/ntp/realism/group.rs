@@ -86,8 +86,8 @@ impl Prepared {
         Ok((Group { advantages: advantages.collect(), rollouts }, metrics))
     }
 
-    /// Drives with the AV that leaves its log. Returns the rollouts, with what agents did wrong; `None` if there is no
-    /// such AV.
+    /// Drives with the AV that leaves its log. Returns the rollouts, with what agents did wrong; `None` if
+    /// there is no such AV.
     ///
     /// # Errors
     /// As [`Self::realism`].

@@ -54,8 +54,8 @@ impl Default for RealismRecipe {
 }
 
 impl Features {
-    /// Returns the part of the metametric, or of a share in it, that these features make up. `likelihoods` are in the
-    /// order of [`Feature::ALL`].
+    /// Returns the part of the metametric, or of a share in it, that these features make up. `likelihoods`
+    /// are in the order of [`Feature::ALL`].
     pub(super) fn part(self, mut likelihoods: [Option<f64>; Feature::COUNT]) -> f64 {
         if self == Self::Kinematic {
             for (feature, likelihood) in Feature::ALL.into_iter().zip(&mut likelihoods) {

@@ -60,8 +60,8 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     })
 }
 
-/// Builds the training of weights of `ntp-reactive` or `smart`, or of networks with their structure, on this device,
-/// which must be one without autodiff. `digest` names the weights.
+/// Builds the training of weights of `ntp-reactive` or `smart`, or of networks with their structure, on this
+/// device, which must be one without autodiff. `digest` names the weights.
 ///
 /// # Errors
 /// A message if the bytes are weights of neither.
@@ -102,8 +102,8 @@ impl<D: Driven> Realism<D> {
         Self { recipe, driven, digest, device: device.clone() }
     }
 
-    /// Lets a network without gradients drive in scenarios. `learned` receives the groups; returns metrics, with the
-    /// objective of each scenario.
+    /// Lets a network without gradients drive in scenarios. `learned` receives the groups; returns metrics,
+    /// with the objective of each scenario.
     fn drive(
         &self,
         network: &D::Network,

@@ -15,16 +15,13 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Args;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use self::data::{Files, Logs};
 use self::model::AdaptableModel;
 use self::stage::Stage;
 use self::verdict::Judgement;
-use super::data::Data;
-use super::exclusion::Exclusion;
-use super::recipe::RecipeArgs;
-use super::session::{self, SessionArgs};
+use super::session::SessionArgs;
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
 use crate::cli::inputs::inputs_of;
@@ -34,10 +31,10 @@ use crate::evaluation::{Comparison, EvaluationError, ReadingSpec, Verdict, read_
 use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
 use crate::models;
-use crate::models::learning::{Trainable, Training, learning_settings, recipe_document};
-use crate::models::nn::Backend;
+use crate::models::learning::TrainingTask;
 use crate::report::{Run, TableStyle};
-use crate::training::{Execution, WEIGHTS};
+use crate::scene::wosac::WosacLog;
+use crate::training::WEIGHTS;
 
 /// Simulator whose reactions are learned from.
 const REACTING: &str = "idm";
@@ -89,9 +86,9 @@ const AFTER: &str = "\
    certificate of the deviated AV says.
 3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as \
    --minutes allow, and keeps the network with the lowest validation loss.
+   With --reward realism, a fine-tuning by the task `realism` follows.
 4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the smallest one that \
    keeps progress, if it is as safe and, beyond chance, no worse in displacement and over-reaction.
-   With --reward realism, a fine-tuning by realism follows, as of the task `realism`.
 5. Judges by the other part, in both protocols: prints whether the network is adapted, the paired \
    differences between before and after, and the table with `idm` and constant velocity.
 
@@ -174,6 +171,10 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     };
     let files = data::make(&logs, &args.out, (REACTING, &idm))?;
     let Some(files) = files else { return interrupted() };
+    if reward.is_some() {
+        // Of logs of one kind, the first one shows whether the metric is defined.
+        WosacLog::of_scenario(&ByNumber::open(&files.logs)?.read(0)?).context("--reward realism")?;
+    }
     let shipped = shipped_weights(model, &args.out)?;
     let until = if reward.is_some() { IMITATED_AT } else { TRAINED_AT };
     let imitation = Stage::of_model(model, &shipped, until)?;

@@ -73,7 +73,8 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<ExitStatus> {
     Ok(status)
 }
 
-/// Returns the first simulator of a task that reads these weights: those of some tasks are of several networks.
+/// Returns the first simulator of a task that reads these weights: those of some tasks are of several
+/// networks.
 fn reader(task: &TrainingTask, weights: &Path) -> anyhow::Result<Option<&'static Baseline>> {
     let weights = weights_file(weights)?;
     let reads = |baseline: &&Baseline| {

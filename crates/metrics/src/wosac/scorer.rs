@@ -156,8 +156,8 @@ impl<'a> Scorer<'a> {
     }
 
     /// Scores rollouts as [`Self::score`] does, and divides the share of every rollout among its evaluated
-    /// objects: the metric of all minus the metric without the values of one object in one rollout. Those of the
-    /// other objects in the rollout stay as they are, next to the object. By rollout and object; without
+    /// objects: the metric of all minus the metric without the values of one object in one rollout. Those of
+    /// the other objects in the rollout stay as they are, next to the object. By rollout and object; without
     /// entries if there is one rollout.
     ///
     /// # Errors
@@ -269,8 +269,8 @@ impl<'a> Scorer<'a> {
         math::exp(sum / self.objects.evaluated as f64)
     }
 
-    /// Returns the logarithm of the likelihood of the logged event of an object. Objects other than vehicles never
-    /// violate a traffic light, but they count.
+    /// Returns the logarithm of the likelihood of the logged event of an object. Objects other than vehicles
+    /// never violate a traffic light, but they count.
     fn event_term(&self, tally: &Tally, event: Feature, object: usize) -> f64 {
         let (counts, rollouts) = (event_counts(tally, event), tally.rollouts);
         let is_judged = event != Feature::TrafficLightViolation || self.is_vehicle(object);
@@ -281,7 +281,8 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    /// Returns the sum of the logarithms of the likelihoods of the logged values of an object, and their number.
+    /// Returns the sum of the logarithms of the likelihoods of the logged values of an object, and their
+    /// number.
     fn step_term(
         &self,
         tally: &Tally,

@@ -48,7 +48,7 @@ impl<'a> Stage<'a> {
         Ok(Self {
             task: task::find(model.task)?,
             recipe: model.recipe,
-            changes: Box::new(|epochs, steps| model.changes(epochs, steps)),
+            changes: Box::new(move |epochs, steps| model.changes(epochs, steps)),
             inputs: model.inputs,
             from: from.to_owned(),
             file: RECIPE,
@@ -63,9 +63,10 @@ impl<'a> Stage<'a> {
         let changes = |epochs: f64, steps: u64| {
             let learning = [
                 format!("epochs={epochs:.4}"),
-                format!("validate_every={}", (steps / 5).max(1)),
+                format!("validate_every={}", (steps / 3).max(1)),
                 format!("warm_up={}", (steps / 20).min(20)),
                 "held_out=0.1".to_owned(),
+                "most_held_out=8".to_owned(),
             ];
             learning.map(|change| format!("learning.{change}")).to_vec()
         };
@@ -102,8 +103,8 @@ impl<'a> Stage<'a> {
         task::build(self.task, recipe, &inputs, Some(from), Backend::default())
     }
 
-    /// Writes the recipe, unless it was written before; returns its file. The number of epochs follows from the time
-    /// that is left and the measured speed.
+    /// Writes the recipe, unless it was written before; returns its file. The number of epochs follows from
+    /// the time that is left and the measured speed.
     fn recipe(&self, args: &AdaptArgs, session: &SessionArgs, begun: Instant) -> anyhow::Result<PathBuf> {
         let path = args.out.join(self.file);
         if path.exists() {
