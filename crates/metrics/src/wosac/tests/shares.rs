@@ -100,12 +100,21 @@ fn objects_divide_the_share_of_their_rollout() {
         assert_eq!(shares.len(), 8);
         for (parts, whole) in shares.iter().zip(&whole.1) {
             assert_eq!(parts.len(), scorer.evaluated().len());
-            let sum: f64 = parts.iter().map(|part| part.metametric).sum();
-            // An object alone has the share of its rollout; shares of several add up to first order.
-            let tolerance = if parts.len() == 1 { 1e-12 } else { 0.3 * whole.metametric.abs() + 2e-3 };
-            assert!((sum - whole.metametric).abs() < tolerance, "{sum}, {}", whole.metametric);
+            if let [alone] = parts[..] {
+                assert!((alone.metametric - whole.metametric).abs() < 1e-12);
+            }
+            for feature in Feature::ALL {
+                // Likelihoods are products over objects: so are the factors by which those without a rollout
+                // differ.
+                let all = metrics.likelihood(feature).unwrap();
+                let factor =
+                    |share: &RolloutShare| (all - share.likelihoods[feature as usize].unwrap()) / all;
+                let product: f64 = parts.iter().map(factor).product();
+                assert!((product / factor(whole) - 1.0).abs() < 1e-9, "{feature:?}");
+            }
         }
     }
     let (log, rollouts) = fixture::scenario(9, 3, 1, [0.0, 0.0]);
-    assert_eq!(Scorer::new(&log).unwrap().score_with_object_shares(&rollouts, &config).unwrap().1, [[]; 0]);
+    let scored = Scorer::new(&log).unwrap().score_with_object_shares(&rollouts, &config).unwrap();
+    assert!(scored.1.is_empty(), "there is no score without rollouts");
 }
