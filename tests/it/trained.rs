@@ -476,6 +476,8 @@ fn networks_are_tuned_by_realism() {
     assert!(refused(&[]).contains("give --from FILE"));
     assert!(refused(&["--from", "regression"]).contains("weights neither of `ntp-reactive`"));
     assert!(refused(&["--from", "idm"]).contains("this program has no weights of it"));
+    let nothing = ["--from", "ntp-reactive", "--set", "weights.realism=0", "--set", "weights.reactions=0"];
+    assert!(refused(&nothing).contains("nothing is rewarded"));
     assert!(refused(&["--from", "ntp-reactive", "--set", "features=map"]).contains("kinematic"));
     let long = at("long.parquet");
     done(&words(&format!("generate --preset train --count 1 --future 100 --out {long} --quiet")));

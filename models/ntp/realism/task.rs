@@ -53,7 +53,14 @@ const ID: &str = "realism";
 fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let file = setup.from.as_ref().ok_or(TaskError::NoWeights { id: ID })?;
     let (name, bytes, digest) = (file.name.clone(), file.bytes.clone(), file.digest.clone());
-    realism(setup.recipe()?, &bytes, digest, &setup.device).map_err(|source| TaskError::File {
+    let recipe: RealismRecipe = setup.recipe()?;
+    if recipe.weights.realism == 0.0 && recipe.weights.reactions == 0.0 {
+        return Err(TaskError::values(
+            ID,
+            "`weights.realism` and `weights.reactions` are 0: nothing is rewarded",
+        ));
+    }
+    realism(recipe, &bytes, digest, &setup.device).map_err(|source| TaskError::File {
         what: "weights",
         file: name,
         source: source.into(),
@@ -194,6 +201,10 @@ impl<D: Driven> Task for Realism<D> {
         let Ok(metrics) = self.drive(&model.valid(), samples, stream.random(), take) else {
             return self.undefined();
         };
+        // Without an AV that deviates, there may be no reactions to learn.
+        if learned.is_empty() {
+            return Output::new(Tensor::zeros([1], &self.device), 0.0, metrics);
+        }
         let mut output = self.driven.loss(model, &learned, self.recipe.weights.kl);
         output.metrics.extend(&metrics);
         output
