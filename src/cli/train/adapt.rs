@@ -151,7 +151,7 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let _lock = claim_folder(args)?;
     let stop = stop_on_interrupt("keeping what is finished")?;
     let session = |name| SessionArgs::within(args.out.join(name), args.seed, args.resume, args.jobs);
-    let (imitating, rewarded) = (session(TRAINING), session(REWARDED));
+    let (mut imitating, mut rewarded) = (session(TRAINING), session(REWARDED));
     let jobs = imitating.jobs();
     let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
     let interrupted = || {
@@ -178,15 +178,14 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let shipped = shipped_weights(model, &args.out)?;
     let until = if reward.is_some() { IMITATED_AT } else { TRAINED_AT };
     let imitation = Stage::of_model(model, &shipped, until)?;
-    let session = SessionArgs { scenarios: learned(&files)?, ..imitating };
-    let mut status = imitation.train(args, &session, begun, &stop)?;
-    let mut weights = session.folder()?.join(WEIGHTS);
+    imitating.scenarios = learned(&files)?;
+    let mut status = imitation.train(args, &imitating, begun, &stop)?;
+    let mut weights = imitating.folder()?.join(WEIGHTS);
     if let Some(task) = reward.filter(|_| status == ExitStatus::Done) {
         let stage = Stage::of_reward(task, &weights);
-        let scenarios = [&files.logs, &files.tuning].map(|path| path.display().to_string()).to_vec();
-        let session = SessionArgs { scenarios, ..rewarded };
-        status = stage.train(args, &session, begun, &stop)?;
-        weights = session.folder()?.join(WEIGHTS);
+        rewarded.scenarios = [&files.logs, &files.tuning].map(|path| path.display().to_string()).to_vec();
+        status = stage.train(args, &rewarded, begun, &stop)?;
+        weights = rewarded.folder()?.join(WEIGHTS);
     }
     if status != ExitStatus::Done {
         return Ok(status);
