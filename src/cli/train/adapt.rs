@@ -183,7 +183,10 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let mut weights = imitating.folder()?.join(WEIGHTS);
     if let Some(task) = reward.filter(|_| status == ExitStatus::Done) {
         let stage = Stage::of_reward(task, &weights);
-        rewarded.scenarios = [&files.logs, &files.tuning].map(|path| path.display().to_string()).to_vec();
+        rewarded.scenarios = vec![files.logs.display().to_string()];
+        if !ByNumber::open(&files.tuning)?.is_empty() {
+            rewarded.scenarios.push(files.tuning.display().to_string());
+        }
         status = stage.train(args, &rewarded, begun, &stop)?;
         weights = rewarded.folder()?.join(WEIGHTS);
     }
