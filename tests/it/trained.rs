@@ -462,7 +462,7 @@ fn networks_are_tuned_by_realism() {
     let short = ["--set", "learning.batch=1", "--set", "learning.epochs=0.3", "--jobs", "1"];
     for (from, reader) in [("ntp-reactive", "ntp-reactive"), ("trajtok-small", "smart")] {
         let (out, more) = (at(from), ["--from", from, "--set", "features=kinematic", "--out"]);
-        let (_, notes) = said(&[&base[..], &short, &more, &[&out]].concat(), 0);
+        let (_, notes) = said(&[&base[..], &short, &more, &[out.as_str()]].concat(), 0);
         assert!(notes.contains("trained 2 steps"), "{notes}");
         assert!(notes.contains(&format!("{reader}@mine={out}/weights.safetensors")), "{notes}");
         let row = log_rows(Path::new(&out)).pop().unwrap();
