@@ -24,7 +24,7 @@ pub(crate) struct Target {
     pub weight: f32,
 }
 
-/// Who chooses a target, and when.
+/// Agent and frame of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Chooser {
     /// Slot of the agent.

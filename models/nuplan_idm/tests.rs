@@ -123,7 +123,12 @@ fn planned_at_every_step_vehicles_are_the_agents_of_nuplan() {
         SeenEgo { footprint, heading: av[k].heading, speed: av[k].speed() }
     };
     let roads = SceneRoads::new(start).unwrap().roads;
-    let parameters = ENTRY.setup().unwrap().parameters().unwrap();
+    let parameters: Parameters = ENTRY.setup().unwrap().parameters().unwrap();
+    // Those of the devkit.
+    let Parameters { target_speed, min_gap, headway, acceleration, deceleration, min_path, radius } =
+        parameters;
+    let motion = [target_speed, min_gap, headway, acceleration, deceleration];
+    assert_eq!((motion, min_path, radius), ([10.0, 1.0, 1.5, 1.0, 2.0], 20.0, 100.0));
     let mut agents = IdmAgents::new(roads, parameters, &vehicles, Some(&ego(0)));
     let done = rolled(&scenario, &every(1));
     for step in 0..FUTURE {

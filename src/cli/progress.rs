@@ -27,8 +27,8 @@ const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{prefix
 /// Time until the first line of progress without a terminal, and between the others.
 const LINE_INTERVALS: [Duration; 2] = [Duration::from_secs(10), Duration::from_secs(30)];
 
-/// Bar with the number of scenarios, and the preliminary table of a run below it. If stderr is not a terminal,
-/// lines in place of the bar. Failures are always printed.
+/// Bar with the number of scenarios, and the preliminary table of a run below it. If stderr is not a
+/// terminal, lines in place of the bar. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
     began: Instant,

@@ -42,13 +42,15 @@ const FORMATS: [&str; 3] = ["markdown", "latex", "json"];
 pub(super) struct StudyArgs {
     #[command(subcommand)]
     named: Option<named::NamedStudy>,
-    /// None of a named study: it has no axis.
+    /// `None` for a named study, which has no axis.
     #[command(flatten)]
     of_axes: Option<AxesArgs>,
 }
 
 /// Arguments of studies of any keys.
+// clap leaves the group of arguments with flattened ones empty, and would never find it.
 #[derive(Debug, Args)]
+#[group(args = ["axis"])]
 struct AxesArgs {
     /// Key of a specification, or parameter of a simulator, with several values, such as replan=1hz,2hz or
     /// idm.vehicle.headway=1,1.5; members of the study are all combinations of the axes; may be repeated

@@ -307,8 +307,8 @@ fn nearest(most: usize, count: usize, distance: impl Fn(usize) -> Option<f64>) -
     found.into_iter().map(|(_, i)| i).collect()
 }
 
-/// Writes the last `frames` frames of an agent with the directions of its headings, oldest first; those before
-/// its first frame stay 0.
+/// Writes the last `frames` frames of an agent with the directions of its headings, oldest first; those
+/// before its first frame stay 0.
 fn write_track(
     values: &mut [f32],
     (track, directions): (&[Frame], &[Vec2]),

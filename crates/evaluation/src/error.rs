@@ -114,9 +114,9 @@ pub enum EvaluationError {
     /// An external simulator or planner cannot be started.
     #[error(transparent)]
     External(#[from] ExternalError),
-    /// The weights of the diffusion planner cannot be used.
+    /// The weights of a planner cannot be used.
     #[error(transparent)]
-    DriverWeights(#[from] WeightsError),
+    Weights(#[from] WeightsError),
     /// A simulator cannot be created.
     #[error(transparent)]
     Model(#[from] ModelError),

@@ -23,7 +23,7 @@ use crate::layout::{
     EVENTS, FAILURES, PROVENANCE, REFERENCE_RECORD, ROLLOUTS, ROWS, ROWS_TABLE, RUN_FILES, SUMMARY,
 };
 use crate::provenance::Provenance;
-use crate::row::{EventLine, Failure, RecordPosition, Row};
+use crate::row::{EventHead, EventLine, Failure, RecordPosition, Row};
 use crate::statistics::tally::Tally;
 use crate::summary::Summary;
 
@@ -291,9 +291,9 @@ fn counted_events(path: &Path) -> Result<CountedEvents, EvaluationError> {
     let (mut counted, mut line, mut damaged) = (CountedEvents::new(), 0, None);
     for_lines(path, |_, text| {
         line += 1;
-        match serde_json::from_str::<EventLine>(text) {
-            Ok(line) if line.event.counted => {
-                counted.insert((line.place(), line.simulator, line.event.rollout, line.event.metric));
+        match serde_json::from_str::<EventHead>(text) {
+            Ok(line) if line.counted => {
+                counted.insert((line.place(), line.simulator, line.rollout, line.metric));
             }
             Ok(_) => {}
             Err(source) => {

@@ -15,7 +15,7 @@ use crate::folder::{
 };
 use crate::layout::{EVENTS, PROVENANCE, ROLLOUTS, ROWS};
 use crate::metric_record::{MetricRecord, checked};
-use crate::row::{EventLine, EventRecord, Row};
+use crate::row::{EventHead, EventLine, EventRecord, Row};
 use crate::summary::{Summary, SummaryProvenance};
 
 /// Metrics that another program computed for every rollout of a finished run.
@@ -80,7 +80,7 @@ impl AddedMetrics {
         let mut others = String::new();
         for_lines(&folder.join(EVENTS), |_, text| {
             // Events of a call that was interrupted go, too.
-            if serde_json::from_str::<EventLine>(text).is_ok_and(|line| !added.has(&line.event.metric)) {
+            if serde_json::from_str::<EventHead>(text).is_ok_and(|line| !added.has(&line.metric)) {
                 others.push_str(text);
             }
         })?;

@@ -474,8 +474,8 @@ impl Runner<'_> {
                 }
                 // Not a result of this scenario: it runs again when the run is resumed.
                 Some(_) if given_up.is_some() => {}
-                // So it is with a rollout that was stopped, and with a simulator that was ended because it did
-                // not answer in time.
+                // So it is with a rollout that was stopped, and with a simulator that was ended because it
+                // did not answer in time.
                 Some(_) if self.stopped() => {}
                 Some(error) => {
                     let id = Some(ready.scenario.id.clone());

@@ -415,7 +415,7 @@ fn select(ids: &[String], adjustments: &Adjustments) -> Result<Vec<SelectedSimul
     Ok(all)
 }
 
-/// Refuses ids of simulators of which one is there twice.
+/// Refuses a list of ids of simulators that has one of them twice.
 pub(crate) fn refuse_repeated<'a>(ids: impl Iterator<Item = &'a str>) -> Result<(), EvaluationError> {
     let mut known = BTreeSet::new();
     for id in ids {

@@ -40,8 +40,8 @@ pub fn whole(inputs: Vec<Input>) -> Vec<Share> {
     inputs.into_iter().map(|input| (input, usize::MAX)).collect()
 }
 
-/// Returns the first files that have `most` scenarios which are run, all without `is_run`; the last one is used
-/// as far as it is needed. Records are decoded only to ask `is_run`.
+/// Returns the first files that have `most` scenarios which are run, all without `is_run`; the last one is
+/// used as far as it is needed. Records are decoded only to ask `is_run`.
 pub fn limited(inputs: Vec<Input>, most: usize, is_run: Option<&dyn Fn(&Scenario) -> bool>) -> Vec<Share> {
     let (mut left, mut shares) = (most, Vec::new());
     for input in inputs {
@@ -71,7 +71,8 @@ pub fn limited_shipped(
     Ok(Source::shipped(first_records(records, most, is_run).0))
 }
 
-/// Returns the number of records up to the one with which `most` scenarios are run, and that of the scenarios.
+/// Returns the number of records up to the one with which `most` scenarios are run, and that of the
+/// scenarios.
 fn first_records(
     records: PendingScenarios,
     most: usize,

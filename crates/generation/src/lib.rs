@@ -76,8 +76,8 @@ impl Generator {
     /// number of threads may share a generator.
     ///
     /// # Errors
-    /// [`GenerationError`] if no traffic on the allowed maps has a driver who can be the AV; parts that are not
-    /// a valid scenario would be a bug.
+    /// [`GenerationError`] if no traffic on the allowed maps has a driver who can be the AV; parts that are
+    /// not a valid scenario would be a bug.
     pub fn scenario(&self, number: u64) -> Result<Scenario, GenerationError> {
         scenario::generate(&self.settings, number)
     }

@@ -230,8 +230,8 @@ pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
     runs.iter().map(|run| format!("{}{}", name(run), provenance(run))).collect()
 }
 
-/// Returns the numbers of scenarios of columns that could not be judged in all of them, if there are such: the
-/// means of two lines may then be of different scenarios.
+/// Returns the numbers of scenarios of columns that could not be judged in all of them, if there are such:
+/// the means of two lines may then be of different scenarios.
 pub(super) fn unequal<'a>(columns: impl IntoIterator<Item = (&'a Column, Vec<Line<'a>>)>) -> Option<String> {
     let counted = |(column, lines): (&Column, Vec<Line<'_>>)| {
         let of = |line: &Line<'_>| {

@@ -68,23 +68,23 @@ impl AvPolicy for FixedStates<'_> {
 pub struct AvError(pub String);
 
 impl AvError {
-    /// A trajectory without a state for each of the `expected` steps of the scenario.
+    /// Returns the error of a trajectory without a state for each of the `expected` steps of the scenario.
     pub fn length(found: usize, expected: usize) -> Self {
         Self(format!(
             "the AV trajectory has {found} states, expected {expected} (steps 1 to {expected} at 10 Hz)"
         ))
     }
 
-    /// A jump of `metres` to `step`, more than [`MAX_STEP_DISPLACEMENT`].
+    /// Returns the error of a jump of `metres` to `step` (from 1), more than [`MAX_STEP_DISPLACEMENT`].
     pub fn jump(step: usize, metres: f64) -> Self {
         Self(format!(
             "the AV trajectory jumps {metres:.1} m between steps {} and {step}, \
              more than {MAX_STEP_DISPLACEMENT:.1} m in 0.1 s",
-            step - 1
+            step.saturating_sub(1)
         ))
     }
 
-    /// A planner that does not drive the AV to `step`.
+    /// Returns the error of a planner that does not drive the AV to `step` (from 1).
     pub fn planner(step: usize, reason: &str) -> Self {
         Self(format!("the planner does not drive the AV to step {step}: {reason}"))
     }

@@ -224,8 +224,8 @@ pub trait Simulator: Send + Sync {
         None
     }
 
-    /// Continues episodes in which agents entered or left, or whose [`Self::horizon`] is over: fills in their memories for the new start, whose
-    /// current frame is the present one. By default they begin anew.
+    /// Continues episodes in which agents entered or left, or whose [`Self::horizon`] is over: fills in their
+    /// memories for the new start, whose current frame is the present one. By default they begin anew.
     ///
     /// # Errors
     /// Only for failures of the whole batch.
@@ -265,8 +265,8 @@ pub trait SingleEpisode: Send + Sync {
         None
     }
 
-    /// Creates the memory of an episode in which agents entered or left, or whose horizon is over: `kept` has the slot that each agent
-    /// of the new start had before. By default the episode begins anew.
+    /// Creates the memory of an episode in which agents entered or left, or whose horizon is over: `kept` has
+    /// the slot that each agent of the new start had before. By default the episode begins anew.
     fn resume(
         &self,
         _before: Self::Memory,

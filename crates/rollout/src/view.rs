@@ -1,5 +1,5 @@
-//! What a simulator or an AV policy observes once agents have entered or left, after its horizon, or if it was
-//! built for another length of history.
+//! What a simulator or an AV policy observes once agents have entered or left, after its horizon, or if it
+//! was built for another length of history.
 
 use std::sync::Mutex;
 
@@ -9,8 +9,8 @@ use reactsim_scene::{Agent, AgentState, Frame, LightState, Scenario, Start};
 use super::Observation;
 use super::entering::Coming;
 
-/// The changes for which an observer has got new views: agents, or objects of the static context, came or went,
-/// or its horizon was over.
+/// The changes for which an observer has got new views: agents, or objects of the static context, came or
+/// went, or its horizon was over.
 pub(crate) struct Changes {
     /// Number of agents that had entered or left.
     events: usize,

@@ -17,7 +17,7 @@ macro_rules! named_enum {
             /// All values, in the order of their definition.
             pub const ALL: [Self; [$($text),+].len()] = [$(Self::$item),+];
 
-            /// Returns the name used in files and on the command line.
+            /// Returns the name used in files, messages and on the command line.
             pub const fn $name(self) -> &'static str {
                 match self {
                     $(Self::$item => $text),+

@@ -28,6 +28,14 @@ pub enum TrainingError {
         /// Names of the examples that the network was run on.
         examples: Vec<String>,
     },
+    /// The task has no result for examples.
+    #[error("step {step}: {cause}")]
+    Failed {
+        /// Step, counted from 1.
+        step: u64,
+        /// Reason.
+        cause: String,
+    },
     /// An example cannot be read.
     #[error("could not read {example}: {cause}")]
     Read {

@@ -138,7 +138,11 @@ where
     ) -> Result<BatchSum, TrainingError> {
         let work = |model: &T::Model, number: usize| {
             let part: &Prepared<T::Sample> = &parts[number];
-            let sum = Self::batch_sum(&self.task.validate(model, &part.samples), part);
+            let output = self.task.validate(model, &part.samples);
+            if let Some(cause) = output.failure {
+                return Err(TrainingError::Failed { step, cause });
+            }
+            let sum = Self::batch_sum(&output, part);
             if sum.loss.is_finite() {
                 Ok(sum)
             } else {
@@ -241,6 +245,9 @@ where
         }
         let mut stream = stream(self.settings.seed, "loss", step, &part.to_string());
         let output = self.task.loss(model, &prepared.samples, Some(&mut stream));
+        if let Some(cause) = output.failure {
+            return Err(TrainingError::Failed { step: step + 1, cause });
+        }
         let mut sum = Self::batch_sum(&output, prepared);
         if !sum.loss.is_finite() {
             return Err(not_finite("loss", sum.loss, step + 1, prepared));

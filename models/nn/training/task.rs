@@ -57,6 +57,10 @@ impl<S: Source + ?Sized> Source for &S {
         (**self).id(number)
     }
 
+    fn origin(&self, number: usize) -> &str {
+        (**self).origin(number)
+    }
+
     fn read(&self, number: usize) -> Result<Self::Example, String> {
         (**self).read(number)
     }
@@ -159,11 +163,13 @@ pub struct Output {
     pub metrics: Sums,
     /// Values that running averages of the network are to follow. Ignored in validation.
     pub averages: Vec<Observation>,
+    /// Reason why there is no result, which ends the training.
+    pub failure: Option<String>,
 }
 
 impl Output {
     /// Creates the result of a network without running averages.
     pub fn new(loss: Tensor<1>, items: f64, metrics: Sums) -> Self {
-        Self { loss, items, metrics, averages: Vec::new() }
+        Self { loss, items, metrics, averages: Vec::new(), failure: None }
     }
 }

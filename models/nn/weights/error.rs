@@ -2,8 +2,8 @@
 
 use crate::SizeError;
 
-/// Reason why a file of weights is rejected, or one of what is stored with weights: vocabularies and
-/// intention points. Shapes are as in the file: linear weights are [out, in].
+/// Reason why a file is rejected: weights, or a vocabulary or intention points, which may be stored with
+/// them. Shapes are as in the file: linear weights are [out, in].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WeightsError {

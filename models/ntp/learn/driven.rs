@@ -1,4 +1,4 @@
-//! The network in a fine-tuning by realism.
+//! The reactive network in a fine-tuning by realism.
 
 use std::collections::BTreeMap;
 
@@ -53,10 +53,10 @@ impl Driven for DrivenReactive {
         Ok(Controller::Fair(Box::new(simulator)))
     }
 
-    fn sample(&self, scenario: &Scenario, agents: usize) -> Option<(Sample, Vec<Chooser>)> {
+    fn sample(&self, scenario: &Scenario) -> Option<(Sample, Vec<Chooser>)> {
         let window = Window::of(scenario, None);
         let map = KnownMap::of(&window.start, self.first.config.map_radius);
-        sample(LearningScene::of(window, map), &self.first.config, &self.first.vocabulary, agents, None)
+        sample(LearningScene::of(window, map), &self.first.config, &self.first.vocabulary, usize::MAX, None)
     }
 
     fn targets<'s>(&self, sample: &'s Sample) -> &'s [Target] {

@@ -50,7 +50,7 @@ pub(super) fn compared(values: &[Vec<Steps>]) -> Vec<Vec<Steps>> {
     values.iter().map(|rollout| (0..agents).map(|agent| compare(rollout, agent)).collect()).collect()
 }
 
-/// What agents did wrong in a rollout with an AV that leaves its log.
+/// Faults of agents in a rollout with an AV that leaves its log.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Fines {
     /// First step, from 1, of a contact with the AV that an agent is at fault for, by agent.
@@ -71,7 +71,6 @@ impl Fines {
         let events = |id: &str| {
             let mut events = Vec::new();
             metric(id).and_then(|metric| metric.score(&case, &mut events));
-            events.retain(|event| event.counted);
             events
         };
         let mut fines = Self::default();
@@ -80,14 +79,15 @@ impl Fines {
                 contacts.entry(slot).and_modify(|first| *first = step.min(*first)).or_insert(step);
             }
         };
-        for event in events("aav-collision") {
+        for event in events("aav-collision").iter().filter(|event| event.counted) {
             first(&mut fines.av_contacts, &event.agent, event.step);
         }
-        for event in events("aa-collision") {
+        for event in events("aa-collision").iter().filter(|event| event.counted) {
             for id in [Some(&event.agent), event.partner.as_ref()].into_iter().flatten() {
                 first(&mut fines.contacts, id, event.step);
             }
         }
+        // Also of agents that are risky: otherwise risk would be cheaper than over-reaction.
         for event in events("over-reaction") {
             let lost = event.values.iter().find(|(name, _)| *name == "lost");
             if let (Some(slot), Some((_, lost))) = (slot(&event.agent), lost) {

@@ -1,4 +1,4 @@
-//! What a fine-tuning by realism needs of a network of tokens.
+//! Networks of tokens that can be fine-tuned by realism.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use super::super::token_loss::{Chooser, Target};
 pub(crate) trait Driven: Send + Sync {
     /// The network.
     type Network: Module;
-    /// What agents did in a rollout, as input of the network, with the tokens nearest to it.
+    /// Input of the network for a rollout, with the tokens nearest to the motion of agents.
     type Sample;
 
     /// Returns the network that the training begins with, on a device with autodiff.
@@ -25,14 +25,13 @@ pub(crate) trait Driven: Send + Sync {
 
     /// Builds the sample of a scenario whose future is a rollout, and says who chose each token. `None` if no
     /// agent chose any.
-    fn sample(&self, scenario: &Scenario, agents: usize) -> Option<(Self::Sample, Vec<Chooser>)>;
+    fn sample(&self, scenario: &Scenario) -> Option<(Self::Sample, Vec<Chooser>)>;
 
     /// Returns the tokens of a sample, in the order of their choosers.
     fn targets<'s>(&self, sample: &'s Self::Sample) -> &'s [Target];
 
     /// Returns the policy gradient's loss of a network with autodiff on samples with their choices, with the
-    /// weight
-    /// `anchor` of the divergence from the first network.
+    /// weight `anchor` of the divergence from the first network.
     fn loss(&self, network: &Self::Network, samples: &[(Self::Sample, Vec<Choice>)], anchor: f64) -> Output;
 
     /// Returns the file of a network with these metadata.

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use reactsim_metrics::wosac::{Scorer, WosacMetrics};
-use reactsim_rollout::{Av, Controller, DeviatedAv, LogAv, Request, Settings, roll_out};
+use reactsim_rollout::{Av, Controller, DeviatedAv, LogAv, NOT_FINITE, Request, Rollout, Settings, roll_out};
 use reactsim_scene::wosac::{JointScene, ObjectTrajectory, ScenarioRollouts, WosacLog, WosacTrack};
-use reactsim_scene::{AgentKind, CURRENT, FUTURE, Frame, HISTORY, Length, Scenario, SceneError};
+use reactsim_scene::{AgentKind, CURRENT, FUTURE, Frame, HISTORY, Length, Scenario};
 
 use super::RealismRecipe;
 use super::advantage::{Fines, STEPS, Steps, compared, of_shares};
@@ -31,12 +31,17 @@ pub(super) struct Group {
     pub(super) advantages: Vec<Vec<Steps>>,
 }
 
-/// Refuses a scenario of which the realism metrics are not defined. The error names it.
-pub(super) fn check(scenario: &Scenario) -> Result<(), SceneError> {
-    if scenario.length() == Length::BENCHMARK {
-        return Ok(());
+/// Refuses a scenario of which the realism metrics are not defined, or whose deviated AV is invalid. The
+/// error names it.
+pub(super) fn check(scenario: &Scenario) -> Result<(), String> {
+    if scenario.length() != Length::BENCHMARK {
+        WosacLog::of_scenario(scenario).map_err(|error| error.to_string())?;
     }
-    WosacLog::of_scenario(scenario).map(|_| ())
+    if let Some(deviation) = &scenario.deviation {
+        let av = DeviatedAv::new(scenario, deviation.track.clone());
+        av.map_err(|error| format!("scenario `{}`: {error}", scenario.id))?;
+    }
+    Ok(())
 }
 
 impl Prepared {
@@ -74,7 +79,7 @@ impl Prepared {
         let (metrics, shares) = scored.map_err(|error| error.to_string())?;
         let slots: Vec<Option<usize>> = scorer.evaluated().iter().map(|id| self.slot(*id)).collect();
         let agents = self.log.tracks.len();
-        let advantages = of_shares(&shares, recipe.features).into_iter().map(|of_objects| {
+        let values = of_shares(&shares, recipe.features).into_iter().map(|of_objects| {
             let mut own = vec![[0.0; STEPS]; agents];
             for (slot, advantage) in slots.iter().zip(of_objects) {
                 if let Some(slot) = slot {
@@ -83,7 +88,9 @@ impl Prepared {
             }
             own
         });
-        Ok((Group { advantages: advantages.collect(), rollouts }, metrics))
+        // Shares have a positive mean, which says nothing about one of them.
+        let advantages = compared(&values.collect::<Vec<_>>());
+        Ok((Group { rollouts, advantages }, metrics))
     }
 
     /// Drives with the AV that leaves its log. Returns the rollouts, with what agents did wrong; `None` if
@@ -127,7 +134,11 @@ impl Prepared {
         let request = |rollout| Request { scenario: &self.scenario, av: Some(av.clone()), rollout };
         let settings = Settings { seed, ..Settings::default() };
         let results = roll_out((0..rollouts as u32).map(request).collect(), controller, &settings);
-        results.into_iter().map(|r| r.map(|r| r.tracks).map_err(|error| error.to_string())).collect()
+        let tracks = |rollout: Rollout| match rollout.outcomes.contains_key(NOT_FINITE) {
+            true => Err(format!("scenario `{}`: scores of the network are not finite", self.scenario.id)),
+            false => Ok(rollout.tracks),
+        };
+        results.into_iter().map(|r| r.map_err(|error| error.to_string()).and_then(tracks)).collect()
     }
 
     fn slot(&self, id: i32) -> Option<usize> {

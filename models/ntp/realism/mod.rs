@@ -2,10 +2,9 @@
 //! rollouts more realistic becomes likelier.
 //!
 //! The Sim Agents metametric judges all rollouts of a scenario together. An agent's advantage in a rollout is
-//! its leave-one-out share: the metametric of all rollouts minus that without its motion in this one. Since
-//! the second term does not depend on what the agent did, the expected gradient is that of the metametric,
-//! apart from what the agent changes for others. With an AV that leaves its log, the advantage is the fine
-//! for contacts and for over-reaction, less than in the other rollouts (as in
+//! its leave-one-out share, the metametric of all rollouts minus that without its motion in this one, less
+//! the mean share in the other rollouts. With an AV that leaves its log, the advantage is the fine for
+//! contacts and for over-reaction, less that in the other rollouts (as in
 //! [`grpo`](super::smart::learn::grpo)). The divergence from the network that the training began with is
 //! fined, so that what is not rewarded stays as it was.
 //!

@@ -15,7 +15,7 @@ use super::super::policy_loss::Choice;
 use super::super::reactive::Policy;
 use super::super::smart::SmartPolicy;
 use super::super::smart::learn::DrivenSmart;
-use super::super::token_loss::Chooser;
+use super::super::token_loss::{Chooser, Target};
 use super::super::tokens::TOKEN_FRAMES;
 use super::advantage::{Fines, Steps};
 use super::group::{Group, Prepared, check};
@@ -55,10 +55,8 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
     let (name, bytes, digest) = (file.name.clone(), file.bytes.clone(), file.digest.clone());
     let recipe: RealismRecipe = setup.recipe()?;
     if recipe.weights.realism == 0.0 && recipe.weights.reactions == 0.0 {
-        return Err(TaskError::values(
-            ID,
-            "`weights.realism` and `weights.reactions` are 0: nothing is rewarded",
-        ));
+        let reason = "`weights.realism` and `weights.reactions` are 0: nothing is rewarded";
+        return Err(TaskError::values(ID, reason));
     }
     realism(recipe, &bytes, digest, &setup.device).map_err(|source| TaskError::File {
         what: "weights",
@@ -71,13 +69,19 @@ fn make(setup: TaskSetup) -> Result<Box<dyn Trainable>, TaskError> {
 /// device, which must be one without autodiff. `digest` names the weights.
 ///
 /// # Errors
-/// A message if the bytes are weights of neither.
+/// A message if the bytes are weights of neither, or the recipe has fewer than two rollouts.
 pub fn realism(
     recipe: RealismRecipe,
     weights: &[u8],
     digest: String,
     device: &Device,
 ) -> Result<Box<dyn Trainable>, String> {
+    if recipe.rollouts < 2 {
+        return Err(format!(
+            "a group of {} rollouts has nothing to compare: give at least 2",
+            recipe.rollouts
+        ));
+    }
     let learning = device.clone().autodiff();
     let reactive = match Policy::read(weights, &learning) {
         Ok(policy) => {
@@ -146,14 +150,16 @@ impl<D: Driven> Realism<D> {
         Ok(sums)
     }
 
-    /// Returns what agents did in a group, with the advantages of their tokens. The AV is external.
+    /// Returns the samples of a group with the advantages of their tokens. The AV is external.
     fn samples(&self, scenario: &Prepared, group: &Group) -> Vec<(D::Sample, Vec<Choice>)> {
         let sample = |(tracks, advantages): (&_, &Vec<Steps>)| {
-            let (sample, choosers) = self.driven.sample(&scenario.realised(tracks), self.recipe.agents)?;
-            let choice = |(drawn, chooser): (&_, &Chooser)| {
+            let (sample, choosers) = self.driven.sample(&scenario.realised(tracks))?;
+            let choice = |(drawn, chooser): (&Target, &Chooser)| {
                 let step = (chooser.frame - CURRENT) / TOKEN_FRAMES;
                 let advantage = advantages[chooser.slot][step] as f32;
-                (chooser.slot > 0).then_some(Choice { drawn: *drawn, advantage })
+                // A weight by what agents did would bias the gradient.
+                let drawn = Target { weight: 1.0, ..*drawn };
+                (1..self.recipe.agents).contains(&chooser.slot).then_some(Choice { drawn, advantage })
             };
             let choices = self.driven.targets(&sample).iter().zip(&choosers).filter_map(choice).collect();
             Some((sample, choices))
@@ -161,9 +167,10 @@ impl<D: Driven> Realism<D> {
         group.rollouts.iter().zip(&group.advantages).filter_map(sample).collect()
     }
 
-    /// A loss that ends the training, because a network whose scores are no numbers does not drive.
-    fn undefined(&self) -> Output {
-        Output::new(Tensor::from_floats([f32::NAN], &self.device), 1.0, Sums::new())
+    /// Returns the output that ends the training, because the network does not drive.
+    fn failed(&self, cause: String) -> Output {
+        let output = Output::new(Tensor::zeros([1], &self.device), 0.0, Sums::new());
+        Output { failure: Some(cause), ..output }
     }
 }
 
@@ -181,7 +188,7 @@ impl<D: Driven> Task for Realism<D> {
     }
 
     fn check(&self, scenario: &Scenario) -> Result<(), String> {
-        check(scenario).map_err(|error| error.to_string())
+        check(scenario)
     }
 
     fn prepare(&self, scenario: &Scenario, _view: View<'_>) -> Option<Prepared> {
@@ -191,15 +198,19 @@ impl<D: Driven> Task for Realism<D> {
     /// In validation, the loss is the negative objective, by draws that are always the same.
     fn loss(&self, model: &D::Network, samples: &[Prepared], stream: Option<&mut Stream>) -> Output {
         let Some(stream) = stream else {
-            let Ok(metrics) = self.drive(model, samples, 0, |_, _| ()) else { return self.undefined() };
+            let metrics = match self.drive(model, samples, 0, |_, _| ()) {
+                Ok(metrics) => metrics,
+                Err(cause) => return self.failed(cause),
+            };
             let items = metrics.weight("reward");
             let loss = -metrics.mean("reward").unwrap_or(0.0) * items;
             return Output::new(Tensor::from_floats([loss as f32], &self.device), items, metrics);
         };
         let mut learned = Vec::new();
         let take = |scenario: &Prepared, group: &Group| learned.extend(self.samples(scenario, group));
-        let Ok(metrics) = self.drive(&model.valid(), samples, stream.random(), take) else {
-            return self.undefined();
+        let metrics = match self.drive(&model.valid(), samples, stream.random(), take) {
+            Ok(metrics) => metrics,
+            Err(cause) => return self.failed(cause),
         };
         // Without an AV that deviates, there may be no reactions to learn.
         if learned.is_empty() {

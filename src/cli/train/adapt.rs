@@ -30,6 +30,7 @@ use crate::cli::run::{RunArgs, finished_until};
 use crate::evaluation::{Comparison, EvaluationError, ReadingSpec, Verdict, read_tally};
 use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
+use crate::metrics::wosac::Scorer;
 use crate::models;
 use crate::models::learning::TrainingTask;
 use crate::report::{Run, TableStyle};
@@ -173,7 +174,11 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let Some(files) = files else { return interrupted() };
     if reward.is_some() {
         // Of logs of one kind, the first one shows whether the metric is defined.
-        WosacLog::of_scenario(&ByNumber::open(&files.logs)?.read(0)?).context("--reward realism")?;
+        let mut log =
+            WosacLog::of_scenario(&ByNumber::open(&files.logs)?.read(0)?).context("--reward realism")?;
+        // The reward chooses the objects that it judges.
+        log.tracks_to_predict.clear();
+        Scorer::new(&log).context("--reward realism")?;
     }
     let shipped = shipped_weights(model, &args.out)?;
     let until = if reward.is_some() { IMITATED_AT } else { TRAINED_AT };
@@ -184,8 +189,9 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     if let Some(task) = reward.filter(|_| status == ExitStatus::Done) {
         let stage = Stage::of_reward(task, &weights);
         rewarded.scenarios = vec![files.logs.display().to_string()];
+        // Of scenarios with one id, the first one can be held out: that whose AV deviates.
         if !ByNumber::open(&files.tuning)?.is_empty() {
-            rewarded.scenarios.push(files.tuning.display().to_string());
+            rewarded.scenarios.insert(0, files.tuning.display().to_string());
         }
         status = stage.train(args, &rewarded, begun, &stop)?;
         weights = rewarded.folder()?.join(WEIGHTS);

@@ -13,7 +13,7 @@ use crate::folder::rollouts::{entered_in, recorded_tracks};
 use crate::folder::{cannot_read, for_lines, read_summary, read_tally};
 use crate::layout::REFERENCE_RECORD;
 use crate::layout::{EVENTS, ROLLOUTS};
-use crate::row::{EventLine, EventRecord, RecordPosition};
+use crate::row::{EventHead, EventRecord, RecordPosition};
 use crate::statistics::tally::Tally;
 use crate::summary::Summary;
 
@@ -53,7 +53,7 @@ impl FinishedRun {
         }
         let mut damaged = None;
         for_lines(&path, |at, text| {
-            let line: EventLine = match serde_json::from_str(text) {
+            let line: EventHead = match serde_json::from_str(text) {
                 Ok(line) => line,
                 Err(error) => {
                     damaged.get_or_insert(error);

@@ -29,8 +29,8 @@ impl Selection {
         self.ids.is_empty() || self.ids.contains(id)
     }
 
-    /// Returns whether a scenario is selected. If there is a file of deviations, it must be there, and its category
-    /// is that there.
+    /// Returns whether a scenario is selected. If there is a file of deviations, it must be there, and its
+    /// category is that there.
     pub fn has(&self, scenario: &Scenario, deviations: Option<&BTreeMap<String, DeviationRecord>>) -> bool {
         let category = match deviations {
             Some(deviations) => match deviations.get(&scenario.id) {

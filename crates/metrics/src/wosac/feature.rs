@@ -46,7 +46,7 @@ pub enum Bucket {
 
 impl Feature {
     /// Number of features.
-    pub const COUNT: usize = 10;
+    pub const COUNT: usize = Self::ALL.len();
 
     /// Returns the name of the likelihood in the official messages.
     pub const fn likelihood_name(self) -> &'static str {

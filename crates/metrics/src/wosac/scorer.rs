@@ -281,21 +281,19 @@ impl<'a> Scorer<'a> {
         }
     }
 
-    /// Returns the sum of the logarithms of the likelihoods of the logged values of an object, and their
-    /// number.
+    /// Returns the sum of the logarithms of the likelihoods of the logged values of an object.
     fn step_term(
         &self,
         tally: &Tally,
         config: &Config,
         (feature, bins): (Feature, Bins),
         object: usize,
-    ) -> Option<(f64, usize)> {
+    ) -> Option<f64> {
         let histograms = tally.histograms(feature, bins)?;
         let values = self.logged[object].values(feature)?;
         let probabilities = log_probabilities(histograms.counts(object));
         let terms = self.judged_steps(feature, object, config).map(|k| values[k]);
-        let terms: Vec<f64> = terms.map(|value| probabilities[histograms.edges.bin(value)]).collect();
-        Some((terms.iter().sum(), terms.len()))
+        Some(terms.map(|value| probabilities[histograms.edges.bin(value)]).sum())
     }
 
     /// Returns by which factor the likelihood of a feature changes if the counts of an object become those of
@@ -309,7 +307,7 @@ impl<'a> Scorer<'a> {
     ) -> Option<f64> {
         let change = match config.estimators[feature as usize] {
             Estimator::Histogram(bins) => {
-                let term = |tally| Some(self.step_term(tally, config, (feature, bins), object)?.0);
+                let term = |tally| self.step_term(tally, config, (feature, bins), object);
                 (term(rest)? - term(all)?) / judged as f64
             }
             Estimator::Bernoulli => {

@@ -94,8 +94,8 @@ fn projected(context: &Context<'_>, collisions: &Collisions, step: usize) -> Opt
     })
 }
 
-/// Returns whether an object is near enough for a contact within the horizon. Most are not, and their boxes need
-/// not be made.
+/// Returns whether an object is near enough for a contact within the horizon. Most are not, and their boxes
+/// need not be made.
 pub(super) fn is_within_reach(footprint: &OrientedBox, speed: f64, object: &TrackedObject) -> bool {
     let radii = footprint.radius() + 0.5 * (object.length + object.width);
     let reach = radii + PROJECTION_HORIZON * (speed + object.speed());

@@ -1,4 +1,4 @@
-//! The network in a fine-tuning by realism.
+//! The network of SMART in a fine-tuning by realism.
 
 use std::collections::BTreeMap;
 
@@ -46,9 +46,9 @@ impl Driven for DrivenSmart {
         self.tokens.controller_within(network, Recipe::default().map_radius)
     }
 
-    fn sample(&self, scenario: &Scenario, agents: usize) -> Option<(Sample, Vec<Chooser>)> {
+    fn sample(&self, scenario: &Scenario) -> Option<(Sample, Vec<Chooser>)> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        let recipe = Recipe { agents, ..Recipe::default() };
+        let recipe = Recipe { agents: usize::MAX, ..Recipe::default() };
         sample(scenario, &recipe, self.first.config(), vocabulary, map_vocabulary, None)
     }
 

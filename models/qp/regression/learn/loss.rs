@@ -62,7 +62,7 @@ pub(super) fn loss(
         total = total + dense_loss(predicted.dense, &targets, config, device);
     }
     (
-        Output { loss: total, items: count as f64, metrics, averages: predicted.averages },
+        Output { averages: predicted.averages, ..Output::new(total, count as f64, metrics) },
         predicted.layers.pop(),
     )
 }

@@ -40,6 +40,8 @@ pub(super) struct Stage<'a> {
     /// Number of steps with which the speed is measured, and the smallest number of steps.
     pace_steps: u64,
     least_steps: u64,
+    /// Time that its validations take, in steps.
+    validation_steps: f64,
 }
 
 impl<'a> Stage<'a> {
@@ -55,6 +57,7 @@ impl<'a> Stage<'a> {
             until,
             pace_steps: 6,
             least_steps: 20,
+            validation_steps: 0.0,
         })
     }
 
@@ -62,7 +65,7 @@ impl<'a> Stage<'a> {
     pub(super) fn of_reward(task: &'static TrainingTask, from: &Path) -> Self {
         let changes = |epochs: f64, steps: u64| {
             let learning = [
-                format!("epochs={epochs:.4}"),
+                format!("epochs={epochs:.7}"),
                 format!("validate_every={}", (steps / 3).max(1)),
                 format!("warm_up={}", (steps / 20).min(20)),
                 "held_out=0.1".to_owned(),
@@ -80,6 +83,8 @@ impl<'a> Stage<'a> {
             until: TRAINED_AT,
             pace_steps: 2,
             least_steps: 1,
+            // Up to four of eight scenarios, which only drive.
+            validation_steps: 6.0,
         }
     }
 
@@ -136,7 +141,9 @@ impl<'a> Stage<'a> {
         fs::remove_dir_all(&folder).with_context(|| format!("could not remove {}", folder.display()))?;
         let per_second = self.pace_steps as f64 / start.elapsed().as_secs_f64();
         let left = 60.0 * args.minutes * self.until - begun.elapsed().as_secs_f64();
-        let steps = (left * per_second).max(self.least_steps as f64).min(MOST_EPOCHS * length / batch);
+        let steps = (left * per_second - self.validation_steps)
+            .max(self.least_steps as f64)
+            .min(MOST_EPOCHS * length / batch);
         let recipe = read((self.changes)(steps * batch / length, steps as u64))?;
         say(format_args!(
             "training: {steps:.0} steps of {batch} of {length:.0} scenarios, {per_second:.2} steps/s"
