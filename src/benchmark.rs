@@ -43,7 +43,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::evaluation::{
     self, AvChoice, Driver, EvaluationError, Execution, Opening, Outcome, Plan, PlannedAv, PlannedSimulator,
-    RolloutCheck, RunObserver, RunParts, RunSpec, Selection, Source, Summary,
+    RolloutCheck, RunObserver, RunParts, RunSpec, Selection, Summary,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator};
 use crate::formats::FormatError;
@@ -452,11 +452,10 @@ impl Benchmark {
                 }
             });
         }
+        let (input, av) = (&spec.subject.input, spec.subject.av.as_ref());
         let sources = match scenarios {
-            Scenarios::Specified => spec.subject.input.open(Opening::Whole)?.0,
-            Scenarios::Memory(scenarios) => {
-                vec![Source::of_scenarios(scenarios, spec.subject.input.most())]
-            }
+            Scenarios::Specified => input.open(Opening::Whole, av)?.0,
+            Scenarios::Memory(scenarios) => vec![input.in_memory(scenarios, av)?],
         };
         Ok(spec.plan(RunParts { sources, simulators, drivers, metrics, partition: None })?)
     }

@@ -1022,8 +1022,8 @@ class PlannerObservation:
     def route_chain(self) -> List[int]:
         """Lanes of the route that can be driven in turn, from the one nearest to the AV.
 
-        Indices in `scene.lanes`. Each lane is a successor of the one before it; or it is beside it,
-        where the route goes on only after a change of lanes. Empty without a route.
+        Indices in `scene.lanes`. Each lane is a successor of the one before it; or it is next to
+        it, where the route continues only after a change of lanes. Empty without a route.
         """
         if not self.route:
             return []

@@ -84,7 +84,7 @@ def curate(
         temperature: Standard deviation of the noise from which a network samples; 1.5 by default.
         candidates: Largest number per scenario; 16 by default, or all of a file.
         seed: Seed of all random choices.
-        limit: Only the first `limit` of the selected scenarios, over all files.
+        limit: Only the first `limit` scenarios, over all files.
         jobs: Number of threads; one per core by default.
         scenes: Store the scenes that the review page draws.
         min_vehicles: Only scenarios with this many vehicles near the logged AV; 3 by default.

@@ -760,7 +760,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
         rewards[self._is_over] = 0.0
         infos = self._infos()
         infos.update(zip(core.measures, measures.T.copy()))
-        infos.update(dict.fromkeys(core.flags, ~self._is_over))
+        running = ~self._is_over
+        infos.update({flag: running.copy() for flag in core.flags})
         for slot, end in ends.items():
             for name, value in end_info(end).items():
                 if name not in infos:

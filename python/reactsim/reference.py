@@ -6,6 +6,7 @@ It has all public names with their signatures and docstrings.
 from __future__ import annotations
 
 import enum
+import functools
 import html
 import importlib
 import inspect
@@ -62,7 +63,8 @@ def members(kind: type) -> Iterator[tuple[str, Any]]:
         owner = next((base for base in kind.__mro__ if name in vars(base)), kind)
         if name.startswith("_") or not owner.__module__.startswith("reactsim"):
             continue
-        if inspect.isfunction(value) or isinstance(inspect.getattr_static(kind, name), property):
+        kinds = (property, functools.cached_property)
+        if inspect.isfunction(value) or isinstance(inspect.getattr_static(kind, name), kinds):
             yield name, value
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Callable, Union
 
@@ -43,11 +43,12 @@ def train(
         out: Folder to write: weights, checkpoints, curves and the log.
         log: Trackers and functions that receive the rows of the log while they are written, or one
             of them. "wandb" and "mlflow" log the numbers to the active run of these packages, which
-            must be installed; a run is begun if none is active. A function is called with each row,
-            a dictionary that has "row" ("step" or "validation"), "step", "epoch", "loss",
-            "metrics", "closed_loop" and "wall" (seconds, steps per second, bytes of memory). It is
-            called in another thread, one row at a time. A continued training (`resume=True`) passes
-            on new rows only.
+            must be installed; a run is begun if none is active. wandb drops rows whose step is
+            lower than one already in the active run. A function is called with each row, a
+            dictionary that has "row" ("step" or "validation"), "step", "epoch", "loss", "metrics",
+            "closed_loop" and "wall" (seconds, steps per second, bytes of memory). It is called in
+            another thread, one row at a time. A continued training (`resume=True`) passes on new
+            rows only. Of `adapt`, the log of the first training only.
         progress: Show the messages of the program.
         options: Other options of `reactsim train`, as `reactsim.command` takes them:
             `set={"learning.epochs": 2}`, `recipe="quick"`.
@@ -80,7 +81,15 @@ def _logger(log: Log) -> Callable[[Mapping[str, Any]], Any]:
         if tracker.run is None:
             tracker.init(project="reactsim")
         return lambda row: tracker.log(_numbers(row), step=row["step"])
-    return lambda row: tracker.log_metrics(_numbers(row), step=row["step"])
+    # The active run of mlflow is that of a thread, and rows come from another one.
+    run = tracker.active_run() or tracker.start_run()
+    client, run_id = tracker.MlflowClient(), run.info.run_id
+
+    def log_row(row: Mapping[str, Any]) -> None:
+        for name, value in _numbers(row).items():
+            client.log_metric(run_id, name, value, step=row["step"])
+
+    return log_row
 
 
 def _numbers(row: Mapping[str, Any]) -> dict[str, float]:
@@ -106,14 +115,14 @@ def _followed(file: Path, loggers: Sequence[Callable[[Mapping[str, Any]], Any]])
         return
     done = threading.Event()
     errors: list[BaseException] = []
-    known = os.path.getsize(file) if file.is_file() else 0
+    before = _complete(file.read_bytes()) if file.is_file() else b""
 
     def follow() -> None:
-        position = known
+        known = before
         try:
             while True:
                 is_last = done.wait(INTERVAL)
-                position = _pass_on(file, position, loggers)
+                known = _pass_on(file, known, loggers)
                 if is_last:
                     return
         except Exception as error:
@@ -131,19 +140,24 @@ def _followed(file: Path, loggers: Sequence[Callable[[Mapping[str, Any]], Any]])
 
 
 def _pass_on(
-    file: Path, position: int, loggers: Sequence[Callable[[Mapping[str, Any]], Any]]
-) -> int:
-    """Passes on the complete lines from a position on. Returns the position after them."""
+    file: Path, known: bytes, loggers: Sequence[Callable[[Mapping[str, Any]], Any]]
+) -> bytes:
+    """Passes on the complete lines that follow the known ones. Returns all that are known then."""
     if not file.is_file():
-        return position
-    with file.open("rb") as stream:
+        return known
+    content = file.read_bytes()
+    if not content.startswith(known):
         # A continued training writes what followed its last checkpoint anew.
-        position = min(position, stream.seek(0, os.SEEK_END))
-        stream.seek(position)
-        text = stream.read()
-    complete = text[: text.rfind(b"\n") + 1]
-    for line in complete.splitlines():
+        pairs = zip(content.splitlines(keepends=True), known.splitlines(keepends=True))
+        known = b"".join(line for line, other in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    new = _complete(content[len(known) :])
+    for line in new.splitlines():
         row = json.loads(line)
         for logger in loggers:
             logger(row)
-    return position + len(complete)
+    return known + new
+
+
+def _complete(text: bytes) -> bytes:
+    """Returns the complete lines."""
+    return text[: text.rfind(b"\n") + 1]

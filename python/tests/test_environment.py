@@ -466,6 +466,8 @@ class TestEnv:
         assert [envs.states(index).shape[1] for index in range(3)] == [11, 11, 11]
         seen, _, _, truncated, infos = envs.step(actions)
         assert not truncated.any() and infos["_speed"].all()
+        flags = [infos[f"_{name}"] for name in envs._core.measures]
+        assert not any(np.shares_memory(flags[0], other) for other in flags[1:])
         expected = single.step(actions[0])[0]
         assert all(np.array_equal(seen[name][1], expected[name]) for name in seen)
 

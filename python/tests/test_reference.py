@@ -41,7 +41,8 @@ def test_the_page_has_all_names(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) 
     assert parser.open == []
     for name in reactsim.__all__:
         assert f'<section id="reactsim.{name}">' in text, name
-    assert "<dt>av</dt><dd>Driver of the AV: &quot;" not in text and "<h4>Args</h4>" in text
+    assert '<dt>av</dt><dd>Driver of the AV: "deviated"' in text and "<h4>Args</h4>" in text
+    assert "<pre>table(" in text and "<pre>rows</pre>" in text
     assert "<pre>run(simulators: &#x27;Any&#x27; = None" in text
     monkeypatch.setattr("sys.argv", ["reference"])
     with pytest.raises(SystemExit, match="usage"):

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::output::say;
 use crate::evaluation::realism::LogSource;
-use crate::evaluation::{Deviations, Opening, ReadingSpec, ScenarioSpec, Selection, Source};
+use crate::evaluation::{AvChoice, Deviations, Opening, ReadingSpec, ScenarioSpec, Selection, Source};
 use crate::formats::{Input, PassedOver};
 use crate::scene::Scenario;
 
@@ -29,16 +29,21 @@ pub(super) fn inputs_of(reading: &ReadingSpec, paths: &[PathBuf]) -> anyhow::Res
     Ok(inputs)
 }
 
-/// Finds the files of scenarios and recognises their formats.
-pub(super) fn sources(input: &ScenarioSpec, opening: Opening) -> anyhow::Result<Vec<Source>> {
-    let (sources, passed_over) = input.open(opening)?;
+/// Finds the files of scenarios and recognises their formats. A limit counts those that are run with this AV
+/// policy.
+pub(super) fn sources(
+    input: &ScenarioSpec,
+    opening: Opening,
+    av: Option<&AvChoice>,
+) -> anyhow::Result<Vec<Source>> {
+    let (sources, passed_over) = input.open(opening, av)?;
     warn_passed_over(passed_over);
     Ok(sources)
 }
 
 /// Finds the files and reads the file of deviations, to go through the selected scenarios.
 pub(super) fn select(input: &ScenarioSpec) -> anyhow::Result<SelectedScenarios> {
-    let sources = sources(input, Opening::Whole)?;
+    let sources = sources(input, Opening::Whole, None)?;
     let deviations = input.deviations.as_deref().map(Deviations::read).transpose()?;
     Ok(SelectedScenarios { sources, selection: input.selection.selection(), deviations })
 }

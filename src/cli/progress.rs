@@ -24,19 +24,34 @@ const STEP_DELAY: Duration = Duration::from_secs(2);
 const WITH_TOTAL: &str = "{bar:24} {pos} of {len} scenarios, {rate}, {left}{prefix}{msg}";
 const WITHOUT_TOTAL: &str = "{spinner} {pos} scenarios, {rate}, {elapsed}{prefix}{msg}";
 
+/// Text in place of the time left if there is no rate.
+const TIME_UNKNOWN: &str = "time left unknown";
+
 /// Time until the first line of progress without a terminal, and between the others.
 const LINE_INTERVALS: [Duration; 2] = [Duration::from_secs(10), Duration::from_secs(30)];
+
+/// Time in which the scenarios of an earlier run are passed over.
+const RESUMING: Duration = Duration::from_secs(1);
 
 /// Bar with the number of scenarios, and the preliminary table of a run below it. If stderr is not a
 /// terminal, lines in place of the bar. Failures are always printed.
 pub(super) struct Progress {
     bar: ProgressBar,
     began: Instant,
-    next_line: Mutex<Duration>,
+    lines: Mutex<Lines>,
     failures: AtomicUsize,
     /// Time of the last finished scenario.
     last_done: Mutex<Instant>,
     table: Option<Mutex<Preliminary>>,
+}
+
+/// The lines of progress without a terminal.
+struct Lines {
+    /// Time of the next line since the start.
+    next: Duration,
+    /// Time since the start and number of scenarios from which the rate is taken: those of the last line, and
+    /// before it those of the first second, in which the scenarios of an earlier run are passed over.
+    from: (Duration, usize),
 }
 
 /// The table of what is finished.
@@ -55,8 +70,8 @@ impl Progress {
         }
         bar.enable_steady_tick(Duration::from_millis(120));
         let (began, failures, table) = (Instant::now(), AtomicUsize::new(0), None);
-        let (next_line, last_done) = (Mutex::new(LINE_INTERVALS[0]), Mutex::new(began));
-        Self { bar, began, next_line, failures, last_done, table }
+        let lines = Mutex::new(Lines { next: LINE_INTERVALS[0], from: (Duration::ZERO, 0) });
+        Self { bar, began, lines, failures, last_done: Mutex::new(began), table }
     }
 
     /// Shows progress with a table of what is finished.
@@ -85,11 +100,13 @@ impl Progress {
         self.bar.set_position(done as u64);
         let elapsed = self.began.elapsed();
         if self.bar.is_hidden() && !is_quiet() {
-            let mut next = self.next_line.lock();
-            if elapsed >= *next {
-                *next = elapsed + LINE_INTERVALS[1];
-                let text = line_of(done, self.bar.length(), elapsed);
+            let mut lines = self.lines.lock();
+            if elapsed < RESUMING {
+                lines.from = (elapsed, done);
+            } else if elapsed >= lines.next {
+                let text = line_of(done, self.bar.length(), elapsed, lines.from);
                 say(format_args!("{text}{}", self.failure_count()));
+                *lines = Lines { next: elapsed + LINE_INTERVALS[1], from: (elapsed, done) };
             }
         }
     }
@@ -127,17 +144,28 @@ impl Progress {
 }
 
 /// Returns a line of progress: how many scenarios are finished, and the time left if their number is known.
-fn line_of(done: usize, total: Option<u64>, elapsed: Duration) -> String {
-    let seconds = elapsed.as_secs_f64();
-    let rate = rate_text(done as f64 / seconds);
+/// The rate is that since a time at which a number of them was finished.
+fn line_of(done: usize, total: Option<u64>, elapsed: Duration, from: (Duration, usize)) -> String {
+    let seconds = elapsed.saturating_sub(from.0).as_secs_f64();
+    let since = done.saturating_sub(from.1) as f64;
+    let rate = if seconds > 0.0 { since / seconds } else { 0.0 };
+    let text = rate_text(rate);
     match total {
         Some(total) => {
-            let left = (total as f64 - done as f64).max(0.0) * seconds / done.max(1) as f64;
-            let left = HumanDuration(Duration::from_secs_f64(left));
-            format!("{done} of {total} scenarios, {rate}, {left:#} left")
+            let left = match (total as f64 - done as f64).max(0.0) {
+                left if left > 0.0 && rate == 0.0 => TIME_UNKNOWN.to_owned(),
+                left if left > 0.0 => left_text(Duration::from_secs_f64(left / rate)),
+                _ => left_text(Duration::ZERO),
+            };
+            format!("{done} of {total} scenarios, {text}, {left}")
         }
-        None => format!("{done} scenarios, {rate}"),
+        None => format!("{done} scenarios, {text}"),
     }
+}
+
+/// Returns the time left as text.
+fn left_text(left: Duration) -> String {
+    format!("{:#} left", HumanDuration(left))
 }
 
 /// Returns a rate per second in three digits.
@@ -154,8 +182,8 @@ fn style(template: &str) -> ProgressStyle {
     });
     style.with_key("left", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
         match state.pos() {
-            0 => write!(out, "time left unknown").ok(),
-            _ => write!(out, "{:#} left", HumanDuration(state.eta())).ok(),
+            0 => out.write_str(TIME_UNKNOWN).ok(),
+            _ => out.write_str(&left_text(state.eta())).ok(),
         };
     })
 }
@@ -207,9 +235,20 @@ mod tests {
 
     #[test]
     fn lines_have_the_time_left_if_it_is_known() {
-        let of = |done, total| line_of(done, total, Duration::from_secs(60));
+        let of = |done, total| line_of(done, total, Duration::from_secs(60), (Duration::ZERO, 0));
         assert_eq!(of(30, Some(90)), "30 of 90 scenarios, 0.50/s, 2m left");
         assert_eq!(of(600, None), "600 scenarios, 10.0/s");
         assert_eq!(of(90, Some(90)), "90 of 90 scenarios, 1.5/s, 0s left");
+    }
+
+    #[test]
+    fn scenarios_of_an_earlier_run_do_not_count_for_the_rate() {
+        let from = (Duration::from_secs(1), 9000);
+        let of = |done, elapsed| line_of(done, Some(10_000), Duration::from_secs(elapsed), from);
+        // 40 scenarios in 40 s, and 960 are left.
+        assert_eq!(of(9040, 41), "9040 of 10000 scenarios, 1.0/s, 16m left");
+        assert_eq!(of(9000, 11), "9000 of 10000 scenarios, 0.00/s, time left unknown");
+        assert_eq!(of(9010, 1), "9010 of 10000 scenarios, 0.00/s, time left unknown");
+        assert_eq!(of(10_000, 1), "10000 of 10000 scenarios, 0.00/s, 0s left");
     }
 }

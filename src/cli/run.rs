@@ -109,7 +109,8 @@ pub(super) fn finished_until(
         bail!("--check-batch: no external simulator runs: give --external NAME=COMMAND");
     }
     let opening = args.partition.partition.map_or(Opening::Whole, Opening::Partition);
-    let (plan, programs) = plan(args, sources(&spec.subject.input, opening)?)?;
+    let sources = sources(&spec.subject.input, opening, spec.subject.av.as_ref())?;
+    let (plan, programs) = plan(args, sources)?;
     if let Some(out) = &args.out {
         plan.spec.to_toml_in(out)?;
     }

@@ -82,6 +82,14 @@ struct SharedArgs {
     table: ColumnArgs,
 }
 
+impl SharedArgs {
+    /// Finds the files of scenarios.
+    fn sources(&self, opening: Opening) -> anyhow::Result<Vec<Source>> {
+        let subject = &self.spec.value.subject;
+        sources(&subject.input, opening, subject.av.as_ref())
+    }
+}
+
 /// A study with its external programs.
 type PlannedStudy = (StudyPlan, ExternalPrograms);
 
@@ -139,7 +147,7 @@ impl StudyArgs {
 pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
     let shared = args.shared()?;
     let opening = shared.partition.partition.map_or(Opening::Whole, Opening::Partition);
-    let planned = args.plan(sources(&shared.spec.value.subject.input, opening)?)?;
+    let planned = args.plan(shared.sources(opening)?)?;
     shared.table.check(&shared.format, &FORMATS)?;
     carry_out::carry_out(planned, shared)
 }
@@ -147,6 +155,6 @@ pub(super) fn study(args: &StudyArgs) -> anyhow::Result<ExitStatus> {
 /// Joins the partitions of a study and prints its table.
 pub(super) fn merge(args: &StudyArgs, partitions: &Partitions, out: &Path) -> anyhow::Result<ExitStatus> {
     let shared = args.shared()?;
-    let planned = args.plan(sources(&shared.spec.value.subject.input, Opening::Unread)?)?;
+    let planned = args.plan(shared.sources(Opening::Unread)?)?;
     carry_out::merge(planned, shared, partitions, out)
 }

@@ -13,7 +13,7 @@ use super::{gallery, reference};
 use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
 use crate::evaluation::{
-    Deviations, FinishedRun, NuplanSpec, Source, limited, limited_shipped, weights, whole,
+    AvChoice, Deviations, FinishedRun, NuplanSpec, Source, limited, limited_shipped, weights, whole,
 };
 use crate::formats::Input;
 use crate::report::{paper, verification};
@@ -138,11 +138,15 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
     let stated = &reference.provenance;
     let deviations = args.deviations.as_deref().map(Deviations::read).transpose()?;
     let tracks = deviations.as_ref().map(|deviations| &deviations.tracks);
-    let is_run = |scenario: &Scenario| stated.settings.selection.has(scenario, tracks);
+    let selection = &stated.settings.selection;
+    let falls_back = matches!(stated.settings.av.parse(), Ok(AvChoice::DeviatedOrLog));
+    let selects = !(selection.is_all() && (tracks.is_none() || falls_back));
+    let is_run = |scenario: &Scenario| selection.has(scenario, tracks, falls_back);
+    let is_run = selects.then_some(&is_run as &dyn Fn(&Scenario) -> bool);
     let is_shipped = args.scenarios.is_empty() && args.nuplan.filter.is_none();
     let sources = match (is_shipped, stated.settings.limit) {
         (true, None) => vec![Source::shipped(usize::MAX)],
-        (true, Some(most)) => vec![limited_shipped(most, Some(&is_run))?],
+        (true, Some(most)) => vec![limited_shipped(most, is_run)?],
         (false, limit) => {
             let mut inputs = inputs(args)?;
             // The provenance holds the current frames of each file.
@@ -151,7 +155,7 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
                 input.all_agents = file.all_agents;
             }
             Source::of_inputs(match limit {
-                Some(most) => limited(inputs, most, Some(&is_run)),
+                Some(most) => limited(inputs, most, is_run),
                 None => whole(inputs),
             })?
         }

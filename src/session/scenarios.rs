@@ -82,7 +82,7 @@ impl Reading {
     /// Reads the scenarios with these ids, or all without ids, at most `limit`.
     ///
     /// # Errors
-    /// If a scenario cannot be read, or an id is missing.
+    /// If a scenario cannot be read, or there are fewer than `limit` and an id is missing.
     pub(super) fn select(
         &self,
         ids: &BTreeSet<String>,
@@ -106,7 +106,8 @@ impl Reading {
             }
         }
         let found = |id: &&String| scenarios.iter().any(|scenario: &Arc<Scenario>| scenario.id == **id);
-        match (ids.iter().find(|id| !found(id)), scenarios.is_empty()) {
+        let missing = ids.iter().find(|id| !found(id)).filter(|_| scenarios.len() < most);
+        match (missing, scenarios.is_empty()) {
             (Some(id), _) => refused(format_args!("there is no scenario `{id}`")),
             (None, true) => refused("no scenario is selected: give files, ids or a limit that select some"),
             (None, false) => Ok(scenarios),
@@ -236,4 +237,29 @@ pub(super) fn of_length(scenario: &Scenario, steps: usize) -> Scenario {
     }
     changed.timestamps.clear();
     changed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_beyond_the_limit_are_not_missing() {
+        let shipped = Source::shipped(2).scenarios().unwrap().map(|scenario| scenario.unwrap().id);
+        let shipped: Vec<String> = shipped.collect();
+        let select = |ids: &[&str], limit: Option<usize>| {
+            let ids = ids.iter().map(|id| (*id).to_owned()).collect();
+            let selected = Reading::default().select(&ids, limit);
+            selected.map(|all| all.iter().map(|scenario| scenario.id.clone()).collect::<Vec<_>>())
+        };
+        let both = [shipped[0].as_str(), shipped[1].as_str()];
+        assert_eq!(select(&both, Some(1)).unwrap(), shipped[..1]);
+        assert_eq!(select(&both, Some(2)).unwrap(), shipped);
+        let missing = [both[0], "nowhere"];
+        assert_eq!(select(&missing, Some(1)).unwrap(), shipped[..1]);
+        for limit in [Some(2), None] {
+            let refused = select(&missing, limit).unwrap_err();
+            assert!(refused.to_string().contains("there is no scenario `nowhere`"));
+        }
+    }
 }

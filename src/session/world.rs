@@ -13,8 +13,8 @@ use crate::evaluation::{Plan, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::EgoShape;
 use crate::rollout::{
-    Av, AvError, AvPolicy, Beginning, Controller, Entering, Episode, JointPlan, Lockstep, Memory,
-    Observation, PlanError, Protocol, Replan, Rollout, RolloutBeginning, Settings, Simulator,
+    Av, AvError, AvPolicy, Beginning, Continuation, Controller, Entering, Episode, JointPlan, Lockstep,
+    Memory, Observation, PlanError, Protocol, Replan, Rollout, RolloutBeginning, Settings, Simulator,
 };
 use crate::scene::{AgentKind, AgentState, Frame, Scenario};
 
@@ -86,6 +86,10 @@ struct Puppets {
 struct OthersMemory {
     memory: Memory,
     plan: JointPlan,
+    /// Step at which the plan ends.
+    planned_until: usize,
+    /// Slot in the scenario of each observed agent.
+    slots: Vec<usize>,
     /// Number of steps of the episode.
     future: usize,
 }
@@ -108,7 +112,31 @@ impl Simulator for Puppets {
         let result = simulator.begin_batch(&mut begun);
         for (episode, Beginning { memory, .. }) in batch.iter_mut().zip(begun) {
             let (plan, future) = (JointPlan::new(0, 0), episode.future);
-            episode.memory = Memory::new(OthersMemory { memory, plan, future });
+            let slots = (0..episode.start.agents.len()).collect();
+            episode.memory = Memory::new(OthersMemory { memory, plan, planned_until: 0, slots, future });
+        }
+        result
+    }
+
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        let Some((simulator, replan)) = &self.others else { return Ok(()) };
+        let (mut own, mut before) = (Vec::with_capacity(batch.len()), Vec::with_capacity(batch.len()));
+        for Continuation { before: memory, kept, beginning } in batch.iter_mut() {
+            let Some(mut old) = memory.take::<OthersMemory>() else {
+                return Err(PlanError::ForeignMemory("puppets"));
+            };
+            let beginning = Beginning { moves_av: false, steps: replan.steps(), ..beginning.again() };
+            let memory = std::mem::replace(&mut old.memory, Memory::NONE);
+            own.push(Continuation { before: memory, kept, beginning });
+            before.push(old);
+        }
+        let result = simulator.continue_batch(&mut own);
+        for ((episode, own), old) in batch.iter_mut().zip(own).zip(before) {
+            // No agent enters.
+            let slots = episode.kept.iter().flatten().map(|slot| old.slots[*slot]).collect();
+            let (plan, memory) = (JointPlan::new(0, 0), own.beginning.memory);
+            episode.beginning.memory =
+                Memory::new(OthersMemory { memory, plan, planned_until: 0, slots, future: old.future });
         }
         result
     }
@@ -116,16 +144,19 @@ impl Simulator for Puppets {
     fn plan(&self, batch: &mut [Episode<'_>]) -> Result<(), PlanError> {
         let next = self.next.lock();
         for Episode { seen, memory, stream, plan, outcomes, error, .. } in batch {
-            for (agent, state) in next.iter().enumerate() {
-                plan.set(agent + 1, 0, *state);
-            }
-            let Some((simulator, replan)) = &self.others else { continue };
-            let Some(OthersMemory { memory, plan: latest, future }) = memory.get() else {
+            let Some((simulator, replan)) = &self.others else {
+                for (agent, state) in next.iter().enumerate() {
+                    plan.set(agent + 1, 0, *state);
+                }
+                continue;
+            };
+            let Some(OthersMemory { memory, plan: latest, planned_until, slots, future }) = memory.get()
+            else {
                 *error = Some(PlanError::ForeignMemory("puppets"));
                 continue;
             };
             let (agents, step) = (plan.agents(), seen.step());
-            if step % replan.steps() == 0 {
+            if step >= *planned_until {
                 let mut own = [Episode {
                     seen: *seen,
                     memory,
@@ -139,9 +170,12 @@ impl Simulator for Puppets {
                 simulator.plan(&mut own)?;
                 let [own] = own;
                 (*latest, *outcomes, *error) = (own.plan, own.outcomes, own.error);
+                *planned_until = step + latest.steps();
             }
-            for agent in next.len() + 1..agents {
-                plan.set(agent, 0, latest.get(agent, step % replan.steps()));
+            let of_plan = step + latest.steps() - *planned_until;
+            for (agent, slot) in slots.iter().enumerate().skip(AV + 1) {
+                let moved = next.get(slot - 1);
+                plan.set(agent, 0, moved.copied().unwrap_or_else(|| latest.get(agent, of_plan)));
             }
         }
         Ok(())
@@ -150,6 +184,11 @@ impl Simulator for Puppets {
     fn history(&self) -> Option<usize> {
         let (simulator, _) = self.others.as_ref()?;
         simulator.history()
+    }
+
+    fn horizon(&self) -> Option<usize> {
+        let (simulator, _) = self.others.as_ref()?;
+        simulator.horizon()
     }
 
     fn end_batch(&self, memories: Vec<Memory>) {

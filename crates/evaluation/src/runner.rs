@@ -47,7 +47,8 @@ pub struct Execution {
 pub trait RunObserver: Sync {
     /// Called at the start with the number of records of all sources, if it is known.
     fn started(&self, _total: Option<usize>) {}
-    /// Called after each step of a batch of rollouts, with the number of its steps so far and in all.
+    /// Called before each step of a batch of rollouts, with the number of its realised steps and of all its
+    /// steps.
     fn stepped(&self, _step: usize, _steps: usize) {}
     /// Called after scenarios succeeded or failed. `done` is the number of finished scenarios, including
     /// those of an earlier interrupted run.

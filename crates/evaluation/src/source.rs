@@ -78,14 +78,18 @@ fn first_records(
     most: usize,
     is_run: Option<&dyn Fn(&Scenario) -> bool>,
 ) -> (usize, usize) {
+    let read = |record: Result<UndecodedScenario, FormatError>| record.and_then(|decode| decode());
+    let are_run = records
+        .map(|record| is_run.is_none_or(|is_run| read(record).is_ok_and(|scenario| is_run(&scenario))));
+    first_run(are_run, most)
+}
+
+/// Returns the number of records up to the one with which `most` are run, and that of those that are run.
+fn first_run(mut are_run: impl Iterator<Item = bool>, most: usize) -> (usize, usize) {
     let (mut read, mut run) = (0, 0);
-    for record in records {
-        let counts = is_run
-            .is_none_or(|is_run| record.and_then(|decode| decode()).is_ok_and(|scenario| is_run(&scenario)));
-        (read, run) = (read + 1, run + usize::from(counts));
-        if run == most {
-            break;
-        }
+    while run < most {
+        let Some(is_run) = are_run.next() else { break };
+        (read, run) = (read + 1, run + usize::from(is_run));
     }
     (read, run)
 }
@@ -157,19 +161,24 @@ impl Source {
         Ok(Box::new((self.open)(0)?.map(|record| record.and_then(|decode| decode()))))
     }
 
-    /// Scenarios in memory, of which at most `most` are used. Their digest is taken over those of the
-    /// scenarios.
-    pub fn of_scenarios(scenarios: impl Into<Arc<[Scenario]>>, most: usize) -> Self {
+    /// Scenarios in memory, used up to the one with which `most` are run, all without `is_run`. Their digest
+    /// is taken over those of all scenarios.
+    pub fn of_scenarios(
+        scenarios: impl Into<Arc<[Scenario]>>,
+        most: usize,
+        is_run: Option<&dyn Fn(&Scenario) -> bool>,
+    ) -> Self {
         let scenarios = scenarios.into();
+        let are_run = scenarios.iter().map(|scenario| is_run.is_none_or(|is_run| is_run(scenario)));
+        let used = first_run(are_run, most).0;
         let digests: String = scenarios.iter().map(Scenario::digest).collect();
         let file = FileRecord::of_content("memory", "memory", digests.as_bytes());
-        let count = Some(scenarios.len().min(most));
         let open = move |first: usize| -> Result<PendingScenarios, FormatError> {
             let scenarios: Vec<_> =
-                scenarios.iter().take(most).skip(first).cloned().map(|s| Ok(decoded(s))).collect();
+                scenarios.iter().take(used).skip(first).cloned().map(|s| Ok(decoded(s))).collect();
             Ok(Box::new(scenarios.into_iter()))
         };
-        Self { file, open: Box::new(open), count }
+        Self { file, open: Box::new(open), count: Some(used) }
     }
 }
 
@@ -300,6 +309,7 @@ mod tests {
         assert_eq!(names(Some(&is_run), 2), ["crossing", "crosswalk", "cut-in", "left-turn-across"]);
         // Records of one file.
         let bench = || (Source::shipped(usize::MAX).open)(0).unwrap();
+        assert_eq!(first_records(bench(), 0, None), (0, 0));
         assert_eq!(first_records(bench(), 7, None), (7, 7));
         assert_eq!(first_records(bench(), 1000, None), (150, 150));
         let lateral = |scenario: &Scenario| {

@@ -55,7 +55,8 @@ impl Line<'_> {
 struct Lines<'a> {
     /// By rank, then by collisions with the AV, then in the order of the entries; those without a rank last.
     shown: Vec<Line<'a>>,
-    /// Number of lines that repeat one of an earlier entry: the same simulator with the same numbers.
+    /// Number of lines that are left out, because another entry has the same simulator with the same numbers
+    /// and at least the same status; of those with the same status, the first is shown.
     repeated: usize,
 }
 
@@ -64,10 +65,14 @@ impl<'a> Lines<'a> {
         let mut shown: Vec<Line<'_>> = Vec::new();
         let mut repeated = 0;
         for line in entries.iter().flat_map(lines_of) {
-            if shown.iter().any(|earlier| earlier.id == line.id && earlier.metrics == line.metrics) {
-                repeated += 1;
-            } else {
-                shown.push(line);
+            match shown.iter_mut().find(|other| other.id == line.id && other.metrics == line.metrics) {
+                Some(other) => {
+                    repeated += 1;
+                    if line.entry.status < other.entry.status {
+                        *other = line;
+                    }
+                }
+                None => shown.push(line),
             }
         }
         let costs: Vec<_> = shown.iter().map(Line::costs).collect();
@@ -85,7 +90,8 @@ impl<'a> Lines<'a> {
         let titles = OBJECTIVES.map(|metric| Column::benchmark(metric).title()).join(", ");
         let mut all = vec![format!(
             "Rank 1: no other method is at least as good in {titles} and better in one; rank 2: the same without \
-             those of rank 1, and so on. Oracles have no rank"
+             those of rank 1, and so on. Oracles, and methods without one of these numbers, have no \
+             rank"
         )];
         if self.repeated > 0 {
             all.push(format!("{} of an earlier entry left out", count(self.repeated, "repetition")));
@@ -142,9 +148,9 @@ fn about(entries: &[Entry]) -> String {
     parts.join(", ")
 }
 
-/// Explains the statuses of the entries.
-fn status_legend(entries: &[Entry]) -> Vec<&'static str> {
-    let has = |status: Status| entries.iter().any(|e| e.status == status);
+/// Explains the statuses of the lines.
+fn status_legend(lines: &[Line<'_>]) -> Vec<&'static str> {
+    let has = |status: Status| lines.iter().any(|line| line.entry.status == status);
     let mut all = Vec::new();
     if has(Status::Reference) {
         all.push("reference: published results whose files have the digests that they state");
@@ -188,7 +194,7 @@ fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     for text in lines.legend() {
         writeln!(out, "{text}.")?;
     }
-    for text in status_legend(entries) {
+    for text in status_legend(&lines.shown) {
         writeln!(out, "{text}.")?;
     }
     writeln!(out, "{}.", escape(&about(entries)))
@@ -219,6 +225,8 @@ fn write_csv(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
 #[derive(Serialize)]
 struct JsonBoard<'a> {
     benchmark: Option<&'a BenchmarkRecord>,
+    /// Number of lines that are left out, because they repeat one of these.
+    repeated: usize,
     lines: Vec<JsonLine<'a>>,
 }
 
@@ -234,7 +242,8 @@ struct JsonLine<'a> {
 }
 
 fn write_json(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
-    let lines = Lines::of(entries).shown.into_iter().map(|line| JsonLine {
+    let Lines { shown, repeated } = Lines::of(entries);
+    let lines = shown.into_iter().map(|line| JsonLine {
         rank: line.rank,
         entry: &line.entry.name,
         simulator: line.id,
@@ -243,7 +252,8 @@ fn write_json(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         status: line.entry.status,
         metrics: line.metrics,
     });
-    let board = JsonBoard { benchmark: entries.first().map(|e| &e.benchmark), lines: lines.collect() };
+    let benchmark = entries.first().map(|e| &e.benchmark);
+    let board = JsonBoard { benchmark, repeated, lines: lines.collect() };
     serde_json::to_writer_pretty(&mut *out, &board)?;
     writeln!(out)
 }
@@ -265,5 +275,41 @@ mod tests {
             Some([0.3, 2.0, -0.9]),
         ];
         assert_eq!(ranks(&costs), [Some(1), Some(1), Some(2), None, Some(1), Some(3)]);
+    }
+
+    #[test]
+    fn repeated_lines_have_the_best_status_in_any_order() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../references/replan-reactive/steps-10");
+        let summary = reactsim_evaluation::read_summary(std::path::Path::new(folder)).unwrap();
+        let name = String::new();
+        let benchmark = BenchmarkRecord { name: name.clone(), version: name.clone(), blake3: name };
+        let entry = |status: Status| Entry {
+            name: status.name().to_owned(),
+            benchmark: benchmark.clone(),
+            summary: summary.clone(),
+            status,
+        };
+        let methods = summary.order().count();
+        assert!(methods > 0);
+        let (best, middle, last) = (Status::Reference, Status::Verified, Status::Unverified);
+        for (order, shown) in [
+            (vec![last, middle], middle),
+            (vec![middle, last], middle),
+            (vec![last, best, middle], best),
+            (vec![best, middle, last], best),
+        ] {
+            let entries: Vec<Entry> = order.iter().copied().map(entry).collect();
+            let lines = Lines::of(&entries);
+            assert!(lines.shown.iter().all(|line| line.entry.status == shown), "{order:?}");
+            let repeated = (order.len() - 1) * methods;
+            assert_eq!((lines.shown.len(), lines.repeated), (methods, repeated), "{order:?}");
+            let legend = status_legend(&lines.shown);
+            assert!(legend.len() == 1 && legend[0].starts_with(shown.name()), "{legend:?}");
+            let mut json = Vec::new();
+            write(&entries, "json", &mut json).unwrap();
+            let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+            assert_eq!(json["repeated"], repeated);
+            assert_eq!(json["lines"][0]["status"], shown.name());
+        }
     }
 }

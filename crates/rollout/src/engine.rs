@@ -317,7 +317,8 @@ fn begin_episodes<S: Deref<Target = Scenario>>(
     }
 }
 
-/// Continues the episodes of the rollouts that need a plan now and in which agents have come or gone.
+/// Continues the episodes of the rollouts that need a plan now, and in which agents have come or gone or
+/// whose horizon is over.
 fn regroup<S: Deref<Target = Scenario>>(
     running: &mut [ScenarioRollout<'_, S>],
     controller: &Controller,

@@ -219,7 +219,7 @@ pub trait Simulator: Send + Sync {
 
     /// Returns the number of steps after which an episode continues from a new start at the present frame, if
     /// its future is longer: that of a network that was trained for this time, with a map around the position
-    /// of the AV at the start. `None`: it does not.
+    /// of the AV at the start. `None`: it does not. In a mix, all members continue at the shortest horizon.
     fn horizon(&self) -> Option<usize> {
         None
     }

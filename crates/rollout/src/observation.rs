@@ -37,13 +37,13 @@ impl<'a> Observation<'a> {
     }
 
     /// Returns the observation of a rollout that had realised `first_step` steps at the current frame of
-    /// `start`, and in which agents had entered or left `changes` times.
+    /// `start`, which was renewed `changes` times.
     pub(super) fn continued(self, first_step: usize, changes: usize) -> Self {
         Self { first_step, changes, ..self }
     }
 
-    /// Returns the initial information: agents, map, history. When agents enter or leave, their slots change,
-    /// and the current frame of the start is the one of the change.
+    /// Returns the initial information: agents, map, history. When agents enter or leave, or the horizon of a
+    /// simulator is over, slots change, and the current frame of the start is the one of the change.
     pub fn start(&self) -> &'a Start {
         self.start
     }
@@ -60,7 +60,8 @@ impl<'a> Observation<'a> {
         self.first_step + self.frame() - self.start.current()
     }
 
-    /// Returns how often agents entered or left so far. While it stays the same, so does the start.
+    /// Returns how often the start was renewed so far, because agents entered or left, or the horizon was
+    /// over. While it stays the same, so does the start.
     #[inline]
     pub fn changes(&self) -> usize {
         self.changes

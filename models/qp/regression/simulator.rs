@@ -139,12 +139,12 @@ impl SingleEpisode for RegressionSimulator {
         EpisodeMemory::new(self.policy.ground(start))
     }
 
-    // One episode at a time: a dozen agents are enough for matrix products of a good size, and the
-    // result does not depend on the rest of a batch.
     fn horizon(&self) -> Option<usize> {
         Some(FUTURE)
     }
 
+    // One episode at a time: a dozen agents are enough for matrix products of a good size, and the
+    // result does not depend on the rest of a batch.
     fn plan_one(&self, memory: &mut EpisodeMemory, episode: &mut Planning<'_, '_>) -> Result<(), PlanError> {
         let seen = episode.seen;
         let slots = predicted_slots(&seen, episode.moves_av, self.driving.agents);

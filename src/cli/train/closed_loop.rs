@@ -88,7 +88,7 @@ impl ClosedLoop {
     fn plan(&self, simulators: Vec<PlannedSimulator>) -> Result<Plan, EvaluationError> {
         let mut spec = RunSpec::default();
         (spec.subject.av, spec.rollout.rollouts) = (Some(AvChoice::DeviatedOrLog), self.rollouts);
-        let sources = vec![Source::of_scenarios(self.scenarios.clone(), usize::MAX)];
+        let sources = vec![Source::of_scenarios(self.scenarios.clone(), usize::MAX, None)];
         spec.plan(RunParts { sources, simulators, ..RunParts::default() })
     }
 

@@ -66,8 +66,8 @@ impl FinishedRun {
                 range.offset = at;
             }
             range.length = (at - range.offset) as usize + text.len();
-            if line.event.counted {
-                *range.counted.entry(line.event.metric).or_default() += 1;
+            if line.counted {
+                *range.counted.entry(line.metric).or_default() += 1;
             }
         })?;
         if let Some(source) = damaged {

@@ -26,8 +26,9 @@ pub struct Entry {
     pub status: Status,
 }
 
-/// The degree to which the numbers of an entry were verified. For all entries the rows give the summary.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+/// The degree to which the numbers of an entry were verified, the best one first. For all entries the rows
+/// give the summary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
     /// A reference whose files have the recorded digests.

@@ -191,6 +191,10 @@ impl RowCollector<'_> {
 }
 
 impl RunObserver for RowCollector<'_> {
+    fn stepped(&self, step: usize, steps: usize) {
+        self.inner.stepped(step, steps);
+    }
+
     fn scenario_done(&self, done: usize) {
         self.inner.scenario_done(done);
     }

@@ -29,12 +29,18 @@ impl Selection {
         self.ids.is_empty() || self.ids.contains(id)
     }
 
-    /// Returns whether a scenario is selected. If there is a file of deviations, it must be there, and its
-    /// category is that there.
-    pub fn has(&self, scenario: &Scenario, deviations: Option<&BTreeMap<String, DeviationRecord>>) -> bool {
+    /// Returns whether a scenario is selected. If there is a file of deviations, its category is that there;
+    /// a scenario that is not there has none if it `falls_back` on the logged AV, else it is not selected.
+    pub fn has(
+        &self,
+        scenario: &Scenario,
+        deviations: Option<&BTreeMap<String, DeviationRecord>>,
+        falls_back: bool,
+    ) -> bool {
         let category = match deviations {
             Some(deviations) => match deviations.get(&scenario.id) {
                 Some(record) => record.category,
+                None if falls_back => None,
                 None => return false,
             },
             None => scenario.deviation.as_ref().and_then(|deviation| deviation.category),
@@ -51,6 +57,22 @@ impl Selection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::Source;
+
+    #[test]
+    fn scenarios_without_a_deviation_in_the_file_are_selected_if_the_log_drives_them() {
+        let scenario = Source::shipped(1).scenarios().unwrap().next().unwrap().unwrap();
+        let category = scenario.deviation.as_ref().unwrap().category.unwrap().name().to_owned();
+        let (all, none) = (Selection::default(), BTreeMap::new());
+        let has = |selection: &Selection| {
+            [(None, false), (Some(&none), false), (Some(&none), true)]
+                .map(|(deviations, falls_back)| selection.has(&scenario, deviations, falls_back))
+        };
+        assert_eq!(has(&all), [true, false, true]);
+        // The logged AV has no category, whatever that of the scenario's own deviation is.
+        let categories = Selection { categories: [category].into(), ..Selection::default() };
+        assert_eq!(has(&categories), [true, false, false]);
+    }
 
     #[test]
     fn nothing_requested_selects_all() {

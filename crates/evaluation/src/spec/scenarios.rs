@@ -11,6 +11,7 @@ use reactsim_formats::{
 use reactsim_scene::{Deviation, Length, Scenario};
 use serde::{Deserialize, Serialize};
 
+use crate::av::AvChoice;
 use crate::error::EvaluationError;
 use crate::source::selection::Selection;
 use crate::source::{Source, limited, limited_shipped, whole};
@@ -115,28 +116,61 @@ pub enum Opening {
     Unread,
 }
 
-impl ScenarioSpec {
-    /// Returns the largest number of scenarios.
-    pub fn most(&self) -> usize {
-        self.limit.map_or(usize::MAX, NonZeroUsize::get)
-    }
+/// Says of a scenario whether it is run.
+type IsRun = Box<dyn Fn(&Scenario) -> bool>;
 
+impl ScenarioSpec {
     /// Returns whether the shipped scenarios are meant, because no others are given.
     pub fn is_shipped(&self) -> bool {
         self.reading.is_shipped(&self.scenarios)
     }
 
+    /// Returns which scenarios are run with this AV policy, to count them towards the limit; `None` if all
+    /// are, or without a limit.
+    fn is_run(&self, av: Option<&AvChoice>) -> Result<Option<IsRun>, EvaluationError> {
+        let selection = self.selection.selection();
+        let file = match av {
+            Some(AvChoice::File(path)) => Some(path.as_path()),
+            _ => self.deviations.as_deref(),
+        };
+        let falls_back = matches!(av, Some(AvChoice::DeviatedOrLog));
+        let selects = !(selection.is_all() && (file.is_none() || falls_back));
+        if self.limit.is_none() || !selects {
+            return Ok(None);
+        }
+        let deviations = file.map(deviations::read).transpose()?;
+        Ok(Some(Box::new(move |scenario| selection.has(scenario, deviations.as_ref(), falls_back))))
+    }
+
+    /// Takes scenarios in memory in place of files, up to the limit of those that are run with this AV
+    /// policy.
+    ///
+    /// # Errors
+    /// [`EvaluationError`] if the file of deviations is needed for the limit and cannot be read.
+    pub fn in_memory(
+        &self,
+        scenarios: Vec<Scenario>,
+        av: Option<&AvChoice>,
+    ) -> Result<Source, EvaluationError> {
+        let most = self.limit.map_or(usize::MAX, NonZeroUsize::get);
+        Ok(Source::of_scenarios(scenarios, most, self.is_run(av)?.as_deref()))
+    }
+
     /// Finds the files of scenarios and recognises their formats. The second value has the files that only
     /// look like scenarios.
     ///
+    /// With a limit and a selection or a file of deviations, scenarios are decoded to count those that are
+    /// run with this AV policy: one after the other, and not interruptibly, up to the last one.
+    ///
     /// # Errors
     /// [`EvaluationError`] if a file cannot be read, or a key has no effect on the shipped scenarios.
-    pub fn open(&self, opening: Opening) -> Result<(Vec<Source>, PassedOver), EvaluationError> {
-        let selection = self.selection.selection();
-        let selects = self.limit.is_some() && !(selection.is_all() && self.deviations.is_none());
-        let deviations = self.deviations.as_deref().filter(|_| selects).map(deviations::read).transpose()?;
-        let is_run = |scenario: &Scenario| selection.has(scenario, deviations.as_ref());
-        let is_run = selects.then_some(&is_run as &dyn Fn(&Scenario) -> bool);
+    pub fn open(
+        &self,
+        opening: Opening,
+        av: Option<&AvChoice>,
+    ) -> Result<(Vec<Source>, PassedOver), EvaluationError> {
+        let is_run = self.is_run(av)?;
+        let is_run = is_run.as_deref();
         if self.is_shipped() {
             self.reading.check_absent()?;
             let source = match self.limit {
@@ -319,5 +353,67 @@ mod tests {
         let error = read(r#"{"history": 101}"#).unwrap().check().unwrap_err().to_string();
         assert_eq!(error, "history `101`: write 2 to 100");
         assert!(ReadingSpec::default().has_stated_frames());
+    }
+
+    #[test]
+    fn a_limit_counts_the_scenarios_that_are_run_with_the_av() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("deviations.json");
+        let record = |id: &str, category: &str| {
+            let zeros = vec![0.0; 80];
+            serde_json::json!({
+                "scenario_id": id, "category": category, "x": zeros, "y": zeros, "heading": zeros
+            })
+        };
+        let records = [record("crosswalk", "lateral"), record("left-turn-across", "directional")];
+        let all = serde_json::json!({
+            "format": "reactsim-deviations-v1", "frame": "scenario", "deviations": records
+        });
+        std::fs::write(&file, all.to_string()).unwrap();
+        // One scenario per file: crossing, crosswalk, cut-in, left-turn-across and more.
+        let mini = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/mini"));
+        let read = |deviations: Option<&PathBuf>, av: Option<&AvChoice>, most, id: &str, category: &str| {
+            let given = |text: &str| -> Vec<String> {
+                Some(text.to_owned()).into_iter().filter(|text| !text.is_empty()).collect()
+            };
+            let spec = ScenarioSpec {
+                scenarios: vec![mini.clone()],
+                deviations: deviations.cloned(),
+                limit: NonZeroUsize::new(most),
+                selection: SelectionSpec { id: given(id), category: given(category) },
+                ..ScenarioSpec::default()
+            };
+            let sources = spec.open(Opening::Unread, av).unwrap().0;
+            let scenarios = sources.iter().flat_map(|source| source.scenarios().unwrap());
+            let in_memory = spec.in_memory(scenarios.map(Result::unwrap).collect(), av).unwrap();
+            assert_eq!(in_memory.count, Some(sources.len()));
+            sources.len()
+        };
+        let (deviated, own) = (AvChoice::Deviated, AvChoice::File(file.clone()));
+        let or_log = AvChoice::DeviatedOrLog;
+        let (file, or_log) = (Some(&file), Some(&or_log));
+        assert_eq!(read(None, None, 2, "", ""), 2);
+        // Others than these two are skipped.
+        for (file, av) in [(file, None), (file, Some(&deviated)), (None, Some(&own))] {
+            assert_eq!([1, 2].map(|most| read(file, av, most, "", "")), [2, 4], "{av:?}");
+            assert_eq!(read(file, av, 1, "", "directional"), 4, "{av:?}");
+        }
+        // Others are run with the logged AV, which has no category.
+        assert_eq!([1, 3].map(|most| read(file, or_log, most, "", "")), [1, 3]);
+        assert_eq!(read(file, or_log, 1, "cut-in", ""), 3);
+        assert_eq!(read(file, or_log, 1, "", "directional"), 4);
+    }
+
+    #[test]
+    fn a_limit_of_scenarios_in_memory_counts_those_that_are_run() {
+        let scenarios: Vec<Scenario> = Source::shipped(9).scenarios().unwrap().map(Result::unwrap).collect();
+        let selection = SelectionSpec { id: vec![scenarios[6].id.clone()], category: Vec::new() };
+        let spec = ScenarioSpec { limit: NonZeroUsize::new(1), selection, ..ScenarioSpec::default() };
+        let source = spec.in_memory(scenarios.clone(), None).unwrap();
+        let ids: Vec<String> = source.scenarios().unwrap().map(|scenario| scenario.unwrap().id).collect();
+        let expected: Vec<&String> = scenarios[..7].iter().map(|scenario| &scenario.id).collect();
+        assert_eq!((ids.iter().collect(), source.count), (expected, Some(7)));
+        let all = ScenarioSpec::default().in_memory(scenarios, None).unwrap();
+        assert_eq!(all.count, Some(9));
     }
 }

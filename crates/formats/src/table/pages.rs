@@ -143,7 +143,7 @@ fn count(bytes: impl Read) -> Result<u64, ExpansionError> {
 }
 
 /// Returns an upper bound of the decompressed size of zstd frames (RFC 8878, section 3.1) from their blocks.
-/// The content size stated by a frame is ignored, because the library does not enforce it. Stops at data that
+/// The content size stated by a frame is ignored, because it is not needed for the bound. Stops at data that
 /// are not frames, as the library does.
 fn zstd_bound(mut data: &[u8]) -> u64 {
     let mut bound = 0_u64;

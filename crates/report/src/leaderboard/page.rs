@@ -60,7 +60,7 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     for text in lines.legend() {
         writeln!(out, "<p>{}.</p>", escape(&text))?;
     }
-    for text in status_legend(entries) {
+    for text in status_legend(&lines.shown) {
         writeln!(out, "<p>{text}.</p>")?;
     }
     writeln!(out, "<p>{}.</p>\n<script>{SCRIPT}</script>\n</body>\n</html>", escape(&about(entries)))

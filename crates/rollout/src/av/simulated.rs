@@ -70,9 +70,9 @@ struct SimulatedPolicy<'a> {
     plan: JointPlan,
     /// Step of the plan that is executed next.
     next: usize,
-    /// Number of times that agents had entered or left when the episode began or continued.
+    /// Number of renewals of the start when the episode began or continued.
     changes: usize,
-    /// Ids of the agents of the episode; empty if none entered or left so far.
+    /// Ids of the agents of the episode; empty before it begins.
     ids: Vec<String>,
 }
 

@@ -5,9 +5,10 @@ use reactsim_scene::{Agent, AgentKind, AgentState, DT, Start};
 
 /// Distance in metres past the end of a lane at which another lane means that the road continues.
 const CONTINUATION: f64 = 2.0;
-/// Distance in metres past the end, and to the side of it, within which a vehicle has just passed it.
-const LENGTH: f64 = 12.0;
-const HALF_WIDTH: f64 = 2.5;
+/// Distance in metres past the end within which the front of a vehicle has just passed it.
+const PASSED_DISTANCE: f64 = 12.0;
+/// Distance in metres to the side of the lane within which a vehicle is on it.
+const PASSED_OFFSET: f64 = 2.5;
 /// Speed in m/s from which a vehicle is thought to leave: slower ones may stand at a dead end.
 const LEAVING_SPEED: f64 = 0.5;
 /// Cosine of the largest angle between a vehicle that leaves and the lane.
@@ -45,8 +46,8 @@ impl RoadEnds {
         let front = state.position() + ahead * (0.5 * agent.length + state.speed() * DT);
         self.ends.iter().any(|(end, along)| {
             let past = front - *end;
-            (0.0..=LENGTH).contains(&past.dot(along))
-                && along.perp(&past).abs() <= HALF_WIDTH
+            (0.0..=PASSED_DISTANCE).contains(&past.dot(along))
+                && along.perp(&past).abs() <= PASSED_OFFSET
                 && ahead.dot(along) >= ALIGNED
         })
     }

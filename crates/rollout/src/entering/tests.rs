@@ -190,6 +190,15 @@ fn no_more_agents_enter_than_can_be_present() {
     assert_eq!((done.tracks.len(), done.outcomes[KEPT_OUT]), (MAX_PRESENT, 21));
 }
 
+/// Returns a vehicle that creeps across the end of a road.
+fn turned(mut vehicle: LoggedAgent) -> LoggedAgent {
+    for (frame, state) in vehicle.track.iter_mut().enumerate() {
+        let y = 18.0 + 0.06 * frame as f64;
+        *state = state.map(|s| AgentState { y, heading: std::f64::consts::FRAC_PI_2, vy: 0.6, ..s });
+    }
+    vehicle
+}
+
 #[test]
 fn vehicles_leave_past_the_end_of_a_road() {
     let frames = HISTORY + STEPS;
@@ -215,8 +224,9 @@ fn vehicles_leave_past_the_end_of_a_road() {
         driven("continues", 170.0, 40.0),
         driven("observed", 40.0, -20.0),
         driven("crosses", 140.0, 70.0),
-        driven("unaligned", 170.0, 23.0),
+        driven("aside", 170.0, 23.0),
         vehicle("parked", |_| Some((199.0, 20.5, 0.0)), frames),
+        turned(vehicle("unaligned", |_| Some((201.0, 20.0, 0.0)), frames)),
     ];
     let made = scenario_on(map, HISTORY, &others);
     let on = run(&made, Entering::Log, &keep());
@@ -225,7 +235,7 @@ fn vehicles_leave_past_the_end_of_a_road() {
     let track = &on.tracks[of("ends")];
     assert_eq!((x(track, 37), x(track, 38)), (Some(197.0), None));
     assert!(track[38..].iter().all(Option::is_none));
-    for id in ["continues", "observed", "crosses", "unaligned", "parked"] {
+    for id in ["continues", "observed", "crosses", "aside", "parked", "unaligned"] {
         assert!(on.tracks[of(id)].iter().all(Option::is_some), "{id}");
     }
     assert_eq!(on.outcomes[PAST_ROAD_END], 1);
