@@ -54,9 +54,9 @@ impl Observer for StopsAfter<'_> {
     }
 }
 
-fn task(weights: &[u8], reactions: f64) -> Box<dyn Trainable> {
+fn task(weights: &[u8], reactions: f64, rollouts: usize) -> Box<dyn Trainable> {
     let recipe = RealismRecipe {
-        rollouts: 4,
+        rollouts,
         agents: 8,
         features: Features::All,
         weights: Weights { realism: 1.0, reactions, kl: 0.01 },
@@ -112,8 +112,8 @@ fn what_is_realistic_becomes_likelier() {
     let source = Same::of(scenario(3));
     for (weights, reactions) in [(ntp_reactive::untrained(), 0.0), (smart_simulator::untrained(), 1.0)] {
         let folder = tempfile::tempdir().unwrap();
-        let ended =
-            learn(task(&weights, reactions).as_ref(), &source, (folder.path(), 12.0, 0.4), (2, false, 1000));
+        let task = task(&weights, reactions, 24);
+        let ended = learn(task.as_ref(), &source, (folder.path(), 16.0, 0.1), (2, false, 1000));
         assert_eq!(ended, Ok(Ending::Finished));
         let rewards = rewards(folder.path());
         let [before, after] = rewards[..] else { panic!("{rewards:?}") };
@@ -124,7 +124,7 @@ fn what_is_realistic_becomes_likelier() {
 #[test]
 fn an_interrupted_training_ends_as_another_one() {
     let source = Same::of(scenario(3));
-    let task = task(&ntp_reactive::untrained(), 1.0);
+    let task = task(&ntp_reactive::untrained(), 1.0, 4);
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let (whole, parts) = (one.path(), two.path());
     assert_eq!(learn(task.as_ref(), &source, (whole, 2.0, 0.0), (1, false, 1000)), Ok(Ending::Finished));
@@ -143,7 +143,7 @@ fn other_lengths_and_other_weights_are_refused_by_name() {
     short.log_future.lights.iter_mut().for_each(|states| states.truncate(40));
     assert_ne!(short.length(), Length::BENCHMARK);
     let folder = tempfile::tempdir().unwrap();
-    let task = task(&ntp_reactive::untrained(), 1.0);
+    let task = task(&ntp_reactive::untrained(), 1.0, 4);
     let refused =
         learn(task.as_ref(), &Same::of(short), (folder.path(), 1.0, 0.0), (1, false, 1)).unwrap_err();
     assert!(refused.contains("road-003") && refused.contains("no other length"), "{refused}");
