@@ -8,7 +8,7 @@ use super::gallery;
 use super::inputs::find_inputs;
 use super::output::{ExitStatus, write_result};
 use crate::evaluation::reference::Entry;
-use crate::evaluation::{BenchmarkRecord, Source, whole};
+use crate::evaluation::{BenchmarkRecord, Source, limited};
 use crate::report::leaderboard;
 
 const AFTER: &str = "\
@@ -59,7 +59,7 @@ pub(super) fn leaderboard(args: &LeaderboardArgs) -> anyhow::Result<ExitStatus> 
 fn find_scenarios(args: &LeaderboardArgs, benchmark: &BenchmarkRecord) -> Option<Source> {
     let given = args.scenarios.iter().filter_map(|path| {
         let inputs = find_inputs(std::slice::from_ref(path)).ok()?;
-        Source::of_inputs(whole(inputs)).ok()
+        Source::of_inputs(limited(inputs, None, None)).ok()
     });
     let mut sources = std::iter::once(Source::shipped(usize::MAX)).chain(given.flatten());
     sources.find(|source| source.file.blake3 == benchmark.blake3)

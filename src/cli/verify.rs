@@ -13,7 +13,7 @@ use super::{gallery, reference};
 use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
 use crate::evaluation::{
-    AvChoice, Deviations, FinishedRun, NuplanSpec, Source, limited, limited_shipped, weights, whole,
+    AvChoice, Deviations, FinishedRun, NuplanSpec, Source, limited, limited_shipped, weights,
 };
 use crate::formats::Input;
 use crate::report::{paper, verification};
@@ -140,13 +140,12 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
     let tracks = deviations.as_ref().map(|deviations| &deviations.tracks);
     let selection = &stated.settings.selection;
     let falls_back = matches!(stated.settings.av.parse(), Ok(AvChoice::DeviatedOrLog));
-    let selects = !(selection.is_all() && (tracks.is_none() || falls_back));
     let is_run = |scenario: &Scenario| selection.has(scenario, tracks, falls_back);
-    let is_run = selects.then_some(&is_run as &dyn Fn(&Scenario) -> bool);
+    let leaves_out = selection.leaves_out(tracks.is_some(), falls_back);
+    let is_run = leaves_out.then_some(&is_run as &dyn Fn(&Scenario) -> bool);
     let is_shipped = args.scenarios.is_empty() && args.nuplan.filter.is_none();
     let sources = match (is_shipped, stated.settings.limit) {
-        (true, None) => vec![Source::shipped(usize::MAX)],
-        (true, Some(most)) => vec![limited_shipped(most, is_run)?],
+        (true, limit) => vec![limited_shipped(limit, is_run)?],
         (false, limit) => {
             let mut inputs = inputs(args)?;
             // The provenance holds the current frames of each file.
@@ -154,10 +153,7 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
                 input.frames = file.frames();
                 input.all_agents = file.all_agents;
             }
-            Source::of_inputs(match limit {
-                Some(most) => limited(inputs, most, is_run),
-                None => whole(inputs),
-            })?
+            Source::of_inputs(limited(inputs, limit, is_run))?
         }
     };
     Ok(RerunInputs { sources, deviations, weights: weights(&args.model_weights)? })

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 
 use super::wire::{RequestError, refused};
-use crate::evaluation::{Deviations, Selection, Source, whole};
+use crate::evaluation::{Deviations, Selection, Source, limited};
 use crate::formats::{self as formats, CurrentFrames, FutureChoice, LengthChoice, PendingScenarios};
 use crate::scene::Scenario;
 
@@ -76,7 +76,7 @@ impl Reading {
         for input in &mut inputs {
             (input.frames, input.length, input.all_agents) = (frames, length, self.all_agents);
         }
-        Ok(Source::of_inputs(whole(inputs))?)
+        Ok(Source::of_inputs(limited(inputs, None, None))?)
     }
 
     /// Reads the scenarios with these ids, or all without ids, at most `limit`.

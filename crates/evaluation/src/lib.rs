@@ -84,7 +84,7 @@ pub use source::file_record::{CompanionRecord, FileRecord, Registrar};
 pub use source::scenario_files::ScenarioFiles;
 pub use source::selection::Selection;
 pub use source::shipped::shipped_ids;
-pub use source::{Share, Source, limited, limited_shipped, whole};
+pub use source::{Share, Source, limited, limited_shipped};
 pub use spec::{
     Axis, AxisValue, ExternalPrograms, ExternalSpec, MotionSpec, NuplanSpec, Opening, ReadingSpec,
     RolloutSpec, RunSpec, ScenarioSpec, SelectionSpec, Specification, Stage, SubjectSpec, Time,

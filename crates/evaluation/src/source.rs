@@ -35,15 +35,17 @@ pub struct Source {
 /// A scenario file with the number of records that are used.
 pub type Share = (Input, usize);
 
-/// Returns scenario files of which all records are used.
-pub fn whole(inputs: Vec<Input>) -> Vec<Share> {
-    inputs.into_iter().map(|input| (input, usize::MAX)).collect()
-}
-
 /// Returns the first files that have `most` scenarios which are run, all without `is_run`; the last one is
-/// used as far as it is needed. Records are decoded only to ask `is_run`.
-pub fn limited(inputs: Vec<Input>, most: usize, is_run: Option<&dyn Fn(&Scenario) -> bool>) -> Vec<Share> {
-    let (mut left, mut shares) = (most, Vec::new());
+/// used as far as it is needed. Without `most`, all files. Records are decoded only to ask `is_run`.
+pub fn limited(
+    inputs: Vec<Input>,
+    most: Option<usize>,
+    is_run: Option<&dyn Fn(&Scenario) -> bool>,
+) -> Vec<Share> {
+    let Some(mut left) = most else {
+        return inputs.into_iter().map(|input| (input, usize::MAX)).collect();
+    };
+    let mut shares = Vec::new();
     for input in inputs {
         if left == 0 {
             break;
@@ -59,17 +61,18 @@ pub fn limited(inputs: Vec<Input>, most: usize, is_run: Option<&dyn Fn(&Scenario
     shares
 }
 
-/// Returns the shipped scenarios up to the one with which `most` are run, all without `is_run`.
+/// Returns the shipped scenarios up to the one with which `most` are run, all without `is_run`; all scenarios
+/// without `most`.
 ///
 /// # Errors
 /// [`FormatError`] if they cannot be read.
 pub fn limited_shipped(
-    most: usize,
+    most: Option<usize>,
     is_run: Option<&dyn Fn(&Scenario) -> bool>,
 ) -> Result<Source, FormatError> {
-    if is_run.is_none() {
-        return Ok(Source::shipped(most));
-    }
+    let (Some(most), Some(_)) = (most, is_run) else {
+        return Ok(Source::shipped(most.unwrap_or(usize::MAX)));
+    };
     let records = (Source::shipped(usize::MAX).open)(0)?;
     Ok(Source::shipped(first_records(records, most, is_run).0))
 }
@@ -300,7 +303,7 @@ mod tests {
         let mini = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/mini");
         let inputs = reactsim_formats::find_inputs(Path::new(mini)).unwrap();
         let names = |is_run: Option<&dyn Fn(&Scenario) -> bool>, most| -> Vec<String> {
-            let shares = limited(inputs.clone(), most, is_run);
+            let shares = limited(inputs.clone(), Some(most), is_run);
             let name = |(input, _): Share| input.path.file_stem().unwrap().to_string_lossy().into_owned();
             shares.into_iter().map(name).collect()
         };

@@ -20,7 +20,7 @@ use crate::curation::{
     self, CurationProvenance, CurationSettings, FilterSettings, InputFile, MAX_CANDIDATES, Preselection,
 };
 use crate::evaluation::{
-    FileRecord, ReadingSpec, Registrar, Share, limited, program_commit, program_version, unite, whole,
+    FileRecord, ReadingSpec, Registrar, Share, limited, program_commit, program_version, unite,
 };
 use crate::files::name_of;
 use crate::formats::{self, Opener, Partition, count_records};
@@ -218,10 +218,7 @@ impl MakeArgs {
 
     /// Returns the files as far as they are used.
     fn limited(&self, found: Vec<formats::Input>) -> Vec<Share> {
-        match self.limit {
-            Some(most) => limited(found, most.get(), None),
-            None => whole(found),
-        }
+        limited(found, self.limit.map(NonZeroUsize::get), None)
     }
 
     /// Returns the inputs with their digests, and which records of each a partition has. Inputs without any

@@ -29,6 +29,12 @@ impl Selection {
         self.ids.is_empty() || self.ids.contains(id)
     }
 
+    /// Returns whether some scenarios may not be selected: those without one of the ids and categories and,
+    /// with a file of deviations, those that are not there and do not fall back on the logged AV.
+    pub fn leaves_out(&self, has_deviations: bool, falls_back: bool) -> bool {
+        !self.is_all() || (has_deviations && !falls_back)
+    }
+
     /// Returns whether a scenario is selected. If there is a file of deviations, its category is that there;
     /// a scenario that is not there has none if it `falls_back` on the logged AV, else it is not selected.
     pub fn has(

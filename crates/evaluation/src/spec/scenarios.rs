@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::av::AvChoice;
 use crate::error::EvaluationError;
 use crate::source::selection::Selection;
-use crate::source::{Source, limited, limited_shipped, whole};
+use crate::source::{Source, limited, limited_shipped};
 
 /// Scenarios, by default those of the shipped benchmark, and their deviated AVs.
 #[derive(Clone, Debug, Default, PartialEq, Args, Serialize, Deserialize)]
@@ -134,8 +134,7 @@ impl ScenarioSpec {
             _ => self.deviations.as_deref(),
         };
         let falls_back = matches!(av, Some(AvChoice::DeviatedOrLog));
-        let selects = !(selection.is_all() && (file.is_none() || falls_back));
-        if self.limit.is_none() || !selects {
+        if self.limit.is_none() || !selection.leaves_out(file.is_some(), falls_back) {
             return Ok(None);
         }
         let deviations = file.map(deviations::read).transpose()?;
@@ -170,20 +169,13 @@ impl ScenarioSpec {
         av: Option<&AvChoice>,
     ) -> Result<(Vec<Source>, PassedOver), EvaluationError> {
         let is_run = self.is_run(av)?;
-        let is_run = is_run.as_deref();
+        let (is_run, limit) = (is_run.as_deref(), self.limit.map(NonZeroUsize::get));
         if self.is_shipped() {
             self.reading.check_absent()?;
-            let source = match self.limit {
-                Some(most) => limited_shipped(most.get(), is_run)?,
-                None => Source::shipped(usize::MAX),
-            };
-            return Ok((vec![source], PassedOver::new()));
+            return Ok((vec![limited_shipped(limit, is_run)?], PassedOver::new()));
         }
         let (inputs, passed_over) = self.reading.find_inputs(&self.scenarios)?;
-        let inputs = match self.limit {
-            Some(most) => limited(inputs, most.get(), is_run),
-            None => whole(inputs),
-        };
+        let inputs = limited(inputs, limit, is_run);
         let sources = match opening {
             Opening::Whole => Source::of_inputs(inputs)?,
             Opening::Partition(partition) => Source::of_partition(inputs, partition)?,
