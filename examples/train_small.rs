@@ -189,7 +189,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             held_out: 0.0,
             ..Settings::default()
         },
-        execution: Execution { jobs: 1, checkpoint_every: Duration::MAX },
+        execution: Execution { jobs: 1, checkpoint_every: Duration::MAX, keep_every: 0 },
         about: serde_json::Map::new(),
         closed_loop: None,
         observer: &(),

@@ -154,7 +154,7 @@ mod tests {
         ("merge IN", &["--out"]),
     ];
     /// Writers without a file to read that an output can replace: their inputs are folders or none.
-    const OTHERS: [&str; 10] = [
+    const OTHERS: [&str; 11] = [
         "generate",
         "man",
         "reference make",
@@ -165,6 +165,7 @@ mod tests {
         "study guards",
         "study planners",
         "study realism",
+        "study realism-reactivity",
     ];
 
     fn refused(line: &str) -> Option<String> {

@@ -86,7 +86,7 @@ fn learn(
     let outcome = task.learn(Training {
         source,
         settings,
-        execution: Execution { jobs, checkpoint_every: Duration::from_secs(3600) },
+        execution: Execution { jobs, checkpoint_every: Duration::from_secs(3600), keep_every: 0 },
         about: serde_json::Map::new(),
         measure: None,
         observer: &StopsAfter(until, &stop),

@@ -94,7 +94,11 @@ fn agents_learn_to_do_what_is_rewarded() {
             held_out: 0.0,
             ..Settings::default()
         },
-        execution: Execution { jobs: 2, checkpoint_every: std::time::Duration::from_secs(3600) },
+        execution: Execution {
+            jobs: 2,
+            checkpoint_every: std::time::Duration::from_secs(3600),
+            keep_every: 0,
+        },
         about: serde_json::Map::new(),
         closed_loop: None,
         observer: &(),

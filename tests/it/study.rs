@@ -176,6 +176,33 @@ fn both_protocols_stand_side_by_side() {
 }
 
 #[test]
+fn networks_along_a_training_are_a_path() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, training) = (home.path().join("study"), home.path().join("training"));
+    let named = format!("both={}", training.display());
+    let study = ["study", "realism-reactivity", "--limit", "2", "--models", "stop", "--rollouts", "2"];
+    let study = [&study[..], &["--training", &named, "--out", text(&out)]].concat();
+    fs::create_dir(&training).unwrap();
+    let (_, refused) = said(&study, 2);
+    assert!(refused.contains("has no kept networks: train with --keep-every"), "{refused}");
+    for step in [5, 20] {
+        let weights = concat!(env!("CARGO_MANIFEST_DIR"), "/weights/ntp-reactive.safetensors");
+        fs::copy(weights, training.join(format!("weights-{step:08}.safetensors"))).unwrap();
+    }
+    let (_, refused) = said(&[&study[..], &["--protocol", "realism"]].concat(), 2);
+    assert!(refused.contains("--protocol: `study realism-reactivity` sets it"), "{refused}");
+    let (table, _) = said(&study, 0);
+    let rows = rows(&table);
+    let networks: Vec<_> = rows.iter().filter(|row| row[0].starts_with("NTP-reactive@both-")).collect();
+    assert_eq!(networks[0][0], "NTP-reactive@both-5");
+    assert_eq!(networks[0][1..], networks[1][1..], "the same weights");
+    let picture = fs::read_to_string(out.join("paths.svg")).unwrap();
+    for label in ["both, step 20", "Stop", "A-AV Coll. ↓", "Realism (Sim Agents) ↑"] {
+        assert!(picture.contains(label), "{label}: {picture}");
+    }
+}
+
+#[test]
 fn parts_are_taken_away_and_put_to() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("guards");

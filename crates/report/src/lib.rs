@@ -20,6 +20,7 @@ mod table;
 pub mod tensorboard;
 pub mod terminal;
 pub mod training_curves;
+pub mod training_paths;
 pub mod verification;
 pub mod web;
 pub mod wrap;

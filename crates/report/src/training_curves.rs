@@ -10,10 +10,10 @@ use reactsim_nn::training::Row;
 use super::birdseye::palette;
 
 type Points = Vec<(f64, f64)>;
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type DrawResult = Result<(), Box<dyn std::error::Error>>;
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
-const FONT: &str = "sans-serif";
+pub(super) const FONT: &str = "sans-serif";
 
 /// Charts per row.
 const COLUMNS: usize = 3;
@@ -54,8 +54,8 @@ pub fn draw(rows: &[Row]) -> Result<String, ChartError> {
 
 /// Error of the drawing library.
 #[derive(Debug, thiserror::Error)]
-#[error("could not draw the curves of the training: {0}")]
-pub struct ChartError(String);
+#[error("could not draw the chart: {0}")]
+pub struct ChartError(pub(super) String);
 
 /// Returns the charts with their titles, in order.
 fn panels(rows: &[Row]) -> Vec<(String, Panel)> {
@@ -162,20 +162,27 @@ fn chart(area: &Area<'_>, title: &str, panel: &Panel) -> DrawResult {
 }
 
 /// Converts a colour of the palette.
-fn color(hex: &str) -> RGBColor {
+pub(super) fn color(hex: &str) -> RGBColor {
     let part = |i: usize| hex.get(i..i + 2).and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
     RGBColor(part(1), part(3), part(5))
 }
 
 /// Draws text; `at` is its left or centre (by `side`), at half its height.
-fn styled(area: &Area<'_>, what: &str, at: (i32, i32), size: u32, side: HPos, ink: RGBColor) -> DrawResult {
+pub(super) fn styled(
+    area: &Area<'_>,
+    what: &str,
+    at: (i32, i32),
+    size: u32,
+    side: HPos,
+    ink: RGBColor,
+) -> DrawResult {
     let style = (FONT, size).into_font().color(&ink).pos(Pos::new(side, VPos::Center));
     area.draw_text(what, &style, at)?;
     Ok(())
 }
 
 /// Formats a number on an axis, without trailing zeros.
-fn tick(value: &f64) -> String {
+pub(super) fn tick(value: &f64) -> String {
     // The library accumulates rounding errors in the last bits.
     let rounded = (value * 1e6).round() / 1e6;
     if rounded == 0.0 { "0".to_owned() } else { rounded.to_string().replace('-', "−") }

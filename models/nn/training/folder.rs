@@ -20,6 +20,8 @@ pub const LOG: &str = "log.jsonl";
 /// Name of the file with the weights of the lowest validation loss; without held-out examples, of the
 /// last step.
 pub const WEIGHTS: &str = "weights.safetensors";
+/// Beginning of the names of networks that are kept on the way.
+const KEPT_WEIGHTS: &str = "weights-";
 /// Number of checkpoints to keep.
 const KEPT_CHECKPOINTS: usize = 2;
 /// Field of [`ABOUT`] that identifies the training.
@@ -145,21 +147,21 @@ impl Folder {
         Ok(path)
     }
 
-    /// Returns the path of the weights.
+    /// Returns the path of the best weights.
     pub(super) fn weights(&self) -> PathBuf {
         self.path.join(WEIGHTS)
     }
 
-    /// Writes the weights as named tensors.
-    pub(super) fn put_weights(&self, mut weights: NamedTensors) -> Result<(), TrainingError> {
-        weights.about.insert("kind".to_owned(), "reactsim-weights-1".into());
-        weights.about.insert("training".to_owned(), self.identity.clone());
-        weights.write(&self.weights())
+    /// Returns the path of the weights that are kept of a step.
+    pub(super) fn weights_of(&self, step: u64) -> PathBuf {
+        self.path.join(format!("{KEPT_WEIGHTS}{step:08}.safetensors"))
     }
 
-    /// Writes the weights in the task's own file format.
-    pub(super) fn put_file(&self, bytes: &[u8]) -> Result<(), TrainingError> {
-        replace(&self.weights(), bytes)
+    /// Writes weights as named tensors.
+    pub(super) fn put_weights(&self, path: &Path, mut weights: NamedTensors) -> Result<(), TrainingError> {
+        weights.about.insert("kind".to_owned(), "reactsim-weights-1".into());
+        weights.about.insert("training".to_owned(), self.identity.clone());
+        weights.write(path)
     }
 }
 
@@ -184,27 +186,41 @@ fn lock(path: &Path) -> Result<FolderLock, TrainingError> {
 fn remove_partial_files(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let is_ours =
-            |target: &str| ["checkpoint-", WEIGHTS, LOG, ABOUT].iter().any(|o| target.starts_with(o));
+        let is_ours = |target: &str| {
+            ["checkpoint-", KEPT_WEIGHTS, WEIGHTS, LOG, ABOUT].iter().any(|o| target.starts_with(o))
+        };
         if files::target_of(&name).is_some_and(is_ours) {
             fs::remove_file(entry.path()).ok();
         }
     }
 }
 
+/// Returns the networks that a training in this folder has kept every few steps, with their steps in order.
+///
+/// # Errors
+/// [`TrainingError::Unreadable`] if the folder cannot be listed.
+pub fn kept_weights(folder: &Path) -> Result<Vec<(u64, PathBuf)>, TrainingError> {
+    by_step(folder, KEPT_WEIGHTS)
+}
+
 /// Returns the checkpoints of a folder in the order of their steps.
 fn checkpoints(folder: &Path) -> Result<Vec<PathBuf>, TrainingError> {
+    Ok(by_step(folder, "checkpoint-")?.into_iter().map(|(_, path)| path).collect())
+}
+
+/// Returns the files of a folder whose names are this beginning and a step, in the order of their steps.
+fn by_step(folder: &Path, beginning: &str) -> Result<Vec<(u64, PathBuf)>, TrainingError> {
     let refuse =
         |e: std::io::Error| TrainingError::Unreadable { path: folder.to_owned(), why: e.to_string() };
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(refuse)? {
         let path = entry.map_err(refuse)?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let step = name.strip_prefix("checkpoint-").and_then(|n| n.strip_suffix(".safetensors"));
+        let step = name.strip_prefix(beginning).and_then(|n| n.strip_suffix(".safetensors"));
         if let Some(step) = step.and_then(|n| n.parse::<u64>().ok()) {
             found.push((step, path));
         }
     }
     found.sort();
-    Ok(found.into_iter().map(|(_, path)| path).collect())
+    Ok(found)
 }

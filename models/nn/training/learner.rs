@@ -17,7 +17,7 @@ use super::order::{Order, Split, split};
 use super::parameters::{self, Layout};
 use super::schedule::learning_rate;
 use super::settings::LOSS;
-use super::tensors::NamedTensors;
+use super::tensors::{NamedTensors, replace};
 use super::{Execution, Settings, Source, Task, TrainingError};
 
 /// A training: task, data and settings.
@@ -163,6 +163,7 @@ where
             }
             // Detect a folder that cannot hold a checkpoint before the first step.
             self.checkpoint(&mut run)?;
+            self.keep(&run)?;
         }
         self.run(&mut run, stop)
     }
@@ -192,6 +193,7 @@ where
             if step.is_multiple_of(settings.validate_every) || step == run.steps {
                 self.validate(run)?;
             }
+            self.keep(run)?;
             if kept_at.elapsed() >= self.execution.checkpoint_every {
                 self.checkpoint(run)?;
                 (kept, kept_at) = (step, Instant::now());
@@ -318,16 +320,40 @@ where
         Ok(())
     }
 
-    /// Writes the current network to the weights file.
+    /// Keeps the current network, if its step is one of those to keep.
+    fn keep(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
+        let (step, every) = (run.state.progress.step, self.execution.keep_every);
+        if every == 0 || !step.is_multiple_of(every) {
+            return Ok(());
+        }
+        self.write_network(run, &run.folder.weights_of(step), self.weights(run))
+    }
+
+    /// Writes the current network as the best one.
     fn put_weights(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
-        let weights = self.weights(run);
+        let mut weights = self.weights(run);
+        let name = match self.settings.best_by.as_str() {
+            LOSS => "validation_loss",
+            name => name,
+        };
+        weights.about.insert(name.to_owned(), json!(run.state.progress.best.map(|b| b.value)));
+        self.write_network(run, &run.folder.weights(), weights)
+    }
+
+    /// Writes the current network, whose parameters are `weights`, in the file format of the task.
+    fn write_network(
+        &self,
+        run: &Run<'_, T, S>,
+        path: &Path,
+        weights: NamedTensors,
+    ) -> Result<(), TrainingError> {
         let mut about = weights.about.clone();
         about.insert("training".to_owned(), run.folder.identity().clone());
         let model = parameters::write(run.model.clone(), &run.state.values).valid();
         let metadata = BTreeMap::from([("made".to_owned(), Value::Object(about).to_string())]);
         match self.task.file(&model, &metadata) {
-            Some(bytes) => run.folder.put_file(&bytes),
-            None => run.folder.put_weights(weights),
+            Some(bytes) => replace(path, &bytes),
+            None => run.folder.put_weights(path, weights),
         }
     }
 
@@ -347,11 +373,6 @@ where
         let mut weights = NamedTensors::default();
         weights.tensors.extend(named(run.batches.layout, &run.state.values, ""));
         weights.about.insert("step".to_owned(), run.state.progress.step.into());
-        let name = match self.settings.best_by.as_str() {
-            LOSS => "validation_loss",
-            name => name,
-        };
-        weights.about.insert(name.to_owned(), json!(run.state.progress.best.map(|b| b.value)));
         weights
     }
 

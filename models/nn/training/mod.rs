@@ -37,7 +37,7 @@ mod tensors;
 pub use averages::{Average, Observation};
 pub use checkpoint::Best;
 pub use error::TrainingError;
-pub use folder::{ABOUT, LOG, WEIGHTS};
+pub use folder::{ABOUT, LOG, WEIGHTS, kept_weights};
 pub use hash::{leading_bits, unit_interval};
 pub use initial::draw_parameters;
 pub use learner::{ClosedLoop, Ending, Learner, Observer, Outcome};

@@ -118,4 +118,6 @@ pub struct Execution {
     pub jobs: usize,
     /// Time between checkpoints.
     pub checkpoint_every: Duration,
+    /// Steps between networks that are kept ([`kept_weights`](super::kept_weights)); 0: none but the best.
+    pub keep_every: u64,
 }

@@ -16,7 +16,10 @@ use crate::evaluation::{
     self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults,
     Summary, Tally,
 };
-use crate::report::{TableStyle, study_tables};
+use crate::report::{TableStyle, study_tables, training_paths};
+
+/// Name of the picture of networks along trainings in the folder of a study.
+const TRAINING_PATHS: &str = "paths.svg";
 
 pub(super) fn carry_out(
     (mut plan, programs): PlannedStudy,
@@ -136,6 +139,10 @@ fn finish(
     let (mut text, style) = (Vec::new(), shared.table.style());
     study_tables::write_markdown(&results, style, &mut text).context("could not make the table")?;
     folder.put(STUDY_TABLE, &String::from_utf8_lossy(&text))?;
+    if let Some(paths) = training_paths::draw(&results)? {
+        folder.put(TRAINING_PATHS, &paths)?;
+        say(format_args!("picture: {}", folder.path().join(TRAINING_PATHS).display()));
+    }
     write_result(None, |out| match shared.format.as_str() {
         "json" => study_tables::write_json(&results, style, out),
         "latex" => study_tables::write_latex(&results, style, out),

@@ -1,12 +1,16 @@
 //! Studies with a name: their axes, and the options that give their values.
 
-use anyhow::bail;
+use std::path::Path;
+
+use anyhow::{Context, bail};
 use clap::{Subcommand, ValueEnum};
 
 use super::{Design, SharedArgs};
-use crate::evaluation::{AvChoice, AvDriver, Axis, PlannedAv, Source, StudyKind, are_deviated};
+use crate::evaluation::{AvChoice, AvDriver, Axis, PlannedAv, Source, StudyKind, SubjectSpec, are_deviated};
 use crate::planning::tracking::Controller;
+use crate::report::training_paths;
 use crate::rollout::{Protocol, Replan};
+use crate::training::kept_weights;
 
 const REPLAN: &str = "\
 Without --models, oracles are left out: their motion does not depend on the replan interval.";
@@ -14,6 +18,15 @@ Without --models, oracles are left out: their motion does not depend on the repl
 const REALISM: &str = "\
 --rollouts is the number of rollouts in the realism protocol, by default 32. With --keep-rollouts, \
 the study also computes the realism metrics of the Sim Agents challenge.";
+
+const REALISM_REACTIVITY: &str = "\
+Simulators along trainings, as `train --keep-every` keeps them, in both protocols: the tables of \
+`study realism`, and paths.svg, which has a line per training with realism on one axis and \
+collisions with the AV and over-reaction on the other. --models adds others as points.
+
+Example:
+  reactsim train realism sensed.parquet --from ntp-reactive --keep-every 20 --out both
+  reactsim study realism-reactivity --training both=both --simulator ntp-guarded --out studies/paths";
 
 const GUARDS: &str = "\
 The parameters projection and keep_clear of a simulator's card are inverted, one at a time. The \
@@ -70,6 +83,18 @@ pub(super) enum NamedStudy {
         #[command(flatten)]
         shared: SharedArgs,
     },
+    /// Networks along trainings: realism against reactions
+    #[command(after_help = REALISM_REACTIVITY)]
+    RealismReactivity {
+        /// Name and folder of a training with kept networks; may be repeated
+        #[arg(long, value_name = "NAME=FOLDER", required = true)]
+        training: Vec<String>,
+        /// Simulator that loads the networks
+        #[arg(long, value_name = "ID", default_value = "ntp-reactive")]
+        simulator: String,
+        #[command(flatten)]
+        shared: SharedArgs,
+    },
     /// Ablation of the parts of simulators: projection, keeping clear, QP stage, AV look-ahead
     #[command(after_help = GUARDS)]
     Guards {
@@ -113,6 +138,7 @@ impl NamedStudy {
         match self {
             Self::Replan { shared, .. }
             | Self::Realism { shared, .. }
+            | Self::RealismReactivity { shared, .. }
             | Self::Guards { shared }
             | Self::Planners { shared, .. }
             | Self::Errors { shared } => shared,
@@ -124,6 +150,7 @@ impl NamedStudy {
         match self {
             Self::Replan { .. } => (StudyKind::Replan, &["replan"]),
             Self::Realism { .. } => (StudyKind::Realism, &["protocol"]),
+            Self::RealismReactivity { .. } => (StudyKind::Realism, &["protocol", "keep-rollouts"]),
             Self::Guards { .. } => (StudyKind::Guards, &["smooth", "protocol", "av-lookahead"]),
             Self::Planners { .. } => (StudyKind::Planners, &["av", "protocol"]),
             Self::Errors { .. } => (StudyKind::Errors, &["av", "protocol"]),
@@ -134,7 +161,11 @@ impl NamedStudy {
     pub(super) fn design(&self, sources: &[Source]) -> anyhow::Result<Design> {
         let (given, (kind, set)) = (&self.shared().spec.given, self.kind());
         if let Some(key) = set.iter().find(|key| given.contains(&key.replace('-', "_"))) {
-            bail!("--{key}: `study {}` sets it: leave out --{key}", kind.name());
+            let name = match self {
+                Self::RealismReactivity { .. } => "realism-reactivity",
+                _ => kind.name(),
+            };
+            bail!("--{key}: `study {name}` sets it: leave out --{key}");
         }
         let mut design =
             Design { kind, spec: self.shared().spec.value.clone(), axes: Vec::new(), realism_rollouts: None };
@@ -149,10 +180,12 @@ impl NamedStudy {
                 design.axes.push(Axis::new("replan", intervals));
             }
             Self::Realism { reactive_rollouts, .. } => {
-                let is_given = given.iter().any(|id| id == "rollouts") || rollout.rollouts > 1;
-                design.realism_rollouts = Some(if is_given { rollout.rollouts } else { REALISM_ROLLOUTS });
-                rollout.rollouts = *reactive_rollouts;
-                design.axes.push(Axis::new("protocol", [Protocol::Reactive, Protocol::Realism]));
+                design.both_protocols(given, *reactive_rollouts);
+            }
+            Self::RealismReactivity { training, simulator, .. } => {
+                add_networks(subject, training, simulator)?;
+                design.spec.keep_rollouts = Some(true);
+                design.both_protocols(given, 1);
             }
             // The axes are the variants of the simulators, and whether agents see the AV one step ahead.
             Self::Guards { .. } => {}
@@ -174,6 +207,37 @@ impl NamedStudy {
         }
         Ok(design)
     }
+}
+
+impl Design {
+    /// Varies the protocol. `given` are the keys that the user has set; the realism protocol has their
+    /// number of rollouts.
+    fn both_protocols(&mut self, given: &[String], reactive_rollouts: u32) {
+        let rollouts = &mut self.spec.rollout.rollouts;
+        let is_given = given.iter().any(|id| id == "rollouts") || *rollouts > 1;
+        self.realism_rollouts = Some(if is_given { *rollouts } else { REALISM_ROLLOUTS });
+        *rollouts = reactive_rollouts;
+        self.axes.push(Axis::new("protocol", [Protocol::Reactive, Protocol::Realism]));
+    }
+}
+
+/// Adds the networks that these trainings (`NAME=FOLDER`) have kept, as variants of a simulator.
+fn add_networks(subject: &mut SubjectSpec, trainings: &[String], simulator: &str) -> anyhow::Result<()> {
+    for text in trainings {
+        let Some((name, folder)) = text.split_once('=').filter(|(name, _)| !name.is_empty()) else {
+            bail!("--training {text}: expected NAME=FOLDER");
+        };
+        let kept = kept_weights(Path::new(folder)).with_context(|| format!("--training {text}"))?;
+        if kept.is_empty() {
+            bail!("--training {text}: the folder has no kept networks: train with --keep-every");
+        }
+        for (step, path) in kept {
+            let id = training_paths::network_id(simulator, name, step);
+            subject.model_weights.push(format!("{id}={}", path.display()));
+            subject.models.push(id);
+        }
+    }
+    Ok(())
 }
 
 /// Returns the log and these planners, and the external ones that are not among them, with this tracker and

@@ -54,6 +54,9 @@ pub(super) struct SessionArgs {
     /// Time between checkpoints, such as 90s, 3m or 1h
     #[arg(long, default_value = "3m", value_name = "TIME")]
     checkpoint_every: Time,
+    /// Steps between networks that are kept besides the best one, for `study realism-reactivity`
+    #[arg(long, value_name = "STEPS", default_value_t = 0, hide_default_value = true)]
+    keep_every: u64,
 }
 
 impl SessionArgs {
@@ -69,6 +72,7 @@ impl SessionArgs {
             backend: Backend::default(),
             jobs,
             checkpoint_every: Time(Duration::from_secs(30)),
+            keep_every: 0,
         }
     }
 
@@ -118,7 +122,11 @@ pub(super) fn train(
     let outcome = training.learn(Training {
         source: &data,
         settings,
-        execution: Execution { jobs: args.jobs(), checkpoint_every: args.checkpoint_every.0 },
+        execution: Execution {
+            jobs: args.jobs(),
+            checkpoint_every: args.checkpoint_every.0,
+            keep_every: args.keep_every,
+        },
         about,
         measure: measure.as_ref().map(|measure| measure as _),
         observer: &progress,

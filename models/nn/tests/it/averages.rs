@@ -56,7 +56,11 @@ fn averages_follow_the_values_of_batches_and_change_nothing_else() {
             source: &source,
             // One batch per epoch has all examples.
             settings: Settings { epochs: 30.0, batch: 64, held_out: 0.0, clip, ..settings() },
-            execution: Execution { jobs, checkpoint_every: std::time::Duration::from_secs(3600) },
+            execution: Execution {
+                jobs,
+                checkpoint_every: std::time::Duration::from_secs(3600),
+                keep_every: 0,
+            },
             about: Map::new(),
             closed_loop: None,
             observer: &(),

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-use reactsim_nn::training::{Ending, Observer, Row, Settings, TrainingError};
+use reactsim_nn::training::{Ending, NamedTensors, Observer, Row, Settings, TrainingError, kept_weights};
 
 use super::toy::{Curve, Toy, Trial, left, settings};
 
@@ -37,6 +37,29 @@ fn threads_change_no_bit() {
     let alone = of(1);
     assert_eq!(alone, of(2));
     assert_eq!(alone, of(5));
+}
+
+#[test]
+fn networks_on_the_way_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let trial = Trial { keep_every: 1, ..Trial::default() };
+    let outcome = trial.learn(folder.path(), false).unwrap();
+    let kept = kept_weights(folder.path()).unwrap();
+    assert!(kept.iter().map(|(step, _)| *step).eq(0..=outcome.steps), "{kept:?}");
+    let of = |step: u64| NamedTensors::read(&kept[step as usize].1).unwrap();
+    let (best, (_, weights)) = (outcome.best.unwrap().step, left(folder.path()));
+    assert_eq!(of(best).tensors, weights.tensors);
+    assert_ne!(of(0).tensors, weights.tensors);
+    assert_eq!(of(3).about["step"], 3);
+    assert!(of(3).about.get("validation_loss").is_none(), "only the best one has been judged");
+    // The same networks, if the training is interrupted and fewer are kept.
+    let other = tempfile::tempdir().unwrap();
+    let trial = Trial { keep_every: 5, ..Trial::default() };
+    trial.learn_until(other.path(), false, &AtomicBool::new(true)).unwrap();
+    trial.learn(other.path(), true).unwrap();
+    for (step, path) in kept_weights(other.path()).unwrap() {
+        assert!(step % 5 == 0 && NamedTensors::read(&path).unwrap().tensors == of(step).tensors, "{step}");
+    }
 }
 
 #[test]

@@ -88,7 +88,11 @@ fn only_two_batches_are_in_memory_however_many_examples_there_are() {
         task: &Counting(Arc::clone(&samples)),
         source: &source,
         settings,
-        execution: Execution { jobs: 4, checkpoint_every: std::time::Duration::from_secs(3600) },
+        execution: Execution {
+            jobs: 4,
+            checkpoint_every: std::time::Duration::from_secs(3600),
+            keep_every: 0,
+        },
         about: Map::new(),
         closed_loop: None,
         observer: &(),

@@ -139,6 +139,7 @@ pub(super) struct Trial<'a> {
     pub(super) jobs: usize,
     pub(super) observer: &'a dyn Observer,
     pub(super) checkpoint_every: Duration,
+    pub(super) keep_every: u64,
 }
 
 impl Default for Trial<'_> {
@@ -150,6 +151,7 @@ impl Default for Trial<'_> {
             jobs: 2,
             observer: &(),
             checkpoint_every: Duration::ZERO,
+            keep_every: 0,
         }
     }
 }
@@ -174,7 +176,11 @@ impl Trial<'_> {
             task: &self.task,
             source: &self.source,
             settings: self.settings.clone(),
-            execution: Execution { jobs: self.jobs, checkpoint_every: self.checkpoint_every },
+            execution: Execution {
+                jobs: self.jobs,
+                checkpoint_every: self.checkpoint_every,
+                keep_every: self.keep_every,
+            },
             about: Map::new(),
             closed_loop,
             observer: self.observer,

@@ -130,7 +130,11 @@ impl<'a> Stage<'a> {
         self.build(recipe)?.learn(Training {
             source: &data,
             settings,
-            execution: Execution { jobs: session.jobs(), checkpoint_every: Duration::from_secs(3600) },
+            execution: Execution {
+                jobs: session.jobs(),
+                checkpoint_every: Duration::from_secs(3600),
+                keep_every: 0,
+            },
             about: Map::new(),
             measure: None,
             observer: &(),
