@@ -533,7 +533,10 @@ fn studies_have_their_tables_and_figures() {
         ("errors", &of_errors),
         ("axes", &of_axes),
     ] {
-        let cells = format!("[data-study=\"{kind}\"] td[data-mean]");
+        let mut cells = format!("[data-study=\"{kind}\"] td[data-mean]");
+        if kind == "planners" {
+            cells.push_str(", #pairs td[data-mean]");
+        }
         let mut shown = numbers(&mut page, &cells, "e.dataset.mean");
         let mut expected = Vec::new();
         for simulator in

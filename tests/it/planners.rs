@@ -156,6 +156,8 @@ fn planners_are_studied_under_several_simulators() {
     ] {
         assert!(printed.contains(part), "{part}: {printed}");
     }
+    let first = printed.find("| idm minus log | IDM ").unwrap();
+    assert!(first < printed.find("AV score ↑ by planner:").unwrap(), "the answer comes first: {printed}");
     // The shipped scenarios have deviated AVs, whose run tells whether agents freeze.
     let members = read_study(&out).unwrap().members;
     let names: Vec<&str> = members.iter().map(|member| member.folder.as_str()).collect();

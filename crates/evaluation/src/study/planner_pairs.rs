@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::planners::values;
 use super::{PlannerRanks, Study};
+use crate::av::{AvDriver, PlannedAv};
 use crate::error::EvaluationError;
 use crate::statistics::comparison::{Comparison, PairedDifference};
 use crate::statistics::tally::Tally;
@@ -43,7 +44,8 @@ type Planned<'a> = (&'a str, &'a Tally);
 type Paired<'a> = Vec<(&'a str, f64, f64)>;
 
 impl PlannerPair {
-    /// Compares every two planners of a study with these results by member. `seed` selects the random streams
+    /// Compares every two planners of a study with these results by member; the pairs with an external planner,
+    /// which is the user's own, come first. `seed` selects the random streams
     /// of resamplings and permutations.
     ///
     /// # Errors
@@ -57,7 +59,8 @@ impl PlannerPair {
         let members = study.members.iter().zip(tallies);
         let planned: Vec<Planned<'_>> =
             members.filter_map(|(member, tally)| Some((member.planner.as_deref()?, tally))).collect();
-        let pairs: Vec<[usize; 2]> = two(planned.len()).collect();
+        let mut pairs: Vec<[usize; 2]> = two(planned.len()).collect();
+        pairs.sort_by_key(|pair| !pair.iter().any(|&i| is_external(planned[i].0)));
         let one = |[first, second]: [usize; 2]| Self::of(planned[first], planned[second], ranks, seed);
         pairs.into_par_iter().map(one).collect()
     }
@@ -85,6 +88,11 @@ impl PlannerPair {
             dependence: Dependence::of([first.1, second.1], &ids, score, seed),
         })
     }
+}
+
+/// Returns whether a planner is a program of the user.
+fn is_external(planner: &str) -> bool {
+    planner.parse().is_ok_and(|planned: PlannedAv| matches!(planned.driver, AvDriver::External(_)))
 }
 
 impl Dependence {

@@ -117,14 +117,15 @@ impl Gallery {
     }
 
     /// Returns the scenario in which the verdict on a planner other than the log depends most on the
-    /// simulator; collisions for which the AV is at fault come first.
+    /// simulator; external planners, which are the user's own, and collisions for which the AV is at fault come
+    /// first.
     fn planner_lead(&self) -> Result<Option<Lead>, PageError> {
         let is_judged = |subject: &Subject| {
             let finished = &self.runs[subject.run].finished;
             finished.keeps_rollouts() && self.planner(subject).is_some_and(|planner| planner != "log")
         };
         let judged: Vec<usize> = (0..self.subjects.len()).filter(|&i| is_judged(&self.subjects[i])).collect();
-        let mut found: Vec<(bool, f64, Lead)> = Vec::new();
+        let mut found: Vec<((bool, bool), f64, Lead)> = Vec::new();
         for scenario in (0..self.scenarios.len()).filter(|&index| self.has_scene(index)) {
             for (&left, &right) in
                 judged.iter().flat_map(|left| judged.iter().map(move |right| (left, right)))
@@ -136,12 +137,13 @@ impl Gallery {
                 if let Some((is_fault, change)) = self.verdict(scenario, worse, better)
                     && change >= LEAST_CHANGE
                 {
-                    found.push((is_fault, change, Lead { scenario, left, right, judged: true }));
+                    let is_own = self.planner(worse).is_some_and(|planner| planner.starts_with("external:"));
+                    found.push(((is_own, is_fault), change, Lead { scenario, left, right, judged: true }));
                 }
             }
         }
         found.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
-        for (is_fault, _, lead) in found {
+        for ((_, is_fault), _, lead) in found {
             // Scenes have the first rollout only.
             if !is_fault || self.is_first(lead.scenario, &self.subjects[lead.left], FAULT)? {
                 return Ok(Some(lead));

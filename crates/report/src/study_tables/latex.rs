@@ -4,6 +4,7 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::StudyResults;
 
+use super::planners::{PAIRS, pair_table};
 use super::{Head, StudyCell, StudyTable, Title, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::latex::{begin_table, column_head, durations, escape, mark, meanings, number};
@@ -22,6 +23,11 @@ pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn 
     let tables = tables(results, style);
     let caption = caption(results, &tables, style);
     begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
+    if let Some(table) = pair_table(results) {
+        writeln!(out, "  {}\\\\[2pt]", escape(table.title))?;
+        write_texts(&table.rows, out)?;
+        writeln!(out, "\n  \\medskip")?;
+    }
     for (i, table) in tables.iter().enumerate() {
         if i > 0 {
             writeln!(out, "\n  \\medskip")?;
@@ -115,6 +121,9 @@ fn caption(results: &StudyResults, tables: &[StudyTable<'_>], style: TableStyle<
     }
     if tables.iter().any(|table| matches!(table.title, Title::Differences)) {
         text.push_str(" Differences are paired; bold where the interval leaves 0 out.");
+    }
+    if pair_table(results).is_some() {
+        text.push_str(&format!(" {}", escape(PAIRS)));
     }
     text.push_str(&durations(results.summaries.iter()));
     let rows = tables.iter().flat_map(|table| &table.rows);

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::{SimulatorSummary, StudyKind, StudyResults};
 
-use super::planners::notes;
+use super::planners::{TextTable, notes, pair_table};
 use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
@@ -48,10 +48,19 @@ pub fn write_document(results: &StudyResults, columns: &[Column], out: &mut dyn 
 
 /// Writes the tables and their legend.
 fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let put = |table: &TextTable, out: &mut dyn Write| {
+        writeln!(out, "{}:\n", table.title)?;
+        write_aligned(out, &table.rows, table.texts)
+    };
+    // Whether one planner is better than another is the question.
+    if let Some(table) = pair_table(results) {
+        put(&table, out)?;
+        writeln!(out)?;
+    }
     write_values(tables(results, style).iter(), out)?;
     for table in text_tables(results) {
-        writeln!(out, "\n{}:\n", table.title)?;
-        write_aligned(out, &table.rows, table.texts)?;
+        writeln!(out)?;
+        put(&table, out)?;
     }
     write_legend(results, out)?;
     if results.study.kind == StudyKind::Guards {

@@ -13,7 +13,7 @@ pub(super) struct TextTable {
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// Returns the tables of differences, ranks, agreement and reasons of a study of planners.
+/// Returns the tables of ranks, agreement and reasons of a study of planners.
 pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
     let Some(found) = &results.planners else { return Vec::new() };
     let title = |id: &str| title(results, id);
@@ -41,8 +41,7 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
         std::iter::once(head).chain(rows).collect()
     };
     let heads = |heads: &[&str]| heads.iter().map(|head| (*head).to_owned()).collect::<Vec<_>>();
-    let mut tables: Vec<TextTable> = pair_table(results, found).into_iter().collect();
-    tables.extend([
+    vec![
         TextTable {
             title: "Rank of the planners by their score, 1 is best",
             texts: 1,
@@ -61,13 +60,13 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
                 reasons.collect(),
             ),
         },
-    ]);
-    tables
+    ]
 }
 
 /// Returns the table of every two planners: a row per traffic model, and one for how much the difference
-/// depends on it. `None` with one planner.
-fn pair_table(results: &StudyResults, found: &PlannerRanks) -> Option<TextTable> {
+/// depends on it. `None` with one planner, and in other studies.
+pub(super) fn pair_table(results: &StudyResults) -> Option<TextTable> {
+    let found = results.planners.as_ref()?;
     let column = Column::of(&found.score)?;
     let mut rows = vec![["Planners", "Traffic", "Difference", "p"].map(str::to_owned).to_vec()];
     for pair in &results.planner_pairs {
@@ -117,6 +116,11 @@ pub(super) fn title(results: &StudyResults, id: &str) -> String {
     order.find(|(other, ..)| *other == id).map_or_else(|| id.to_owned(), |(_, title, _)| title.to_owned())
 }
 
+/// What the table of every two planners shows.
+pub(super) const PAIRS: &str = "Differences are paired, scenario by scenario, with 95 % bootstrap intervals; p by a \
+    permutation test of the signs. The change is the largest between two traffic models, its p-value times the number of \
+    their pairs.";
+
 /// Returns the sentences below the tables.
 pub(super) fn notes(found: &PlannerRanks) -> Vec<String> {
     let mut notes = vec![format!(
@@ -124,11 +128,7 @@ pub(super) fn notes(found: &PlannerRanks) -> Vec<String> {
         found.score, found.scenarios
     )];
     if found.planners.len() > 1 {
-        notes.push(
-            "Differences are paired, scenario by scenario, with 95 % bootstrap intervals; p by a permutation test of the \
-             signs. The change is the largest between two traffic models, its p-value times the number of their pairs."
-                .to_owned(),
-        );
+        notes.push(PAIRS.to_owned());
     }
     if let Some(change) = &found.change {
         let [p, q] = &change.planners;

@@ -101,19 +101,21 @@ function paired(m, w, about = "") {
 }
 
 /** Every two planners: the difference of their scores under each simulator, and its largest change between two. */
-function pairs({ planner_pairs: all = [], planners: { score, simulators } }, title) {
-  if (!all.length) return [];
+function pairs({ members, planner_pairs: all = [], planners: found }) {
+  if (!found || !all.length) return [];
+  const { score, simulators } = found;
   const m = metric(score);
+  const title = (id) => members.map((member) => find(member, id)).find((s) => s)?.title ?? id;
   const between = (change) => change && `, from ${title(change.simulators[0])} to ${title(change.simulators[1])}`;
   return [
-    el("h4", {}, `Difference of ${m.title} between two planners, by traffic model`),
+    el("h3", {}, `Difference of ${m.title} between two planners, by traffic model`),
     wide(head("Planners", ...simulators.map((s) => title(s.id)), "Largest change"), el("tbody", {}, ...all.map(({ planners: [first, second], differences, dependence }) =>
       el("tr", {}, el("th", { scope: "row" }, `${second} minus ${first}`), ...differences.map((w) => paired(m, w)), paired(m, dependence, between(dependence)))))),
     el("p", { class: "dim small" }, "Paired, scenario by scenario, with 95 % intervals; p by a permutation test of the signs. Bold if the interval excludes 0. The p-value of the largest change is times the number of pairs of traffic models."),
   ];
 }
 
-/** Scores by planner, differences, ranks, agreement of simulators, and reasons of collisions. */
+/** Scores by planner, ranks, agreement of simulators, and reasons of collisions. */
 function planners(numbers) {
   const { members, planners: found } = numbers;
   const planned = members.filter((member) => member.planner);
@@ -125,7 +127,6 @@ function planners(numbers) {
   const change = found.change;
   return [
     ...scores,
-    ...pairs(numbers, title),
     el("h4", {}, "Rank by the score, 1 is best"),
     plain(["Method", ...found.planners], found.simulators.map((s) => [title(s.id), ...s.ranks.map(String)])),
     el("h4", {}, "Kendall's tau of the order of planners between two simulators"),
@@ -161,10 +162,11 @@ function axes({ members }) {
     el("tbody", {}, ...rows.map(([member, s]) => el("tr", {}, method(s), el("td", {}, member.label), ...columns.map((m) => cell(m, s.metrics[m.id]))))))];
 }
 
-/** Shows the tables of all studies. */
+/** Shows the tables of all studies; the differences of planners are the first results. */
 export function studies() {
   const draw = { replan, realism, guards, planners, errors, axes };
   $("studies").hidden = $("nav-studies").hidden = !data.studies.length;
+  $("pairs").replaceChildren(...data.studies.flatMap(({ numbers }) => (numbers.study === "planners" ? pairs(numbers) : [])));
   $("studies-body").replaceChildren(...data.studies.map(({ name, numbers }) => {
     const [title, about] = ABOUT[numbers.study];
     return el("section", { "data-study": numbers.study }, el("h3", {}, `${title} (${name})`), el("p", { class: "dim small" }, about), ...draw[numbers.study](numbers));
