@@ -20,13 +20,14 @@ impl Exporter for Csv {
     }
 
     fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        writeln!(out, "run,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios")?;
+        writeln!(out, "run,av,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios")?;
         for r in records(runs, style) {
             let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
             writeln!(
                 out,
-                "{},{},{},{},{},{},{},{},{},{},{}",
+                "{},{},{},{},{},{},{},{},{},{},{},{}",
                 quote(r.run),
+                quote(r.av),
                 quote(r.simulator),
                 r.oracle,
                 r.kind,

@@ -7,6 +7,8 @@ use super::{Run, TableStyle};
 /// An estimate with its keys.
 pub(super) struct Record<'a> {
     pub(super) run: &'a str,
+    /// What drives the AV, such as `planner:idm`.
+    pub(super) av: &'a str,
     pub(super) simulator: &'a str,
     pub(super) oracle: bool,
     /// `mean`, or `difference` to log replay.
@@ -37,6 +39,7 @@ pub(super) fn records<'a>(runs: &'a [Run<'a>], style: TableStyle<'_>) -> Vec<Rec
                 let chosen = metrics.iter().filter(|(metric, _)| style.has(metric));
                 out.extend(chosen.map(|(metric, estimate)| Record {
                     run: run.name,
+                    av: &run.summary.provenance.run.settings.av,
                     simulator,
                     oracle: summary.oracle,
                     kind,

@@ -38,6 +38,7 @@ impl Exporter for Parquet {
             Arc::new(UInt64Array::from_iter_values(records.iter().map(|r| r.estimate.scenarios as u64)));
         let batch = RecordBatch::try_from_iter_with_nullable([
             ("run", text(&|r| r.run.to_owned()), false),
+            ("av", text(&|r| r.av.to_owned()), false),
             ("simulator", text(&|r| r.simulator.to_owned()), false),
             ("oracle", oracle, false),
             ("kind", text(&|r| r.kind.to_owned()), false),

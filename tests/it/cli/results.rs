@@ -60,9 +60,9 @@ fn results_come_in_every_form() {
     let csv = String::from_utf8(report("csv")).unwrap();
     assert_eq!(
         csv.lines().next().unwrap(),
-        "run,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios"
+        "run,av,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios"
     );
-    assert!(csv.contains("x_1,stop,false,difference,,,ade,"));
+    assert!(csv.contains("x_1,deviated,stop,false,difference,,,ade,"));
     // Two runs in one table are distinguished by their names.
     assert!(said(&["report", text(&out), text(&out)], 0).0.contains("| Run "));
 }
@@ -88,7 +88,7 @@ fn tables_have_difficulties_and_further_metrics_on_request() {
     assert!(!report(&[]).contains("On log"));
     assert_eq!(report(&["--also", "log-clinging"]), table);
     assert!(report(&["--format", "latex", "--also", "over-braking"]).contains("Over-br."));
-    assert!(report(&["--format", "csv"]).contains("x,stop,false,mean,,hard,undisturbed-loss,"));
+    assert!(report(&["--format", "csv"]).contains("x,deviated,stop,false,mean,,hard,undisturbed-loss,"));
     let (_, unknown) = said(&["report", text(&out), "--also", "log-cling"], 2);
     assert!(unknown.contains("a similar value exists: 'log-clinging'"), "{unknown}");
     let (_, page) = said(&["report", text(&out), "--format", "html", "--also", "ade"], 2);
