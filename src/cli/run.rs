@@ -22,6 +22,7 @@ use crate::evaluation::{
     Summary,
 };
 use crate::report::Run;
+use crate::rollout::Entering;
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -107,6 +108,9 @@ pub(super) fn finished_until(
     }
     if args.check_batch.is_some() && spec.subject.external.external.is_empty() {
         bail!("--check-batch: no external simulator runs: give --external NAME=COMMAND");
+    }
+    if args.check_batch.is_some() && spec.settings().entering != Entering::Off {
+        bail!("--check-batch: where agents enter, episodes run singly: leave it out, or give --entering off");
     }
     let opening = args.partition.partition.map_or(Opening::Whole, Opening::Partition);
     let sources = sources(&spec.subject.input, opening, spec.subject.av.as_ref())?;

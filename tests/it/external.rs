@@ -19,9 +19,12 @@ use reactsim::evaluation::{
 use reactsim::external::{
     Command, ExternalError, ExternalSettings, ExternalSimulator, RunOutline, TimeLimits,
 };
-use reactsim::rollout::{Protocol, Purpose, stream};
+use reactsim::models;
+use reactsim::rollout::{Controller, Entering, Protocol, Purpose, roll_out, stream};
 use serde_json::Value;
 
+use crate::protocol::entering::{request, settings_of, street};
+use crate::scenes::{bits, car, scene, straight};
 use crate::small_scenarios;
 
 const CHILD: &str = include_str!("external/child.py");
@@ -286,4 +289,28 @@ fn batches_and_single_episodes_are_compared() {
         .collect();
     let difference = simulator.compare_batches(&requests, &plan.spec.settings());
     assert_eq!((difference.scenarios, difference.largest), (scenarios.len(), 0.0));
+}
+
+#[test]
+fn episodes_go_on_when_agents_enter_in_one_of_a_batch() {
+    let Some(child) = Child::new() else { return };
+    let (street, still) = (street("street"), scene("still", vec![car("av", 0.0, 0.0, 0.0, 8.0)], straight()));
+    let settings = settings_of(Entering::Log);
+    let roll = |controller: &Controller| -> Vec<_> {
+        let requests = vec![request(&street), request(&still)];
+        roll_out(requests, controller, &settings)
+            .into_iter()
+            .map(|done| bits(&done.unwrap().tracks))
+            .collect()
+    };
+    let simulator = ExternalSimulator::start(child.settings("", LONG), outline(Protocol::Reactive)).unwrap();
+    let wanted = roll(&models::find("constant-velocity").unwrap().simulator().unwrap());
+    assert_eq!(roll(&Controller::Fair(Box::new(simulator))), wanted);
+    // Runs do not join them in batches in the first place.
+    let simulator = start(child.settings("", LONG)).unwrap();
+    let mut plan = plan_of(vec![simulator], Protocol::Reactive);
+    let batch = |plan: &Plan| plan.provenance().simulators[0].external.as_ref().unwrap().batch;
+    assert_eq!(batch(&plan), 16);
+    plan.spec.rollout.entering = Some(Entering::Log);
+    assert_eq!(batch(&plan), 1);
 }

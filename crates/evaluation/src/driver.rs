@@ -15,7 +15,7 @@ use reactsim_nn::{Backend, device};
 use reactsim_planning::PlanningError;
 use reactsim_planning::av::PlannerAv;
 use reactsim_planning::planner::Planner;
-use reactsim_rollout::{Av, Controller, Purpose, SimulatedAv, Simulator, stream};
+use reactsim_rollout::{Av, Controller, Entering, Purpose, SimulatedAv, Simulator, stream};
 use reactsim_scene::Scenario;
 
 use along_route::{AlongRoute, Network, TEMPERATURE};
@@ -101,7 +101,7 @@ impl Driver {
                 "`{id}` names several simulators, and one drives the AV: choose one"
             )));
         };
-        let (record, backend) = (planned.record(), planned.backend);
+        let (record, backend) = (planned.record(Entering::Off), planned.backend);
         let Controller::Fair(simulator) = planned.controller else {
             return Err(EvaluationError::Refused(format!(
                 "`{id}` observes the logged future and cannot drive the AV: choose another simulator, or \

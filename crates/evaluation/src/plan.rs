@@ -145,6 +145,7 @@ impl Plan {
     pub fn provenance(&self) -> Provenance {
         let (subject, rollout) = (&self.spec.subject, &self.spec.rollout);
         let limit = subject.input.limit.map(NonZeroUsize::get);
+        let entering = self.spec.settings().entering;
         let of_driver = || self.driver().and_then(|driver| driver.backend);
         let backend = self.simulators.iter().find_map(|s| s.backend).or_else(of_driver);
         Provenance {
@@ -155,7 +156,7 @@ impl Plan {
                 av: self.policy().map_or_else(|| "simulator".to_owned(), ToString::to_string),
                 replan_steps: rollout.replan.steps(),
                 av_lookahead: rollout.av_lookahead == 1,
-                entering: SettingsRecord::entering(self.spec.settings().entering),
+                entering: SettingsRecord::entering(entering),
                 seed: subject.seed,
                 rollouts: rollout.rollouts,
                 limit,
@@ -164,7 +165,7 @@ impl Plan {
             },
             metric_options: named_options(&self.options),
             own_metrics: self.metrics.own_specs().into_iter().map(MetricRecord::of).collect(),
-            simulators: self.simulators.iter().map(PlannedSimulator::record).collect(),
+            simulators: self.simulators.iter().map(|simulator| simulator.record(entering)).collect(),
             driver: self.driver().and_then(|driver| driver.record.clone()),
             inputs: self.sources.iter().map(|s| s.file.clone()).collect(),
             deviations: self.deviations.as_ref().map(|d| d.file.clone()),

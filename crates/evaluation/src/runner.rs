@@ -29,7 +29,6 @@ use crate::plan::{NoAv, Plan};
 use crate::provenance::Provenance;
 use crate::row::{Failure, RecordPosition, Row};
 use crate::runner::omissions::Omissions;
-use crate::simulators::PlannedSimulator;
 use crate::source::{Source, Supply, UndecodedRecord};
 use crate::statistics::tally::Tally;
 use crate::summary::Summary;
@@ -154,7 +153,8 @@ const MOST_RECORDS: usize = 4096;
 /// Returns the number of records that must not be divided: whole batches of every external simulator, whose
 /// composition must not depend on threads, partitions or interruptions. `None` without external simulators.
 fn records_per_block(plan: &Plan) -> Result<Option<usize>, EvaluationError> {
-    let batches = || plan.simulators.iter().filter_map(PlannedSimulator::batch);
+    let entering = plan.spec.settings().entering;
+    let batches = || plan.simulators.iter().filter_map(|simulator| simulator.batch(entering));
     let block = batches().reduce(least_common_multiple);
     if block.is_some_and(|records| records > MOST_RECORDS) {
         let batches: Vec<usize> = batches().collect();
@@ -301,7 +301,7 @@ impl Runner<'_> {
             // Scenarios of a batch have one length.
             let is_alike =
                 |a: &PreparedScenario, b: &PreparedScenario| a.scenario.length() == b.scenario.length();
-            match self.plan.simulators[simulator].batch() {
+            match self.plan.simulators[simulator].batch(self.plan.spec.settings().entering) {
                 None => {
                     let parts = todo.chunk_by(|a, b| is_alike(a, b));
                     for part in parts.flat_map(|part| part.chunks(self.execution.batch.max(1))) {
@@ -325,7 +325,7 @@ impl Runner<'_> {
     /// always repeated as a whole.
     fn is_needed(&self, place: RecordPosition, simulator: usize, places: &[RecordPosition]) -> bool {
         let lacks_rows = |place: &RecordPosition| !self.before.has(*place, simulator);
-        match self.plan.simulators[simulator].batch() {
+        match self.plan.simulators[simulator].batch(self.plan.spec.settings().entering) {
             None => lacks_rows(&place),
             Some(size) => {
                 let of_batch = |other: &&RecordPosition| other.record / size == place.record / size;
@@ -509,7 +509,7 @@ impl Runner<'_> {
         for (index, rollout) in (0..).zip(rollouts) {
             let mut failed = ready.allowed.clone();
             if planned.external.is_some() {
-                let given = CheckedScene::of_rollout(&ready.scenario, &rollout.tracks, without_av);
+                let given = CheckedScene::of_rollout(&ready.scenario, rollout, without_av);
                 let by = GivenBy::Simulator(&planned.id);
                 failed.extend(self.allow(by, &ready.scenario.id, given.findings())?);
             }

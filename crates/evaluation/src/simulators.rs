@@ -16,7 +16,7 @@ use reactsim_models::MODELS;
 use reactsim_nn::{Backend, check_backend};
 use reactsim_qp as qp;
 use reactsim_qp::Smoothing;
-use reactsim_rollout::{Controller, Mix, MixMember};
+use reactsim_rollout::{Controller, Entering, Mix, MixMember};
 
 use crate::error::EvaluationError;
 use crate::simulators::id::SimulatorId;
@@ -130,7 +130,7 @@ const ALL: &str = "all";
 
 impl PlannedSimulator {
     /// Returns its record for the provenance.
-    pub(crate) fn record(&self) -> SimulatorRecord {
+    pub(crate) fn record(&self, entering: Entering) -> SimulatorRecord {
         SimulatorRecord {
             id: self.id.clone(),
             title: self.title.clone(),
@@ -139,7 +139,7 @@ impl PlannedSimulator {
             parameters: self.parameters.clone(),
             weights: self.weights.clone(),
             members: self.members.clone(),
-            external: self.external.clone(),
+            external: self.external_record(entering),
         }
     }
 
@@ -236,9 +236,17 @@ impl PlannedSimulator {
     }
 
     /// Returns the number of scenarios of a file that are always rolled out together: the batch of an
-    /// external simulator.
-    pub(super) fn batch(&self) -> Option<usize> {
-        self.external.as_ref().map(|external| external.batch)
+    /// external simulator. It is 1 where agents enter, because its episodes begin and end together.
+    pub(super) fn batch(&self, entering: Entering) -> Option<usize> {
+        self.external_record(entering).map(|external| external.batch)
+    }
+
+    fn external_record(&self, entering: Entering) -> Option<ExternalRecord> {
+        let mut record = self.external.clone()?;
+        if entering != Entering::Off {
+            record.batch = 1;
+        }
+        Some(record)
     }
 
     /// Returns the reason why its processes were given up, if they were.
@@ -326,7 +334,8 @@ impl PlannedSimulator {
     /// Creates a mix of simulators, without the stage behind it.
     fn mix(id: &str, mix: &MixId, members: Vec<Self>) -> Result<Self, EvaluationError> {
         let refuse = |reason: String| EvaluationError::Refused(format!("`{id}`: {reason}"));
-        let records: Vec<SimulatorRecord> = members.iter().map(PlannedSimulator::record).collect();
+        let records: Vec<SimulatorRecord> =
+            members.iter().map(|member| member.record(Entering::Off)).collect();
         let title = |id: &str| records.iter().find(|member| member.id == id).map_or("", |m| m.title.as_str());
         let title = mix.title(title);
         let card = members.iter().map(|member| member.card.as_str()).collect();

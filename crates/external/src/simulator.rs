@@ -5,7 +5,7 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use rand::Rng;
 use reactsim_rollout::{
-    Beginning, Controller, Episode, Memory, PlanError, Request, Settings, Simulator, roll_out,
+    Beginning, Continuation, Controller, Episode, Memory, PlanError, Request, Settings, Simulator, roll_out,
 };
 use reactsim_scene::Length;
 
@@ -121,8 +121,9 @@ pub struct BatchDifference {
     pub largest: f64,
 }
 
-impl Simulator for ExternalSimulator {
-    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+impl ExternalSimulator {
+    /// Begins episodes. `waits`: whether to wait for the first process.
+    fn begin(&self, batch: &mut [Beginning<'_>], waits: bool) -> Result<(), PlanError> {
         if batch.is_empty() {
             return Ok(());
         }
@@ -139,12 +140,32 @@ impl Simulator for ExternalSimulator {
             let members: Vec<usize> = (0..batch.len()).filter(|&i| length::of(&batch[i]) == length).collect();
             let (own, seeds): (Vec<_>, Vec<_>) = members.iter().map(|&i| (&batch[i], seeds[i])).unzip();
             let (workers, limits) = (&self.processes.workers, self.settings.limits);
-            let open = Arc::new(Mutex::new(OpenBatch::begin(workers, limits, &own, &seeds, opened == 0)?));
+            let open =
+                Arc::new(Mutex::new(OpenBatch::begin(workers, limits, &own, &seeds, waits && opened == 0)?));
             for (index, member) in members.into_iter().enumerate() {
                 batch[member].memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });
             }
         }
         Ok(())
+    }
+
+    /// Takes episodes out of their batches, which end with their last episode. Returns whether all did.
+    fn end(memories: impl IntoIterator<Item = Memory>) -> bool {
+        let mut batches = Vec::new();
+        for mut memory in memories {
+            let Some(EpisodeMemory { batch, .. }) = memory.take() else { continue };
+            batches.push(Arc::downgrade(&batch));
+            if let Some(open) = Arc::into_inner(batch) {
+                open.into_inner().end();
+            }
+        }
+        batches.iter().all(|batch| batch.strong_count() == 0)
+    }
+}
+
+impl Simulator for ExternalSimulator {
+    fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
+        self.begin(batch, true)
     }
 
     fn wants_identity(&self) -> bool {
@@ -172,12 +193,17 @@ impl Simulator for ExternalSimulator {
         all.iter_mut().try_for_each(|together| together.batch.lock().plan(&mut together.episodes))
     }
 
+    /// The process of a batch of which only some episodes continue is not free.
+    fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
+        let have_ended = Self::end(batch.iter_mut().map(|c| std::mem::replace(&mut c.before, Memory::NONE)));
+        let mut begun: Vec<Beginning<'_>> = batch.iter().map(|c| c.beginning.again()).collect();
+        let result = self.begin(&mut begun, have_ended);
+        let memories: Vec<Memory> = begun.into_iter().map(|b| b.memory).collect();
+        batch.iter_mut().zip(memories).for_each(|(c, memory)| c.beginning.memory = memory);
+        result
+    }
+
     fn end_batch(&self, memories: Vec<Memory>) {
-        for mut memory in memories {
-            let of_episode = memory.take().map(|EpisodeMemory { batch, .. }| batch);
-            if let Some(open) = of_episode.and_then(Arc::into_inner) {
-                open.into_inner().end();
-            }
-        }
+        Self::end(memories);
     }
 }

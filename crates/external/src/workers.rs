@@ -113,8 +113,9 @@ impl Workers {
             if !waits {
                 let n = self.settings.workers;
                 return Err(format!(
-                    "episodes of several lengths that begin together need a process for each length, and \
-                     none of its {n} is free"
+                    "episodes of several lengths that begin together, and those of a batch that continue when \
+                     agents enter or leave, need processes of their own, and none of its {n} is free: run \
+                     episodes singly"
                 ));
             }
             self.returned.wait(&mut state);
