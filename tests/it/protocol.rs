@@ -2,7 +2,7 @@
 //! input.
 
 mod conformance;
-mod entering;
+pub(crate) mod entering;
 mod failures;
 mod long;
 mod planner;

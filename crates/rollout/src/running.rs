@@ -262,7 +262,7 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     }
 
     /// Returns the next state of an agent, which is `step` in the plan. Agents that entered since the plan
-    /// was made follow their log until the next plan; those of an oracle always do.
+    /// was made keep their velocity until the next one; those of an oracle follow their log.
     fn planned(&self, agent: usize, step: usize) -> Frame {
         let of_beginning = self.scenario.start.agents.len();
         let index = match &self.view {
@@ -274,10 +274,11 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             (Some(index), _) => self.plan.get(index, step),
             // A simulator that has no state for an agent has removed it.
             (None, Some(coming)) if agent >= of_beginning && self.is_unplanned(coming, agent) => {
-                let next = coming.logged(&self.scenario, agent - of_beginning, self.tracks[agent].len());
-                // Oracles replay gaps as well.
-                let on = || self.tracks[agent].last().copied().flatten().map(AgentState::coasted);
-                if self.replayed { next } else { next.or_else(on) }
+                if self.replayed {
+                    // Oracles replay gaps as well.
+                    return coming.logged(&self.scenario, agent - of_beginning, self.tracks[agent].len());
+                }
+                self.tracks[agent].last().copied().flatten().map(AgentState::coasted)
             }
             (None, _) => None,
         }

@@ -20,7 +20,7 @@ fn from(first: usize, mut logged: LoggedAgent) -> LoggedAgent {
 
 /// A road on which a car follows the AV; another car and a pedestrian appear later, and an object of the
 /// static context.
-fn street(id: &str) -> Scenario {
+pub(crate) fn street(id: &str) -> Scenario {
     let agents = vec![
         car("av", 0.0, 0.0, 0.0, 8.0),
         car("behind", -20.0, 0.0, 0.0, 8.0),
@@ -31,11 +31,11 @@ fn street(id: &str) -> Scenario {
     scene(id, agents, straight())
 }
 
-fn settings_of(entering: Entering) -> Settings {
+pub(crate) fn settings_of(entering: Entering) -> Settings {
     Settings { entering, ..settings(7, true) }
 }
 
-fn request(scenario: &Scenario) -> Request<'_> {
+pub(crate) fn request(scenario: &Scenario) -> Request<'_> {
     Request { scenario, av: Some(Arc::new(LogAv::new(scenario).unwrap())), rollout: 0 }
 }
 
@@ -78,6 +78,23 @@ fn every_simulator_moves_agents_that_enter() {
             batch.into_iter().map(Result::unwrap).collect::<Vec<_>>().try_into().unwrap();
         assert_eq!(bits(&second.tracks), bits(&done.tracks), "{}", model.id);
         assert_eq!(bits(&first.tracks), bits(&single(&other).tracks), "{}", model.id);
+    }
+}
+
+#[test]
+fn what_the_log_shows_of_an_agent_after_it_entered_is_withheld() {
+    let street = street("street");
+    let mut other = street.clone();
+    for logged in &mut other.unselected {
+        let Some(first) = logged.track.iter().position(Option::is_some) else { continue };
+        logged.track[first + 1..].iter_mut().flatten().for_each(|state| state.y += 0.5);
+    }
+    for (model, controller) in every_baseline().into_iter().filter(|(model, _)| !model.oracle) {
+        let entering = settings_of(Entering::Log);
+        let tracks = |scenario| {
+            bits(&roll_out(vec![request(scenario)], &controller, &entering).remove(0).unwrap().tracks)
+        };
+        assert_eq!(tracks(&street), tracks(&other), "{}", model.id);
     }
 }
 
