@@ -1,5 +1,6 @@
 //! Logs of more than 8 s with agents that enter, from the file to the page.
 
+use std::collections::BTreeMap;
 use std::fs;
 
 use serde_json::Value;
@@ -42,6 +43,21 @@ fn a_run_with_agents_that_enter_can_be_repeated_and_merged() {
         let same = fs::read(folder.join(name)).unwrap() == fs::read(first.join(name)).unwrap();
         assert!(same, "{}: {name}", folder.display());
     }
+
+    // Scores of the kept rollouts, which agents entered and left.
+    let scored = path("scored");
+    let rollouts = first.join("rollouts.parquet");
+    said(&["score", text(&rollouts), "--scenarios", text(&logs), "--out", text(&scored)], 0);
+    let values = |rows: Vec<Value>| -> BTreeMap<String, Value> {
+        let key = |row: &Value| format!("{} {} {}", row["scenario"], row["simulator"], row["rollout"]);
+        rows.into_iter().map(|mut row| (key(&row), row["metrics"].take())).collect()
+    };
+    assert_eq!(values(lines_of(&scored.join("rows.jsonl"))), values(rows));
+    // Elsewhere, nothing says that agents entered.
+    let copy = path("copy.parquet");
+    fs::copy(&rollouts, &copy).unwrap();
+    let (_, told) = said(&["score", text(&copy), "--scenarios", text(&logs), "--out", text(&path("no"))], 1);
+    assert!(told.contains("appears after the current frame: leave it out"), "{told}");
 
     let page = path("page.html");
     said(&["report", text(&first), "--format=html", "--out", text(&page)], 0);

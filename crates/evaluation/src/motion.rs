@@ -15,6 +15,7 @@ mod tests;
 mod velocities;
 
 use reactsim_geometry::Vec2;
+use reactsim_rollout::Rollout;
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Scenario};
 
 use crate::motion::kind::RolloutCheck;
@@ -40,13 +41,15 @@ pub(super) struct CheckedMotion<'a> {
     pub(super) history: &'a [Frame],
     /// State that the given motion has at the current frame, if it has one.
     pub(super) entry0: Option<AgentState>,
-    /// Given frames from step 1 on.
+    /// Given frames from step 1 on, or, of an agent that entered, from the one after its first.
     pub(super) future: &'a [Frame],
 }
 
 /// The given motion of a scenario.
 pub(super) struct CheckedScene<'a> {
     pub(super) agents: Vec<CheckedMotion<'a>>,
+    /// Agents that entered, each with the step of its first state, which `now` is.
+    pub(super) entered: Vec<(usize, CheckedMotion<'a>)>,
     /// Agents at their recorded positions, whose velocities are not the recorded ones. Recordings contain
     /// jumps and gaps: the motion of agents that move as recorded is not in doubt.
     pub(super) replayed: Vec<CheckedMotion<'a>>,
@@ -122,16 +125,17 @@ impl CheckedMotion<'_> {
 impl<'a> CheckedScene<'a> {
     /// Returns the given motion of a rollout: history, then the given steps. The AV is left out if
     /// `without_av`: its motion is not that of the simulator.
-    pub(super) fn of_rollout(scenario: &'a Scenario, tracks: &'a [Vec<Frame>], without_av: bool) -> Self {
+    pub(super) fn of_rollout(scenario: &'a Scenario, rollout: &'a Rollout, without_av: bool) -> Self {
         let mut scene = Self {
             agents: Vec::new(),
+            entered: Vec::new(),
             replayed: Vec::new(),
             origin: scenario.origin,
             av: scenario.start.now(0),
             subject: Subject::Agents,
         };
         let current = scenario.start.current();
-        let agents = scenario.start.agents.iter().zip(tracks).enumerate();
+        let agents = scenario.start.agents.iter().zip(&rollout.tracks).enumerate();
         for (slot, (agent, track)) in agents.skip(usize::from(without_av)) {
             let (future, logged) = (&track[current + 1..], &scenario.log_future.tracks[slot]);
             let motion = CheckedMotion {
@@ -151,6 +155,23 @@ impl<'a> CheckedScene<'a> {
                 _ => {}
             }
         }
+        let later = rollout.entered.iter().zip(&rollout.tracks[scenario.start.agents.len()..]);
+        scene.entered.extend(later.filter_map(|(entered, track)| {
+            let now = track.get(entered.frame).copied().flatten()?;
+            let Agent { id, kind, length, .. } = &scenario.unselected[entered.logged].agent;
+            let (velocity, future) = (now.velocity(), &track[entered.frame + 1..]);
+            let motion = CheckedMotion {
+                id,
+                kind: *kind,
+                length: *length,
+                now,
+                velocity,
+                history: &[],
+                entry0: None,
+                future,
+            };
+            Some((entered.frame - current, motion))
+        }));
         scene
     }
 
@@ -160,6 +181,7 @@ impl<'a> CheckedScene<'a> {
         let av = CheckedMotion { entry0, ..Self::av_from(scenario, now, velocity, future) };
         Self {
             replayed: Vec::new(),
+            entered: Vec::new(),
             agents: vec![av],
             origin: scenario.origin,
             av: now,
@@ -172,7 +194,8 @@ impl<'a> CheckedScene<'a> {
         let plan =
             |(now, poses): &'a (AgentState, Vec<Frame>)| Self::av_from(scenario, *now, now.velocity(), poses);
         let (agents, av) = (plans.iter().map(plan).collect(), scenario.start.now(0));
-        Self { agents, replayed: Vec::new(), origin: scenario.origin, av, subject: Subject::Plans }
+        let (entered, replayed) = (Vec::new(), Vec::new());
+        Self { agents, entered, replayed, origin: scenario.origin, av, subject: Subject::Plans }
     }
 
     fn av_from(

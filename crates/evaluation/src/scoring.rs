@@ -4,18 +4,20 @@ pub(crate) mod recorded_rollouts;
 pub(crate) mod in_memory;
 pub mod document;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use reactsim_formats as formats;
 use reactsim_formats::Input;
 use reactsim_metrics::Options;
+use reactsim_rollout::Entering;
 use reactsim_scene::Scenario;
 
 use crate::deviation::pose::Pose;
 use crate::error::EvaluationError;
-use crate::folder::RunFolder;
 use crate::folder::completion::complete;
 use crate::folder::rollouts::write_part;
+use crate::folder::{RunFolder, read_provenance};
+use crate::layout::PROVENANCE;
 use crate::motion::kind::RolloutCheck;
 use crate::plan::{Deviations, NoAv};
 use crate::provenance::named_options;
@@ -71,7 +73,8 @@ impl Scoring {
         for input in scenarios {
             files.push(registrar.record(input)?);
         }
-        let recorded = RecordedRollouts::new(records, options, pose);
+        let entering = entering_of(rollouts)?;
+        let recorded = RecordedRollouts::new(records, options, pose, entering);
         let benchmark = match &files[rollouts.len()..] {
             [scenarios] => BenchmarkRecord::of(scenarios),
             _ => None,
@@ -81,6 +84,7 @@ impl Scoring {
             commit: program_commit().to_owned(),
             settings: SettingsRecord {
                 pose: SettingsRecord::pose(pose),
+                entering: SettingsRecord::entering(entering),
                 ..SettingsRecord::recorded(u32::try_from(recorded.rollouts()).unwrap_or(u32::MAX))
             },
             metric_options: named_options(&options),
@@ -203,4 +207,25 @@ fn failure(
 ) -> Failure {
     let RecordPosition { input, record } = place;
     Failure { input, record, simulator: None, file: file.name.clone(), scenario, error: error.to_string() }
+}
+
+/// Returns whether agents entered in rollouts, as the runs say in whose folders they are; those of other
+/// programs have none.
+fn entering_of(rollouts: &[PathBuf]) -> Result<Entering, EvaluationError> {
+    let mut found = None;
+    for path in rollouts {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let stated = match folder.join(PROVENANCE).exists() {
+            true => read_provenance(folder)?.settings.entering,
+            false => None,
+        };
+        let entering =
+            stated.map_or(Ok(Entering::Off), |text| text.parse()).map_err(EvaluationError::Refused)?;
+        if found.is_some_and(|other| other != entering) {
+            let text = "agents enter in some of these rollouts and not in others: score them separately";
+            return Err(EvaluationError::Refused(text.to_owned()));
+        }
+        found = Some(entering);
+    }
+    Ok(found.unwrap_or_default())
 }

@@ -44,7 +44,7 @@ impl FromStr for Entering {
 pub const MAX_PRESENT: usize = 256;
 /// Distance in metres from the AV from which an agent is outside of the observed area. An agent that the log
 /// loses nearer was hidden.
-const OBSERVED_DISTANCE: f64 = 50.0;
+pub const OBSERVED_DISTANCE: f64 = 50.0;
 
 /// An agent that entered a rollout.
 #[derive(Clone, Debug, PartialEq)]

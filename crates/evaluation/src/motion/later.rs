@@ -42,7 +42,11 @@ pub(super) fn teleports(scene: &CheckedScene<'_>) -> Option<Finding> {
             (by > top_speed(agent.kind) * DT || change > TELEPORT).then_some((k, by))
         })
     };
-    let found: Vec<_> = scene.agents.iter().filter_map(|a| teleport(a).map(|(k, by)| (a, k, by))).collect();
+    let entered = scene.entered.iter().map(|(first, agent)| (*first, agent));
+    let all: Vec<(usize, &CheckedMotion<'_>)> =
+        scene.agents.iter().map(|agent| (0, agent)).chain(entered).collect();
+    let found: Vec<_> =
+        all.iter().filter_map(|(first, a)| teleport(a).map(|(k, by)| (a, first + k, by))).collect();
     let (agent, step, by) = found.first()?;
     Some(Finding::new(
         RolloutCheck::Teleports,
@@ -50,7 +54,7 @@ pub(super) fn teleports(scene: &CheckedScene<'_>) -> Option<Finding> {
             "{} of {} agents teleport, the first: `{}` ({}) moves {by:.1} m from step {} to step {step}, which \
              no {} can do in 0.1 s; answer with every step of the motion, in metres",
             found.len(),
-            scene.agents.len(),
+            all.len(),
             agent.id,
             agent.kind,
             step - 1,

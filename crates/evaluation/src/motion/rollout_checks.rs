@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use reactsim_rollout::{Entering, OBSERVED_DISTANCE, Rollout};
 use reactsim_scene::{Frame, Scenario};
 
 use crate::error::EvaluationError;
@@ -47,11 +48,11 @@ impl Findings {
     }
 }
 
-/// Checks the tracks of a rollout, history included. Returns the checks that fail.
+/// Checks a rollout. Returns the checks that fail.
 pub(crate) fn check(
     scenario: &Scenario,
     place: &str,
-    tracks: &[Vec<Frame>],
+    rollout: &Rollout,
     findings: &mut Findings,
 ) -> Vec<RolloutCheck> {
     let mut failed = Vec::new();
@@ -59,13 +60,13 @@ pub(crate) fn check(
         findings.add(check, || format!("{place}: {text}"));
         failed.push(check);
     };
-    if let Some(text) = other_av(scenario, tracks) {
+    if let Some(text) = other_av(scenario, &rollout.tracks) {
         add(RolloutCheck::Av, text);
     }
-    for finding in CheckedScene::of_rollout(scenario, tracks, scenario.deviation.is_some()).findings() {
+    for finding in CheckedScene::of_rollout(scenario, rollout, scenario.deviation.is_some()).findings() {
         add(finding.check, finding.text);
     }
-    if let Some(text) = missing(scenario, tracks) {
+    if let Some(text) = missing(scenario, rollout) {
         add(RolloutCheck::Presence, text);
     }
     failed
@@ -94,12 +95,18 @@ pub(crate) fn other_av(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<Str
     None
 }
 
-fn missing(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Option<String> {
+fn missing(scenario: &Scenario, rollout: &Rollout) -> Option<String> {
     let (mut agents, mut first, history) = (0, None, scenario.length().history);
-    for (slot, track) in tracks.iter().enumerate() {
-        let logged = &scenario.log_future.tracks[slot];
+    for (slot, (track, logged)) in rollout.tracks.iter().zip(&scenario.log_future.tracks).enumerate() {
         let gone = track[history..].iter().zip(logged).position(|(own, log)| own.is_none() && log.is_some());
-        if let Some(k) = gone {
+        // An agent may leave outside of the observed area, for good.
+        let has_left = |k: usize| {
+            let (last, av) = (track[history + k - 1], rollout.tracks[0][history + k - 1]);
+            let distance = last.zip(av).map(|(last, av)| (last.position() - av.position()).norm());
+            track[history + k..].iter().all(Option::is_none)
+                && distance.is_some_and(|distance| distance >= OBSERVED_DISTANCE)
+        };
+        if let Some(k) = gone.filter(|k| rollout.entering == Entering::Off || !has_left(*k)) {
             agents += 1;
             let id = &scenario.start.agents[slot].id;
             first.get_or_insert_with(|| {

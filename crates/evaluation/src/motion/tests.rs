@@ -60,7 +60,14 @@ fn found_of(
         future: &future[i],
     });
     let av = AgentState { x: 0.0, y: 0.0, heading: 0.6, vx: 5.0, vy: 0.0 };
-    let scene = CheckedScene { agents: agents.collect(), replayed: Vec::new(), origin, av, subject };
+    let scene = CheckedScene {
+        agents: agents.collect(),
+        entered: Vec::new(),
+        replayed: Vec::new(),
+        origin,
+        av,
+        subject,
+    };
     scene.findings().into_iter().map(|finding| (finding.check, finding.text)).collect()
 }
 

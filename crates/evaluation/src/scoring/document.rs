@@ -79,6 +79,7 @@ pub fn check_document(document: &Document) -> Findings {
         let Some(av) = av.track.get(scenario.current).copied().flatten() else { continue };
         let motion = CheckedScene {
             agents,
+            entered: Vec::new(),
             replayed: Vec::new(),
             origin: Vec2::zeros(),
             av,

@@ -2,7 +2,7 @@
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Metrics, Options};
-use reactsim_rollout::Rollout;
+use reactsim_rollout::{Entering, Rollout};
 use reactsim_scene::Scenario;
 
 use crate::deviation::labels::DeviationLabels;
@@ -29,7 +29,7 @@ pub fn score_in_memory(
     pose: Pose,
     allowed: &[RolloutCheck],
 ) -> Result<(Vec<Row>, Vec<Vec<Event>>), EvaluationError> {
-    let mut recorded = RecordedRollouts::new(rollouts, options, pose);
+    let mut recorded = RecordedRollouts::new(rollouts, options, pose, Entering::Off);
     let place = RecordPosition { input: 0, record: 0 };
     let scored = recorded.score(place, scenario, || digest.to_owned()).pop();
     let unfit = |error: String| EvaluationError::Refused(format!("scenario `{}`: {error}", scenario.id));

@@ -27,6 +27,8 @@ pub(crate) struct RecordedRollouts {
     options: Options,
     /// The point of vehicles whose poses are recorded.
     pose: Pose,
+    /// Whether agents entered and left.
+    entering: Entering,
 }
 
 /// The scores of the rollouts of one scenario and one simulator.
@@ -41,7 +43,12 @@ pub(crate) struct ScoredPair {
 
 impl RecordedRollouts {
     /// Takes recorded rollouts. Simulators are in the order of their first rollout.
-    pub(crate) fn new(rollouts: Vec<RolloutRecord>, options: Options, pose: Pose) -> Self {
+    pub(crate) fn new(
+        rollouts: Vec<RolloutRecord>,
+        options: Options,
+        pose: Pose,
+        entering: Entering,
+    ) -> Self {
         let mut simulators: Vec<String> = Vec::new();
         let mut records: BTreeMap<String, Vec<RolloutRecord>> = BTreeMap::new();
         let mut counts: BTreeMap<(String, String), usize> = BTreeMap::new();
@@ -53,7 +60,7 @@ impl RecordedRollouts {
             records.entry(record.scenario_id.clone()).or_default().push(record);
         }
         let rollouts = counts.into_values().max().unwrap_or_default();
-        Self { records, simulators, rollouts, findings: Findings::default(), options, pose }
+        Self { records, simulators, rollouts, findings: Findings::default(), options, pose, entering }
     }
 
     /// Scores all rollouts of a scenario. Returns the scores per simulator, and the failures with the name of
@@ -69,7 +76,7 @@ impl RecordedRollouts {
             groups.entry(record.simulator.clone()).or_default().push(record);
         }
         let mut scored = Vec::new();
-        let pose = self.pose;
+        let (pose, enters) = (self.pose, self.entering == Entering::Log);
         for (simulator, name) in self.simulators.iter().enumerate() {
             let Some(mut records) = groups.remove(name) else {
                 self.findings.add(RolloutCheck::Coverage, || {
@@ -78,7 +85,7 @@ impl RecordedRollouts {
                 continue;
             };
             records.sort_by_key(|r| r.rollout);
-            let pair = rollouts_of(scenario, &records, false).and_then(|mut rollouts| {
+            let pair = rollouts_of(scenario, &records, enters).and_then(|mut rollouts| {
                 if rollouts.len() != self.rollouts {
                     let (n, all) = (rollouts.len(), self.rollouts);
                     return Err(format!(
@@ -88,7 +95,7 @@ impl RecordedRollouts {
                 for (index, rollout) in rollouts.iter_mut().enumerate() {
                     to_centres(pose, scenario, rollout)?;
                     let place = format!("scenario `{}`, `{name}`, rollout {index}", scenario.id);
-                    let failed = rollout_checks::check(scenario, &place, &rollout.tracks, &mut self.findings);
+                    let failed = rollout_checks::check(scenario, &place, rollout, &mut self.findings);
                     rollout.outcomes.extend(failed.into_iter().map(|check| (check.outcome(), 1)));
                 }
                 let (rows, events) =
@@ -124,18 +131,19 @@ impl RecordedRollouts {
 /// Converts the recorded steps of a rollout to poses of box centres.
 fn to_centres(pose: Pose, scenario: &Scenario, rollout: &mut Rollout) -> Result<(), String> {
     let history = scenario.length().history;
-    for (agent, track) in scenario.start.agents.iter().zip(&mut rollout.tracks) {
+    let entered = rollout.entered.iter().map(|entered| &scenario.unselected[entered.logged].agent);
+    for (agent, track) in scenario.start.agents.iter().chain(entered).zip(&mut rollout.tracks) {
         pose.to_centre(agent, None, track[history..].iter_mut().flatten())?;
     }
     Ok(())
 }
 
 /// Returns the recorded rollouts of one scenario and one simulator, given in their order, with the tracks of
-/// all agents of the scenario. `enters`: whether recorded agents that appear later in the log entered;
-/// otherwise they are left out.
+/// all agents of the scenario. `enters`: whether agents that appear later in the log could enter.
 ///
 /// # Errors
-/// A text that names the rollout that is missing, repeated or not of this scenario.
+/// A text that names the rollout that is missing, repeated or not of this scenario, or an agent that cannot
+/// have entered.
 pub(crate) fn rollouts_of(
     scenario: &Scenario,
     records: &[RolloutRecord],
@@ -148,7 +156,14 @@ pub(crate) fn rollouts_of(
         if record.rollout > index {
             return Err(format!("rollout {index} is missing (there is {}); count from 0", record.rollout));
         }
-        let entered = if enters { entered_in(scenario, record) } else { Vec::new() };
+        let entered = entered_in(scenario, record);
+        if let Some(later) = entered.first().filter(|_| !enters) {
+            let id = &scenario.unselected[*later].agent.id;
+            return Err(format!(
+                "rollout {index}: agent `{id}` appears after the current frame: leave it out, or keep the \
+                 rollouts in the folder of their run, whose provenance says that agents enter"
+            ));
+        }
         let scene = (!entered.is_empty()).then(|| scenario.with_entered(&entered));
         let tracks = recorded_tracks(scene.as_ref().unwrap_or(scenario), record);
         let tracks = tracks.map_err(|e| format!("rollout {index}: {e}"))?;
