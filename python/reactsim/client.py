@@ -946,6 +946,7 @@ class Simulator:
 
     Attributes:
         name: Name of the simulator; the name of the class by default.
+        version: Version of the simulator, for provenance.
         weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
         intervals: Replan intervals that are supported, steps; empty for any.
         batch: Number of episodes per batch, 1 to 1024; None leaves it to the program.
@@ -1114,6 +1115,7 @@ class Planner:
 
     Attributes:
         name: Name of the planner; the name of the class by default.
+        version: Version of the planner, for provenance.
         weights_sha256: SHA-256 of the weights, 64 hexadecimal digits, or empty.
         any_length: As of `Simulator`.
 

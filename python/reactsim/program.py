@@ -81,8 +81,8 @@ def find_program() -> str:
     found = shutil.which(name)
     if found is None:
         raise ReactsimError(
-            "the program `reactsim` was not found: install it with `pip install reactsim` or"
-            " `cargo install reactsim`, or set REACTSIM_BINARY to its path"
+            "the program `reactsim` was not found: install it with `pip install .` or"
+            " `cargo install --path .` in a checkout, or set REACTSIM_BINARY to its path"
         )
     return os.path.abspath(found)
 

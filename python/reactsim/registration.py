@@ -16,4 +16,10 @@ def register() -> None:
         return
     if ID not in envs.registry:
         place = "reactsim.environment"
-        envs.register(id=ID, entry_point=f"{place}:Env", vector_entry_point=f"{place}:VectorEnv")
+        try:
+            envs.register(
+                id=ID, entry_point=f"{place}:Env", vector_entry_point=f"{place}:VectorEnv"
+            )
+        except TypeError:
+            # Older versions than environments need know no vectors. Simulators need none.
+            return

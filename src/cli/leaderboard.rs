@@ -13,8 +13,8 @@ use crate::report::leaderboard;
 
 const AFTER: &str = "\
 Examples:
-  reactsim leaderboard references/reactsim-bench-v1 entries/*
-  reactsim leaderboard references/reactsim-bench-v1 entries/* --html leaderboard.html
+  reactsim leaderboard references/reactsim-bench-v2 entries/*
+  reactsim leaderboard references/reactsim-bench-v2 entries/* --html leaderboard.html
 
 An entry is a run folder (`reactsim run --out`) on a whole benchmark, with the settings of the \
 first entry. It is verified if it has rollouts (--keep-rollouts) that reproduce its numbers. Methods \

@@ -19,8 +19,8 @@ const FOLDER: &str = "references";
 const AFTER: &str = "\
 Examples:
   reactsim run --out runs/bench
-  reactsim reference make runs/bench --name reactsim-bench-v1 \\
-      --command 'reactsim run --out runs/bench' --out references/reactsim-bench-v1
+  reactsim reference make runs/bench --name reactsim-bench-v2 \\
+      --command 'reactsim run --out runs/bench' --out references/reactsim-bench-v2
   reactsim reference tables README.md --check";
 
 /// Arguments of `reference`.

@@ -28,7 +28,7 @@ const AFTER: &str = "\
 Examples:
   reactsim verify
   reactsim verify --quick
-  reactsim verify references/bench-v2-full --scenarios bench-v2-full.parquet
+  reactsim verify references/reactsim-bench-v2-full --scenarios bench-v2-full.parquet
   reactsim verify reactsim-bench-paper --run runs/official --scenarios official.selection.json
 
 Exit codes: 0 equal; 1 something differs; 2 the reference is damaged, or for another program or \

@@ -17,7 +17,7 @@ use crate::models::perception::Class;
 
 const AFTER: &str = "\
 Points are k-means centres of recorded positions in the frame of an agent; left mirrors right. \
-TableMarks agents are left out: they have a point of their own.
+Standing agents are left out: they have a point of their own.
 
 Examples:
   reactsim train intentions train.parquet --out intentions.safetensors
