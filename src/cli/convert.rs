@@ -9,7 +9,6 @@ use clap::Args;
 use super::certified::Certified;
 use super::futures::Futures;
 use super::inputs::inputs_of;
-use super::inputs::is_selected;
 use super::output::{ExitStatus, count, nothing, say};
 use super::progress::Progress;
 use crate::curation::driver::CurationObserver;
@@ -93,7 +92,7 @@ fn stream(
     for (done, (input, scenario)) in scenarios(inputs).enumerate() {
         progress.scenario_done(done);
         let mut scenario = match scenario {
-            Ok(scenario) if !is_selected(&scenario, &selection, None) => continue,
+            Ok(scenario) if !selection.has(&scenario, None, false) => continue,
             Ok(scenario) if ids.insert(scenario.id.clone()) => scenario,
             Ok(scenario) => {
                 let file = input.path.display();

@@ -57,13 +57,14 @@ pub(super) struct SelectedScenarios {
 }
 
 impl SelectedScenarios {
-    /// Passes every selected scenario to `visit`. Files and scenarios that cannot be read are warnings;
-    /// returns their number.
+    /// Passes every selected scenario to `visit`; of a file of deviations, those that it has. Files and scenarios
+    /// that cannot be read are warnings; returns their number.
     ///
     /// # Errors
     /// The first error of `visit`.
     pub(super) fn each<E>(&self, mut visit: impl FnMut(Scenario) -> Result<(), E>) -> Result<usize, E> {
         let mut failed = 0;
+        let deviations = self.deviations.as_ref().map(|deviations| &deviations.tracks);
         let mut fail = |error: &dyn Display| {
             say(format_args!("warning: {error}"));
             failed += 1;
@@ -79,7 +80,7 @@ impl SelectedScenarios {
             for scenario in scenarios {
                 match scenario {
                     Ok(scenario) => {
-                        if is_selected(&scenario, &self.selection, self.deviations.as_ref()) {
+                        if self.selection.has(&scenario, deviations, false) {
                             visit(scenario)?;
                         }
                     }
@@ -89,17 +90,6 @@ impl SelectedScenarios {
         }
         Ok(failed)
     }
-}
-
-/// Returns whether a scenario is selected; its category is that in the file of deviations, if there is one.
-pub(super) fn is_selected(
-    scenario: &Scenario,
-    selection: &Selection,
-    deviations: Option<&Deviations>,
-) -> bool {
-    let own = scenario.deviation.as_ref().and_then(|d| d.category);
-    let listed = |d: &Deviations| d.tracks.get(&scenario.id).and_then(|record| record.category);
-    selection.has_id(&scenario.id) && selection.has_category(deviations.map_or(own, listed))
 }
 
 /// Returns the sources of logs as they were recorded, as far as files are recordings of the Waymo Open Motion

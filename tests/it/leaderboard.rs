@@ -31,7 +31,7 @@ fn entries_stand_in_one_table_with_their_status() {
     let lines = rows(&table);
     // All have the same simulators with the same numbers, which the first entry shows.
     assert!(lines.len() == 3 && lines.iter().all(|l| l[2] == "reference" && l[4] == "reference"), "{table}");
-    assert!(table.contains("6 repetitions of an earlier entry left out."), "{table}");
+    assert!(table.contains("6 repetitions of another entry left out."), "{table}");
     let alone = |entry: &Path| rows(&said(&["leaderboard", text(entry)], 0).0)[0][4].clone();
     assert_eq!([&verified, &unverified].map(|entry| alone(entry)), ["verified", "unverified"]);
     // Oracles come last, without a rank.

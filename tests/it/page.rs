@@ -121,6 +121,9 @@ fn the_page_says_what_the_run_found() {
     for cell in cells {
         assert!(table.contains(&format!(" {} ", cell[3].as_str().unwrap())), "{cell}");
     }
+    let fewer = table.lines().find(|line| line.starts_with("Means of fewer scenarios: ")).unwrap();
+    let about = page.text("main-about");
+    assert!(about.ends_with(fewer), "{about}");
 
     // Sorting turns the rows; the categories have tables of their own.
     page.evaluate("document.querySelector('#main-table [data-key=\"ade\"]').click()");

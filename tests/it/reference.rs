@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use reactsim::evaluation::reference::{Reference, RerunInputs, SimulatorClass, verify};
 use reactsim::evaluation::{
-    Execution, Provenance, Row, Source, Summary, Tally, read_provenance, read_rows, read_summary, read_tally,
-    shipped_benchmark,
+    Execution, Provenance, Row, RunObserver, Source, Summary, Tally, read_provenance, read_rows,
+    read_summary, read_tally, shipped_benchmark,
 };
 use reactsim::formats;
 use reactsim::metrics::Score;
@@ -413,8 +413,19 @@ fn weights_that_ship_for_another_simulator_are_found_by_their_digest() {
     said(&["verify", text(&reference), "--scenarios", text(&input)], 0);
 }
 
+/// Counts the runs that began.
+#[derive(Default)]
+struct Begun(AtomicUsize);
+
+impl RunObserver for Begun {
+    fn started(&self, _total: Option<usize>) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
 #[test]
 fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
+    let begun = Begun::default();
     let home = tempfile::tempdir().unwrap();
     let (mut reference, input) = of_network(home.path());
     assert!(reference.provenance.backend.is_some() && reference.provenance.cpu.is_some());
@@ -432,7 +443,7 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
         };
         let execution = Execution { jobs: 2, batch: 4 };
         let stop = AtomicBool::new(false);
-        verify(reference, given, every, execution, &(), &stop).unwrap().unwrap()
+        verify(reference, given, every, execution, &begun, &stop).unwrap().unwrap()
     };
     let network = |done: &reactsim::evaluation::reference::Verification| done.simulators[1].clone();
     let whole = again(&reference, None);
@@ -443,6 +454,8 @@ fn networks_agree_bit_for_bit_at_home_and_within_bounds_elsewhere() {
     let quick = again(&reference, Some(4));
     assert!(quick.passed());
     assert_eq!((quick.left_out, network(&quick).compared, quick.simulators[0].compared), (8, 4, 12));
+    // The quick check is a run for networks and one for the others.
+    assert_eq!(begun.0.load(Ordering::Relaxed), 3);
 
     let bound = 0.5;
     let class = SimulatorClass::Tolerance { bounds: [("ade".to_owned(), bound)].into() };

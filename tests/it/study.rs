@@ -420,8 +420,8 @@ fn an_interrupted_study_goes_on_to_the_same_bytes() {
     };
     refused(&[], "the same command with --resume continues the run");
     refused(&["--resume", "--seed", "3"], "`seed` is 0 there and 3 now");
-    // The files after the first scenario are no inputs then.
-    refused(&["--resume", "--limit", "1"], "there and absent now; give the same settings");
+    // The files after the first scenario are no inputs then; the limit is what differs.
+    refused(&["--resume", "--limit", "1"], "`limit` is absent there and 1 now; give the same settings");
     fs::remove_dir_all(cut.join("steps-05")).unwrap();
     refused(&["--resume", "--seed", "3"], "steps-10: `seed` is 0 there and 3 now");
     let shared =

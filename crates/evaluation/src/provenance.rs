@@ -71,6 +71,8 @@ pub struct Provenance {
     pub partition: Option<Partition>,
 }
 
+/// Beginning of the paths of the settings of a run.
+const SETTINGS: &str = "settings.";
 /// Protocol of scored rollouts of other programs.
 const RECORDED: &str = "recorded";
 
@@ -153,10 +155,13 @@ impl Provenance {
         text
     }
 
-    /// Returns the first setting in which two runs differ, with its value in each.
+    /// Returns the first setting in which two runs differ, with its value in each. Settings of the command
+    /// come before what follows from them: a limit leaves out inputs, for example.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let (name, mine, theirs) = differences(self, other).into_iter().next()?;
-        Some((name.trim_start_matches("settings.").to_owned(), mine, theirs))
+        let mut all = differences(self, other);
+        all.sort_by_key(|(name, ..)| !name.starts_with(SETTINGS));
+        let (name, mine, theirs) = all.into_iter().next()?;
+        Some((name.trim_start_matches(SETTINGS).to_owned(), mine, theirs))
     }
 
     /// Returns whether the rollouts are recordings of other programs, about whose settings little is known.

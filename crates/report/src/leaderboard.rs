@@ -94,7 +94,7 @@ impl<'a> Lines<'a> {
              rank"
         )];
         if self.repeated > 0 {
-            all.push(format!("{} of an earlier entry left out", count(self.repeated, "repetition")));
+            all.push(format!("{} of another entry left out", count(self.repeated, "repetition")));
         }
         all
     }

@@ -40,9 +40,7 @@ impl Exporter for Markdown {
         }
         writeln!(out)?;
         legend(out, lines.iter().map(|l| l.marks))?;
-        let of_av: Vec<_> = of_av.iter().map(|column| (column, table::av_lines(runs))).collect();
-        let all = columns.iter().map(|column| (column, table::lines(runs))).chain(of_av);
-        if let Some(note) = table::unequal(all) {
+        if let Some(note) = table::fewer(runs, &columns, None) {
             writeln!(out, "{note}.")?;
         }
         for provenance in table::provenances(runs) {

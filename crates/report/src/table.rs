@@ -230,9 +230,28 @@ pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
     runs.iter().map(|run| format!("{}{}", name(run), provenance(run))).collect()
 }
 
+/// Returns the text of [`unequal`] for the tables of runs with these columns, and for that of the AV: over all
+/// scenarios or one part of them.
+pub(super) fn fewer(
+    runs: &[super::Run<'_>],
+    columns: &[Column],
+    part: Option<(Division, &str)>,
+) -> Option<String> {
+    fn lines_in<'a>(runs: &'a [super::Run<'a>], part: Option<(Division, &str)>) -> Vec<Line<'a>> {
+        match part {
+            Some((division, part)) => part_lines(runs, division, part),
+            None => lines(runs),
+        }
+    }
+    let planned: Vec<super::Run<'_>> = runs.iter().copied().filter(|run| planner(run).is_some()).collect();
+    let of_av = Column::of_av(runs);
+    let of_av = of_av.iter().map(|column| (column, lines_in(&planned, part)));
+    unequal(columns.iter().map(|column| (column, lines_in(runs, part))).chain(of_av))
+}
+
 /// Returns the numbers of scenarios of columns that could not be judged in all of them, if there are such:
 /// the means of two lines may then be of different scenarios.
-pub(super) fn unequal<'a>(columns: impl IntoIterator<Item = (&'a Column, Vec<Line<'a>>)>) -> Option<String> {
+fn unequal<'a>(columns: impl IntoIterator<Item = (&'a Column, Vec<Line<'a>>)>) -> Option<String> {
     let counted = |(column, lines): (&Column, Vec<Line<'_>>)| {
         let of = |line: &Line<'_>| {
             let estimate = line.metrics.get(column.metric).filter(|e| e.mean.is_some())?;

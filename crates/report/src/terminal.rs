@@ -56,8 +56,8 @@ const PLAIN: &str = "\x1b[0m";
 /// # Errors
 /// If `out` cannot be written.
 pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-    let lines = table::lines(runs);
-    write_table(&style.table.columns_of(runs), &lines, style, out)?;
+    let (columns, lines) = (style.table.columns_of(runs), table::lines(runs));
+    write_table(&columns, &lines, style, out)?;
     let of_av = Column::of_av(runs);
     if !of_av.is_empty() {
         writeln!(out, "\n{}\n", plain(&table::av_title(runs)))?;
@@ -69,12 +69,15 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
             let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
             let title = markdown::capital(&plain(&division.title(&part)));
             writeln!(out, "\n{title} ({})\n", table::count(n, "scenario"))?;
-            write_table(&style.table.columns_of(runs), &lines, style, out)?;
+            write_table(&columns, &lines, style, out)?;
         }
     }
     writeln!(out)?;
     for text in markdown::marks(lines.iter().map(|l| l.marks)) {
         write_wrapped(&format!("{text}."), style.width, out)?;
+    }
+    if let Some(note) = table::fewer(runs, &columns, None) {
+        write_wrapped(&format!("{note}."), style.width, out)?;
     }
     for provenance in table::provenances(runs) {
         write_wrapped(&format!("{provenance}."), style.width, out)?;

@@ -33,10 +33,9 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
     write_result(None, |out| {
         let mut number = 0;
         failed = selected.each(|scenario| {
-            if let Some(av) = chosen_av(&scenario, selected.deviations.as_ref()) {
-                write_scene(&scenario, av, args.with_future, number, out)?;
-                number += 1;
-            }
+            let av = chosen_av(&scenario, selected.deviations.as_ref());
+            write_scene(&scenario, av, args.with_future, number, out)?;
+            number += 1;
             io::Result::Ok(())
         })?;
         let mut bye = FrameWriter::new("bye");
@@ -53,11 +52,11 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
 /// States of a deviated AV at every step, if there is one.
 type AvTrack = Option<Vec<crate::scene::AgentState>>;
 
-/// Returns the deviated AV of a scenario; `None` if a file of deviations leaves the scenario out.
-fn chosen_av(scenario: &Scenario, deviations: Option<&Deviations>) -> Option<AvTrack> {
+/// Returns the deviated AV of a scenario: with a file of deviations, the one there.
+fn chosen_av(scenario: &Scenario, deviations: Option<&Deviations>) -> AvTrack {
     match deviations {
-        Some(deviations) => Some(Some(deviations.tracks.get(&scenario.id)?.track_in(scenario.origin))),
-        None => Some(scenario.deviation.as_ref().map(|deviation| deviation.track.clone())),
+        Some(deviations) => Some(deviations.tracks.get(&scenario.id)?.track_in(scenario.origin)),
+        None => scenario.deviation.as_ref().map(|deviation| deviation.track.clone()),
     }
 }
 

@@ -74,6 +74,11 @@ fn scenarios_without_a_deviation_in_the_file_are_passed_over() {
     let (_, limited) = said(&[&run[..], &["--limit", "1"]].concat(), 0);
     insta::assert_snapshot!(limited, @"warning: 2 deviations not used: for scenarios that are not among those that were read");
     assert!(table.contains("2 scenarios, 2 passed over, "), "{table}");
+    // Others are listed neither; a limit counts those that are.
+    let list = ["list", "scenarios", text(&plain), "--deviations", text(&file), "--limit", "2"];
+    let listed = said(&list, 0).0;
+    let ids: Vec<&str> = listed.lines().skip(1).filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(ids, ["road-000", "road-002"]);
     let wanted = results(&out);
     let summary = json_of(&out.join("summary.json"));
     let counts = |key: &str| summary["provenance"][key].as_u64().unwrap();

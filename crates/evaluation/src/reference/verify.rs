@@ -191,6 +191,10 @@ impl RowCollector<'_> {
 }
 
 impl RunObserver for RowCollector<'_> {
+    fn started(&self, total: Option<usize>) {
+        self.inner.started(total);
+    }
+
     fn stepped(&self, step: usize, steps: usize) {
         self.inner.stepped(step, steps);
     }

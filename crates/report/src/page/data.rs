@@ -11,7 +11,7 @@ use super::PageError;
 use super::choice::{Lead, reacts};
 use super::gallery::{Gallery, GalleryScenario};
 use crate::paper::PaperTable;
-use crate::table::{self, Column};
+use crate::table::{self, Column, Division};
 use crate::wosac_tables::{AGGREGATES, Aggregate};
 use crate::{Run, TableStyle, exporter, study_tables};
 
@@ -35,6 +35,9 @@ pub(super) struct Data<'a> {
     columns: Vec<&'static str>,
     /// Metrics of the table of the AV; empty if no planner drives.
     av_columns: Vec<&'static str>,
+    /// Which means of the tables are of fewer scenarios, by part of the scenarios: `all`, a category or a
+    /// difficulty.
+    fewer: BTreeMap<String, String>,
     /// Columns of the realism metrics of the Sim Agents challenge.
     aggregates: [Aggregate; AGGREGATES.len()],
     /// Units of the values of events, by name.
@@ -142,6 +145,14 @@ impl Gallery {
             }
             downloads.push(Download { name, text: String::from_utf8_lossy(&text).into_owned() });
         }
+        let columns = Column::used(&summaries, &[]);
+        let mut fewer: BTreeMap<String, String> = BTreeMap::new();
+        fewer.extend(table::fewer(&runs, &columns, None).map(|text| ("all".to_owned(), text)));
+        for division in Division::ALL {
+            for part in division.parts(&runs) {
+                fewer.extend(table::fewer(&runs, &columns, Some((division, &part))).map(|text| (part, text)));
+            }
+        }
         Ok(Data {
             version: program_version(),
             commit: program_commit(),
@@ -161,8 +172,9 @@ impl Gallery {
                     own: metric(spec.id).is_none(),
                 })
                 .collect(),
-            columns: Column::used(&summaries, &[]).iter().map(|c| c.metric).collect(),
+            columns: columns.iter().map(|c| c.metric).collect(),
             av_columns: Column::of_av(&runs).iter().map(|c| c.metric).collect(),
+            fewer,
             aggregates: AGGREGATES,
             event_units: EVENT_UNITS.iter().copied().collect(),
             runs: self

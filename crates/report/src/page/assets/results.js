@@ -120,7 +120,7 @@ function show() {
   }
   fill("main-table", rows, tableMetrics(), SIMULATORS);
   for (const tab of $("parts").children) tab.setAttribute("aria-pressed", String(tab.dataset.part === part.name));
-  $("main-about").textContent = `${count(size(part), "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles${isOneGroup ? "" : " among runs on the same scenarios with the same AV and settings"}.${marks}`;
+  $("main-about").textContent = `${count(size(part), "scenario")}. Means with half widths of 95 % bootstrap intervals over scenarios; ↓ less is better, ↑ more is. Bold: best simulator other than oracles${isOneGroup ? "" : " among runs on the same scenarios with the same AV and settings"}.${marks}${data.fewer[part.name] ? ` ${data.fewer[part.name]}.` : ""}`;
   eventTable();
   paperTable();
   onChange();
