@@ -34,6 +34,7 @@ from __future__ import annotations
 
 import functools
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, Callable, Union
 
@@ -169,6 +170,7 @@ class _Core:
             self.close()
             raise
         self.scenarios: list[str] = description["scenarios"]
+        warn_skipped(description, 4)
         self.measures: list[str] = description["measures"]
         self.flags = [f"_{name}" for name in self.measures]
         """Names of the entries of `infos` that tell whose measures they are."""
@@ -412,6 +414,12 @@ def selected(
                 f"`{name}` is given with a `Scenario`, which is read already: leave it out"
             )
     return scenarios.reading(), [scenarios.id]
+
+
+def warn_skipped(description: Mapping[str, Any], level: int) -> None:
+    """Warns of scenarios that cannot be read; `level` is that of the user's code above this."""
+    if description["skipped"]:
+        warnings.warn(f"scenarios or files: {description['skipped']}", stacklevel=level)
 
 
 def observation_space(shapes: Sequence[tuple[str, Sequence[int]]], flat: bool = False) -> Any:

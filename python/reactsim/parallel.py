@@ -35,6 +35,7 @@ from .environment import (
     observation_space,
     selected,
     traffic_of,
+    warn_skipped,
     weighted,
 )
 from .options import PathLike, Sources, whole
@@ -179,6 +180,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             self._process.close()
             raise
         self._scenarios: list[str] = description["scenarios"]
+        warn_skipped(description, 3)
         self._measures: list[str] = description["measures"]
         shapes = [(name, shape) for name, shape in description["arrays"] if name != "route"]
         self._arrays: list[str] = [name for name, _ in shapes]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .client import Array, as_array
-from .options import PathLike, each, paths, settings
+from .options import PathLike, each, paths, reading, settings
 from .process import shared_request
 from .program import arguments, produce, text_of
 from .results import Results, value_of
@@ -28,6 +28,11 @@ def score(
     allow: str | Sequence[str] = (),
     pose: str | None = None,
     metric_options: Mapping[str, Any] | None = None,
+    current_frame: int | None = None,
+    window_step: int | None = None,
+    history: int | None = None,
+    future: int | str | None = None,
+    all_agents: bool = False,
     jobs: int | None = None,
     progress: bool = True,
 ) -> Results:
@@ -43,6 +48,12 @@ def score(
         pose: Point of vehicles whose poses the rollouts have: "centre", "rear-axle",
             "rear-axle=1.2" (metres) or "rear-axle=25%" (of the length).
         metric_options: Variants of the metrics, such as `{"fault_order": "nuplan"}`.
+        current_frame: Index of the current frame, as in the run that made the rollouts; so are the
+            four following.
+        window_step: Frames between scenarios of one recording.
+        history: Number of frames up to and including the current one.
+        future: Number of frames after the current one, or a time such as "15s", or "log".
+        all_agents: All agents were simulated.
         jobs: Number of threads; one per core by default.
         progress: Show the messages of the program.
 
@@ -57,6 +68,7 @@ def score(
         *each("--allow", allow),
         ("--pose", pose),
         *settings("--metric-option", metric_options or {}),
+        *reading(current_frame, window_step, history, future, all_agents),
         ("--out", out),
         ("--jobs", jobs),
     ]

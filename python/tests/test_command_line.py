@@ -102,6 +102,7 @@ def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
                 metric_options={"a": "b"},
                 jobs=1,
                 progress=False,
+                **READING,
             ),
             lambda: score_run("a", "s", simulator="idm", partial=True, jobs=1),
             lambda: add_document("a", {"metrics": [], "rollouts": []}),

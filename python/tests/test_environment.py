@@ -366,6 +366,15 @@ class TestEnv:
         with pytest.raises(reactsim.ReactsimError, match="`future`"):
             reactsim.Env(limit=1, future="10s")
 
+    def test_scenarios_that_cannot_be_read_are_left_out(self, closing: Any, tmp_path: Path) -> None:
+        other_lengths(tmp_path)
+        kinds: tuple[Any, ...] = (reactsim.Env, reactsim.VectorEnv, reactsim.ParallelEnv)
+        for kind in kinds:
+            with pytest.warns(UserWarning, match=r"1 skipped, the first: .*short\.json") as warned:
+                env = closing(kind(tmp_path, future="10s"))
+            assert warned[0].filename == __file__
+            assert len(env.scenarios) == 1
+
     def test_stable_baselines_has_no_objections(
         self, closing: Any, recwarn: pytest.WarningsRecorder
     ) -> None:

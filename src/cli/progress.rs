@@ -17,7 +17,8 @@ const MAX_PRINTED_FAILURES: usize = 20;
 /// Time between two drawings of the preliminary table.
 const TABLE_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Time without a finished scenario after which the step that is being computed is shown.
+/// Time without a finished scenario after which the step that is being computed is shown; without a terminal, in
+/// a line when one is due.
 const STEP_DELAY: Duration = Duration::from_secs(2);
 
 /// Style with a known number of scenarios, and without.
@@ -157,9 +158,17 @@ fn line_of(done: usize, total: Option<u64>, elapsed: Duration, from: (Duration, 
                 left if left > 0.0 => left_text(Duration::from_secs_f64(left / rate)),
                 _ => left_text(Duration::ZERO),
             };
-            format!("{done} of {total} scenarios, {text}, {left}")
+            format!("{}, {text}, {left}", count_of(done, Some(total)))
         }
-        None => format!("{done} scenarios, {text}"),
+        None => format!("{}, {text}", count_of(done, None)),
+    }
+}
+
+/// Returns how many scenarios are finished, as text.
+fn count_of(done: usize, total: Option<u64>) -> String {
+    match total {
+        Some(total) => format!("{done} of {total} scenarios"),
+        None => format!("{done} scenarios"),
     }
 }
 
@@ -194,8 +203,20 @@ impl RunObserver for Progress {
     }
 
     fn stepped(&self, step: usize, steps: usize) {
-        if !self.bar.is_hidden() && self.last_done.lock().elapsed() >= STEP_DELAY {
-            self.bar.set_prefix(format!(", step {step} of {steps}"));
+        if self.last_done.lock().elapsed() < STEP_DELAY {
+            return;
+        }
+        let text = format!(", step {step} of {steps}");
+        if !self.bar.is_hidden() {
+            self.bar.set_prefix(text);
+            return;
+        }
+        let (elapsed, mut lines) = (self.began.elapsed(), self.lines.lock());
+        if elapsed >= lines.next && !is_quiet() {
+            // The rate of the next line is since the last one with a rate.
+            lines.next = elapsed + LINE_INTERVALS[1];
+            let done = count_of(self.bar.position() as usize, self.bar.length());
+            say(format_args!("{done}{text}{}", self.failure_count()));
         }
     }
 
@@ -250,5 +271,22 @@ mod tests {
         assert_eq!(of(9000, 11), "9000 of 10000 scenarios, 0.00/s, time left unknown");
         assert_eq!(of(9010, 1), "9010 of 10000 scenarios, 0.00/s, time left unknown");
         assert_eq!(of(10_000, 1), "10000 of 10000 scenarios, 0.00/s, 0s left");
+    }
+
+    #[test]
+    fn steps_of_long_scenarios_have_lines_without_a_terminal() {
+        let progress = Progress::new();
+        progress.bar.set_draw_target(ProgressDrawTarget::hidden());
+        let next = || progress.lines.lock().next;
+        progress.lines.lock().next = Duration::ZERO;
+        progress.stepped(10, 600);
+        assert_eq!(next(), Duration::ZERO, "a scenario may be finished soon");
+        std::thread::sleep(STEP_DELAY);
+        progress.stepped(40, 600);
+        let after = next();
+        assert!(after >= STEP_DELAY + LINE_INTERVALS[1], "no line was printed");
+        progress.stepped(41, 600);
+        assert_eq!(next(), after, "lines are not printed for every step");
+        assert_eq!(count_of(3, Some(90)), "3 of 90 scenarios");
     }
 }

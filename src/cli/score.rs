@@ -11,13 +11,13 @@ use anyhow::{Context, bail};
 use clap::Args;
 
 use super::finished::{put_table, report_notes, show_next_steps};
-use super::inputs::find_inputs;
+use super::inputs::inputs_of;
 use super::output::{ExitStatus, count, nothing, say, write_result};
 use super::table_output::{TableArgs, formats as table_formats};
 use crate::evaluation::document::{check_document, score_document};
 use crate::evaluation::{
-    AddedMetrics, Deviations, Failure, MotionSpec, RunFolder, RunObserver, Scoring, metric_options,
-    split_metric_option,
+    AddedMetrics, Deviations, Failure, MotionSpec, NuplanSpec, ReadingSpec, RunFolder, RunObserver, Scoring,
+    metric_options, split_metric_option,
 };
 use crate::files::read_regular;
 use crate::formats;
@@ -35,6 +35,8 @@ pub(super) struct ScoreArgs {
     /// Scenarios of the rollouts; may be repeated
     #[arg(long, value_name = "PATH")]
     scenarios: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: ReadingSpec,
     /// Metrics of your own that any program computed for the rollouts of a run, as JSON: their values and
     /// events are added to the run folder
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scenarios", "deviations", "allow", "pose",
@@ -62,6 +64,17 @@ pub(super) struct ScoreArgs {
     wosac: wosac::WosacArgs,
 }
 
+impl ScoreArgs {
+    /// Refuses options that say how scenarios are read, where none are, for this reason.
+    fn check_not_read(&self, reason: &str) -> anyhow::Result<()> {
+        let nuplan = (self.reading.nuplan != NuplanSpec::default()).then_some("nuplan");
+        match self.reading.named().map(|(key, _)| key).chain(nuplan).next() {
+            Some(key) => bail!("{reason}: leave --{key} out"),
+            None => Ok(()),
+        }
+    }
+}
+
 pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     if args.wosac.wosac {
         return match (args.wosac.partition.partition, &args.out) {
@@ -86,6 +99,7 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
 }
 
 fn add_metrics(args: &ScoreArgs, file: &Path) -> anyhow::Result<ExitStatus> {
+    args.check_not_read("the scenarios of a run are known")?;
     let [folder] = args.rollouts.as_slice() else { bail!("give one run folder with --add-metrics") };
     let (run, summary) = AddedMetrics::add(file, folder)?;
     put_table(&run, &summary, args.table.style())?;
@@ -97,6 +111,7 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
     if !args.scenarios.is_empty() {
         bail!("a rollout document holds its scenarios: leave --scenarios out");
     }
+    args.check_not_read("a rollout document holds its scenarios")?;
     if !args.motion.allow.is_empty() || args.deviations.is_some() {
         bail!("a rollout document is scored as it is: leave --allow and --deviations out");
     }
@@ -127,11 +142,11 @@ fn score_json(args: &ScoreArgs, path: &Path) -> anyhow::Result<ExitStatus> {
 }
 
 fn score_parquet(args: &ScoreArgs, paths: &[PathBuf]) -> anyhow::Result<ExitStatus> {
-    if args.scenarios.is_empty() {
+    if args.reading.is_shipped(&args.scenarios) {
         bail!("rollouts in Parquet need their scenarios: give --scenarios <path>");
     }
     let options = metric_options(&args.metric_options)?;
-    let inputs = find_inputs(&args.scenarios)?;
+    let inputs = inputs_of(&args.reading, &args.scenarios)?;
     let mut scoring = Scoring::new(paths, &inputs, options, args.motion.pose.unwrap_or_default())?;
     if let Some(path) = &args.deviations {
         scoring = scoring.deviations(Deviations::read(path)?);

@@ -148,9 +148,9 @@ fn given(args: &VerifyArgs, reference: &Reference) -> anyhow::Result<RerunInputs
         (true, limit) => vec![limited_shipped(limit, is_run)?],
         (false, limit) => {
             let mut inputs = inputs(args)?;
-            // The provenance holds the current frames of each file.
+            // The provenance holds the current frames and the length of each file.
             for (input, file) in inputs.iter_mut().zip(&stated.inputs) {
-                input.frames = file.frames();
+                (input.frames, input.length) = (file.frames(), file.length());
                 input.all_agents = file.all_agents;
             }
             Source::of_inputs(limited(inputs, limit, is_run))?

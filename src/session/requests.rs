@@ -12,7 +12,7 @@ use super::arrays::{Arrays, Sizes};
 use super::environment::{
     End, EndCondition, Environment, EnvironmentSettings, EpisodeBeginning, MEASURES, Stepped,
 };
-use super::scenarios::Reading;
+use super::scenarios::{Reading, Selected};
 use super::scores::{Scored, metric_options};
 use super::traffic::NamedTraffic;
 use super::wire::{Answer, RequestError, answer, arguments, refused};
@@ -43,7 +43,7 @@ struct Common {
 }
 
 impl Common {
-    fn scenarios(&self) -> Result<Vec<Arc<Scenario>>, RequestError> {
+    fn scenarios(&self) -> Result<Selected, RequestError> {
         self.reading.select(&self.ids, self.limit)
     }
 
@@ -67,12 +67,13 @@ pub(super) fn create(request: &Frame, environment: &mut Option<Environment>, par
     let NewEnvironment { common, every, end_at } = arguments(request)?;
     let Some(traffic) = &common.traffic else { return refused("`traffic` is missing") };
     let (action, sizes, scores) = (common.action, common.sizes, common.options()?);
-    let scenarios = common.scenarios()?;
+    let Selected { scenarios, skipped } = common.scenarios()?;
     let settings =
         EnvironmentSettings { traffic: traffic.start(parent)?, action, every, sizes, end_at, scores };
     let new = environment.insert(Environment::new(scenarios, settings)?);
     let description = json!({
         "scenarios": ids(new.scenarios()),
+        "skipped": skipped.map(|skipped| skipped.to_string()),
         "measures": MEASURES,
         "arrays": shapes(&sizes),
     });
@@ -185,7 +186,7 @@ pub(super) fn create_world(request: &Frame, world: &mut Option<World>, parent: &
     spec.subject.input.deviations = deviations;
     let plan = spec.plan(RunParts::default())?;
     let (action, sizes, scores) = (common.action, common.sizes, common.options()?);
-    let scenarios = common.scenarios()?;
+    let Selected { scenarios, skipped } = common.scenarios()?;
     let traffic = common.traffic.as_ref().map(|traffic| traffic.start(parent)).transpose()?;
     let controlled = controlled.filter(|_| traffic.is_some()).unwrap_or(usize::MAX);
     let settings = WorldSettings { plan, traffic, controlled, action, sizes, scores };
@@ -193,6 +194,7 @@ pub(super) fn create_world(request: &Frame, world: &mut Option<World>, parent: &
     let others = |scenario: &Arc<Scenario>| scenario.start.agents.len() - 1;
     let description = json!({
         "scenarios": ids(new.scenarios()),
+        "skipped": skipped.map(|skipped| skipped.to_string()),
         "agents": new.scenarios().iter().map(others).max().unwrap_or(0).min(controlled),
         "measures": AGENT_MEASURES,
         "arrays": shapes(&sizes),

@@ -1,6 +1,7 @@
 //! The scenarios that requests name.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::fmt::{self, Display};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -79,39 +80,87 @@ impl Reading {
         Ok(Source::of_inputs(limited(inputs, None, None))?)
     }
 
-    /// Reads the scenarios with these ids, or all without ids, at most `limit`.
+    /// Reads the scenarios with these ids, or all without ids, at most `limit`. Scenarios that cannot be read,
+    /// such as logs that are shorter than requested, are skipped, unless their ids are given.
     ///
     /// # Errors
-    /// If a scenario cannot be read, or there are fewer than `limit` and an id is missing.
+    /// If a scenario of these ids cannot be read, there are fewer than `limit` and an id is missing, or no
+    /// scenario is left.
     pub(super) fn select(
         &self,
         ids: &BTreeSet<String>,
         limit: Option<usize>,
-    ) -> Result<Vec<Arc<Scenario>>, RequestError> {
+    ) -> Result<Selected, RequestError> {
         let selection = Selection { ids: ids.clone(), ..Selection::default() };
-        let mut scenarios = Vec::new();
+        let mut selected = Selected::default();
         let most = limit.unwrap_or(usize::MAX);
         for source in self.sources()? {
-            if scenarios.len() == most {
+            if selected.scenarios.len() == most {
                 break;
             }
-            for scenario in source.scenarios()? {
-                let scenario = scenario?;
-                if selection.has_id(&scenario.id) {
-                    scenarios.push(Arc::new(scenario));
+            let scenarios = match source.scenarios() {
+                Ok(scenarios) => scenarios,
+                Err(error) => {
+                    selected.skip(error);
+                    continue;
                 }
-                if scenarios.len() == most {
+            };
+            for scenario in scenarios {
+                match scenario {
+                    Ok(scenario) if selection.has_id(&scenario.id) => {
+                        selected.scenarios.push(Arc::new(scenario));
+                    }
+                    Ok(_) => {}
+                    Err(error) if error.scenario.as_ref().is_some_and(|id| ids.contains(id)) => {
+                        return Err(error.into());
+                    }
+                    // Of which scenario it is, is not known, or ids need not be given.
+                    Err(error) if ids.is_empty() || error.scenario.is_none() => selected.skip(error),
+                    Err(_) => {}
+                }
+                if selected.scenarios.len() == most {
                     break;
                 }
             }
         }
-        let found = |id: &&String| scenarios.iter().any(|scenario: &Arc<Scenario>| scenario.id == **id);
+        let Selected { scenarios, skipped } = &selected;
+        let reason = skipped.as_ref().map_or_else(String::new, |skipped| format!("; {skipped}"));
+        let found = |id: &&String| scenarios.iter().any(|scenario| scenario.id == **id);
         let missing = ids.iter().find(|id| !found(id)).filter(|_| scenarios.len() < most);
         match (missing, scenarios.is_empty()) {
-            (Some(id), _) => refused(format_args!("there is no scenario `{id}`")),
-            (None, true) => refused("no scenario is selected: give files, ids or a limit that select some"),
-            (None, false) => Ok(scenarios),
+            (Some(id), _) => refused(format_args!("there is no scenario `{id}`{reason}")),
+            (None, true) => refused(format_args!(
+                "no scenario is selected: give files, ids or a limit that select some{reason}"
+            )),
+            (None, false) => Ok(selected),
         }
+    }
+}
+
+/// Scenarios of a request.
+#[derive(Default)]
+pub(super) struct Selected {
+    pub(super) scenarios: Vec<Arc<Scenario>>,
+    pub(super) skipped: Option<Skipped>,
+}
+
+/// Scenarios and files that cannot be read.
+pub(super) struct Skipped {
+    count: usize,
+    /// The error of the first one.
+    first: String,
+}
+
+impl Selected {
+    fn skip(&mut self, error: impl Display) {
+        let skipped = self.skipped.get_or_insert_with(|| Skipped { count: 0, first: error.to_string() });
+        skipped.count += 1;
+    }
+}
+
+impl Display for Skipped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} skipped, the first: {}", self.count, self.first)
     }
 }
 
@@ -250,7 +299,7 @@ mod tests {
         let select = |ids: &[&str], limit: Option<usize>| {
             let ids = ids.iter().map(|id| (*id).to_owned()).collect();
             let selected = Reading::default().select(&ids, limit);
-            selected.map(|all| all.iter().map(|scenario| scenario.id.clone()).collect::<Vec<_>>())
+            selected.map(|all| all.scenarios.iter().map(|scenario| scenario.id.clone()).collect::<Vec<_>>())
         };
         let both = [shipped[0].as_str(), shipped[1].as_str()];
         assert_eq!(select(&both, Some(1)).unwrap(), shipped[..1]);
@@ -261,5 +310,39 @@ mod tests {
             let refused = select(&missing, limit).unwrap_err();
             assert!(refused.to_string().contains("there is no scenario `nowhere`"));
         }
+    }
+
+    #[test]
+    fn scenarios_that_cannot_be_read_are_skipped_unless_they_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let shipped: Vec<_> = Source::shipped(3).scenarios().unwrap().map(Result::unwrap).collect();
+        let path = folder.path().join("a.parquet");
+        let mut writer = formats::native::Writer::create(&path).unwrap();
+        writer.write(&of_length(&shipped[0], 60)).unwrap();
+        writer.write(&shipped[1]).unwrap();
+        writer.write(&of_length(&shipped[2], 70)).unwrap();
+        writer.finish().unwrap();
+        let select = |future: usize, ids: &[&String]| {
+            let future = Some(FutureChoice::Steps(future));
+            let reading = Reading { paths: vec![path.clone()], future, ..Reading::default() };
+            reading.select(&ids.iter().map(|id| (*id).clone()).collect(), None)
+        };
+        let text = |selected: Result<Selected, RequestError>| match selected {
+            Ok(Selected { scenarios, skipped }) => {
+                let ids: Vec<&str> = scenarios.iter().map(|scenario| scenario.id.as_str()).collect();
+                (ids.join(" "), skipped.map(|skipped| skipped.to_string()).unwrap_or_default())
+            }
+            Err(error) => (String::new(), error.to_string()),
+        };
+        let [first, second, third] = [0, 1, 2].map(|k| &shipped[k].id);
+        let (ids, skipped) = text(select(80, &[]));
+        assert_eq!(ids, *second);
+        let expected = format!("2 skipped, the first: {}: record 0: scenario `{first}`: ", path.display());
+        assert!(skipped.starts_with(&expected), "{skipped}");
+        assert_eq!(text(select(80, &[second])), (second.clone(), String::new()));
+        let (_, refused) = text(select(80, &[second, third]));
+        assert!(refused.contains(&format!("scenario `{third}`: the number of frames")), "{refused}");
+        let (_, refused) = text(select(90, &[]));
+        assert!(refused.contains("no scenario is selected") && refused.contains("3 skipped"), "{refused}");
     }
 }

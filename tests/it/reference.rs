@@ -321,6 +321,19 @@ fn references_are_compared_in_the_metrics_that_they_have() {
 }
 
 #[test]
+fn runs_of_another_length_are_verified_with_it() {
+    let home = tempfile::tempdir().unwrap();
+    let at = |name: &str| home.path().join(name);
+    let out = at("run");
+    let run = ["run", MINI, "--models=stop", "--history=5", "--future=6s", "--out", text(&out)];
+    said(&run, 0);
+    as_if_committed(&out);
+    let reference = made(&out, &at("reference"), &["--aggregates-only"]);
+    let (table, _) = said(&["verify", text(&reference), "--scenarios", MINI], 0);
+    assert!(table.contains("equal"), "{table}");
+}
+
+#[test]
 fn sets_of_recordings_have_aggregates_only() {
     let home = tempfile::tempdir().unwrap();
     let at = |name: &str| home.path().join(name);

@@ -8,8 +8,9 @@ use reactsim::formats::rollouts::{RolloutRecord, Writer};
 use reactsim::formats::{self, Input};
 use reactsim::geometry::Vec2;
 use reactsim::metrics::Options;
+use serde_json::Value;
 
-use crate::program::{refused, said, text, words};
+use crate::program::{json_of, lines_of, refused, said, text, words};
 use crate::small_scenarios::{deviating, write};
 
 struct Fixture {
@@ -176,6 +177,31 @@ fn scored_rollouts_become_a_run_folder() {
     }
     let full = refused(&score);
     assert!(full.contains("scored") && full.contains("not empty"), "{full}");
+}
+
+#[test]
+fn rollouts_are_scored_against_logs_as_the_run_read_them() {
+    let home = tempfile::tempdir().unwrap();
+    let path = |name: &str| home.path().join(name);
+    let (logs, run, scored) = (path("logs.parquet"), path("run"), path("scored"));
+    said(&["generate", "--preset=train", "--count=2", "--future=12s", "--out", text(&logs)], 0);
+    let (length, rollouts) = (["--history=5", "--future=10s"], run.join("rollouts.parquet"));
+    let begin = ["run", text(&logs), "--av=brake:2", "--models=stop", "--keep-rollouts", "--out", text(&run)];
+    said(&[&begin[..], &length].concat(), 0);
+    let score = ["score", text(&rollouts), "--scenarios", text(&logs), "--allow=other-av"];
+    said(&[&score[..], &length, &["--out", text(&scored)]].concat(), 0);
+    let lengths = |folder: &Path| -> Vec<Value> {
+        lines_of(&folder.join("rows.jsonl")).into_iter().map(|row: Value| row["length"].clone()).collect()
+    };
+    assert_eq!(lengths(&scored), lengths(&run));
+    assert_eq!(json_of(&scored.join("provenance.json"))["inputs"][1]["future"], 100);
+    // The page reads the scenarios as well.
+    let page = path("page.html");
+    let report = ["report", text(&scored), "--format=html", "--out", text(&page), "--scenarios", text(&logs)];
+    let (_, told) = said(&report, 0);
+    assert!(!told.contains("cannot be drawn"), "{told}");
+    let wrong = refused(&["score", text(&logs), "--add-metrics=a.json", "--history=5"]);
+    assert!(wrong.contains("leave --history out"), "{wrong}");
 }
 
 #[test]

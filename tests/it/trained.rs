@@ -546,7 +546,9 @@ fn shipped_networks_are_adapted_to_logs() {
     let before = weights();
     fs::remove_dir_all(out.join("realism")).unwrap();
     refused(&adapt, "has files already");
-    refused(&[&adapt[..], &["--resume", "--seed", "1"]].concat(), "was begun with other arguments");
+    for other in ["--seed=1", "--history=5", "--future=6s"] {
+        refused(&[&adapt[..], &["--resume", other]].concat(), "was begun with other arguments");
+    }
     done(&[&adapt[..], &["--resume"]].concat());
     assert!(out.join("realism/summary.json").exists());
     assert_eq!(weights(), before);

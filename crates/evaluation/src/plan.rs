@@ -70,7 +70,7 @@ impl Deviations {
                 return Err(NoAv::Unfit(format!(
                     "the deviated AV was made for a scenario with the digest {wanted}, this one has {found} \
                      (in {}); if it was made from these files, read them with the same keys: `all-agents`, \
-                     `current-frame`",
+                     `current-frame`, `history`, `future`",
                     self.file.name
                 )));
             }

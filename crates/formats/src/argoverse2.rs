@@ -10,7 +10,7 @@ mod tracks;
 use std::path::{Path, PathBuf};
 
 use reactsim_files::name_of;
-use reactsim_scene::{EARLIER_FRAME, Scenario};
+use reactsim_scene::{EARLIER_FRAME, LATER_FRAME, Scenario};
 
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
@@ -90,6 +90,7 @@ fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Sce
     let tracks = Tracks::read(path)?;
     let unknown_types = parts::unknown_types(&tracks);
     let latest = || CURRENT_FRAME.max(before);
+    let later = current.map_or_else(|| latest() - CURRENT_FRAME, |_| 0);
     let earlier = current.map_or_else(|| latest() - parts::latest_frame(&tracks, latest(), length), |_| 0);
     let current = current.unwrap_or_else(|| latest() - earlier);
     let id = tracks.scenario_id.clone();
@@ -101,7 +102,8 @@ fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Sce
         let file = if e.field.starts_with("map.") { &map_path } else { path };
         FormatError::scene(file, 0, e)
     })?;
-    let counted = [(UNRECORDED_FRAMES, missing), (EARLIER_FRAME, earlier as u32)];
+    let counted =
+        [(UNRECORDED_FRAMES, missing), (EARLIER_FRAME, earlier as u32), (LATER_FRAME, later as u32)];
     let counted = counted.into_iter().filter(|(_, n)| *n > 0).map(|(what, n)| (what.to_owned(), n));
     scenario.repairs.extend(counted.chain(unknown_types));
     Ok(scenario)

@@ -8,8 +8,11 @@ use super::error::Cause;
 use super::format::UNRECORDED_FRAMES;
 use super::frames::LengthChoice;
 
+/// Name of the repair that counts certificates of deviated AVs that became shorter.
+const LOST_CERTIFICATE: &str = "certificates of deviated AVs, made for a longer future";
+
 /// Reduces a scenario to the chosen numbers of frames around its current frame. A deviated AV that becomes
-/// shorter loses its certificate, which was measured over all of its states.
+/// shorter loses its certificate, which was measured over all of its states; this is counted as a repair.
 ///
 /// # Errors
 /// [`Cause`] names the number of frames that the scenario has, if more are chosen.
@@ -53,7 +56,9 @@ fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
         && length.future < own.future
     {
         deviation.track.truncate(length.future);
-        deviation.certificate = None;
+        if deviation.certificate.take().is_some() {
+            scenario.repairs.insert(LOST_CERTIFICATE.to_owned(), 1);
+        }
     }
     // Frames that are not recorded are the last ones.
     if let Some(missing) = scenario.repairs.remove(UNRECORDED_FRAMES) {

@@ -94,6 +94,16 @@ impl LengthChoice {
         self.future(1)
     }
 
+    /// Returns the current frame of a recording of `recorded` frames whose default is frame `default`: that
+    /// frame, or if fewer frames than requested come before it, the first one with as many, as far as enough
+    /// follow.
+    pub(crate) fn current(self, default: usize, recorded: usize) -> usize {
+        match self.history.map(|history| history.saturating_sub(1)) {
+            Some(first) if first > default && recorded > first + self.least_future() => first,
+            _ => default,
+        }
+    }
+
     /// Returns whether frames that are not recorded are filled up: those of the benchmark.
     pub(crate) fn pads(self) -> bool {
         self.future(0) == FUTURE

@@ -91,9 +91,9 @@ fn recordings_are_cut_to_the_requested_length() {
     assert!(sketch.starts_with("{\"v\":1,\"length\":[4,155],\"agents\":["), "{}", &sketch[..60]);
     for (history, future, expected) in [
         (
-            Some(12),
-            None,
-            "current_time_index is 10, expected at least 11, so that there are as many frames before it",
+            Some(21),
+            steps(179),
+            "timestamps_seconds is 199 entries, expected 200 entries (20 s at 10 Hz) or more",
         ),
         (None, steps(189), "timestamps_seconds is 199 entries, expected 200 entries (20 s at 10 Hz) or more"),
         (Some(1), None, "history is 1, expected 2 to 100 frames"),
@@ -113,6 +113,32 @@ fn recordings_are_cut_to_the_requested_length() {
         let error = one(&path, None, future).unwrap_err();
         assert!(error.contains("timestamps_seconds is 11 entries, expected "), "{error}");
     }
+}
+
+#[test]
+fn the_first_frame_with_a_longer_history_is_taken_and_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recording(folder.path(), 199, 10);
+    let scenario = one(&path, Some(21), steps(150)).unwrap();
+    assert_eq!(scenario.length(), Length { history: 21, future: 150 });
+    assert_eq!(scenario.notes()["later-frame"].detail.as_deref(), Some("10 frames after it"));
+    let chosen = read(&path, CurrentFrames::At(20), Some(21), steps(150)).remove(0).unwrap();
+    assert_eq!((scenario.start.now(0), scenario.origin), (chosen.start.now(0), chosen.origin));
+    assert!(chosen.notes().get("later-frame").is_none());
+    // Only if the stated frame has fewer before it than requested.
+    let path = recording(folder.path(), 199, 30);
+    let stated = one(&path, Some(21), None).unwrap();
+    assert!(stated.notes().get("later-frame").is_none() && stated.origin.x == 5030.0);
+    // Without a request, the stated frame is wrong.
+    let path = recording(folder.path(), 199, 5);
+    assert_eq!(one(&path, Some(11), None).unwrap().notes()["later-frame"].count, 1);
+    let error = one(&path, None, None).unwrap_err();
+    let expected = "current_time_index is 5, expected at least 10, so that there are as many frames before \
+                    it; choose another with `current-frame` or `window-step`";
+    assert!(error.ends_with(expected), "{error}");
+    let path = recording(folder.path(), 199, 150);
+    let error = one(&path, None, None).unwrap_err();
+    assert!(error.ends_with("of 199 in the record; choose another with `current-frame` or `window-step`"));
 }
 
 #[test]
@@ -195,10 +221,12 @@ fn shorter_deviated_avs_have_no_certificate() {
     let mut cut = back.clone();
     crop(&mut cut, LengthChoice { history: Some(4), future: None }).unwrap();
     assert_eq!((cut.length().history, &cut.deviation), (4, &back.deviation));
+    assert_eq!(cut.repairs, back.repairs);
     crop(&mut cut, LengthChoice { history: None, future: steps(30) }).unwrap();
     let deviation = cut.deviation.unwrap();
     assert_eq!((deviation.track.len(), deviation.category), (30, Some(Deviation::Lateral)));
     assert_eq!(deviation.certificate, None);
+    assert_eq!(cut.repairs["certificates of deviated AVs, made for a longer future"], 1);
 }
 
 #[test]

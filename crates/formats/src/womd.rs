@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use prost::Message;
 use reactsim_files::name_of;
-use reactsim_scene::Scenario;
+use reactsim_scene::{LATER_FRAME, Scenario};
 
 use self::message::Scenario as Proto;
 use self::record::Records;
@@ -121,12 +121,12 @@ fn read_one(
     let mut proto = Proto::decode(payload)
         .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
     let id = proto.scenario_id.clone();
-    let converted = window.crop(&mut proto, length).and_then(|length| parts::parts(proto, length));
-    let (parts, missing) = converted.map_err(|cause| FormatError::record(path, record, Some(id), cause))?;
+    let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
+    let (length, later) = window.crop(&mut proto, length).map_err(refuse)?;
+    let (parts, missing) = parts::parts(proto, length).map_err(refuse)?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
-    if missing > 0 {
-        scenario.repairs.insert(UNRECORDED_FRAMES.into(), missing);
-    }
+    let counted = [(UNRECORDED_FRAMES, missing), (LATER_FRAME, later as u32)];
+    scenario.repairs.extend(counted.into_iter().filter(|(_, n)| *n > 0).map(|(what, n)| (what.into(), n)));
     Ok(scenario)
 }
 

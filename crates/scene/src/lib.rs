@@ -39,7 +39,7 @@ pub use map::{
     RoadLine, RoadMap, StopKind, StopLine, Surface,
 };
 pub use map_index::{LaneHit, MapIndex, Road};
-pub use notes::{EARLIER_FRAME, Note, Notes, note_text, unknown_type};
+pub use notes::{EARLIER_FRAME, LATER_FRAME, Note, Notes, note_text, unknown_type};
 pub use parts::{
     DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
 };

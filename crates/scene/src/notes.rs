@@ -57,15 +57,15 @@ const KINDS: &[NoteKind] = &[
     },
     NoteKind {
         id: "earlier-frame",
-        one: "the AV is not recorded for 8 s after the default current frame; an earlier one is taken",
-        many: "the AV is not recorded for 8 s after the default current frame; an earlier one is taken",
-        find: |scenario, _| {
-            let earlier = repaired(scenario, EARLIER_FRAME);
-            earlier.map(|Note { count, .. }| Note {
-                count: 1,
-                detail: Some(format!("{count} frames before it")),
-            })
-        },
+        one: "the AV is not recorded for long enough after the default current frame; an earlier one is taken",
+        many: "the AV is not recorded for long enough after the default current frame; an earlier one is taken",
+        find: |scenario, _| moved(scenario, EARLIER_FRAME, "before"),
+    },
+    NoteKind {
+        id: "later-frame",
+        one: "fewer frames than requested come before the default current frame; a later one is taken",
+        many: "fewer frames than requested come before the default current frame; a later one is taken",
+        find: |scenario, _| moved(scenario, LATER_FRAME, "after"),
     },
     NoteKind {
         id: "velocity-contradicts",
@@ -139,6 +139,8 @@ const KINDS: &[NoteKind] = &[
 const UNKNOWN_TYPE: &str = "agents of the unknown type ";
 /// Name of the repair that counts frames between the current frame and the default one.
 pub const EARLIER_FRAME: &str = "frames by which the current frame is before the default one";
+/// Name of the repair that counts frames between the default current frame and the current frame.
+pub const LATER_FRAME: &str = "frames by which the current frame is after the default one";
 
 /// Longest name of a type in a repair, characters.
 const LONGEST_TYPE: usize = 40;
@@ -155,6 +157,14 @@ fn repaired(scenario: &Scenario, name: &str) -> Option<Note> {
         scenario.repairs.iter().filter_map(|(what, n)| Some((what.strip_prefix(name)?, *n))).peekable();
     let detail = found.peek()?.0.split(',').next().filter(|rest| !rest.is_empty()).map(str::to_owned);
     Some(Note { count: found.map(|(_, n)| n).sum(), detail })
+}
+
+/// Returns the note of a current frame that is not the default one, from the repair that counts the frames
+/// between them.
+fn moved(scenario: &Scenario, name: &str, direction: &str) -> Option<Note> {
+    let frames = repaired(scenario, name)?.count;
+    let noun = if frames == 1 { "frame" } else { "frames" };
+    Some(Note { count: 1, detail: Some(format!("{frames} {noun} {direction} it")) })
 }
 
 /// Speed up to which a vehicle counts as standing, m/s.

@@ -109,6 +109,7 @@ pub(super) fn check(args: &ScoreArgs) -> anyhow::Result<&Path> {
     let [path] = args.rollouts.as_slice() else {
         bail!("give one submission or run folder with --wosac");
     };
+    args.check_not_read("realism is computed for 80 steps after the recorded frame, or as a run states")?;
     let has_reactions = !args.motion.allow.is_empty() || args.deviations.is_some();
     if !args.metric_options.is_empty() || has_reactions || !args.table.is_usual() {
         bail!(

@@ -248,6 +248,12 @@ fn check_folder(args: &AdaptArgs) -> anyhow::Result<Option<Value>> {
         "minutes": args.minutes,
         "seed": args.seed,
     });
+    if let Some(history) = args.reading.history {
+        wanted["history"] = json!(history);
+    }
+    if let Some(future) = args.reading.future {
+        wanted["future"] = json!(future);
+    }
     if let Some(filter) = &args.reading.nuplan.filter {
         wanted["filter"] = json!(filter.display().to_string());
     }

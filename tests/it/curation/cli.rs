@@ -261,7 +261,7 @@ fn deviations_of_all_agents_are_used_with_all_agents() {
     let run = ["--models", "log-replay,stop", "--deviations", text(&out)];
     let all = result(&[&["run", text(&logs), "--all-agents"], &run[..]].concat());
     let few = refused(&[&["run", text(&logs)], &run[..]].concat());
-    assert!(few.contains("read them with the same keys: `all-agents`"), "{few}");
+    assert!(few.contains("same keys: `all-agents`, `current-frame`, `history`, `future`"), "{few}");
     // A converted file keeps its agents, so that no option is needed.
     ended(&["convert", text(&logs), "--all-agents", "--out", text(&converted)], 0);
     let native = result(&[&["run", text(&converted)], &run[..]].concat());

@@ -162,6 +162,9 @@ fn the_recorded_current_frame_has_sixty_steps() {
         assert!(scenario.logged_at(0, length.frames() - 1).is_some());
         assert!(!scenario.repairs.contains_key("frames at the end that are not recorded"));
     }
+    let later = read_length(&path, Some(61), steps(40)).unwrap();
+    assert_eq!((later.length().history, later.origin.x), (61, 560.0));
+    assert_eq!(later.notes()["later-frame"].detail.as_deref(), Some("11 frames after it"));
     let error = read_length(&path, None, steps(100)).unwrap_err();
     let expected = "the number of frames after time step 49 is 60, expected 100 or more; choose an earlier \
                     current frame";

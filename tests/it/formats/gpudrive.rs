@@ -196,11 +196,17 @@ fn frames_around_the_current_one_are_read() {
         assert_eq!(scenario.logged(0)[..], usual.logged(0)[first..first + length.frames()]);
         assert_eq!(scenario.light_states(0)[..], lights[first..first + length.frames()]);
     }
+    // A longer history has the first frame with as many before it as the current one.
+    let later = read_length(&path, Some(21), Some(FutureChoice::Steps(60))).unwrap();
+    assert_eq!(later.notes()["later-frame"].detail.as_deref(), Some("10 frames after it"));
+    assert_eq!((later.light_states(0), later.start.history[0].len()), (lights[..81].to_vec(), 21));
+    let now = usual.logged_at(0, 20).unwrap();
+    assert!((later.origin - usual.origin - now.position()).norm() < 1e-9);
     let refused = |history, future| read_length(&path, history, future).unwrap_err();
     let error = refused(Some(12), None);
-    assert!(error.ends_with("history is 12, expected at most 11: files have a second of history"), "{error}");
-    let error = refused(None, Some(FutureChoice::Steps(81)));
     let expected = "objects[0].position is 91 entries, expected 92 entries (9.2 s at 10 Hz)";
+    assert!(error.ends_with(expected), "{error}");
+    let error = refused(None, Some(FutureChoice::Steps(81)));
     assert!(error.ends_with(expected), "{error}");
 }
 

@@ -345,6 +345,14 @@ fn frames_around_the_current_one_are_read() {
         assert_eq!(scenario.log_future.lights[0].len(), length.future);
         assert!(!scenario.repairs.contains_key("frames at the end that are not recorded"));
     }
+    let later = read_length(&path, Some(21), Some(FutureChoice::Steps(60))).unwrap();
+    assert_eq!(later.logged(0).len(), 81);
+    assert_eq!(later.notes()["later-frame"].detail.as_deref(), Some("10 frames after it"));
+    let error = read_length(&path, Some(31), Some(FutureChoice::Steps(61))).unwrap_err();
+    assert!(
+        error.ends_with("a frame with 30 before it, 30 to 90; choose it with `current-frame`"),
+        "{error}"
+    );
     let error = read_length(&path, None, Some(FutureChoice::Steps(81))).unwrap_err();
     assert!(error.ends_with("the number of frames after frame 10 is 80, expected 81 or more"), "{error}");
 }

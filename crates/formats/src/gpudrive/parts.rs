@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, HISTORY, Length, LightParts, LightState, LoggedAgent, ScenarioParts,
-    unknown_type,
+    Agent, AgentKind, AgentState, HISTORY, LATER_FRAME, Length, LightParts, LightState, LoggedAgent,
+    ScenarioParts, unknown_type,
 };
 
 use super::angles;
@@ -77,6 +77,9 @@ pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedS
     if !is_av_stated {
         left_out.insert(UNMARKED_AV, 1);
     }
+    if window.length.history > HISTORY {
+        left_out.insert(LATER_FRAME, (window.length.history - HISTORY) as u32);
+    }
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
         id,
@@ -105,20 +108,18 @@ struct Window {
 }
 
 impl Window {
-    /// The frames around the current one, which follows a second of history in all files.
+    /// The frames around the current one, which follows a second of history in all files; the first one with
+    /// the requested history if that is longer.
     fn of(raw: &RawScenario, choice: LengthChoice) -> Result<Self, Cause> {
         let recorded = raw.objects.first().map_or(0, |object| object.position.len());
-        let length =
-            Length { history: choice.history(), future: choice.future(recorded.saturating_sub(HISTORY)) };
-        let Some(first) = HISTORY.checked_sub(length.history) else {
-            let expected = format!("at most {HISTORY}: files have a second of history");
-            return Err(Cause::value("history", length.history, expected));
-        };
-        if length.future == 0 || recorded < HISTORY + length.future {
-            let (found, least) = (format!("{recorded} entries"), HISTORY + choice.least_future());
+        let until = HISTORY.max(choice.history());
+        let future = choice.future(recorded.saturating_sub(until));
+        let length = Length { history: choice.history(), future };
+        if length.future == 0 || recorded < until + length.future {
+            let (found, least) = (format!("{recorded} entries"), until + choice.least_future());
             return Err(Cause::value("objects[0].position", found, entries(least)));
         }
-        Ok(Self { recorded, first, length })
+        Ok(Self { recorded, first: until - length.history, length })
     }
 }
 

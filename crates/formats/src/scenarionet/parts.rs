@@ -98,14 +98,17 @@ fn window(
     let before = choice.history() - 1;
     let now = match (current, &stored) {
         (Some(current), _) => i64::try_from(current).unwrap_or(i64::MAX),
-        (None, Some(stored)) => stored.whole()?,
+        (None, Some(stored)) => {
+            let stored = stored.whole()?;
+            usize::try_from(stored).map_or(stored, |stored| choice.current(stored, length) as i64)
+        }
         (None, None) => before as i64,
     };
     let first = usize::try_from(now).ok().filter(|now| *now < length).and_then(|now| now.checked_sub(before));
     let Some(first) = first else {
         let expected = format!("a frame with {before} before it, {before} to {}", length as i64 - 1);
         return Err(match stored.filter(|_| current.is_none()) {
-            Some(stored) => stored.wrong(expected),
+            Some(stored) => stored.wrong(format!("{expected}; choose it with `current-frame`")),
             None => Cause::value("the current frame", now, expected),
         });
     };
