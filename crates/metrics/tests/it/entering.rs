@@ -134,3 +134,17 @@ fn displacements_are_of_the_steps_with_both() {
     // 2 m at 30 steps; 1 m at 60 of 61 steps.
     assert!((ade - (2.0 + 60.0 / 61.0) / 2.0).abs() < 1e-12, "{ade}");
 }
+
+#[test]
+fn pairs_that_overlap_when_the_later_one_enters_can_be_left_out() {
+    let pair = |exclude_initial_overlap: bool, y: f64| {
+        let options = Options { exclude_initial_overlap, ..Options::default() };
+        let (early, mut late) = (straight(0.0, 0.0, 10.0), straight(0.0, 1.0, 10.0));
+        at(&mut late, [ENTERS], |state| state.y = y);
+        scores(options, early, late).score("aa-collision")
+    };
+    assert_eq!(pair(false, 1.0), Some(Score::Rate { hits: 2 * 11, valid: STEPS }));
+    assert_eq!(pair(true, 1.0), Some(Score::Rate { hits: 0, valid: STEPS }));
+    // Apart at first.
+    assert_eq!(pair(true, 3.0), Some(Score::Rate { hits: 2 * 10, valid: STEPS }));
+}
