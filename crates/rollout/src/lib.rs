@@ -12,6 +12,7 @@ mod observation;
 mod running;
 mod settings;
 mod stream;
+mod track_heights;
 mod view;
 
 pub use av::{
