@@ -81,6 +81,8 @@ pub(crate) struct Coming {
     road_ends: RoadEnds,
     /// Whether each agent of the rollout has left.
     left: Vec<bool>,
+    /// Number of agents that left where the log loses them.
+    pub(crate) left_as_logged: usize,
     /// Number of agents that left past the end of a road.
     pub(crate) past_road_end: usize,
     /// Heights of all agents.
@@ -93,6 +95,8 @@ pub(crate) struct Coming {
 struct Waiting {
     logged: usize,
     first: usize,
+    /// Whether too many agents were present when it was last to enter.
+    is_over_limit: bool,
 }
 
 impl Coming {
@@ -103,7 +107,7 @@ impl Coming {
         let enters = |(logged, LoggedAgent { agent, track, .. }): (usize, &LoggedAgent)| {
             let is_new = agent.kind != AgentKind::Other && agent.has_extent() && track[current].is_none();
             let first = (current + 1..track.len()).find(|f| track[*f].is_some())?;
-            is_new.then_some(Waiting { logged, first })
+            is_new.then_some(Waiting { logged, first, is_over_limit: false })
         };
         let mut waiting: Vec<Waiting> = scenario.unselected.iter().enumerate().filter_map(enters).collect();
         waiting.sort_by_key(|agent| agent.first);
@@ -116,16 +120,18 @@ impl Coming {
             lost,
             road_ends: RoadEnds::new(&scenario.start),
             left,
+            left_as_logged: 0,
             past_road_end: 0,
             heights: Mutex::default(),
             events: 0,
         }
     }
 
-    /// Returns the number of agents that still wait for their place, although the log has shown them up to a
-    /// frame.
-    pub(crate) fn kept_out(&self, frame: usize) -> usize {
-        self.waiting.iter().filter(|agent| agent.first <= frame).count()
+    /// Returns the number of agents that still wait at a frame, although the log has shown them: for their
+    /// place, or because too many are present.
+    pub(crate) fn kept_out(&self, frame: usize, is_over_limit: bool) -> usize {
+        let due = self.waiting.iter().take_while(|agent| agent.first <= frame);
+        due.filter(|agent| agent.is_over_limit == is_over_limit).count()
     }
 
     /// Lets agents enter at the latest realised frame, those nearest to the AV first, and adds their tracks.
@@ -156,15 +162,17 @@ impl Coming {
         }
         let mut admitted = Vec::new();
         for (_, i, state) in due {
-            let Waiting { logged, first } = self.waiting[i];
+            let Waiting { logged, first, .. } = self.waiting[i];
             let LoggedAgent { agent, track, .. } = &scenario.unselected[logged];
             let own = state.footprint(agent);
             let recorded = first_height(&scenario.unselected[logged], first);
             let height = road.ground_height(state.position(), recorded);
+            let is_over_limit = present.len() >= MAX_PRESENT;
             let is_in_place = |(other, z): &(OrientedBox, f64)| {
                 other.signed_distance(&own) <= 0.0 && !road.is_apart((other.center, *z), (own.center, height))
             };
-            if waits && (present.len() >= MAX_PRESENT || present.iter().any(is_in_place)) {
+            if waits && (is_over_limit || present.iter().any(is_in_place)) {
+                self.waiting[i].is_over_limit = is_over_limit;
                 continue;
             }
             present.push((own, height));
@@ -212,6 +220,7 @@ impl Coming {
             let is_lost = self.lost[slot].is_some_and(|(last, far)| frame >= last && distance >= far);
             let is_past = distance >= OBSERVED_DISTANCE && self.road_ends.reaches(agent, state);
             self.left[slot] = is_lost || is_past;
+            self.left_as_logged += usize::from(is_lost);
             self.past_road_end += usize::from(is_past && !is_lost);
             self.events += usize::from(self.left[slot]);
         }

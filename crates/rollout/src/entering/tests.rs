@@ -8,8 +8,8 @@ use reactsim_scene::{
 
 use super::{Entered, Entering, MAX_PRESENT, TrackHeights};
 use crate::{
-    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LogAv, PAST_ROAD_END, PlanError, Planning, Request, Rollout,
-    Settings, SingleEpisode, Stream, roll_out,
+    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LEFT, LogAv, OVER_LIMIT, PAST_ROAD_END, PlanError, Planning,
+    Request, Rollout, Settings, SingleEpisode, Stream, roll_out,
 };
 
 /// Steps of the scenarios here.
@@ -145,6 +145,7 @@ fn an_agent_waits_until_its_place_is_free() {
     assert_eq!((frame, waited), (31, 11));
     assert!((x(&done.tracks[2], 31).unwrap() - 10.0).abs() < 1e-9);
     assert_eq!((done.outcomes[ENTERED], done.outcomes[ENTERED_LATE], done.outcomes[KEPT_OUT]), (1, 1, 1));
+    assert!(!done.outcomes.contains_key(OVER_LIMIT));
 }
 
 #[test]
@@ -207,6 +208,7 @@ fn an_agent_leaves_where_the_log_loses_it_far_away() {
     let slot = |id: &str| made.start.agents.iter().position(|agent| agent.id == id).unwrap();
     let last = |slot: usize| (0..frames).rev().find(|f| done.tracks[slot][*f].is_some());
     assert_eq!((last(slot("far")), last(slot("near"))), (Some(30), Some(frames - 1)));
+    assert_eq!(done.outcomes, [(LEFT, 1)].into());
 }
 
 #[test]
@@ -233,7 +235,8 @@ fn no_more_agents_enter_than_can_be_present() {
     };
     let made = scenario(HISTORY, &(0..MAX_PRESENT + 20).map(later).collect::<Vec<_>>());
     let done = run(&made, Entering::Log, &keep());
-    assert_eq!((done.tracks.len(), done.outcomes[KEPT_OUT]), (MAX_PRESENT, 21));
+    assert_eq!(done.tracks.len(), MAX_PRESENT);
+    assert_eq!(done.outcomes, [(ENTERED, MAX_PRESENT as u64 - 1), (OVER_LIMIT, 21)].into());
 }
 
 /// Returns a vehicle that creeps across the end of a road.
