@@ -6,7 +6,7 @@ use clap::{Subcommand, ValueEnum};
 use super::{Design, SharedArgs};
 use crate::evaluation::{AvChoice, AvDriver, Axis, PlannedAv, Source, StudyKind, are_deviated};
 use crate::planning::tracking::Controller;
-use crate::rollout::{Protocol, Replan};
+use crate::rollout::{Entering, Protocol, Replan};
 
 const REPLAN: &str = "\
 Without --models, oracles are left out: their motion does not depend on the replan interval.";
@@ -164,6 +164,10 @@ impl NamedStudy {
                 let external = external.map(|(name, _)| format!("external:{name}"));
                 let mut avs = planned(planners, external, *tracker, *plan_every)?;
                 avs.extend(are_deviated(sources).then_some(AvChoice::Deviated));
+                // Whatever drives the AV, the same agents enter.
+                if !subject.input.is_shipped() {
+                    rollout.entering.get_or_insert(Entering::Log);
+                }
                 design.axes.push(Axis::new("av", avs));
                 design.spec.keep_rollouts = Some(true);
             }
