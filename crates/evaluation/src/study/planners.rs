@@ -150,14 +150,13 @@ impl PlannerRanks {
         let planned: Vec<(&str, &FinishedRun)> =
             members.iter().filter_map(|(m, run)| Some((m.planner.as_deref()?, run))).collect();
         let fixed = members.iter().find(|(member, _)| member.planner.is_none()).map(|(_, run)| run);
-        let Some((_, first)) = planned.first() else { return Err(EvaluationError::NothingInCommon) };
+        let nothing = || EvaluationError::NothingInCommon { lengths: String::new() };
+        let (_, first) = planned.first().ok_or_else(nothing)?;
         let ids = &first.tally().simulators;
         let found = SCORES.map(|score| Common::of(score, &planned, ids));
         // On ties the complete score.
         let common = found.into_iter().rev().max_by_key(|common| common.scenarios.len());
-        let Some(common) = common.filter(|common| !common.scenarios.is_empty()) else {
-            return Err(EvaluationError::NothingInCommon);
-        };
+        let common = common.filter(|common| !common.scenarios.is_empty()).ok_or_else(nothing)?;
         let means = common.means(&(0..common.scenarios.len()).collect::<Vec<_>>());
         let hits: Vec<Vec<BTreeMap<&str, bool>>> = planned
             .iter()
