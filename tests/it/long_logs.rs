@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use serde_json::Value;
 
@@ -65,6 +66,18 @@ fn a_run_with_agents_that_enter_can_be_repeated_and_merged() {
     said(&["run", text(&logs), options[0], options[1], "--out", text(&off)], 0);
     let refusal = refused(&["compare", text(&first), text(&off)]);
     assert!(refusal.contains("entering"), "{refusal}");
+
+    // Tables say why their rows cannot be compared.
+    let short = path("short");
+    said(&["run", "--limit=1", options[0], options[1], "--out", text(&short)], 0);
+    let reported = |other: &Path| said(&["report", text(&first), text(other), "--format=markdown"], 0).0;
+    let cannot = "Rows of different runs cannot be compared: they differ in";
+    let (same, coming, length) = (reported(&again), reported(&off), reported(&short));
+    assert!(!same.contains(cannot), "{same}");
+    assert!(coming.contains(&format!("{cannot} entering.")), "{coming}");
+    assert!(coming.contains("AV brake:2, entering log, replan"), "{coming}");
+    let expected = format!("{cannot} length (12 s (120 steps), 8 s (80 steps)), entering.");
+    assert!(length.contains(&expected), "{length}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use reactsim::evaluation::{
 };
 use reactsim::metrics::Score;
 
-use crate::program::said;
+use crate::program::{MINI, json_of, said, text};
 use crate::small_scenarios;
 
 /// Ids of the metrics of the AV.
@@ -214,6 +214,15 @@ fn planners_are_studied_under_several_simulators() {
         let paired = &found["metrics"]["av-score"];
         assert_eq!(pair["differences"][i]["mean"], paired["difference"]["mean"], "{simulator}");
         assert_eq!(pair["differences"][i]["p"], paired["p"], "{simulator}");
+    }
+
+    // On logs, agents enter whatever drives the AV.
+    let of_logs = home.path().join("logs");
+    let on_logs = ["study", "planners", MINI, "--limit=1", "--models=log-replay", "--planners=idm", "--out"];
+    said(&[&on_logs[..], &[text(&of_logs)]].concat(), 0);
+    for member in ["log", "idm", "deviated"] {
+        let settings = &json_of(&of_logs.join(member).join("provenance.json"))["settings"];
+        assert_eq!(settings["entering"], "log", "{member}");
     }
 
     let refused = |more: &[&str]| said(&[&study[..6], more, &["--out", "never"]].concat(), 2).1;

@@ -103,8 +103,11 @@ pub enum EvaluationError {
         simulator: String,
     },
     /// Two runs have no scenario in common.
-    #[error("the runs have no scenario in common for which both have a result")]
-    NothingInCommon,
+    #[error("the runs have no scenario in common for which both have a result{lengths}")]
+    NothingInCommon {
+        /// The lengths of their scenarios, if they differ; else empty.
+        lengths: String,
+    },
     /// The backend of a network does not work on this machine.
     #[error(transparent)]
     Backend(#[from] BackendError),

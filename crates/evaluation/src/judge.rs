@@ -82,6 +82,7 @@ pub(super) fn judge(
             None => (None, BTreeMap::new()),
         };
         let case = Case::of_rollout(scene, &rollout.tracks, options).with_certificate(certificate);
+        let case = case.with_leaving(rollout.entering == Entering::Log);
         let case = last_case.insert(case.with_av_scores(av_scores));
         let scores = metrics.score_case(case);
         let own = scores.values.into_iter().filter(|(spec, _)| is_own(spec.scope));
@@ -138,4 +139,73 @@ fn deviation(stats: &DeviationStats) -> BTreeMap<String, f64> {
     let defined =
         all.into_iter().filter_map(|(name, v)| Some((name.to_owned(), v.filter(|v| v.is_finite())?)));
     defined.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_geometry::Vec2;
+    use reactsim_rollout::Entered;
+    use reactsim_scene::{
+        Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, LoggedAgent, ScenarioParts,
+    };
+
+    use super::*;
+
+    fn straight(y: f64, speed: f64) -> Vec<Frame> {
+        let x = |f: usize| speed * DT * (f as f64 - CURRENT as f64);
+        (0..FRAMES).map(|f| Some(AgentState { x: x(f), y, heading: 0.0, vx: speed, vy: 0.0 })).collect()
+    }
+
+    /// `car` leaves 1 s after the current frame, 1 m beside its log, and `late` enters there, 3 m beside its own.
+    #[test]
+    fn agents_that_come_and_go_are_judged_while_they_are_there() {
+        let now = CURRENT + 10;
+        let agent = |id: &str, track: Vec<Frame>| LoggedAgent {
+            agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
+            track,
+            heights: Vec::new(),
+        };
+        let from_now = |mut track: Vec<Frame>| {
+            track[..now].fill(None);
+            track
+        };
+        let parts = ScenarioParts {
+            id: "made".into(),
+            origin: Some(Vec2::zeros()),
+            agents: vec![
+                agent("av", straight(0.0, 0.0)),
+                agent("car", straight(20.0, 10.0)),
+                agent("late", from_now(straight(40.0, 10.0))),
+            ],
+            ..ScenarioParts::default()
+        };
+        let scenario = Scenario::assemble(parts).unwrap();
+        let mut car = straight(21.0, 10.0);
+        car[CURRENT] = straight(20.0, 10.0)[CURRENT];
+        car[now + 1..].fill(None);
+        let judged = |entering: Entering| {
+            let mut rollout = Rollout {
+                tracks: vec![straight(0.0, 0.0), car.clone()],
+                entering,
+                entered: Vec::new(),
+                outcomes: BTreeMap::new(),
+            };
+            if entering == Entering::Log {
+                rollout.entered.push(Entered { logged: 0, frame: now, waited: 0 });
+                rollout.tracks.push(from_now(straight(43.0, 10.0)));
+            }
+            let metrics = (&Metrics::default(), Options::default());
+            let found = judge(&scenario, None, &[rollout], metrics, false);
+            let of = |values: &BTreeMap<String, Option<Score>>, id: &str| values[id].and_then(Score::value);
+            let own = &found.rollouts[0].metrics;
+            (of(own, "ade"), of(&found.over_all, "min-ade"), of(own, "progress").unwrap())
+        };
+        let (ade, min_ade, progress) = judged(Entering::Log);
+        assert_eq!((ade, min_ade), (Some(2.0), Some(1.0)));
+        assert!(progress >= 1.0, "{progress}");
+        // Without agents that leave, it has vanished.
+        let (ade, min_ade, progress) = judged(Entering::Off);
+        assert_eq!((ade, min_ade), (Some(1.0), Some(1.0)));
+        assert!(progress < 0.2, "{progress}");
+    }
 }

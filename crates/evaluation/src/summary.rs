@@ -143,9 +143,17 @@ impl SummaryProvenance {
     pub fn duration(&self) -> Option<String> {
         duration(&self.lengths)
     }
+
+    /// As [`Self::duration`], also for the length of the benchmark.
+    pub fn stated_duration(&self) -> String {
+        let RowLength { history, steps } = RowLength::BENCHMARK;
+        let benchmark = [LengthSummary { history, steps, scenarios: self.scenarios }];
+        self.duration().or_else(|| duration(&benchmark)).unwrap_or_default()
+    }
 }
 
-fn duration(lengths: &[LengthSummary]) -> Option<String> {
+/// Returns the duration of scenarios of these lengths; `None` without any.
+pub(crate) fn duration(lengths: &[LengthSummary]) -> Option<String> {
     let range = |of: fn(&LengthSummary) -> usize| {
         let all = || lengths.iter().map(of);
         all().min().zip(all().max())

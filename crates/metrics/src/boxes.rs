@@ -30,10 +30,14 @@ pub(super) fn overlapping_frames(
     motion.close_frames(a, b, first).filter(touches)
 }
 
-/// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the current
-/// frame and the options exclude such pairs.
+/// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the first frame
+/// of the one that appears later and the options exclude such pairs.
 pub(super) fn excluded(case: &Case<'_>, a: usize, b: usize) -> bool {
-    case.options.exclude_initial_overlap && overlap(case, a, b, case.current, case.options.corner_rounding)
+    case.options.exclude_initial_overlap
+        && case
+            .first_frame(a)
+            .max(case.first_frame(b))
+            .is_some_and(|first| overlap(case, a, b, first, case.options.corner_rounding))
 }
 
 /// Overlaps with the AV, per object × frame.

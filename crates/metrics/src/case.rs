@@ -36,6 +36,8 @@ pub struct Case<'a> {
     pub certificate: Option<&'a Certificate>,
     /// Closed-loop scores of the AV; `None` if it is not judged.
     pub av_scores: Option<&'a AvScores>,
+    /// Whether agents leave where they drive out of sight.
+    may_leave: bool,
     /// Heights of the logged states from the current frame on, per object, metres; empty in scenarios of one
     /// level.
     log_heights: Vec<Vec<f64>>,
@@ -78,6 +80,7 @@ impl<'a> Case<'a> {
             rollouts: Vec::new(),
             certificate: None,
             av_scores: None,
+            may_leave: false,
             log_heights: Vec::new(),
             motion,
             cache: Cache::default(),
@@ -191,6 +194,14 @@ impl<'a> Case<'a> {
         self
     }
 
+    /// States whether agents may leave: the paths of those that do are compared up to their last step. Without
+    /// it, agents that vanish have driven too little.
+    pub fn with_leaving(mut self, may_leave: bool) -> Self {
+        self.may_leave = may_leave;
+        self.cache = Cache::default();
+        self
+    }
+
     /// Returns positions, boxes and velocities of all objects.
     pub fn motion(&self) -> &Motion {
         &self.motion
@@ -209,6 +220,16 @@ impl<'a> Case<'a> {
     /// Returns the scored frames: those after the current one. The step of frame `f` is `f - current`.
     pub fn future(&self) -> std::ops::Range<usize> {
         self.current + 1..self.frames()
+    }
+
+    /// Returns the scored frames over which the path of an object is compared with others.
+    pub(super) fn path_frames(&self, object: usize) -> std::ops::Range<usize> {
+        let future = self.future();
+        if !self.may_leave {
+            return future;
+        }
+        let last = future.clone().rev().find(|&f| self.motion.valid(object, f));
+        future.start..last.map_or(future.start, |last| last + 1)
     }
 
     /// Returns whether an object takes part: it is valid at the current frame and its box has a positive

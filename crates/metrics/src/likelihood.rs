@@ -2,11 +2,11 @@
 //! 2025).
 
 use reactsim_geometry::{math, wrap};
-use reactsim_scene::{DT, Frame};
+use reactsim_scene::{DT, FUTURE, Frame};
 
 use super::{Case, Judgement, LoggedTrack, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
-/// Likelihoods of one scenario, each in (0, 1]; `None` if no logged sample is valid.
+/// Likelihoods of one scenario of 80 steps, each in (0, 1]; `None` if no logged sample is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KinematicLikelihood {
     /// Likelihood of the speed.
@@ -143,6 +143,13 @@ fn push_history(series: &mut Series, log: &LoggedTrack<'_>, frames: usize) {
     }
 }
 
+/// Returns whether the feature `k` needs a frame that is absent at a step. Accelerations are differences of
+/// differences.
+fn needs_absent(is_absent: &[bool], k: usize, step: usize) -> bool {
+    let needed: &[isize] = if k % 2 == 0 { &[-1, 1] } else { &[-2, 0, 2] };
+    needed.iter().any(|&by| step.checked_add_signed(by).and_then(|at| is_absent.get(at)) == Some(&true))
+}
+
 /// Returns the validity of central differences: a frame is valid if both neighbours are; the ends are not.
 fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
     (0..valid.len()).map(|k| k > 0 && k + 1 < valid.len() && valid[k - 1] && valid[k + 1]).collect()
@@ -156,13 +163,14 @@ impl Judgement for CaseLikelihood {
     }
 }
 
-/// Returns the likelihoods of the case's log under its rollouts; `None` without a log or without rollouts.
+/// Returns the likelihoods of the case's log under its rollouts; `None` without a log, without rollouts, or if
+/// it has another number of steps than the challenge.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
     case.judgement::<CaseLikelihood>().0
 }
 
 fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
-    let log = case.log.as_ref().filter(|_| !case.rollouts.is_empty())?;
+    let log = case.log.as_ref().filter(|_| !case.rollouts.is_empty() && case.future().len() == FUTURE)?;
     let histograms = FEATURES.each_ref().map(Histogram::new);
     let first = case.current + 1;
     let (mut logged, mut rolled) = (Series::default(), Series::default());
@@ -182,9 +190,13 @@ fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
                 rolled.push(pose(rollout[i].get(f - first).copied().flatten()));
             }
             rolled.differentiate(first);
+            let is_absent: Vec<bool> = rolled.x[first..].iter().map(|x| x.is_nan()).collect();
+            let is_complete = !is_absent.contains(&true);
             for (k, histogram) in histograms.iter().enumerate() {
-                for &value in &rolled.features[k][first..] {
-                    counts[k][histogram.bin(value)] += 1;
+                for (step, &value) in rolled.features[k][first..].iter().enumerate() {
+                    if is_complete || !needs_absent(&is_absent, k, step) {
+                        counts[k][histogram.bin(value)] += 1;
+                    }
                 }
             }
         }

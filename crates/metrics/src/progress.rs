@@ -42,13 +42,16 @@ fn score(case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
     (n > 0).then_some(Score::Mean { sum, n })
 }
 
-/// Returns the length of the logged path from now on, metres, if the vehicle moves in the log and its logged
-/// boxes keep clear of the AV.
+/// Returns the length of the logged path from now on, metres, if the vehicle is in the log to its end, moves
+/// there and its logged boxes keep clear of the AV. The path of a vehicle that leaves ends at its last step.
 pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) -> Option<f64> {
+    if !case.future().all(|f| log.at(f).is_some()) {
+        return None;
+    }
     let (mut path, mut farthest) = (0.0, 0.0_f64);
     let first = log.at(case.current)?.position();
     let mut last = first;
-    for f in case.future() {
+    for f in case.path_frames(agent) {
         let p = log.at(f)?.position();
         path += (p - last).norm();
         farthest = farthest.max((p - first).norm());
@@ -64,7 +67,7 @@ pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) ->
             ) >= CLEARANCE
             || case.log_is_apart(agent, f, state.position())
     };
-    (farthest >= MIN_DISPLACEMENT && case.future().all(clear)).then_some(path)
+    (farthest >= MIN_DISPLACEMENT && case.path_frames(agent).all(clear)).then_some(path)
 }
 
 fn length(mut positions: impl Iterator<Item = Vec2>) -> f64 {

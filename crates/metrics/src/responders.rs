@@ -67,7 +67,7 @@ pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
 /// current frame, or the AV.
 fn responder(case: &Case<'_>, response: &Response) -> Option<Responder> {
     let agent = case.agents().find(|&i| case.objects[i].agent.id == response.agent)?;
-    let steps = case.future().len().min(response.track.len().saturating_sub(1));
+    let steps = case.path_frames(agent).len().min(response.track.len().saturating_sub(1));
     let track = response.track.get(..=steps)?;
     let logged = case.motion.speed[case.motion.at(agent, case.current)];
     // The response begins with the state at the current frame, whose velocity comes from the case as in all

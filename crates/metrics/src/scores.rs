@@ -71,7 +71,7 @@ pub struct Scores {
     pub deviation: Option<DeviationStats>,
     /// All displacement statistics; `None` without a log.
     pub displacement: Option<Displacement>,
-    /// Kinematic likelihood by feature; `None` without a log and rollouts.
+    /// Kinematic likelihood by feature; `None` without a log and rollouts of 80 steps.
     pub likelihood: Option<KinematicLikelihood>,
     /// Method by which lanes were assigned (`Auto` resolved).
     pub dir_tracking: DirTracking,
@@ -102,7 +102,7 @@ pub struct RolloutScores {
     pub values: Vec<(&'static MetricSpec, Option<Score>)>,
     /// Displacement over all rollouts; `None` if no agent has a logged step.
     pub displacement: Option<Displacement>,
-    /// Kinematic likelihood by feature.
+    /// Kinematic likelihood by feature; `None` without a log of 80 steps.
     pub likelihood: Option<KinematicLikelihood>,
 }
 

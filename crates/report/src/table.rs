@@ -224,10 +224,37 @@ fn lines_of<'a>(runs: &'a [super::Run<'a>], is_shown: fn(&super::Run<'a>) -> boo
     shown.flat_map(of).collect()
 }
 
-/// Returns the provenance of every run, behind its name if there are several.
+/// Returns the provenance of every run, behind its name if there are several, and before that why they cannot
+/// be compared.
 pub(super) fn provenances(runs: &[super::Run<'_>]) -> Vec<String> {
     let name = |run: &super::Run<'_>| if runs.len() > 1 { format!("{}: ", run.name) } else { String::new() };
-    runs.iter().map(|run| format!("{}{}", name(run), provenance(run))).collect()
+    let own = runs.iter().map(|run| format!("{}{}", name(run), provenance(run)));
+    incomparable(runs).into_iter().chain(own).collect()
+}
+
+/// Returns in what runs differ whose rows cannot be compared; `None` if all are of one group ([`groups`]).
+fn incomparable(runs: &[super::Run<'_>]) -> Option<String> {
+    let mut differences: Vec<String> = Vec::new();
+    let first = &runs.first()?.summary.provenance;
+    for (run, _) in runs.iter().zip(groups(runs)).filter(|(_, group)| *group > 0) {
+        let other = &run.summary.provenance;
+        let lengths = [first.stated_duration(), other.stated_duration()];
+        let scenarios = if lengths[0] != lengths[1] {
+            Some(format!("length ({})", lengths.join(", ")))
+        } else {
+            (first.scenarios_blake3 != other.scenarios_blake3).then(|| "scenarios".to_owned())
+        };
+        let conditions = Condition::differences(&first.run, &other.run);
+        let conditions = conditions.into_iter().map(|difference| difference.condition.name().to_owned());
+        for difference in scenarios.into_iter().chain(conditions) {
+            if !differences.contains(&difference) {
+                differences.push(difference);
+            }
+        }
+    }
+    let text =
+        || format!("Rows of different runs cannot be compared: they differ in {}", differences.join(", "));
+    (!differences.is_empty()).then(text)
 }
 
 /// Returns the text of [`unequal`] for the tables of runs with these columns, and for that of the AV: over all
@@ -447,6 +474,7 @@ pub(super) fn protocol(s: &SettingsRecord, parts: &mut Vec<String>) {
             parts.push("AV lookahead 0".to_owned());
         }
     }
+    parts.extend(s.entering.iter().map(|entering| format!("entering {entering}")));
     parts.push(format!("replan every {}", count(s.replan_steps, "step")));
     parts.push(count(s.rollouts as usize, "rollout"));
     parts.push(format!("seed {}", s.seed));

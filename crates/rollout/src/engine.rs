@@ -99,11 +99,19 @@ const PLANNED_AGAIN: &str = "planned-again";
 /// Outcome of an agent that entered.
 pub const ENTERED: &str = "agents-entered";
 
-/// Outcome of an agent that entered later than in the log, because another stood in its place.
+/// Outcome of an agent that entered later than in the log, because another stood in its place or too many were
+/// present.
 pub const ENTERED_LATE: &str = "agents-entered-late";
 
 /// Outcome of an agent that the log shows, but whose place was never free.
 pub const KEPT_OUT: &str = "agents-kept-out";
+
+/// Outcome of an agent that the log shows, but that could not enter while [`MAX_PRESENT`](super::MAX_PRESENT)
+/// agents were present.
+pub const OVER_LIMIT: &str = "agents-over-limit";
+
+/// Outcome of an agent that left where the log loses it, outside of the observed area.
+pub const LEFT: &str = "agents-left";
 
 /// Outcome of an agent that left the map past the end of a road, where the log's agents vanish.
 pub const PAST_ROAD_END: &str = "agents-past-road-end";

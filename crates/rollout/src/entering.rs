@@ -4,10 +4,12 @@ mod road_ends;
 
 use std::fmt;
 use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
 
 use reactsim_geometry::OrientedBox;
 use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario, named_enum};
 
+use super::track_heights::TrackHeights;
 use road_ends::RoadEnds;
 
 named_enum! {
@@ -57,6 +59,17 @@ pub struct Entered {
     pub waited: usize,
 }
 
+impl Entered {
+    /// Returns the height at which the log first shows the agent, metres; NaN if unknown.
+    pub(crate) fn first_height(&self, scenario: &Scenario) -> f64 {
+        first_height(&scenario.unselected[self.logged], self.frame - self.waited)
+    }
+}
+
+fn first_height(logged: &LoggedAgent, first: usize) -> f64 {
+    logged.heights.get(first).copied().flatten().unwrap_or(f64::NAN)
+}
+
 /// The agents of a rollout that come and go.
 pub(crate) struct Coming {
     /// Agents that have not entered, by the frame of their first state.
@@ -68,8 +81,12 @@ pub(crate) struct Coming {
     road_ends: RoadEnds,
     /// Whether each agent of the rollout has left.
     left: Vec<bool>,
+    /// Number of agents that left where the log loses them.
+    pub(crate) left_as_logged: usize,
     /// Number of agents that left past the end of a road.
     pub(crate) past_road_end: usize,
+    /// Heights of all agents.
+    pub(crate) heights: Mutex<TrackHeights>,
     /// Number of agents that entered or left so far.
     pub(crate) events: usize,
 }
@@ -78,6 +95,8 @@ pub(crate) struct Coming {
 struct Waiting {
     logged: usize,
     first: usize,
+    /// Whether too many agents were present when it was last to enter.
+    is_over_limit: bool,
 }
 
 impl Coming {
@@ -88,7 +107,7 @@ impl Coming {
         let enters = |(logged, LoggedAgent { agent, track, .. }): (usize, &LoggedAgent)| {
             let is_new = agent.kind != AgentKind::Other && agent.has_extent() && track[current].is_none();
             let first = (current + 1..track.len()).find(|f| track[*f].is_some())?;
-            is_new.then_some(Waiting { logged, first })
+            is_new.then_some(Waiting { logged, first, is_over_limit: false })
         };
         let mut waiting: Vec<Waiting> = scenario.unselected.iter().enumerate().filter_map(enters).collect();
         waiting.sort_by_key(|agent| agent.first);
@@ -101,15 +120,18 @@ impl Coming {
             lost,
             road_ends: RoadEnds::new(&scenario.start),
             left,
+            left_as_logged: 0,
             past_road_end: 0,
+            heights: Mutex::default(),
             events: 0,
         }
     }
 
-    /// Returns the number of agents that still wait for their place, although the log has shown them up to a
-    /// frame.
-    pub(crate) fn kept_out(&self, frame: usize) -> usize {
-        self.waiting.iter().filter(|agent| agent.first <= frame).count()
+    /// Returns the number of agents that still wait at a frame, although the log has shown them: for their
+    /// place, or because too many are present.
+    pub(crate) fn kept_out(&self, frame: usize, is_over_limit: bool) -> usize {
+        let due = self.waiting.iter().take_while(|agent| agent.first <= frame);
+        due.filter(|agent| agent.is_over_limit == is_over_limit).count()
     }
 
     /// Lets agents enter at the latest realised frame, those nearest to the AV first, and adds their tracks.
@@ -129,27 +151,36 @@ impl Coming {
         }
         due.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let agents: Vec<&Agent> = self.agents(scenario).collect();
-        let mut boxes: Vec<OrientedBox> = Vec::new();
-        for (track, agent) in tracks.iter().zip(agents) {
-            boxes.extend(track[frame].map(|state| state.footprint(agent)));
+        let heights = self.heights.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let road = scenario.start.road();
+        let mut present: Vec<(OrientedBox, f64)> = Vec::new();
+        for (slot, (track, agent)) in tracks.iter().zip(agents).enumerate() {
+            let Some(state) = track[frame] else { continue };
+            let mut known = || heights.along(scenario, &self.entered, slot, track).last().copied().flatten();
+            let height = if scenario.start.has_levels() { known() } else { None };
+            present.push((state.footprint(agent), height.unwrap_or(f64::NAN)));
         }
         let mut admitted = Vec::new();
         for (_, i, state) in due {
-            let LoggedAgent { agent, track, .. } = &scenario.unselected[self.waiting[i].logged];
+            let Waiting { logged, first, .. } = self.waiting[i];
+            let LoggedAgent { agent, track, .. } = &scenario.unselected[logged];
             let own = state.footprint(agent);
-            if waits
-                && (boxes.len() >= MAX_PRESENT
-                    || boxes.iter().any(|other| other.signed_distance(&own) <= 0.0))
-            {
+            let recorded = first_height(&scenario.unselected[logged], first);
+            let height = road.ground_height(state.position(), recorded);
+            let is_over_limit = present.len() >= MAX_PRESENT;
+            let is_in_place = |(other, z): &(OrientedBox, f64)| {
+                other.signed_distance(&own) <= 0.0 && !road.is_apart((other.center, *z), (own.center, height))
+            };
+            if waits && (is_over_limit || present.iter().any(is_in_place)) {
+                self.waiting[i].is_over_limit = is_over_limit;
                 continue;
             }
-            boxes.push(own);
+            present.push((own, height));
             let mut states: Vec<Frame> = track[..=scenario.start.current()].to_vec();
             states.resize(frame, None);
             states.push(Some(state));
             tracks.push(states);
             admitted.push(i);
-            let Waiting { logged, first } = self.waiting[i];
             self.entered.push(Entered { logged, frame, waited: frame - first });
             self.lost.push(lost(scenario, |f| track.get(f).copied().flatten()));
             self.left.push(false);
@@ -189,6 +220,7 @@ impl Coming {
             let is_lost = self.lost[slot].is_some_and(|(last, far)| frame >= last && distance >= far);
             let is_past = distance >= OBSERVED_DISTANCE && self.road_ends.reaches(agent, state);
             self.left[slot] = is_lost || is_past;
+            self.left_as_logged += usize::from(is_lost);
             self.past_road_end += usize::from(is_past && !is_lost);
             self.events += usize::from(self.left[slot]);
         }

@@ -12,6 +12,7 @@ mod observation;
 mod running;
 mod settings;
 mod stream;
+mod track_heights;
 mod view;
 
 pub use av::{
@@ -19,8 +20,8 @@ pub use av::{
     ScriptedAv, SimulatedAv,
 };
 pub use engine::{
-    ENTERED, ENTERED_LATE, KEPT_OUT, Lockstep, PAST_ROAD_END, PLANNED_ALONE, Request, Rollout,
-    RolloutBeginning, RolloutError, roll_out, roll_out_while,
+    ENTERED, ENTERED_LATE, KEPT_OUT, LEFT, Lockstep, OVER_LIMIT, PAST_ROAD_END, PLANNED_ALONE, Request,
+    Rollout, RolloutBeginning, RolloutError, roll_out, roll_out_while,
 };
 pub use entering::{Entered, Entering, MAX_PRESENT, OBSERVED_DISTANCE};
 pub use episode::{

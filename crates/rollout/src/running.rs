@@ -8,7 +8,7 @@ use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{AgentState, DT, Frame, LightState, Scenario};
 
 use super::engine::{
-    ENTERED, ENTERED_LATE, KEPT_OUT, PAST_ROAD_END, Rollout, RolloutBeginning, RolloutError,
+    ENTERED, ENTERED_LATE, KEPT_OUT, LEFT, OVER_LIMIT, PAST_ROAD_END, Rollout, RolloutBeginning, RolloutError,
 };
 use super::entering::{Coming, Entering};
 use super::episode::{Beginning, Controller, Episode, Identity, JointPlan, Memory, PlanError, Simulator};
@@ -299,10 +299,13 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         let (mut entered, is_on) = (Vec::new(), self.coming.is_some());
         if let Some(coming) = self.coming {
             let late = coming.entered.iter().filter(|agent| agent.waited > 0).count();
+            let last = self.tracks[0].len() - 1;
             let counts = [
                 (ENTERED, coming.entered.len()),
                 (ENTERED_LATE, late),
-                (KEPT_OUT, coming.kept_out(self.tracks[0].len() - 1)),
+                (KEPT_OUT, coming.kept_out(last, false)),
+                (OVER_LIMIT, coming.kept_out(last, true)),
+                (LEFT, coming.left_as_logged),
                 (PAST_ROAD_END, coming.past_road_end),
             ];
             let counts = counts.into_iter().filter(|(_, count)| *count > 0);

@@ -1,13 +1,14 @@
 //! What a simulator or an AV policy observes once agents have entered or left, after its horizon, or if it
 //! was built for another length of history.
 
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{Agent, AgentState, Frame, LightState, Scenario, Start};
 
 use super::Observation;
 use super::entering::Coming;
+use super::track_heights::TrackHeights;
 
 /// The changes for which an observer has got new views: agents, or objects of the static context, came or
 /// went, or its horizon was over.
@@ -88,7 +89,11 @@ impl View {
         let tracks_now: Vec<Vec<Frame>> = slots.iter().map(|slot| recent(&tracks[*slot])).collect();
         let light_history: Vec<_> = lights.iter().map(|states| last(states, history)).collect();
         let has_levels = scenario.start.has_levels();
-        let heights = |slot: &usize| last(&heights(scenario, coming, *slot, &tracks[*slot]), history);
+        let entered = coming.map_or(&[][..], |coming| &coming.entered);
+        let from_beginning = Mutex::<TrackHeights>::default();
+        let heights = coming.map_or(&from_beginning, |coming| &coming.heights);
+        let mut heights = heights.lock().unwrap_or_else(PoisonError::into_inner);
+        let heights = |slot: &usize| last(heights.along(scenario, entered, *slot, &tracks[*slot]), history);
         let all: Vec<&Agent> = match coming {
             Some(coming) => coming.agents(scenario).collect(),
             None => scenario.start.agents.iter().collect(),
@@ -154,23 +159,4 @@ fn last<T: Copy>(values: &[Option<T>], count: usize) -> Vec<Option<T>> {
     let missing = count.saturating_sub(values.len());
     let recent = &values[values.len() - (count - missing)..];
     std::iter::repeat_n(None, missing).chain(recent.iter().copied()).collect()
-}
-
-/// Returns the height of an agent at each frame of its track, metres: the recorded one up to its beginning,
-/// then that of the road under it.
-fn heights(scenario: &Scenario, coming: Option<&Coming>, slot: usize, track: &[Frame]) -> Vec<Option<f64>> {
-    let (start, agents) = (&scenario.start, scenario.start.agents.len());
-    if slot < agents {
-        let recorded = start.heights.get(slot).cloned().unwrap_or_default();
-        let later = start.heights_along(slot, &track[start.current()..]);
-        let later = later.into_iter().skip(1).map(|height| Some(height).filter(|z| !z.is_nan()));
-        return recorded.into_iter().chain(later).collect();
-    }
-    let entered = coming.and_then(|coming| coming.entered.get(slot - agents));
-    let (logged, first) =
-        entered.map_or((None, 0), |e| (scenario.unselected.get(e.logged), e.frame - e.waited));
-    let recorded = logged.and_then(|logged| logged.heights.get(first).copied().flatten());
-    let mut height = recorded.unwrap_or(f64::NAN);
-    let at = |frame| Some(start.follow_height(frame, &mut height, false)).filter(|z| !z.is_nan());
-    track.iter().map(at).collect()
 }

@@ -9,7 +9,7 @@ use super::{Design, SharedArgs};
 use crate::evaluation::{AvChoice, AvDriver, Axis, PlannedAv, Source, StudyKind, SubjectSpec, are_deviated};
 use crate::planning::tracking::Controller;
 use crate::report::training_paths;
-use crate::rollout::{Protocol, Replan};
+use crate::rollout::{Entering, Protocol, Replan};
 use crate::training::kept_weights;
 
 const REPLAN: &str = "\
@@ -197,6 +197,10 @@ impl NamedStudy {
                 let external = external.map(|(name, _)| format!("external:{name}"));
                 let mut avs = planned(planners, external, *tracker, *plan_every)?;
                 avs.extend(are_deviated(sources).then_some(AvChoice::Deviated));
+                // Whatever drives the AV, the same agents enter.
+                if !subject.input.is_shipped() {
+                    rollout.entering.get_or_insert(Entering::Log);
+                }
                 design.axes.push(Axis::new("av", avs));
                 design.spec.keep_rollouts = Some(true);
             }

@@ -424,7 +424,7 @@ fn rollouts(count: usize, most: usize) -> u32 {
 fn compared(run: &Path, id: &str, seed: u64) -> anyhow::Result<Option<Comparison>> {
     let tally = read_tally(run)?;
     let mut found = match Comparison::of((&tally, id), (&tally, &format!("{id}@mine")), seed) {
-        Err(EvaluationError::NothingInCommon) => return Ok(None),
+        Err(EvaluationError::NothingInCommon { .. }) => return Ok(None),
         found => found?,
     };
     found.metrics.retain(|metric, _| COLUMNS.split(',').any(|column| column == *metric));

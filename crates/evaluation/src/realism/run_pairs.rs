@@ -117,8 +117,8 @@ impl RunPairs {
     /// Opens a run folder with kept rollouts. `simulator` may be absent if the run has only one.
     ///
     /// # Errors
-    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, it lacks the simulator, or it
-    /// has other current frames than recordings among the sources.
+    /// [`EvaluationError`] if there is no finished run, it kept no rollouts, agents entered it, it lacks the
+    /// simulator, or it has other current frames than recordings among the sources.
     pub fn open(
         folder: &Path,
         simulator: Option<&str>,
@@ -132,6 +132,13 @@ impl RunPairs {
             return Err(EvaluationError::Refused(format!(
                 "{} was run with `current-frame`, `window-step`, `history` or `future`, and recordings are \
                  scored at the current frame that they state, with 80 steps: run without these keys",
+                folder.display()
+            )));
+        }
+        if let Some(entering) = &summary.provenance.run.settings.entering {
+            return Err(EvaluationError::Refused(format!(
+                "{} was run with `entering` {entering}, and the Sim Agents challenge has the same agents at all \
+                 steps: run with `--entering off`",
                 folder.display()
             )));
         }

@@ -1,6 +1,6 @@
 //! Comparison of two results on the same scenarios, scenario by scenario.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rand_chacha::rand_core::Rng;
 use reactsim_metrics::{MetricSpec, Unit};
@@ -8,8 +8,10 @@ use reactsim_rollout::{Purpose, stream};
 use serde::Serialize;
 
 use crate::error::EvaluationError;
+use crate::row::RowLength;
 use crate::statistics::Estimate;
 use crate::statistics::tally::{Entry, Tally};
+use crate::summary::{LengthSummary, duration};
 
 /// Number of random sign assignments in a permutation test.
 const PERMUTATIONS: u32 = 20_000;
@@ -130,7 +132,15 @@ impl Comparison {
             pairs.push((id, [values, others]));
         }
         if pairs.is_empty() {
-            return Err(EvaluationError::NothingInCommon);
+            let [first, second] = [first.0, second.0].map(durations);
+            let lengths = match first == second {
+                true => String::new(),
+                false => format!(
+                    ": those of the first last {first}, those of the second {second}; run both with the same \
+                     `--history` and `--future`"
+                ),
+            };
+            return Err(EvaluationError::NothingInCommon { lengths });
         }
         let metrics = first.0.metrics.iter().enumerate().filter_map(|(m, &metric)| {
             let n = second.0.metrics.iter().position(|other| *other == metric && is_wanted(metric))?;
@@ -146,6 +156,13 @@ impl Comparison {
             metrics: metrics.collect(),
         })
     }
+}
+
+/// Returns the durations of the scenarios of a run.
+fn durations(tally: &Tally) -> String {
+    let lengths: BTreeSet<RowLength> = tally.entries.values().map(|entry| entry.length).collect();
+    let length = |RowLength { history, steps }| LengthSummary { history, steps, scenarios: 1 };
+    duration(&lengths.into_iter().map(length).collect::<Vec<_>>()).unwrap_or_default()
 }
 
 /// Returns the scenarios for which a simulator has a result, with its values, by id.
@@ -256,15 +273,19 @@ mod tests {
     use reactsim_metrics::{METRICS, Score, metric};
 
     use super::*;
-    use crate::row::{Row, RowLength};
+    use crate::row::Row;
 
     /// A run of one scenario with this digest and number of steps.
     fn tally(digest: &str, steps: usize) -> Tally {
+        tally_of("s", digest, steps)
+    }
+
+    fn tally_of(scenario: &str, digest: &str, steps: usize) -> Tally {
         let metrics = METRICS.iter().map(|metric| metric.spec()).collect();
         let simulators = vec!["idm".to_owned()];
         let mut tally = Tally { metrics, simulators, rollouts: 1, entries: BTreeMap::new() };
         tally.add(&[Row {
-            scenario: "s".to_owned(),
+            scenario: scenario.to_owned(),
             digest: digest.to_owned(),
             simulator: "idm".to_owned(),
             rollout: Some(0),
@@ -289,6 +310,16 @@ mod tests {
              second: only runs on scenarios of the same length can be compared"
         );
         assert!(compare(&usual, &tally("y", 80)).unwrap_err().contains("is not the same in both runs"));
+        // Windows of other length have other ids.
+        let nothing = "the runs have no scenario in common for which both have a result";
+        assert_eq!(compare(&usual, &tally_of("t", "y", 80)).unwrap_err(), nothing);
+        assert_eq!(
+            compare(&usual, &tally_of("t", "y", 150)).unwrap_err(),
+            format!(
+                "{nothing}: those of the first last 8 s (80 steps), those of the second 15 s (150 steps); run both \
+                 with the same `--history` and `--future`"
+            )
+        );
     }
 
     #[test]

@@ -77,7 +77,7 @@ impl PlannerPair {
             let id = simulator.id.as_str();
             let found = Comparison::of_metrics((first.1, id), (second.1, id), seed, |spec| spec.id == score);
             differences.push(match found {
-                Err(EvaluationError::NothingInCommon) => None,
+                Err(EvaluationError::NothingInCommon { .. }) => None,
                 other => other?.metrics.remove(score),
             });
         }

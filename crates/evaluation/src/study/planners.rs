@@ -7,6 +7,7 @@ use std::path::Path;
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_rollout::{Purpose, stream};
+use reactsim_scene::Frame;
 use serde::{Deserialize, Serialize};
 
 use super::planner_pairs::two;
@@ -149,14 +150,13 @@ impl PlannerRanks {
         let planned: Vec<(&str, &FinishedRun)> =
             members.iter().filter_map(|(m, run)| Some((m.planner.as_deref()?, run))).collect();
         let fixed = members.iter().find(|(member, _)| member.planner.is_none()).map(|(_, run)| run);
-        let Some((_, first)) = planned.first() else { return Err(EvaluationError::NothingInCommon) };
+        let nothing = || EvaluationError::NothingInCommon { lengths: String::new() };
+        let (_, first) = planned.first().ok_or_else(nothing)?;
         let ids = &first.tally().simulators;
         let found = SCORES.map(|score| Common::of(score, &planned, ids));
         // On ties the complete score.
         let common = found.into_iter().rev().max_by_key(|common| common.scenarios.len());
-        let Some(common) = common.filter(|common| !common.scenarios.is_empty()) else {
-            return Err(EvaluationError::NothingInCommon);
-        };
+        let common = common.filter(|common| !common.scenarios.is_empty()).ok_or_else(nothing)?;
         let means = common.means(&(0..common.scenarios.len()).collect::<Vec<_>>());
         let hits: Vec<Vec<BTreeMap<&str, bool>>> = planned
             .iter()
@@ -307,7 +307,7 @@ fn collisions(run: &FinishedRun, simulator: usize) -> BTreeMap<&str, bool> {
 }
 
 /// Returns whether every agent with which the AV of `run` causes a collision in a scenario was, up to the
-/// contact, where it is with the AV of `log`.
+/// contact, where it is with the AV of `log`. Agents that are not in both are not known to be.
 fn is_ignored(
     run: &FinishedRun,
     log: &FinishedRun,
@@ -329,12 +329,17 @@ fn is_ignored(
         };
         // Static objects are no agents, and do not react in any simulator.
         let (Some(a), Some(b)) = (track(&a), track(&b)) else { return Ok(false) };
-        let mut both = a.iter().zip(&b).filter_map(|(a, b)| a.zip(*b));
-        if both.any(|(a, b)| (a.position() - b.position()).norm() > UNMOVED) {
+        if !is_unmoved(&a, &b) {
             return Ok(false);
         }
     }
     Ok(!contacts.is_empty())
+}
+
+/// Returns whether an agent has the same positions in two rollouts, and both at some frame.
+fn is_unmoved(a: &[Frame], b: &[Frame]) -> bool {
+    let mut both = a.iter().zip(b).filter_map(|(a, b)| a.zip(*b)).peekable();
+    both.peek().is_some() && both.all(|(a, b)| (a.position() - b.position()).norm() <= UNMOVED)
 }
 
 /// Returns ranks, 1 for the largest score; equal scores share the mean of their ranks.
@@ -369,6 +374,8 @@ fn kendall(a: &[f64], b: &[f64]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use reactsim_scene::AgentState;
+
     use super::*;
 
     #[test]
@@ -381,6 +388,16 @@ mod tests {
         let tied = kendall(&[3.0, 2.0, 1.0], &[0.5, 0.5, 0.1]).unwrap();
         assert!((tied - 2.0 / 6.0_f64.sqrt()).abs() < 1e-12);
         assert_eq!(kendall(&[1.0, 1.0], &[1.0, 2.0]), None);
+    }
+
+    #[test]
+    fn agents_without_a_common_frame_have_not_been_seen_to_ignore_anything() {
+        let at = |x: f64| Some(AgentState { x, y: 0.0, heading: 0.0, vx: 0.0, vy: 0.0 });
+        assert!(is_unmoved(&[at(0.0), at(1.0), None], &[at(0.4), at(1.4), at(2.0)]));
+        assert!(!is_unmoved(&[at(0.0), at(1.0)], &[at(0.0), at(1.6)]));
+        // It entered one rollout later, after the contact in the other.
+        assert!(!is_unmoved(&[None, at(1.0)], &[None, None]));
+        assert!(!is_unmoved(&[at(0.0), None], &[None, at(1.0)]));
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn compare(
     }
     let one = |(member, id, original): (usize, &String, &String)| {
         let comparison = match Comparison::of((tally, original), (&tallies[member], id), seed) {
-            Err(EvaluationError::NothingInCommon) => None,
+            Err(EvaluationError::NothingInCommon { .. }) => None,
             other => Some(other?),
         };
         Ok(Difference { member, simulator: id.clone(), original: original.clone(), comparison })

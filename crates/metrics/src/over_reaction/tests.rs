@@ -76,6 +76,11 @@ impl World {
     }
 
     fn scores(&self) -> Scores {
+        self.scores_if(false)
+    }
+
+    /// Returns the scores if vehicles that vanish have left, or have not.
+    fn scores_if(&self, may_leave: bool) -> Scores {
         let map = RoadMap::default();
         let index = MapIndex::new(&map);
         let objects = self.agents.iter().map(|(agent, _, track)| Object { agent, track: track.into() });
@@ -85,7 +90,8 @@ impl World {
             recorded_history: None,
         });
         let case = Case::new(Road::new(&map, &index), objects.collect(), 0, Options::default());
-        score_case(&case.with_log(log.collect()).with_certificate(self.certificate.as_ref()))
+        let case = case.with_log(log.collect()).with_certificate(self.certificate.as_ref());
+        score_case(&case.with_leaving(may_leave))
     }
 }
 
@@ -251,6 +257,28 @@ fn undisturbed_vehicles_are_measured_against_their_log() {
     assert_eq!((found.len(), found[0].0, found[0].1), (1, "c", true));
     let gone = world(drive(0.0, 20.0, 0.0).into_iter().take(HISTORY).collect());
     near(gone.value("undisturbed-loss"), 80.0);
+}
+
+#[test]
+fn vehicles_that_leave_are_compared_up_to_there() {
+    // `a` leaves after 1 s of the certificate. `c` brakes with 2 m/s² and leaves after 2 s and 16 m of 20 m, and
+    // `d` after 0.3 s, in which its log moves too little. The log loses `e` at the same time as the rollout.
+    let cut = |mut track: Vec<Frame>, steps: usize| {
+        track[HISTORY + steps..].fill(None);
+        track
+    };
+    let along = |y: f64, deceleration: f64| drive(0.0, y, deceleration);
+    let world = World::new(cut(drive(AV_AT - 50.0, 0.0, 2.0), 10))
+        .with("c", along(20.0, 0.0), cut(along(20.0, 2.0), 20))
+        .with("d", along(40.0, 0.0), cut(along(40.0, 0.0), 3))
+        .with("e", cut(along(60.0, 0.0), 30), cut(along(60.0, 2.0), 30));
+    let [vanished, left] = [false, true].map(|may_leave| world.scores_if(may_leave));
+    near(vanished.value("over-reaction"), 16.0);
+    near(left.value("over-reaction"), 0.0);
+    near(vanished.value("undisturbed-loss"), (64.0 + 77.0) / 2.0);
+    near(left.value("undisturbed-loss"), 4.0);
+    near(vanished.value("progress"), (0.2 + 3.0 / 80.0) / 2.0);
+    near(left.value("progress"), 0.8);
 }
 
 #[test]

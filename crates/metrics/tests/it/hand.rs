@@ -312,14 +312,23 @@ fn a_parked_object_has_the_likelihood_of_the_specification() {
     let agents = [car("av", straight(0.0, 0.0, 0.0, 0.0))];
     let (map, track) = (RoadMap::default(), &agents[0].track);
     let index = MapIndex::new(&map);
-    let log = LoggedTrack { history: &track[..HISTORY], future: &track[HISTORY..], recorded_history: None };
-    let objects = vec![Object { agent: &agents[0].agent, track: track.into() }];
-    let case = Case::new(Road::new(&map, &index), objects, 0, Options::default())
-        .with_log(vec![log])
-        .with_rollouts(vec![vec![&track[HISTORY..]]]);
-    let likelihood = score_case(&case).likelihood.unwrap();
-    let expected = [79.1 / 81.0, 78.1 / 81.1, 79.1 / 81.1, 78.1 / 81.1];
-    for ((name, value), expected) in likelihood.features().into_iter().zip(expected) {
-        assert!((value.unwrap() - expected).abs() < 1e-12, "{name}: {value:?}");
+    let mut left = track[HISTORY..].to_vec();
+    left[40..].fill(None);
+    // An object that leaves after step 40 has 39 and 38 central differences, and no missing ones at the end.
+    let cases = [
+        (&track[HISTORY..], [79.1 / 81.0, 78.1 / 81.1, 79.1 / 81.1, 78.1 / 81.1]),
+        (&left[..], [39.1 / 40.0, 38.1 / 39.1, 39.1 / 40.1, 38.1 / 39.1]),
+    ];
+    for (rollout, expected) in cases {
+        let log =
+            LoggedTrack { history: &track[..HISTORY], future: &track[HISTORY..], recorded_history: None };
+        let objects = vec![Object { agent: &agents[0].agent, track: track.into() }];
+        let case = Case::new(Road::new(&map, &index), objects, 0, Options::default())
+            .with_log(vec![log])
+            .with_rollouts(vec![vec![rollout]]);
+        let likelihood = score_case(&case).likelihood.unwrap();
+        for ((name, value), expected) in likelihood.features().into_iter().zip(expected) {
+            assert!((value.unwrap() - expected).abs() < 1e-12, "{name}: {value:?}");
+        }
     }
 }

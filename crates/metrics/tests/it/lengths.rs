@@ -101,8 +101,11 @@ fn several_rollouts_are_compared_over_all_steps() {
         let rollouts = [beside(2.0), beside(-1.0)];
         let all: Vec<&[Vec<Frame>]> = rollouts.iter().map(Vec::as_slice).collect();
         let case = Case::of_rollout(&scenario, &rollouts[0], Options::default());
-        let displacement = Metrics::default().score_rollouts(case, &all).displacement.unwrap();
+        let scores = Metrics::default().score_rollouts(case, &all);
+        let displacement = scores.displacement.unwrap();
         assert!((displacement.ade - 1.5).abs() < 1e-9, "{length}: {displacement:?}");
         assert!((displacement.min_ade - 1.0).abs() < 1e-9, "{length}: {displacement:?}");
+        // Defined by the Sim Agents challenge, for 80 steps.
+        assert_eq!(scores.likelihood.is_some(), future == 80, "{length}");
     }
 }

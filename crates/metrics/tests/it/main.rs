@@ -5,6 +5,7 @@
     reason = "expected values may come from the platform: they have tolerances"
 )]
 
+mod entering;
 mod hand;
 mod lengths;
 mod literal;

@@ -3,13 +3,13 @@ use std::sync::Arc;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
     Agent, AgentKind, AgentState, CURRENT, DT, Frame, HISTORY, LaneParts, Length, LoggedAgent, MapParts,
-    Scenario, ScenarioParts, Start,
+    Scenario, ScenarioParts, Start, levels::MapHeights,
 };
 
-use super::{Entered, Entering, MAX_PRESENT};
+use super::{Entered, Entering, MAX_PRESENT, TrackHeights};
 use crate::{
-    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LogAv, PAST_ROAD_END, PlanError, Planning, Request, Rollout,
-    Settings, SingleEpisode, Stream, roll_out,
+    Controller, ENTERED, ENTERED_LATE, KEPT_OUT, LEFT, LogAv, OVER_LIMIT, PAST_ROAD_END, PlanError, Planning,
+    Request, Rollout, Settings, SingleEpisode, Stream, roll_out,
 };
 
 /// Steps of the scenarios here.
@@ -145,6 +145,53 @@ fn an_agent_waits_until_its_place_is_free() {
     assert_eq!((frame, waited), (31, 11));
     assert!((x(&done.tracks[2], 31).unwrap() - 10.0).abs() < 1e-9);
     assert_eq!((done.outcomes[ENTERED], done.outcomes[ENTERED_LATE], done.outcomes[KEPT_OUT]), (1, 1, 1));
+    assert!(!done.outcomes.contains_key(OVER_LIMIT));
+}
+
+#[test]
+fn an_agent_on_a_bridge_does_not_wait_for_the_road_below() {
+    let frames = HISTORY + STEPS;
+    let lane = |id: &str, from: Vec2, to: Vec2| LaneParts {
+        id: id.into(),
+        points: (0..=40).map(|k| from + (to - from) * (f64::from(k) / 40.0)).collect(),
+        ..LaneParts::default()
+    };
+    let lanes = vec![
+        lane("below", Vec2::new(-100.0, 0.0), Vec2::new(300.0, 0.0)),
+        lane("above", Vec2::new(200.0, -100.0), Vec2::new(200.0, 100.0)),
+    ];
+    let heights = MapHeights { lanes: vec![vec![0.0; 41], vec![7.0; 41]], ..MapHeights::default() };
+    let rolled_out = |height: f64| {
+        let at = |id: &str, from: usize, height: f64| {
+            let there = vehicle(id, |f| (f >= from).then_some((200.0, 0.0, 0.0)), frames);
+            LoggedAgent { heights: vec![Some(height); frames], ..there }
+        };
+        let map = MapParts { lanes: lanes.clone(), heights: heights.clone(), ..MapParts::default() };
+        // A third one comes later, when the bridge is taken.
+        let others = [at("below", 0, 0.0), at("late", 30, height), at("later", 40, height)];
+        let made = scenario_on(map, HISTORY, &others);
+        assert!(made.start.has_levels());
+        let done = run(&made, Entering::Log, &keep());
+        let entered: Vec<_> = done.entered.iter().map(|agent| (agent.frame, agent.waited)).collect();
+        let kept_out = done.outcomes[KEPT_OUT];
+        (made, done, entered, kept_out)
+    };
+    let (.., entered, kept_out) = rolled_out(0.0);
+    assert_eq!((entered, kept_out), (vec![], 2));
+    let (made, done, entered, kept_out) = rolled_out(7.0);
+    assert_eq!((entered, kept_out), (vec![(30, 0)], 1));
+    // Heights are the same however often they are asked for.
+    let mut followed = TrackHeights::default();
+    for end in [HISTORY, HISTORY + 1, 40, 41, frames] {
+        for (slot, track) in done.tracks.iter().enumerate().skip(1).filter(|(slot, _)| *slot < 2 || end > 30)
+        {
+            let track = &track[..end];
+            let known = followed.along(&made, &done.entered, slot, track).to_vec();
+            assert_eq!(known, TrackHeights::default().along(&made, &done.entered, slot, track));
+            let at = |height: f64| known.last().copied().flatten() == Some(height);
+            assert!(at(if slot == 2 { 7.0 } else { 0.0 }), "{slot}: {known:?}");
+        }
+    }
 }
 
 #[test]
@@ -161,6 +208,7 @@ fn an_agent_leaves_where_the_log_loses_it_far_away() {
     let slot = |id: &str| made.start.agents.iter().position(|agent| agent.id == id).unwrap();
     let last = |slot: usize| (0..frames).rev().find(|f| done.tracks[slot][*f].is_some());
     assert_eq!((last(slot("far")), last(slot("near"))), (Some(30), Some(frames - 1)));
+    assert_eq!(done.outcomes, [(LEFT, 1)].into());
 }
 
 #[test]
@@ -187,7 +235,8 @@ fn no_more_agents_enter_than_can_be_present() {
     };
     let made = scenario(HISTORY, &(0..MAX_PRESENT + 20).map(later).collect::<Vec<_>>());
     let done = run(&made, Entering::Log, &keep());
-    assert_eq!((done.tracks.len(), done.outcomes[KEPT_OUT]), (MAX_PRESENT, 21));
+    assert_eq!(done.tracks.len(), MAX_PRESENT);
+    assert_eq!(done.outcomes, [(ENTERED, MAX_PRESENT as u64 - 1), (OVER_LIMIT, 21)].into());
 }
 
 /// Returns a vehicle that creeps across the end of a road.
