@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import base64
 import html
+import os
 import re
 import shutil
+import subprocess
 import sys
 from typing import Any
+
+from .options import PathLike
+from .program import ReactsimError
 
 __all__ = ["Gif", "Markdown", "Svg"]
 
@@ -87,6 +92,20 @@ class Svg(str):
 
 class Gif(bytes):
     """An animation as the bytes of a GIF file that notebooks show."""
+
+    def save_mp4(self, path: PathLike) -> None:
+        """Writes the animation as MP4 (H.264), with the program `ffmpeg`."""
+        program = shutil.which("ffmpeg")
+        if program is None:
+            raise ReactsimError("videos need the program `ffmpeg`: install it, or write a GIF")
+        # H.264 needs even sizes, and players the usual resolution of colours.
+        even = "scale=trunc(iw/2)*2:trunc(ih/2)*2,format=yuv420p"
+        options = ["-i", "pipe:0", "-vf", even, "-movflags", "+faststart", "-y", os.fspath(path)]
+        command = [program, "-loglevel", "error", "-f", "gif", *options]
+        done = subprocess.run(command, input=bytes(self), capture_output=True, check=False)
+        if done.returncode != 0:
+            why = done.stderr.decode("utf-8", "replace").strip()
+            raise ReactsimError(f"`ffmpeg` could not write {os.fspath(path)}: {why}")
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
         return {"image/gif": base64.b64encode(self).decode("ascii")}

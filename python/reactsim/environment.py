@@ -244,8 +244,8 @@ class _Core:
         """Returns a picture of a slot at present, u8 [height, width, 3]."""
         return self._one("draw", slot, drawing(follow=True))["rgb"]
 
-    def save_gif(self, path: PathLike, slot: int, **options: Any) -> Gif:
-        """Writes an animation of a slot so far."""
+    def save_gif(self, path: PathLike | None, slot: int, **options: Any) -> Gif:
+        """Writes an animation of a slot so far, if there is a path, and returns it."""
         return save_drawing(path, self._one("draw", slot, drawing(**{"every": 1, **options})))
 
     def close(self) -> None:
@@ -645,6 +645,10 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         """
         options = {"size": size, "radius": radius, "every": every, "follow": follow}
         return self._core.save_gif(path, 0, **options)
+
+    def save_mp4(self, path: PathLike, **options: Any) -> None:
+        """Writes the animation as MP4; `options` are those of `save_gif`. Needs `ffmpeg`."""
+        self._core.save_gif(None, 0, **options).save_mp4(path)
 
     def close(self) -> None:
         """Ends the process of the program."""

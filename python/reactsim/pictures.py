@@ -48,8 +48,9 @@ def drawing(
     }
 
 
-def save_drawing(path: PathLike, answer: Mapping[str, Array]) -> Gif:
-    """Writes the animation of an answer."""
+def save_drawing(path: PathLike | None, answer: Mapping[str, Array]) -> Gif:
+    """Writes the animation of an answer, if there is a path, and returns it."""
     gif = Gif(answer["gif"].tobytes())
-    Path(path).write_bytes(gif)
+    if path is not None:
+        Path(path).write_bytes(gif)
     return gif

@@ -23,6 +23,7 @@ from stop import Stop
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
 MINI = ROOT / "scenarios" / "mini"
+FFMPEG = "import sys; open(sys.argv[-1], 'wb').write(sys.stdin.buffer.read())"
 SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
 
 
@@ -393,6 +394,16 @@ class TestEnv:
         assert not np.array_equal(env.render(), first)
         gif = env.save_gif(tmp_path / "episode.gif", size=100, every=2)
         assert gif[:6] == b"GIF89a" and gif == (tmp_path / "episode.gif").read_bytes()
+        with pytest.MonkeyPatch.context() as path:
+            path.setenv("PATH", str(tmp_path))
+            with pytest.raises(reactsim.ReactsimError, match="need the program `ffmpeg`"):
+                env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
+            # A stand-in that writes what it is given.
+            tool = tmp_path / "ffmpeg"
+            tool.write_text(f"#!{sys.executable}\n{FFMPEG}\n")
+            tool.chmod(0o755)
+            env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
+            assert (tmp_path / "episode.mp4").read_bytes() == gif
         several = closing(
             reactsim.VectorEnv(MINI, num_envs=2, jobs=2, render_mode="rgb_array", **SMALL)
         )

@@ -30,7 +30,9 @@ impl Exporter for Latex {
             run.chain(["Method"]).collect()
         });
         let caption = style.caption.map_or_else(|| caption(runs, &lines, style.bold), escape);
-        begin_table(&table::provenances(runs), &caption, style.label, out)?;
+        let mut comments = table::provenances(runs);
+        comments.extend(table::fewer(runs, &columns, None));
+        begin_table(&comments, &caption, style.label, out)?;
         let align = format!("{}{}", "l".repeat(texts.len()), "c".repeat(columns.len()));
         writeln!(out, "  \\begin{{tabular}}{{{align}}}\n    \\toprule")?;
         let heads: Vec<String> = columns.iter().map(column_head).collect();

@@ -5,10 +5,10 @@ use std::io::{self, Write};
 use reactsim_evaluation::{SimulatorSummary, StudyKind, StudyResults};
 
 use super::planners::{TextTable, notes, pair_table};
-use super::{Head, StudyCell, StudyTable, Title, errors, members, tables, text_tables};
+use super::{Head, StudyCell, StudyTable, Title, columns, errors, members, tables, text_tables};
 use crate::comparison::signed;
 use crate::markdown::{capital, cell, escape, legend, method, write_aligned};
-use crate::table::{Column, program, provenance, scenarios};
+use crate::table::{Column, fewer, program, provenance, scenarios};
 use crate::{Run, TableStyle, wosac_tables};
 
 /// Writes the tables of a study as Markdown.
@@ -17,10 +17,16 @@ use crate::{Run, TableStyle, wosac_tables};
 /// If `out` cannot be written.
 pub fn write_markdown(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
     write_tables(results, style, out)?;
+    let runs: Vec<Run<'_>> =
+        members(results).map(|(member, summary)| Run { name: &member.folder, summary }).collect();
+    let of_member = |(member, _)| columns(results.study.kind, member, style);
+    let shown = members(results).flat_map(of_member).collect::<Vec<_>>();
+    if let Some(note) = fewer(&runs, &Column::with(Vec::new(), &shown), None) {
+        writeln!(out, "{note}.")?;
+    }
     writeln!(out)?;
-    for (member, summary) in members(results) {
-        let run = Run { name: &member.folder, summary };
-        writeln!(out, "- `{}`: {}", member.folder, escape(&provenance(&run)))?;
+    for run in &runs {
+        writeln!(out, "- `{}`: {}", run.name, escape(&provenance(run)))?;
     }
     Ok(())
 }
