@@ -310,7 +310,7 @@ fn episodes_go_on_when_agents_enter_in_one_of_a_batch() {
     let simulator = start(child.settings("", LONG)).unwrap();
     let mut plan = plan_of(vec![simulator], Protocol::Reactive);
     let batch = |plan: &Plan| plan.provenance().simulators[0].external.as_ref().unwrap().batch;
-    assert_eq!(batch(&plan), 16);
+    assert_eq!(batch(&plan), 4, "as it asks");
     plan.spec.rollout.entering = Some(Entering::Log);
     assert_eq!(batch(&plan), 1);
 }

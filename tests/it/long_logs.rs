@@ -57,7 +57,7 @@ fn a_run_with_agents_that_enter_can_be_repeated_and_merged() {
     // Elsewhere, nothing says that agents entered.
     let copy = path("copy.parquet");
     fs::copy(&rollouts, &copy).unwrap();
-    let (_, told) = said(&["score", text(&copy), "--scenarios", text(&logs), "--out", text(&path("no"))], 1);
+    let (_, told) = said(&["score", text(&copy), "--scenarios", text(&logs), "--out", text(&path("no"))], 2);
     assert!(told.contains("appears after the current frame: leave it out"), "{told}");
 
     let page = path("page.html");

@@ -193,8 +193,8 @@ fn networks_along_a_training_are_a_path() {
     assert!(refused.contains("--protocol: `study realism-reactivity` sets it"), "{refused}");
     let (table, _) = said(&study, 0);
     let rows = rows(&table);
-    let networks: Vec<_> = rows.iter().filter(|row| row[0].starts_with("NTP-reactive@both-")).collect();
-    assert_eq!(networks[0][0], "NTP-reactive@both-5");
+    let networks: Vec<_> = rows.iter().filter(|row| row[0].starts_with("NTP-reactive (both-")).collect();
+    assert_eq!(networks[0][0], "NTP-reactive (both-5)");
     assert_eq!(networks[0][1..], networks[1][1..], "the same weights");
     let picture = fs::read_to_string(out.join("paths.svg")).unwrap();
     for label in ["both, step 20", "Stop", "A-AV Coll. ↓", "Realism (Sim Agents) ↑"] {

@@ -120,11 +120,11 @@ fn finish_member(
 fn finish(
     folder: &StudyFolder,
     shared: &SharedArgs,
-    (plan, programs): PlannedStudy,
+    (mut plan, programs): PlannedStudy,
     failed: usize,
 ) -> anyhow::Result<ExitStatus> {
     let kind = plan.study().kind;
-    if kind == StudyKind::Realism && shared.spec.value.keeps_rollouts() {
+    if kind == StudyKind::Realism && plan.select(0).spec.keeps_rollouts() {
         score_realism(folder.path(), &log_sources(&shared.spec.value.subject)?)?;
     }
     if kind == StudyKind::Planners {
