@@ -29,6 +29,11 @@ pub fn write(
         writeln!(out, "{gap}{title}{av}: {}\n", count(*scenarios, "scenario"))?;
         let names = names(settings);
         write_differences(comparison, names.each_ref().map(String::as_str), out)?;
+        let hidden = columns(comparison).filter(|(_, paired)| paired.may_hide_doubling(0.0));
+        let hidden: Vec<&str> = hidden.map(|(column, _)| column.title()).collect();
+        if !hidden.is_empty() {
+            writeln!(out, "\nToo few scenarios to see a doubling: {}.", hidden.join(", "))?;
+        }
         if *unpaired > 0 {
             writeln!(out, "\n{} in one run alone.", count(*unpaired, "scenario"))?;
         }
@@ -59,8 +64,7 @@ pub const LEGEND: &str = "\
     scenario: mean with its 95 % bootstrap interval; p by a permutation test of the signs; the verdict is for p \
     below 0.05, one column at a time. Seen from: so large a difference is found in four of five cases.";
 
-/// Writes the table of a comparison, and which doublings it would not show. `names`: heads of the values of
-/// the first and the second.
+/// Writes the table of a comparison, with heads of the values of the first and the second.
 ///
 /// # Errors
 /// If `out` cannot be written.
@@ -73,13 +77,7 @@ pub fn write_differences(
         ["Metric", "n", first, second, "Difference", "p", "Verdict", "Seen from", "Better in", "Worse in"];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
-    write_aligned(out, &rows, 1)?;
-    let hidden = columns(comparison).filter(|(_, paired)| paired.may_hide_doubling());
-    let hidden: Vec<&str> = hidden.map(|(column, _)| column.title()).collect();
-    if hidden.is_empty() {
-        return Ok(());
-    }
-    writeln!(out, "\nToo few scenarios to see a doubling: {}.", hidden.join(", "))
+    write_aligned(out, &rows, 1)
 }
 
 /// Returns the change of a metric in words, such as `Progress 0.855 → 0.810 (p 0.0400)`.
@@ -88,6 +86,24 @@ pub fn change(paired: &PairedDifference) -> String {
     let unit = column.unit().map(|unit| format!(" {unit}")).unwrap_or_default();
     let [first, second] = [paired.first, paired.second].map(|value| column.number(value));
     format!("{} {first} → {second}{unit} (p {})", column.title(), p_text(paired.p))
+}
+
+/// Returns in words how large a rise of a metric, of which less is better, a comparison could see in four of five
+/// cases, and whether that is too large: more than a doubling and more than `least`.
+pub fn power(paired: &PairedDifference, least: f64) -> String {
+    let column = Column::of_spec(paired.metric);
+    let unit = column.unit().map(|unit| format!(" {unit}")).unwrap_or_default();
+    let number = |value| format!("{}{unit}", column.number(value));
+    let seen = match (paired.visible, paired.may_hide_doubling(least)) {
+        (Some(visible), true) => format!("cannot see a doubling, only a rise by {}", number(visible)),
+        (None, true) => "cannot see a doubling: too few for any verdict".to_owned(),
+        (Some(visible), false) if visible > paired.first => {
+            format!("sees a rise by {}; a doubling is less than {}", number(visible), number(least))
+        }
+        (Some(visible), false) => format!("sees a rise by {}, less than a doubling", number(visible)),
+        (None, false) => "equal in all scenarios".to_owned(),
+    };
+    format!("{} {}: {seen}", column.title(), number(paired.first))
 }
 
 /// Smallest p-value that is printed as a number.
@@ -161,6 +177,22 @@ mod tests {
         SettingsRecord { av: av.to_owned(), ..SettingsRecord::recorded(1) }
     }
 
+    /// No difference of a metric in this number of scenarios.
+    fn found(metric: &str, first: f64, visible: Option<f64>, scenarios: usize) -> PairedDifference {
+        PairedDifference {
+            metric: reactsim_metrics::metric(metric).unwrap().spec(),
+            first,
+            second: first,
+            groups: None,
+            difference: reactsim_evaluation::Estimate { scenarios, ..Default::default() },
+            p: 1.0,
+            verdict: reactsim_evaluation::Verdict::NoDifferenceSeen,
+            visible,
+            better: Vec::new(),
+            worse: Vec::new(),
+        }
+    }
+
     #[test]
     fn planners_are_named() {
         let [idm, pdm, log] = ["planner:idm", "planner:pdm-closed", "log"].map(settings);
@@ -174,21 +206,8 @@ mod tests {
     #[test]
     fn metrics_of_the_av_come_first() {
         let paired = |metric: &str| {
-            let metric = reactsim_metrics::metric(metric).unwrap().spec();
-            let estimate = reactsim_evaluation::Estimate::default();
-            let (better, worse) = (Vec::new(), Vec::new());
-            let found = PairedDifference {
-                metric,
-                first: 0.5,
-                second: 0.75,
-                difference: estimate,
-                p: 1.0,
-                verdict: reactsim_evaluation::Verdict::NoDifferenceSeen,
-                visible: None,
-                better,
-                worse,
-            };
-            (metric.id, found)
+            let found = found(metric, 0.5, None, 0);
+            (found.metric.id, PairedDifference { second: 0.75, ..found })
         };
         let comparison = Comparison {
             first: "idm".to_owned(),
@@ -205,5 +224,34 @@ mod tests {
         let text = String::from_utf8(out).unwrap();
         assert!(text.starts_with("idm, AV driven by planner idm: 3 scenarios\n"), "{text}");
         assert!(text.contains("+0.250"), "{text}");
+    }
+
+    #[test]
+    fn the_power_is_stated_in_the_unit_of_the_column() {
+        let power = |metric: &str, first, visible, scenarios, least| {
+            super::power(&found(metric, first, visible, scenarios), least)
+        };
+        let collision = |first, visible, scenarios| power("aav-collision", first, visible, scenarios, 0.05);
+        assert_eq!(
+            collision(0.016, Some(0.14), 60),
+            "A-AV Coll. 0.016: cannot see a doubling, only a rise by 0.140"
+        );
+        assert_eq!(
+            collision(0.016, Some(0.05), 60),
+            "A-AV Coll. 0.016: sees a rise by 0.050; a doubling is less than 0.050"
+        );
+        assert_eq!(
+            collision(0.2, Some(0.14), 60),
+            "A-AV Coll. 0.200: sees a rise by 0.140, less than a doubling"
+        );
+        assert_eq!(
+            collision(0.2, None, 5),
+            "A-AV Coll. 0.200: cannot see a doubling: too few for any verdict"
+        );
+        assert_eq!(
+            power("offroad", 0.002, Some(0.01), 60, 0.005),
+            "Offroad 0.20 %: cannot see a doubling, only a rise by 1.00 %"
+        );
+        assert_eq!(power("offroad", 0.0, None, 60, 0.005), "Offroad 0.00 %: equal in all scenarios");
     }
 }

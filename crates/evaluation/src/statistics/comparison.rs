@@ -60,15 +60,18 @@ pub struct PairedDifference {
     pub first: f64,
     /// Mean of the second simulator over the same scenarios.
     pub second: f64,
-    /// Second minus first: mean over scenarios with its bootstrap interval.
+    /// Number of groups of dependent scenarios, such as recordings; `None` if every scenario is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub groups: Option<usize>,
+    /// Second minus first: mean over scenarios with its bootstrap interval. Groups are resampled as a whole.
     pub difference: Estimate,
     /// p-value: share of random sign assignments whose mean is at least as far from 0 (two-sided permutation
-    /// test over scenarios).
+    /// test over scenarios; those of a group have one sign).
     pub p: f64,
     /// Whether the second simulator is better or worse.
     pub verdict: Verdict,
     /// Smallest difference of either sign that so many scenarios of this spread show in four of five cases,
-    /// in the unit of the metric. `None` if they cannot tell: fewer than six, or equal values in all.
+    /// in the unit of the metric. `None` if they cannot tell: fewer than six (or groups), or equal values in all.
     pub visible: Option<f64>,
     /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
     pub better: Vec<(String, f64)>,
@@ -100,15 +103,30 @@ impl Comparison {
     /// [`EvaluationError`] for a simulator that is not in its run, an id that names different scenarios in
     /// the two runs or scenarios of different length, and runs without a scenario in common.
     pub fn of(first: (&Tally, &str), second: (&Tally, &str), seed: u64) -> Result<Self, EvaluationError> {
-        Self::of_metrics(first, second, seed, |_| true)
+        Self::of_metrics(first, second, seed, |_| true, None)
     }
 
-    /// As [`Comparison::of`], with the metrics for which `is_wanted` holds.
+    /// As [`Comparison::of`], where scenarios depend on each other if `group` returns the same for their ids, as
+    /// those of one recording do.
+    ///
+    /// # Errors
+    /// As for [`Comparison::of`].
+    pub fn of_groups(
+        first: (&Tally, &str),
+        second: (&Tally, &str),
+        seed: u64,
+        group: &dyn Fn(&str) -> String,
+    ) -> Result<Self, EvaluationError> {
+        Self::of_metrics(first, second, seed, |_| true, Some(group))
+    }
+
+    /// As [`Comparison::of`], with the metrics for which `is_wanted` holds, and with groups if they are given.
     pub(crate) fn of_metrics(
         first: (&Tally, &str),
         second: (&Tally, &str),
         seed: u64,
         is_wanted: impl Fn(&MetricSpec) -> bool,
+        group: Option<&dyn Fn(&str) -> String>,
     ) -> Result<Self, EvaluationError> {
         let (i, j) = (first.0.simulator(first.1)?, second.0.simulator(second.1)?);
         let (a, b) = (done(first.0, i), done(second.0, j));
@@ -146,7 +164,7 @@ impl Comparison {
             let n = second.0.metrics.iter().position(|other| *other == metric && is_wanted(metric))?;
             let both: Vec<(&str, f64, f64)> =
                 pairs.iter().filter_map(|(id, [a, b])| Some((*id, a[m]?, b[n]?))).collect();
-            Some((metric.id, PairedDifference::of(metric, &both, seed)?))
+            Some((metric.id, PairedDifference::of_groups(metric, &both, seed, group)?))
         });
         Ok(Self {
             first: first.1.to_owned(),
@@ -178,11 +196,24 @@ fn done(tally: &Tally, simulator: usize) -> BTreeMap<&str, (&Entry, &[Option<f64
 impl PairedDifference {
     /// Computes the difference from the values of both by scenario; `None` without scenarios.
     pub(crate) fn of(metric: &'static MetricSpec, values: &[(&str, f64, f64)], seed: u64) -> Option<Self> {
+        Self::of_groups(metric, values, seed, None)
+    }
+
+    /// As [`Self::of`], with the groups of dependent scenarios by their ids.
+    fn of_groups(
+        metric: &'static MetricSpec,
+        values: &[(&str, f64, f64)],
+        seed: u64,
+        group: Option<&dyn Fn(&str) -> String>,
+    ) -> Option<Self> {
         if values.is_empty() {
             return None;
         }
         let n = values.len() as f64;
-        let differences: Vec<f64> = values.iter().map(|(_, a, b)| b - a).collect();
+        let differences = match group {
+            Some(group) => of_groups(values, group),
+            None => values.iter().map(|(_, a, b)| b - a).collect(),
+        };
         let less_is_better = metric.lower_is_better;
         let mut changed: Vec<(String, f64)> =
             values.iter().filter(|(_, a, b)| a != b).map(|(id, a, b)| ((*id).to_owned(), b - a)).collect();
@@ -195,7 +226,11 @@ impl PairedDifference {
             metric,
             first: values.iter().map(|v| v.1).sum::<f64>() / n,
             second: values.iter().map(|v| v.2).sum::<f64>() / n,
-            difference: Estimate::of(&differences, seed, &format!("difference {}", metric.id)),
+            groups: group.map(|_| differences.len()),
+            difference: Estimate {
+                scenarios: values.len(),
+                ..Estimate::of(&differences, seed, &format!("difference {}", metric.id))
+            },
             p: permutation(&differences, seed, metric.id),
             verdict: Verdict::NoDifferenceSeen,
             visible: None,
@@ -218,11 +253,18 @@ impl PairedDifference {
     }
 
     /// Returns whether the second simulator could have twice the value of the first, which would be worse,
-    /// and the scenarios would not show it in four of five cases.
-    pub fn may_hide_doubling(&self) -> bool {
-        let are_few = self.difference.scenarios < MIN_FOR_VERDICT;
-        let is_hidden = || self.visible.map_or(are_few, |visible| visible > self.first);
-        self.metric.lower_is_better && self.first > 0.0 && is_hidden()
+    /// and the scenarios would not show it in four of five cases. Where a doubling is a rise of less than `least`, a
+    /// rise of `least` is meant.
+    pub fn may_hide_doubling(&self, least: f64) -> bool {
+        let rise = self.first.max(least);
+        let are_few = self.independent() < MIN_FOR_VERDICT;
+        let is_hidden = || self.visible.map_or(are_few, |visible| visible > rise);
+        self.metric.lower_is_better && rise > 0.0 && is_hidden()
+    }
+
+    /// Returns the number of groups, or of scenarios if every one is a group.
+    pub fn independent(&self) -> usize {
+        self.groups.unwrap_or(self.difference.scenarios)
     }
 
     fn smallest_visible(&self) -> Option<f64> {
@@ -234,10 +276,26 @@ impl PairedDifference {
             0 => (self.metric.unit == Unit::Count).then_some(1.0)?,
             n => changes().sum::<f64>() / n as f64,
         };
-        // The test needs six changes, however narrow the interval of fewer is.
+        // The test needs six changes, of different groups, however narrow the interval of fewer is.
         let least = size * MIN_FOR_VERDICT as f64 / scenarios as f64;
-        (scenarios >= MIN_FOR_VERDICT).then(|| least.max(VISIBLE * (high - low) / 2.0))
+        (self.independent() >= MIN_FOR_VERDICT).then(|| least.max(VISIBLE * (high - low) / 2.0))
     }
+}
+
+/// Returns a difference per group, in the order of their first scenarios: the sum over its scenarios, scaled so
+/// that the mean over groups is that over scenarios.
+fn of_groups(values: &[(&str, f64, f64)], group: &dyn Fn(&str) -> String) -> Vec<f64> {
+    let (mut places, mut sums) = (BTreeMap::new(), Vec::new());
+    for (id, a, b) in values {
+        let place = *places.entry(group(id)).or_insert(sums.len());
+        if place == sums.len() {
+            sums.push(0.0);
+        }
+        sums[place] += b - a;
+    }
+    let scale = sums.len() as f64 / values.len() as f64;
+    sums.iter_mut().for_each(|sum| *sum *= scale);
+    sums
 }
 
 /// Returns the share of sign assignments to the differences whose sum is at least as far from 0 as the
@@ -392,19 +450,56 @@ mod tests {
         let many: Vec<f64> = (0..400).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let found = judged("ade", &many);
         assert!((found.visible.unwrap() - 0.14).abs() < 0.01, "{:?}", found.visible);
-        assert!(!found.may_hide_doubling());
+        assert!(!found.may_hide_doubling(0.0));
         // Six of twelve counts would have to change by one.
         let none = judged("aav-collision", &[0.0; 12]);
-        assert_eq!((none.visible, none.may_hide_doubling()), (Some(0.5), false));
+        assert_eq!((none.visible, none.may_hide_doubling(0.0)), (Some(0.5), false));
         let few = judged("aav-collision", &[0.0; 5]);
-        assert_eq!((few.visible, few.may_hide_doubling()), (None, true));
+        assert_eq!((few.visible, few.may_hide_doubling(0.0)), (None, true));
         // One change of 2 in twelve, of which six would be needed.
         let one = judged("aav-collision", &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!(one.visible >= Some(1.0), "{:?}", one.visible);
+        // A doubling of little is little: six of twelve counts are a rise of 0.5, which is enough from there on.
+        let rare = PairedDifference { first: 0.2, ..none };
+        assert_eq!(
+            [0.0, 0.4, 0.5, 0.6].map(|least| rare.may_hide_doubling(least)),
+            [true, true, false, false]
+        );
         // Equal results say nothing about how far others would be apart.
         let equal = judged("ade", &[0.0; 12]);
-        assert_eq!((equal.visible, equal.may_hide_doubling()), (None, false));
+        assert_eq!((equal.visible, equal.may_hide_doubling(0.0)), (None, false));
         // Twice the progress would not be worse.
-        assert!(!judged("progress", &[0.1; 3]).may_hide_doubling());
+        assert!(!judged("progress", &[0.1; 3]).may_hide_doubling(0.0));
+    }
+
+    #[test]
+    fn scenarios_of_one_group_are_one_observation() {
+        let spec = metric("aav-collision").unwrap().spec();
+        let ids: Vec<String> = (0..48).map(|i| format!("{:02}+av{}", i / 4, i % 4)).collect();
+        let recording = |id: &str| id.split('+').next().unwrap_or(id).to_owned();
+        // Six of twelve recordings have a collision more with each of their four AVs.
+        let values: Vec<(&str, f64, f64)> =
+            ids.iter().enumerate().map(|(i, id)| (id.as_str(), 0.0, f64::from(u8::from(i < 24)))).collect();
+        let alone = PairedDifference::of(spec, &values, 0).unwrap();
+        let grouped = PairedDifference::of_groups(spec, &values, 0, Some(&recording)).unwrap();
+        assert_eq!((grouped.groups, grouped.difference.scenarios, alone.groups), (Some(12), 48, None));
+        assert_eq!((grouped.second, grouped.difference.mean), (0.5, Some(0.5)));
+        // Six of one sign: two of 64 assignments are as far from 0.
+        assert_eq!((grouped.p, grouped.worse.len()), (2.0 / 64.0, 24));
+        assert!(alone.p < 1e-4);
+        let width = |of: &PairedDifference| of.difference.high.unwrap() - of.difference.low.unwrap();
+        // Four equal AVs are no more than one: the interval is that of twelve scenarios.
+        assert!((1.5..2.5).contains(&(width(&grouped) / width(&alone))), "{grouped:?}");
+        assert!(grouped.visible.unwrap() > 1.5 * alone.visible.unwrap());
+        // Six of 48 AVs would have to change by one.
+        let same: Vec<(&str, f64, f64)> = ids.iter().map(|id| (id.as_str(), 0.0, 0.0)).collect();
+        let same = PairedDifference::of_groups(spec, &same, 0, Some(&recording)).unwrap();
+        assert_eq!(same.visible, Some(0.125));
+        // Five recordings cannot tell, however many AVs they have.
+        let five = PairedDifference::of_groups(spec, &values[..20], 0, Some(&recording)).unwrap();
+        assert_eq!((five.visible, five.verdict), (None, Verdict::NoDifferenceSeen));
+        // Groups of one scenario change nothing.
+        let own = PairedDifference::of_groups(spec, &values, 0, Some(&str::to_owned)).unwrap();
+        assert_eq!(PairedDifference { groups: None, ..own }, alone);
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
+use reactsim_metrics::MetricSpec;
 
 use super::planners::values;
 use super::{PlannerRanks, Study};
@@ -75,7 +76,8 @@ impl PlannerPair {
         let mut differences = Vec::new();
         for simulator in &ranks.simulators {
             let id = simulator.id.as_str();
-            let found = Comparison::of_metrics((first.1, id), (second.1, id), seed, |spec| spec.id == score);
+            let is_score = |spec: &MetricSpec| spec.id == score;
+            let found = Comparison::of_metrics((first.1, id), (second.1, id), seed, is_score, None);
             differences.push(match found {
                 Err(EvaluationError::NothingInCommon { .. }) => None,
                 other => other?.metrics.remove(score),
