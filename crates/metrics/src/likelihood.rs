@@ -146,7 +146,7 @@ fn push_history(series: &mut Series, log: &LoggedTrack<'_>, frames: usize) {
 /// Returns whether the feature `k` needs a frame that is absent at a step. Accelerations are differences of
 /// differences.
 fn needs_absent(is_absent: &[bool], k: usize, step: usize) -> bool {
-    let needed: &[isize] = if k % 2 == 0 { &[-1, 1] } else { &[-2, 0, 2] };
+    let needed: &[isize] = if k.is_multiple_of(2) { &[-1, 1] } else { &[-2, 0, 2] };
     needed.iter().any(|&by| step.checked_add_signed(by).and_then(|at| is_absent.get(at)) == Some(&true))
 }
 

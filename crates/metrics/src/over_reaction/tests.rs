@@ -278,7 +278,8 @@ fn vehicles_that_leave_are_compared_up_to_there() {
     near(vanished.value("undisturbed-loss"), (64.0 + 77.0) / 2.0);
     near(left.value("undisturbed-loss"), 4.0);
     near(vanished.value("progress"), (0.2 + 3.0 / 80.0) / 2.0);
-    near(left.value("progress"), 0.8);
+    // The log of `a` comes close to the AV only after it has left: 9 m of 10 m.
+    near(left.value("progress"), (0.8 + 0.9) / 2.0);
 }
 
 #[test]
