@@ -65,6 +65,18 @@ impl Links {
         self.relation.extend_from_slice(&links.relation);
     }
 
+    /// Returns the links of some nodes, in this order, with `k` slots per node and `features` numbers per relation.
+    pub fn of_nodes(&self, nodes: &[usize], k: usize, features: usize) -> Self {
+        let mut chosen = Self::with_capacity(nodes.len() * k, features);
+        for &node in nodes {
+            let (first, end) = (node * k, (node + 1) * k);
+            chosen.index.extend_from_slice(&self.index[first..end]);
+            chosen.open.extend_from_slice(&self.open[first..end]);
+            chosen.relation.extend_from_slice(&self.relation[first * features..end * features]);
+        }
+        chosen
+    }
+
     /// Converts links with `k` slots per node and `features` numbers per relation to tensors.
     pub fn tensors(self, k: usize, features: usize, device: &Device) -> LinkTensors {
         let (nodes, slots) = (self.index.len() / k, self.index.len());

@@ -3,6 +3,7 @@
 // Tests may call the mathematical functions of the platform: their comparisons have tolerances.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+mod beginnings;
 mod clearance;
 pub(crate) mod drive;
 pub mod entries;

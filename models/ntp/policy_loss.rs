@@ -30,7 +30,7 @@ pub(crate) fn in_batch<'c>(
 
 /// Returns the negative log-likelihood of drawn tokens, weighted by their advantages, plus `anchor` times the
 /// divergence of the scores from those of a reference network (Kullback and Leibler, nats, reference first),
-/// which is a metric too. Items are the weights of the agents.
+/// which is a metric too, as is the entropy of the scores (nats). Items are the weights of the agents.
 ///
 /// `scores` returns the scores of the given rows of nodes of a class, [rows, tokens of the class], with
 /// gradients; `reference` those of the reference, without.
@@ -42,7 +42,7 @@ pub(crate) fn policy_loss(
     reference: impl Fn(Class, Tensor<1, Int>) -> Tensor<2>,
 ) -> Output {
     let mut loss = Tensor::zeros([1], device);
-    let (mut weight, mut divergence) = (0.0, 0.0);
+    let (mut weight, mut divergence, mut entropy) = (0.0, 0.0, 0.0);
     for class in Class::ALL {
         let own: Vec<&Choice> = choices.iter().filter(|c| c.drawn.class == class).collect();
         if own.is_empty() {
@@ -60,6 +60,10 @@ pub(crate) fn policy_loss(
         let rows = ints(own.iter().map(|c| c.drawn.row as i32).collect());
         let tokens = ints(own.iter().map(|c| c.drawn.token as i32).collect()).unsqueeze_dim::<2>(1);
         let log_p = log_softmax(scores(class, rows.clone()), 1);
+        // A metric only: no gradients needed.
+        let plain = log_p.clone().inner();
+        let own_entropy = (plain.clone().exp() * plain).sum_dim(1) * column(|c| c.drawn.weight).inner();
+        entropy -= f64::from(own_entropy.sum().into_scalar::<f32>());
         let log_q = Tensor::from_inner(log_softmax(reference(class, rows.inner()), 1));
         let apart = (log_q.clone().exp() * (log_q - log_p.clone())).sum_dim(1) * column(|c| c.drawn.weight);
         let apart = apart.sum();
@@ -69,5 +73,39 @@ pub(crate) fn policy_loss(
     }
     let mut metrics = Sums::new();
     metrics.add("divergence", divergence, weight);
+    metrics.add("entropy", entropy, weight);
     Output::new(loss, weight, metrics)
+}
+
+#[cfg(test)]
+mod tests {
+    use reactsim_nn::device;
+
+    use super::*;
+
+    #[test]
+    fn divergence_and_entropy_are_means_over_the_tokens() {
+        let learning = device().autodiff();
+        let choice = |row, weight| {
+            let drawn = Target { row, class: Class::Pedestrian, token: 1, weight };
+            Choice { drawn, advantage: 2.0 }
+        };
+        // Probabilities 1/2 and 1/4 of the second token; the reference has 1/2 for both.
+        let scores = |_, rows: Tensor<1, Int>| {
+            let all = Tensor::<2>::from_data([[0.0, 0.0], [3.0f32.ln(), 0.0]], &rows.device());
+            all.select(0, rows)
+        };
+        let reference = |_, rows: Tensor<1, Int>| Tensor::<2>::zeros([rows.dims()[0], 2], &rows.device());
+        let found = policy_loss(&[choice(0, 1.0), choice(1, 3.0)], 0.5, &learning, scores, reference);
+        let (ln_2, ln_4) = (2.0f64.ln(), 4.0f64.ln());
+        let apart = -0.5 * (0.75f64.ln() + 0.25f64.ln()) - ln_2;
+        let near =
+            |found: f64, expected: f64| assert!((found - expected).abs() < 1e-5, "{found}, {expected}");
+        near(found.items, 4.0);
+        near(found.metrics.mean("divergence").unwrap(), 3.0 * apart / 4.0);
+        let entropy = ln_2 + 3.0 * (0.25 * ln_4 - 0.75 * 0.75f64.ln());
+        near(found.metrics.mean("entropy").unwrap(), entropy / 4.0);
+        let loss = f64::from(found.loss.into_scalar::<f32>());
+        near(loss, 0.5 * 3.0 * apart + 2.0 * (ln_2 + 3.0 * ln_4));
+    }
 }

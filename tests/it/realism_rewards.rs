@@ -1,5 +1,6 @@
 //! Fine-tuning by realism: what makes the rollouts of a scenario more realistic becomes likelier.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -107,6 +108,16 @@ fn rewards(folder: &Path) -> Vec<f64> {
     rows.iter().filter_map(reward).collect()
 }
 
+/// Returns the metrics of the first step of a training.
+fn first_step(folder: &Path) -> BTreeMap<String, f64> {
+    let rows = read_log(&folder.join("log.jsonl")).unwrap();
+    let metrics = |row: Row| match row {
+        Row::Step(row) => Some(row.metrics),
+        Row::Validation(_) => None,
+    };
+    rows.into_iter().find_map(metrics).unwrap()
+}
+
 #[test]
 fn what_is_realistic_becomes_likelier() {
     let source = Same::of(scenario(3));
@@ -115,6 +126,9 @@ fn what_is_realistic_becomes_likelier() {
         let task = task(&weights, reactions, 24);
         let ended = learn(task.as_ref(), &source, (folder.path(), 16.0, 0.1), (2, false, 1000));
         assert_eq!(ended, Ok(Ending::Finished));
+        // The network is still that of the beginning, and learns from the scores by which it drove.
+        let first = first_step(folder.path());
+        assert!(first["divergence"].abs() < 1e-5 && first["entropy"] > 0.1, "{first:?}");
         let rewards = rewards(folder.path());
         let [before, after] = rewards[..] else { panic!("{rewards:?}") };
         assert!(after > before + 0.01, "reward {before} before and {after} after");

@@ -465,7 +465,7 @@ fn networks_are_tuned_by_realism() {
         let (_, notes) = said(&[&base[..], &short, &more, &[out.as_str()]].concat(), 0);
         assert!(notes.contains("trained 2 steps"), "{notes}");
         let row = log_rows(Path::new(&out)).pop().unwrap();
-        for name in ["metametric", "av-contacts", "lost", "divergence"] {
+        for name in ["metametric", "av-contacts", "lost", "divergence", "entropy"] {
             assert!(row["metrics"][name].is_number(), "{name} is not in {row}");
         }
         let weights = format!("{reader}={out}/weights.safetensors");

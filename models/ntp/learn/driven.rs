@@ -3,77 +3,98 @@
 use std::collections::BTreeMap;
 
 use burn::module::Module;
-use burn::tensor::Device;
-use reactsim_nn::learning::{LearningScene, Window};
-use reactsim_nn::perception::KnownMap;
-use reactsim_nn::training::Output;
+use burn::tensor::{Device, Tensor};
+use reactsim_nn::training::{Output, Sums};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
 use super::super::entries::reactive_driving;
-use super::super::policy_loss::{Choice, in_batch, policy_loss};
+use super::super::policy_loss::{Choice, policy_loss};
+use super::super::reactive::notes::{Drawn, NotedStep, Notes};
 use super::super::reactive::{Network, Policy, ReactiveSimulator};
-use super::super::realism::Driven;
+use super::super::realism::{Driven, Group};
 use super::super::sampling::Driving;
-use super::super::token_loss::{Chooser, Target};
-use super::loss::{encoded, first_rows};
-use super::sample::{Sample, sample};
+use super::super::token_loss::Target;
 
-/// The network that drives as `ntp-reactive` does.
+/// The network that drives as `ntp-reactive` does, and learns from the tokens that it drew.
+///
+/// Gradients are those of the nodes that draw. What these attend to is given: features of places, of other
+/// agents and of earlier steps are the ones that the simulator computed.
 pub(crate) struct DrivenReactive {
     /// The first network, on the device with autodiff.
     first: Policy,
     driving: Driving,
+    /// Number of agents that learn, the AV included.
+    agents: usize,
     /// Device without autodiff.
     device: Device,
 }
 
 impl DrivenReactive {
     /// Begins with a policy on this device with autodiff. The error is a message.
-    pub(crate) fn new(first: Policy, device: &Device) -> Result<Self, String> {
+    pub(crate) fn new(first: Policy, agents: usize, device: &Device) -> Result<Self, String> {
         let driving = reactive_driving().map_err(|error| error.to_string())?;
-        Ok(Self { first, driving, device: device.clone() })
+        Ok(Self { first, driving, agents, device: device.clone() })
     }
 
     fn policy(&self, network: &Network) -> Policy {
         Policy { network: network.clone(), ..self.first.clone() }
     }
+
+    fn simulator(&self, network: &Network) -> ReactiveSimulator {
+        ReactiveSimulator::new(self.policy(network), self.driving, self.device.clone())
+    }
 }
 
 impl Driven for DrivenReactive {
     type Network = Network;
-    type Sample = Sample;
+    type Notes = Notes;
+    type Sample = NotedStep;
 
     fn first(&self) -> Network {
         self.first.network.clone()
     }
 
     fn controller(&self, network: &Network) -> Result<Controller, String> {
-        let simulator = ReactiveSimulator::new(self.policy(network), self.driving, self.device.clone());
-        Ok(Controller::Fair(Box::new(simulator)))
+        Ok(Controller::Fair(Box::new(self.simulator(network))))
     }
 
-    fn sample(&self, scenario: &Scenario) -> Option<(Sample, Vec<Chooser>)> {
-        let window = Window::of(scenario, None);
-        let map = KnownMap::of(&window.start, self.first.config.map_radius);
-        sample(LearningScene::of(window, map), &self.first.config, &self.first.vocabulary, usize::MAX, None)
+    fn noting(&self, network: &Network) -> Result<(Controller, Notes), String> {
+        let notes = Notes::new(self.first.network.valid(), self.agents);
+        let simulator = self.simulator(network).with_notes(notes.clone());
+        Ok((Controller::Fair(Box::new(simulator)), notes))
     }
 
-    fn targets<'s>(&self, sample: &'s Sample) -> &'s [Target] {
-        &sample.targets
+    fn samples(&self, notes: &Notes, _scenario: &Scenario, group: &Group) -> Vec<(NotedStep, Vec<Choice>)> {
+        let choice = |(row, drawn): (usize, &Drawn)| {
+            let Drawn { episode, slot, frame, class, token } = *drawn;
+            let drawn = Target { row, class, token, weight: 1.0 };
+            Choice { drawn, advantage: group.advantage(episode, slot, frame) }
+        };
+        let sample = |step: NotedStep| {
+            let choices = step.drawn.iter().enumerate().map(choice).collect();
+            (step, choices)
+        };
+        notes.take().into_iter().map(sample).collect()
     }
 
     /// Scores are divided by the temperature with which tokens are drawn.
-    fn loss(&self, network: &Network, samples: &[(Sample, Vec<Choice>)], anchor: f64) -> Output {
-        let (config, temperature) = (&self.first.config, self.driving.sampling.temperature);
-        let own: Vec<&Sample> = samples.iter().map(|(sample, _)| sample).collect();
-        let choices = in_batch(samples.iter().map(|(_, choices)| choices), first_rows(&own));
+    fn loss(&self, network: &Network, samples: &[(NotedStep, Vec<Choice>)], anchor: f64) -> Output {
+        let temperature = self.driving.sampling.temperature;
         let (learning, reference) = (self.device.clone().autodiff(), self.first.network.valid());
-        let nodes = encoded(network, &own, config, &learning);
-        let fixed = encoded(&reference, &own, config, &self.device);
-        let scores = |class, rows| network.logits(class, nodes.clone().select(0, rows)) / temperature;
-        let fixed = |class, rows| reference.logits(class, fixed.clone().select(0, rows)) / temperature;
-        policy_loss(&choices, anchor, &learning, scores, fixed)
+        let mut all = Output::new(Tensor::zeros([1], &learning), 0.0, Sums::new());
+        for (step, choices) in samples {
+            let nodes = step.nodes.clone().tensors(&self.first.config, &learning);
+            let features = network.encode_among(&nodes, &step.sources.with_autodiff());
+            let scores = |class, rows| network.logits(class, features.clone().select(0, rows)) / temperature;
+            let fixed =
+                |class, rows| reference.logits(class, step.reference.clone().select(0, rows)) / temperature;
+            let own = policy_loss(choices, anchor, &learning, scores, fixed);
+            all.loss = all.loss + own.loss;
+            all.items += own.items;
+            all.metrics.extend(&own.metrics);
+        }
+        all
     }
 
     fn file(&self, network: &Network, metadata: &BTreeMap<String, String>) -> Option<Vec<u8>> {

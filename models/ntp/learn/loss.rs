@@ -31,7 +31,7 @@ pub(crate) fn loss(
 }
 
 /// Returns the features of all nodes of samples, [nodes, hidden].
-pub(crate) fn encoded(network: &Network, samples: &[&Sample], config: &Config, device: &Device) -> Tensor<2> {
+fn encoded(network: &Network, samples: &[&Sample], config: &Config, device: &Device) -> Tensor<2> {
     let maps: Vec<_> = samples.iter().map(|s| &s.linked).collect();
     let map = map_tensors(&maps, config, device);
     let mut scenes = Vec::new();
@@ -45,7 +45,7 @@ pub(crate) fn encoded(network: &Network, samples: &[&Sample], config: &Config, d
 }
 
 /// Returns the row of the first node of each sample in a batch.
-pub(crate) fn first_rows(samples: &[&Sample]) -> impl Iterator<Item = usize> {
+fn first_rows(samples: &[&Sample]) -> impl Iterator<Item = usize> {
     samples.iter().scan(0, |next, sample| {
         let first = *next;
         *next += sample.steps.iter().map(|s| s.slots.len()).sum::<usize>();

@@ -12,7 +12,7 @@ use super::super::execute::Executor;
 use super::super::reactive::Config;
 use super::super::reactive::linked_places::LinkedPlaces;
 use super::super::reactive::step::{EarlierNode, StepGraph};
-use super::super::token_loss::{Chooser, Target, loss_weight};
+use super::super::token_loss::{Target, loss_weight};
 use super::super::tokens::{TOKEN_FRAMES, Vocabulary};
 
 /// Data augmentation.
@@ -47,14 +47,14 @@ pub struct Sample {
 const ALL_STEPS: usize = FUTURE / TOKEN_FRAMES;
 
 /// Builds a sample of at most `most` agents, augmented by draws from the stream, or as logged. `None` if
-/// there is nothing to learn. Also returns which agent chooses each target.
+/// there is nothing to learn.
 pub(crate) fn sample(
     mut scene: LearningScene<KnownMap>,
     config: &Config,
     vocabulary: &Vocabulary,
     most: usize,
     varied: Option<(&Augmentation, &mut Stream)>,
-) -> Option<(Sample, Vec<Chooser>)> {
+) -> Option<Sample> {
     let (mut first, mut blind, mut window) = (CURRENT, false, ALL_STEPS);
     let mut noise = None;
     if let Some((a, stream)) = varied {
@@ -89,7 +89,6 @@ pub(crate) fn sample(
 
     let linked = LinkedPlaces::of(&scene.map, config);
     let mut sample = Sample { linked, steps: Vec::new(), targets: Vec::new() };
-    let mut choosers = Vec::new();
     let mut earlier: Vec<EarlierNode> = Vec::new();
     let mut row = 0;
     // Start two steps before the first one, if they exist: the past of a rollout when it begins.
@@ -102,7 +101,6 @@ pub(crate) fn sample(
             for (i, (&slot, &class)) in step.slots.iter().zip(&step.classes).enumerate() {
                 if let Some(token) = labels[slot].get(k).copied().flatten() {
                     sample.targets.push(Target { row: row + i, class, token, weight: weights[slot] });
-                    choosers.push(Chooser { slot, frame: at });
                 }
             }
         }
@@ -112,7 +110,7 @@ pub(crate) fn sample(
         at += TOKEN_FRAMES;
     }
     sample.forget_unused_places(config.map_layers);
-    (!sample.targets.is_empty()).then_some((sample, choosers))
+    (!sample.targets.is_empty()).then_some(sample)
 }
 
 impl Sample {

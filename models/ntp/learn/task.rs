@@ -144,7 +144,7 @@ impl Task for NextToken {
         let map = KnownMap::of(&window.start, config.map_radius);
         let varied = stream.map(|stream| (&self.recipe.augmentation, stream));
         let scene = LearningScene::of(window, map);
-        sample(scene, config, &self.vocabulary, most, varied).map(|(sample, _)| sample)
+        sample(scene, config, &self.vocabulary, most, varied)
     }
 
     fn loss(&self, model: &Network, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

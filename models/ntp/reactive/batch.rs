@@ -58,44 +58,82 @@ pub(crate) fn map_tensors(scenes: &[&LinkedPlaces], config: &Config, device: &De
     }
 }
 
-/// Lays out the steps of several scenes: for each scene its steps, oldest first, and the first rows of
-/// its places and of its earlier nodes.
+/// Steps of agents in rows, as [`NodeTensors`].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NodeRows {
+    bodies: Vec<f32>,
+    past: Links,
+    places: Links,
+    agents: Links,
+    classes: Vec<Class>,
+}
+
+impl NodeRows {
+    /// Lays out the steps of several scenes: for each scene its steps, oldest first, and the first rows of
+    /// its places and of its earlier nodes.
+    pub(crate) fn of(scenes: &[(&[StepGraph], SceneRows)], config: &Config) -> Self {
+        let nodes: usize = scenes.iter().flat_map(|(steps, _)| *steps).map(|step| step.slots.len()).sum();
+        let mut rows = Self {
+            bodies: Vec::with_capacity(nodes * BODY_FEATURES),
+            past: Links::with_capacity(nodes * config.past, PAST_FEATURES),
+            places: Links::with_capacity(nodes * config.places(), TO_PLACE_FEATURES),
+            agents: Links::with_capacity(nodes * config.agents, PAIR_FEATURES),
+            classes: Vec::with_capacity(nodes),
+        };
+        let mut base = 0;
+        for (steps, at) in scenes {
+            for step in *steps {
+                let nodes = step.slots.len();
+                rows.past.append(&step.past, |node| at.earlier + node);
+                rows.places.append(&step.places, |place| at.places + place);
+                // Agents that stand follow the nodes.
+                rows.agents.append(&step.agents, |agent| match agent.checked_sub(nodes) {
+                    None => base + agent,
+                    Some(standing) => at.standing + standing,
+                });
+                rows.bodies.extend_from_slice(&step.bodies);
+                rows.classes.extend_from_slice(&step.classes);
+                base += nodes;
+            }
+        }
+        rows
+    }
+
+    /// Returns some of the nodes, in this order. Their links are to the same rows.
+    pub(crate) fn chosen(&self, nodes: &[usize], config: &Config) -> Self {
+        let body = |node: &usize| self.bodies[node * BODY_FEATURES..(node + 1) * BODY_FEATURES].iter();
+        Self {
+            bodies: nodes.iter().flat_map(body).copied().collect(),
+            past: self.past.of_nodes(nodes, config.past, PAST_FEATURES),
+            places: self.places.of_nodes(nodes, config.places(), TO_PLACE_FEATURES),
+            agents: self.agents.of_nodes(nodes, config.agents, PAIR_FEATURES),
+            classes: nodes.iter().map(|node| self.classes[*node]).collect(),
+        }
+    }
+
+    /// Converts the rows to tensors.
+    pub(crate) fn tensors(self, config: &Config, device: &Device) -> NodeTensors {
+        let mut rows: BTreeMap<Class, Vec<usize>> = BTreeMap::new();
+        for (row, class) in self.classes.iter().enumerate() {
+            rows.entry(*class).or_default().push(row);
+        }
+        NodeTensors {
+            bodies: floats(self.bodies, BODY_FEATURES, device),
+            past: self.past.tensors(config.past, PAST_FEATURES, device),
+            places: self.places.tensors(config.places(), TO_PLACE_FEATURES, device),
+            agents: self.agents.tensors(config.agents, PAIR_FEATURES, device),
+            rows,
+        }
+    }
+}
+
+/// Lays out the steps of several scenes as tensors, as [`NodeRows::of`].
 pub(crate) fn node_tensors(
     scenes: &[(&[StepGraph], SceneRows)],
     config: &Config,
     device: &Device,
 ) -> NodeTensors {
-    let nodes: usize = scenes.iter().flat_map(|(steps, _)| *steps).map(|step| step.slots.len()).sum();
-    let mut past = Links::with_capacity(nodes * config.past, PAST_FEATURES);
-    let mut places = Links::with_capacity(nodes * config.places(), TO_PLACE_FEATURES);
-    let mut agents = Links::with_capacity(nodes * config.agents, PAIR_FEATURES);
-    let mut bodies = Vec::with_capacity(nodes * BODY_FEATURES);
-    let mut rows: BTreeMap<Class, Vec<usize>> = BTreeMap::new();
-    let mut base = 0;
-    for (steps, at) in scenes {
-        for step in *steps {
-            let nodes = step.slots.len();
-            past.append(&step.past, |node| at.earlier + node);
-            places.append(&step.places, |place| at.places + place);
-            // Agents that stand follow the nodes.
-            agents.append(&step.agents, |agent| match agent.checked_sub(nodes) {
-                None => base + agent,
-                Some(standing) => at.standing + standing,
-            });
-            bodies.extend_from_slice(&step.bodies);
-            for (row, class) in step.classes.iter().enumerate() {
-                rows.entry(*class).or_default().push(base + row);
-            }
-            base += nodes;
-        }
-    }
-    NodeTensors {
-        bodies: floats(bodies, BODY_FEATURES, device),
-        past: past.tensors(config.past, PAST_FEATURES, device),
-        places: places.tensors(config.places(), TO_PLACE_FEATURES, device),
-        agents: agents.tensors(config.agents, PAIR_FEATURES, device),
-        rows,
-    }
+    NodeRows::of(scenes, config).tensors(config, device)
 }
 
 /// First rows of a scene.

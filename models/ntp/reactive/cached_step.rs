@@ -8,7 +8,7 @@ use reactsim_nn::perception::{BODY_FEATURES, Class};
 
 use super::batch::{NodeTensors, SceneRows, floats, node_tensors};
 use super::config::Config;
-use super::network::{Encoding, Network, PastNodes};
+use super::network::{Network, PastNodes};
 use super::pair::PAIR_FEATURES;
 use super::place_relations::TO_PLACE_FEATURES;
 use super::step::{PAST_FEATURES, StepGraph};
@@ -42,9 +42,8 @@ impl<'a> CachedStep<'a> {
 
     /// Returns the logits of the agents, in slot order: one per token of the agent's class.
     pub fn logits(&self) -> Vec<Vec<f32>> {
-        let encoded: Encoding =
-            self.network.encode(&self.nodes, &self.map, &PastNodes::Cached(&self.past), None);
-        self.network.all_logits(&self.nodes, &encoded)
+        let encoded = self.network.encode(&self.nodes, &self.map, &PastNodes::Cached(&self.past), None);
+        self.network.all_logits(&self.nodes, &encoded.nodes)
     }
 
     /// Returns the class of each agent.

@@ -11,6 +11,7 @@ mod choice;
 mod config;
 pub(crate) mod linked_places;
 pub(crate) mod network;
+pub(crate) mod notes;
 mod pair;
 mod place_relations;
 mod policy;

@@ -54,6 +54,28 @@ pub(crate) struct Encoding {
     pub entering: Vec<Tensor<2>>,
     /// For each block, the nodes as other agents attend to them.
     pub meeting: Vec<Tensor<2>>,
+    /// For each block, all agents that nodes attended to: the nodes, and those that stand.
+    pub agents: Vec<Tensor<2>>,
+}
+
+/// What nodes attend to, for each block.
+#[derive(Clone, Debug)]
+pub(crate) struct Sources {
+    /// Earlier nodes, as [`Encoding::entering`].
+    pub past: Vec<Tensor<2>>,
+    /// Places, as from [`Network::encode_map`].
+    pub places: Vec<Tensor<2>>,
+    /// Agents, as [`Encoding::agents`].
+    pub agents: Vec<Tensor<2>>,
+}
+
+impl Sources {
+    /// Returns the same on a device with autodiff.
+    pub(crate) fn with_autodiff(&self) -> Self {
+        let [past, places, agents] = [&self.past, &self.places, &self.agents]
+            .map(|blocks| blocks.iter().map(|rows| Tensor::from_inner(rows.clone())).collect());
+        Self { past, places, agents }
+    }
 }
 
 impl Network {
@@ -118,6 +140,7 @@ impl Network {
         let mut x = self.body.forward(nodes.bodies.clone());
         let mut entering = Vec::with_capacity(self.blocks.len());
         let mut meeting = Vec::with_capacity(self.blocks.len());
+        let mut agents = Vec::with_capacity(self.blocks.len());
         for (i, block) in self.blocks.iter().enumerate() {
             entering.push(block.past.sources(x.clone()));
             let earlier = match past {
@@ -131,9 +154,25 @@ impl Network {
                 Some(standing) => Tensor::cat(vec![meeting[i].clone(), standing[i].clone()], 0),
                 None => meeting[i].clone(),
             };
-            x = nodes.agents.attend_to(&block.agents, x, others, &to_agents);
+            x = nodes.agents.attend_to(&block.agents, x, others.clone(), &to_agents);
+            agents.push(others);
         }
-        Encoding { nodes: x, entering, meeting }
+        Encoding { nodes: x, entering, meeting, agents }
+    }
+
+    /// Encodes nodes that attend to known sources only, and not to one another. Returns the input of the heads,
+    /// `[n, hidden]`.
+    pub(crate) fn encode_among(&self, nodes: &NodeTensors, sources: &Sources) -> Tensor<2> {
+        let to_past = nodes.past.embed(&self.past);
+        let to_places = nodes.places.embed(&self.to_place);
+        let to_agents = nodes.agents.embed(&self.pair);
+        let mut x = self.body.forward(nodes.bodies.clone());
+        for (i, block) in self.blocks.iter().enumerate() {
+            x = nodes.past.attend_to(&block.past, x, sources.past[i].clone(), &to_past);
+            x = nodes.places.attend_to(&block.places, x, sources.places[i].clone(), &to_places);
+            x = nodes.agents.attend_to(&block.agents, x, sources.agents[i].clone(), &to_agents);
+        }
+        x
     }
 
     /// Returns the logits of the next token for nodes of one class, `[m, tokens of the class]`.
@@ -143,14 +182,13 @@ impl Network {
 }
 
 impl Network {
-    /// Returns the logits of each node, one per token of its class.
-    pub(crate) fn all_logits(&self, nodes: &NodeTensors, encoded: &Encoding) -> Vec<Vec<f32>> {
-        let mut all = vec![Vec::new(); encoded.nodes.dims()[0]];
+    /// Returns the logits of each node, one per token of its class. `features` are the input of the heads.
+    pub(crate) fn all_logits(&self, nodes: &NodeTensors, features: &Tensor<2>) -> Vec<Vec<f32>> {
+        let mut all = vec![Vec::new(); features.dims()[0]];
         for (class, rows) in &nodes.rows {
             let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
-            let index =
-                Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &encoded.nodes.device());
-            let logits = self.logits(*class, encoded.nodes.clone().select(0, index));
+            let index = Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &features.device());
+            let logits = self.logits(*class, features.clone().select(0, index));
             let width = logits.dims()[1];
             let values: Vec<f32> = logits.into_data().iter::<f32>().collect();
             for (row, own) in rows.iter().zip(values.chunks_exact(width)) {

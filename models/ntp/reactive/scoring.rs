@@ -29,7 +29,7 @@ impl Policy {
         let (steps, map) = self.steps(known, frames, device);
         let nodes = node_tensors(&[(steps.as_slice(), SceneRows::default())], config, device);
         let encoded = self.network.encode(&nodes, &map, &PastNodes::Here, None);
-        let mut logits = self.network.all_logits(&nodes, &encoded).into_iter();
+        let mut logits = self.network.all_logits(&nodes, &encoded.nodes).into_iter();
         let nodes = steps.iter().flat_map(|s| s.slots.iter().map(|&slot| (s.frame, slot)));
         nodes.zip(&mut logits).map(|((frame, slot), values)| Logits { frame, slot, values }).collect()
     }

@@ -1,5 +1,7 @@
 //! The reactive network as a simulator.
 
+use std::sync::Arc;
+
 use burn::tensor::{Device, Tensor};
 use reactsim_nn::perception::{Body, Class};
 use reactsim_nn::{RowCollector, SharedRows, is_host};
@@ -7,16 +9,18 @@ use reactsim_rollout::{Beginning, Episode, JointPlan, Memory, NOT_FINITE, PlanEr
 use reactsim_scene::levels::RoadHeights;
 use reactsim_scene::{FUTURE, Frame};
 
+use super::super::beginnings::different_starts;
 use super::super::clearance::{Reversals, Traffic};
 use super::super::execute::Executor;
 use super::super::haste::Haste;
 use super::super::sampling::Driving;
 use super::super::tokens::{ORIGIN, TOKEN_FRAMES, TOKEN_POSES};
-use super::batch::{NodeTensors, SceneRows, map_tensors, node_tensors};
+use super::batch::{NodeRows, NodeTensors, SceneRows, map_tensors};
 use super::choice::{Chooser, Surroundings};
 use super::config::Config;
 use super::linked_places::LinkedPlaces;
-use super::network::{Encoding, PastNodes};
+use super::network::{Encoding, Network, PastNodes, Sources};
+use super::notes::{Drawn, Notes, Pass};
 use super::policy::Policy;
 use super::standing::{Standing, sets_off, stands};
 use super::step::{EarlierNode, StepGraph};
@@ -31,13 +35,14 @@ pub struct ReactiveSimulator {
     driving: Driving,
     haste: Option<Haste>,
     rests: bool,
+    notes: Option<Notes>,
     device: Device,
 }
 
 impl ReactiveSimulator {
     /// Builds a simulator of this policy, whose weights are on this device.
     pub fn new(policy: Policy, driving: Driving, device: Device) -> Self {
-        Self { policy, driving, haste: None, rests: true, device }
+        Self { policy, driving, haste: None, rests: true, notes: None, device }
     }
 
     /// Asks the network about every agent at every plan. Otherwise an agent that stands, and almost surely
@@ -47,6 +52,12 @@ impl ReactiveSimulator {
         Self { rests: false, ..self }
     }
 
+    /// Notes what is drawn. The reference network of the notes must be of the same configuration.
+    #[must_use]
+    pub(crate) fn with_notes(self, notes: Notes) -> Self {
+        Self { notes: Some(notes), ..self }
+    }
+
     /// Makes faster tokens of vehicles likelier.
     #[must_use]
     pub fn with_haste(self, haste: Haste) -> Self {
@@ -54,9 +65,12 @@ impl ReactiveSimulator {
     }
 }
 
-/// Memory of an episode between plans.
+/// Memory of an episode between plans. Features are those of all blocks of the network, then of the reference
+/// network if there are notes.
 struct EpisodeMemory {
-    linked: LinkedPlaces,
+    /// Place of the episode in its batch.
+    number: usize,
+    linked: Arc<LinkedPlaces>,
     chooser: Chooser,
     /// Encoded places, as each block attends to them.
     map: SharedRows,
@@ -92,21 +106,25 @@ struct DecodingState<'e, 'a> {
 impl Simulator for ReactiveSimulator {
     fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
         let config = &self.policy.config;
-        let linked: Vec<_> = batch.iter().map(|e| LinkedPlaces::known(e.start, config)).collect();
-        let places: Vec<&LinkedPlaces> = linked.iter().collect();
+        let (starts, of) = different_starts(batch);
+        let linked: Vec<_> =
+            starts.iter().map(|start| Arc::new(LinkedPlaces::known(start, config))).collect();
+        let places: Vec<&LinkedPlaces> = linked.iter().map(Arc::as_ref).collect();
         // Last bits of small products on processors depend on the number of rows.
         let together = if is_host(&self.device) { 1 } else { places.len().max(1) };
         let maps = places.chunks(together).flat_map(|places| {
-            let maps = self.policy.network.encode_map(&map_tensors(places, config, &self.device));
+            let map = map_tensors(places, config, &self.device);
+            let maps = self.networks().flat_map(|network| network.encode_map(&map)).collect();
             SharedRows::divide(maps, places.iter().map(|l| l.places.all.len()))
         });
         let maps: Vec<SharedRows> = maps.collect();
-        for ((episode, linked), map) in batch.iter_mut().zip(linked).zip(maps) {
+        for (number, (episode, of)) in batch.iter_mut().zip(of).enumerate() {
             let (chooser, remembered) = (Chooser::new(config), Vec::new());
             let memory = EpisodeMemory {
-                linked,
+                number,
+                linked: Arc::clone(&linked[of]),
                 chooser,
-                map,
+                map: maps[of].clone(),
                 remembered,
                 resting: Standing::default(),
                 next_frame: usize::MAX,
@@ -184,21 +202,34 @@ impl ReactiveSimulator {
             if group.is_empty() {
                 continue;
             }
-            let (nodes, encoded) = self.encode(group, cached);
-            let tokens = self.policy.network.all_logits(&nodes, &encoded);
+            let Encoded { nodes, encoding, noted } = self.encode(group, cached);
+            let tokens = self.policy.network.all_logits(&nodes, &encoding.nodes);
             let steps = || group.iter().flat_map(|p| p.steps.iter().map(|s| s.slots.len()));
-            let mut entering = SharedRows::divide(encoded.entering, steps()).into_iter();
-            let mut row = 0;
+            let mut entering = SharedRows::divide(encoding.entering, steps()).into_iter();
+            let (mut row, mut drawn) = (0, Vec::new());
             for p in group.iter_mut() {
                 let rows: usize = p.steps.iter().map(|s| s.slots.len()).sum();
                 let newest = p.steps.last().map_or(0, |s| s.slots.len());
                 let first = row + rows - newest;
-                let stood = p.move_agents(self, &tokens[first..first + newest], token, executor);
-                p.stand(&stood, &encoded.meeting, first, self.rests);
+                let moved = p.move_agents(self, &tokens[first..first + newest], token, executor);
+                p.stand(&moved.stood, &encoding.meeting, first, self.rests);
                 p.remember(&mut entering, token, &self.policy.config);
+                if noted.is_some() {
+                    drawn.extend(moved.drawn.into_iter().map(|(row, drawn)| (first + row, drawn)));
+                }
                 row += rows;
             }
+            if let (Some(notes), Some((rows, sources, reference))) = (&self.notes, noted) {
+                let pass = Pass { rows, nodes: &nodes, sources, logits: &tokens, reference };
+                notes.add(pass, &drawn, self.driving.sampling.temperature, &self.policy.config);
+            }
         }
+    }
+
+    /// Returns the network, then the reference network of the notes if there are any.
+    fn networks(&self) -> impl Iterator<Item = &Network> {
+        let reference = self.notes.as_ref().map(|notes| &notes.reference);
+        std::iter::once(&self.policy.network).chain(reference)
     }
 
     /// Returns the logits of a vehicle with the bonus of each token.
@@ -208,12 +239,14 @@ impl ReactiveSimulator {
     }
 
     /// Encodes the steps of some episodes.
-    fn encode(&self, group: &mut [&mut &mut DecodingState<'_, '_>], cached: bool) -> (NodeTensors, Encoding) {
+    fn encode(&self, group: &mut [&mut &mut DecodingState<'_, '_>], cached: bool) -> Encoded {
         let config = &self.policy.config;
+        let layers = config.agent_layers;
+        let blocks = self.networks().count() * layers;
         let (mut maps, mut past) = (RowCollector::default(), RowCollector::default());
         let (mut scenes, mut rows) = (Vec::new(), 0);
         let nodes: usize = group.iter().flat_map(|p| p.steps.iter().map(|s| s.slots.len())).sum();
-        let mut standing: Vec<Vec<Tensor<2>>> = vec![Vec::new(); config.agent_layers];
+        let mut standing: Vec<Vec<Tensor<2>>> = vec![Vec::new(); blocks];
         let mut stand = nodes;
         for p in group {
             let places = maps.add(&p.memory.map);
@@ -230,15 +263,52 @@ impl ReactiveSimulator {
         }
         let standing: Option<Vec<Tensor<2>>> =
             (stand > nodes).then(|| standing.into_iter().map(|all| Tensor::cat(all, 0)).collect());
-        let nodes = node_tensors(&scenes, config, &self.device);
+        let rows = NodeRows::of(&scenes, config);
+        let noted = self.notes.is_some().then(|| rows.clone());
+        let nodes = rows.tensors(config, &self.device);
         let empty = || Tensor::zeros([0, config.hidden], &self.device);
-        let none = || vec![empty(); config.agent_layers];
+        let none = || vec![empty(); blocks];
         let maps = maps.joined().unwrap_or_else(none);
         let past = past.joined().unwrap_or_else(none);
-        let past = if cached { PastNodes::Cached(&past) } else { PastNodes::Here };
-        let encoded = self.policy.network.encode(&nodes, &maps, &past, standing.as_deref());
-        (nodes, encoded)
+        let encode = |number: usize, network: &Network| {
+            let own = number * layers..(number + 1) * layers;
+            let past = if cached { PastNodes::Cached(&past[own.clone()]) } else { PastNodes::Here };
+            let standing = standing.as_ref().map(|standing| &standing[own.clone()]);
+            network.encode(&nodes, &maps[own], &past, standing)
+        };
+        let mut encoding = encode(0, &self.policy.network);
+        let noted = self.notes.as_ref().zip(noted).map(|(notes, rows)| {
+            let sources = Sources {
+                past: if cached { past[..layers].to_vec() } else { encoding.entering.clone() },
+                places: maps[..layers].to_vec(),
+                agents: encoding.agents.clone(),
+            };
+            let reference = encode(1, &notes.reference);
+            encoding.entering.extend(reference.entering);
+            encoding.meeting.extend(reference.meeting);
+            (rows, sources, reference.nodes)
+        });
+        Encoded { nodes, encoding, noted }
     }
+}
+
+/// A forward pass of some episodes.
+struct Encoded {
+    nodes: NodeTensors,
+    /// Of the network; what is remembered is that of all networks.
+    encoding: Encoding,
+    /// If there are notes: the nodes, what they attend to, and their features in the reference network.
+    noted: Option<(NodeRows, Sources, Tensor<2>)>,
+}
+
+/// Motion of the agents of an episode in half a second.
+#[derive(Default)]
+struct Moved {
+    /// Rows of the newest step whose agents stand from here on; none unless this is the last executed half
+    /// second.
+    stood: Vec<usize>,
+    /// The tokens that were drawn, with the rows of the newest step.
+    drawn: Vec<(usize, Drawn)>,
 }
 
 impl DecodingState<'_, '_> {
@@ -281,18 +351,17 @@ impl DecodingState<'_, '_> {
         self.steps.iter_mut().for_each(|step| step.past.renumber(&rows));
     }
 
-    /// Draws a token for every agent of the newest step and executes it. Returns the rows of the step whose
-    /// agents stand from here on; none unless this is the last executed half second.
+    /// Draws a token for every agent of the newest step and executes it.
     fn move_agents(
         &mut self,
         simulator: &ReactiveSimulator,
         logits: &[Vec<f32>],
         token: usize,
         executor: &mut Executor,
-    ) -> Vec<usize> {
-        let mut stood = Vec::new();
-        let from = self.episode.seen.frame() + token * TOKEN_FRAMES;
-        let Some(newest) = self.steps.last() else { return stood };
+    ) -> Moved {
+        let mut moved = Moved::default();
+        let (from, episode) = (self.episode.seen.frame() + token * TOKEN_FRAMES, self.memory.number);
+        let Some(newest) = self.steps.last() else { return moved };
         let agents = &self.episode.seen.start().agents;
         let av_next = self.episode.seen.av_next().filter(|_| token == 0);
         let RecentTracks { first, all, shown } = &mut self.recent;
@@ -312,6 +381,8 @@ impl DecodingState<'_, '_> {
             let logits = hasty.as_deref().unwrap_or(logits);
             match simulator.driving.sampling.draw_first(logits, self.episode.stream) {
                 Some(order) => {
+                    let drawn = Drawn { episode, slot, frame: from, class, token: order[0] };
+                    moved.drawn.push((row, drawn));
                     let poses = |token: usize| simulator.policy.vocabulary.poses(class, token);
                     let tokens = order.iter().map(|&token| poses(token));
                     executor.execute_clear(agent, slot, class, tokens, traffic.as_ref(), track);
@@ -319,7 +390,7 @@ impl DecodingState<'_, '_> {
                     let departure = || simulator.driving.sampling.probability(logits, &order, departs);
                     // The AV keeps its tokens: others react to them.
                     if last_executed && slot != 0 && stands(track, departure) {
-                        stood.push(row);
+                        moved.stood.push(row);
                     }
                 }
                 None => {
@@ -334,7 +405,7 @@ impl DecodingState<'_, '_> {
             track.resize(at + 1 + TOKEN_FRAMES, None);
             shown.extend_from_slice(&track[shown.len()..]);
         }
-        stood
+        moved
     }
 
     /// Takes agents to stand from here on, and in the next plan if they rest, given by rows of the newest

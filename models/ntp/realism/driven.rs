@@ -8,13 +8,15 @@ use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
 use super::super::policy_loss::Choice;
-use super::super::token_loss::{Chooser, Target};
+use super::group::Group;
 
 /// A network of tokens that learns from what it did as a simulator.
 pub(crate) trait Driven: Send + Sync {
     /// The network.
     type Network: Module;
-    /// Input of the network for a rollout, with the tokens nearest to the motion of agents.
+    /// What a simulator notes of its rollouts.
+    type Notes;
+    /// Input of the network for one or several tokens.
     type Sample;
 
     /// Returns the network that the training begins with, on a device with autodiff.
@@ -23,12 +25,17 @@ pub(crate) trait Driven: Send + Sync {
     /// Returns the simulator with a network without autodiff. The error is a message.
     fn controller(&self, network: &Self::Network) -> Result<Controller, String>;
 
-    /// Builds the sample of a scenario whose future is a rollout, and says who chose each token. `None` if no
-    /// agent chose any.
-    fn sample(&self, scenario: &Scenario) -> Option<(Self::Sample, Vec<Chooser>)>;
+    /// Returns the simulator with a network without autodiff, and what it notes. The error is a message.
+    fn noting(&self, network: &Self::Network) -> Result<(Controller, Self::Notes), String>;
 
-    /// Returns the tokens of a sample, in the order of their choosers.
-    fn targets<'s>(&self, sample: &'s Self::Sample) -> &'s [Target];
+    /// Builds samples of a group of rollouts of a scenario, the last that the simulator of these notes has driven.
+    /// The AV is external, and has no choice.
+    fn samples(
+        &self,
+        notes: &Self::Notes,
+        scenario: &Scenario,
+        group: &Group,
+    ) -> Vec<(Self::Sample, Vec<Choice>)>;
 
     /// Returns the policy gradient's loss of a network with autodiff on samples with their choices, with the
     /// weight `anchor` of the divergence from the first network.

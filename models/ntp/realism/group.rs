@@ -5,8 +5,9 @@ use std::sync::Arc;
 use reactsim_metrics::wosac::{Scorer, WosacMetrics};
 use reactsim_rollout::{Av, Controller, DeviatedAv, LogAv, NOT_FINITE, Request, Rollout, Settings, roll_out};
 use reactsim_scene::wosac::{JointScene, ObjectTrajectory, ScenarioRollouts, WosacLog, WosacTrack};
-use reactsim_scene::{AgentKind, CURRENT, FUTURE, Frame, HISTORY, Length, Scenario};
+use reactsim_scene::{AgentKind, CURRENT, FUTURE, Frame, Length, Scenario};
 
+use super::super::tokens::TOKEN_FRAMES;
 use super::RealismRecipe;
 use super::advantage::{Fines, STEPS, Steps, compared, of_shares};
 use super::recipe::CONFIG;
@@ -17,7 +18,7 @@ type Tracks = Vec<Vec<Frame>>;
 /// A scenario to drive in.
 pub(super) struct Prepared {
     pub(super) scenario: Scenario,
-    log: WosacLog,
+    scorer: Scorer<'static>,
     /// The logged AV.
     logged: Arc<dyn Av>,
     /// The AV that leaves its log, if there is one.
@@ -25,10 +26,18 @@ pub(super) struct Prepared {
 }
 
 /// The rollouts of a group, with the advantage of every agent at every step.
-pub(super) struct Group {
-    pub(super) rollouts: Vec<Tracks>,
+pub(crate) struct Group {
+    /// Tracks of the agents by rollout.
+    pub(crate) rollouts: Vec<Tracks>,
     /// By rollout, agent and step.
-    pub(super) advantages: Vec<Vec<Steps>>,
+    advantages: Vec<Vec<Steps>>,
+}
+
+impl Group {
+    /// Returns the advantage of the token with which an agent leads on from a frame of a rollout.
+    pub(crate) fn advantage(&self, rollout: usize, slot: usize, frame: usize) -> f32 {
+        self.advantages[rollout][slot][(frame - CURRENT) / TOKEN_FRAMES] as f32
+    }
 }
 
 /// Refuses a scenario of which the realism metrics are not defined, or whose deviated AV is invalid. The
@@ -51,12 +60,12 @@ impl Prepared {
         // All agents learn, not only those that the recording marks for prediction.
         let is_judged = |track: &WosacTrack| track.is_simulated() && track.kind != AgentKind::Other;
         log.tracks_to_predict = (0..log.tracks.len()).filter(|&i| is_judged(&log.tracks[i])).collect();
-        Scorer::new(&log).ok()?;
+        let scorer = Scorer::owning(log).ok()?;
         let logged = Arc::new(LogAv::new(scenario).ok()?);
         let deviated = scenario.deviation.as_ref();
         let deviated = deviated.map(|d| DeviatedAv::new(scenario, d.track.clone())).transpose().ok()?;
         let deviated = deviated.map(|av| Arc::new(av) as Arc<dyn Av>);
-        Some(Self { scenario: scenario.clone(), log, logged, deviated })
+        Some(Self { scenario: scenario.clone(), scorer, logged, deviated })
     }
 
     /// Drives with the logged AV. Returns the rollouts, with their realism.
@@ -71,14 +80,13 @@ impl Prepared {
     ) -> Result<(Group, WosacMetrics), String> {
         let rollouts = self.drive(&self.logged, controller, recipe.rollouts, seed)?;
         let scored = ScenarioRollouts {
-            scenario_id: self.log.scenario_id.clone(),
+            scenario_id: self.scorer.log().scenario_id.clone(),
             joint_scenes: rollouts.iter().map(|tracks| self.joint_scene(tracks)).collect::<Result<_, _>>()?,
         };
-        let scorer = Scorer::new(&self.log).map_err(|error| error.to_string())?;
-        let scored = scorer.score_with_object_shares(&scored, &CONFIG);
+        let scored = self.scorer.score_with_object_shares(&scored, &CONFIG);
         let (metrics, shares) = scored.map_err(|error| error.to_string())?;
-        let slots: Vec<Option<usize>> = scorer.evaluated().iter().map(|id| self.slot(*id)).collect();
-        let agents = self.log.tracks.len();
+        let slots: Vec<Option<usize>> = self.scorer.evaluated().iter().map(|id| self.slot(*id)).collect();
+        let agents = self.scorer.log().tracks.len();
         let values = of_shares(&shares, recipe.features).into_iter().map(|of_objects| {
             let mut own = vec![[0.0; STEPS]; agents];
             for (slot, advantage) in slots.iter().zip(of_objects) {
@@ -107,21 +115,12 @@ impl Prepared {
         let Some(av) = &self.deviated else { return Ok(None) };
         let rollouts = self.drive(av, controller, recipe.rollouts, seed)?;
         let fines: Vec<Fines> = rollouts.iter().map(|tracks| Fines::of(&self.scenario, tracks)).collect();
-        let values: Vec<Vec<Steps>> = fines.iter().map(|fines| fines.values(self.log.tracks.len())).collect();
+        let agents = self.scenario.start.agents.len();
+        let values: Vec<Vec<Steps>> = fines.iter().map(|fines| fines.values(agents)).collect();
         let mut advantages = compared(&values);
         let all = advantages.iter_mut().flatten().flatten();
         all.for_each(|advantage| *advantage *= recipe.weights.reactions);
         Ok(Some((Group { rollouts, advantages }, fines)))
-    }
-
-    /// Returns the scenario with a rollout in place of its future.
-    pub(super) fn realised(&self, tracks: &Tracks) -> Scenario {
-        let mut scenario = self.scenario.clone();
-        for (future, track) in scenario.log_future.tracks.iter_mut().zip(tracks) {
-            *future = track[HISTORY..].to_vec();
-        }
-        scenario.log_future.heights.iter_mut().for_each(|heights| heights.fill(None));
-        scenario
     }
 
     fn drive(
@@ -142,7 +141,7 @@ impl Prepared {
     }
 
     fn slot(&self, id: i32) -> Option<usize> {
-        self.log.tracks.iter().position(|track| track.id == id)
+        self.scorer.log().tracks.iter().position(|track| track.id == id)
     }
 
     /// Returns a rollout as the metrics read it: world coordinates, heights 0 as in logs of scenarios.
@@ -161,7 +160,7 @@ impl Prepared {
                 heading: states.iter().map(|state| state.heading as f32).collect(),
             })
         };
-        let simulated = self.log.tracks.iter().zip(tracks).filter(|(track, _)| track.is_simulated());
+        let simulated = self.scorer.log().tracks.iter().zip(tracks).filter(|(track, _)| track.is_simulated());
         Ok(JointScene { trajectories: simulated.map(trajectory).collect::<Result<_, _>>()? })
     }
 }

@@ -8,8 +8,8 @@
 //! [`grpo`](super::smart::learn::grpo)). The divergence from the network that the training began with is
 //! fined, so that what is not rewarded stays as it was.
 //!
-//! Rollouts are those of the simulator; the tokens that are learned from are the ones nearest to what agents
-//! did.
+//! Rollouts are those of the simulator. The reactive network learns from the tokens that it drew there,
+//! [`smart`](super::smart) from the ones nearest to what agents did.
 
 mod advantage;
 mod driven;
@@ -18,5 +18,6 @@ mod recipe;
 mod task;
 
 pub(crate) use driven::Driven;
+pub(crate) use group::Group;
 pub use recipe::{Features, RealismRecipe, Weights};
 pub use task::{TASK, realism};

@@ -8,16 +8,13 @@ use rand::RngExt;
 use reactsim_nn::learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
 use reactsim_nn::training::{Output, Settings, Stream, Sums, Task, View};
 use reactsim_rollout::Controller;
-use reactsim_scene::{CURRENT, Scenario};
+use reactsim_scene::Scenario;
 
 use super::super::learn::DrivenReactive;
-use super::super::policy_loss::Choice;
 use super::super::reactive::Policy;
 use super::super::smart::SmartPolicy;
 use super::super::smart::learn::DrivenSmart;
-use super::super::token_loss::{Chooser, Target};
-use super::super::tokens::TOKEN_FRAMES;
-use super::advantage::{Fines, Steps};
+use super::advantage::Fines;
 use super::group::{Group, Prepared, check};
 use super::{Driven, RealismRecipe};
 
@@ -85,13 +82,16 @@ pub fn realism(
     let learning = device.clone().autodiff();
     let reactive = match Policy::read(weights, &learning) {
         Ok(policy) => {
-            let driven = DrivenReactive::new(policy, device)?;
+            let driven = DrivenReactive::new(policy, recipe.agents, device)?;
             return Ok(Box::new(Realism::new(recipe, driven, digest, device)));
         }
         Err(error) => error,
     };
     match SmartPolicy::read(weights, &learning) {
-        Ok(policy) => Ok(Box::new(Realism::new(recipe, DrivenSmart::new(policy, device), digest, device))),
+        Ok(policy) => {
+            let driven = DrivenSmart::new(policy, recipe.agents, device);
+            Ok(Box::new(Realism::new(recipe, driven, digest, device)))
+        }
         Err(smart) => {
             Err(format!("it has weights neither of `ntp-reactive` ({reactive}) nor of `smart` ({smart})"))
         }
@@ -113,27 +113,26 @@ impl<D: Driven> Realism<D> {
         Self { recipe, driven, digest, device: device.clone() }
     }
 
-    /// Lets a network without gradients drive in scenarios. `learned` receives the groups; returns metrics,
-    /// with the objective of each scenario.
+    /// Lets a simulator drive in scenarios. `learned` receives the groups; returns metrics, with the
+    /// objective of each scenario.
     fn drive(
         &self,
-        network: &D::Network,
+        controller: &Controller,
         scenarios: &[Prepared],
         seed: u64,
         mut learned: impl FnMut(&Prepared, &Group),
     ) -> Result<Sums, String> {
-        let controller = self.driven.controller(network)?;
         let (recipe, mut sums) = (&self.recipe, Sums::new());
         for scenario in scenarios {
             let mut objective = 0.0;
             if recipe.weights.realism > 0.0 {
-                let (group, metrics) = scenario.realism(&controller, recipe, seed)?;
+                let (group, metrics) = scenario.realism(controller, recipe, seed)?;
                 objective += recipe.weights.realism * recipe.features.part(metrics.likelihoods);
                 sums.add("metametric", metrics.metametric, 1.0);
                 learned(scenario, &group);
             }
             if recipe.weights.reactions > 0.0
-                && let Some((group, fines)) = scenario.reactions(&controller, recipe, seed)?
+                && let Some((group, fines)) = scenario.reactions(controller, recipe, seed)?
             {
                 let (rollouts, agents) = (fines.len() as f64, scenario.scenario.start.agents.len() as f64);
                 let fined: f64 = fines.iter().map(Fines::sum).sum();
@@ -148,23 +147,6 @@ impl<D: Driven> Realism<D> {
             sums.add("reward", objective, 1.0);
         }
         Ok(sums)
-    }
-
-    /// Returns the samples of a group with the advantages of their tokens. The AV is external.
-    fn samples(&self, scenario: &Prepared, group: &Group) -> Vec<(D::Sample, Vec<Choice>)> {
-        let sample = |(tracks, advantages): (&_, &Vec<Steps>)| {
-            let (sample, choosers) = self.driven.sample(&scenario.realised(tracks))?;
-            let choice = |(drawn, chooser): (&Target, &Chooser)| {
-                let step = (chooser.frame - CURRENT) / TOKEN_FRAMES;
-                let advantage = advantages[chooser.slot][step] as f32;
-                // A weight by what agents did would bias the gradient.
-                let drawn = Target { weight: 1.0, ..*drawn };
-                (1..self.recipe.agents).contains(&chooser.slot).then_some(Choice { drawn, advantage })
-            };
-            let choices = self.driven.targets(&sample).iter().zip(&choosers).filter_map(choice).collect();
-            Some((sample, choices))
-        };
-        group.rollouts.iter().zip(&group.advantages).filter_map(sample).collect()
     }
 
     /// Returns the output that ends the training, because the network does not drive.
@@ -198,7 +180,8 @@ impl<D: Driven> Task for Realism<D> {
     /// In validation, the loss is the negative objective, by draws that are always the same.
     fn loss(&self, model: &D::Network, samples: &[Prepared], stream: Option<&mut Stream>) -> Output {
         let Some(stream) = stream else {
-            let metrics = match self.drive(model, samples, 0, |_, _| ()) {
+            let controller = self.driven.controller(model);
+            let metrics = match controller.and_then(|c| self.drive(&c, samples, 0, |_, _| ())) {
                 Ok(metrics) => metrics,
                 Err(cause) => return self.failed(cause),
             };
@@ -207,8 +190,12 @@ impl<D: Driven> Task for Realism<D> {
             return Output::new(Tensor::from_floats([loss as f32], &self.device), items, metrics);
         };
         let mut learned = Vec::new();
-        let take = |scenario: &Prepared, group: &Group| learned.extend(self.samples(scenario, group));
-        let metrics = match self.drive(&model.valid(), samples, stream.random(), take) {
+        let driven = self.driven.noting(&model.valid()).and_then(|(controller, notes)| {
+            self.drive(&controller, samples, stream.random(), |scenario, group| {
+                learned.extend(self.driven.samples(&notes, &scenario.scenario, group));
+            })
+        });
+        let metrics = match driven {
             Ok(metrics) => metrics,
             Err(cause) => return self.failed(cause),
         };

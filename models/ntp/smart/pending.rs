@@ -10,7 +10,7 @@ use super::observed::{Participant, step_at};
 use super::{CachedScene, InputError, SmartPolicy, Step};
 
 /// Memory of an episode between plans.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct EpisodeMemory {
     participants: Vec<Participant>,
     /// The scene before its first step.

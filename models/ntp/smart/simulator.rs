@@ -6,6 +6,7 @@ use reactsim_rollout::{Beginning, Episode, Memory, PlanError, Simulator};
 use reactsim_scene::{FUTURE, Start};
 use serde::{Deserialize, Serialize};
 
+use super::super::beginnings::different_starts;
 use super::super::execute::Executor;
 use super::super::sampling::Sampling;
 use super::observed::{Participant, identities, map_tokens};
@@ -158,15 +159,17 @@ fn passes<T>(items: Vec<T>, most: usize, rows: impl Fn(&T) -> usize) -> Vec<Vec<
 
 impl Simulator for SmartSimulator {
     fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
-        let begun: Vec<_> = batch.iter().map(|episode| self.begun(episode.start)).collect();
+        let (starts, of) = different_starts(batch);
+        let begun: Vec<_> = starts.into_iter().map(|start| self.begun(start)).collect();
         let refused: Vec<Option<InputError>> = begun.iter().map(|b| b.as_ref().err().cloned()).collect();
         let mut memories = self.start_scenes(begun.into_iter().flatten().collect()).into_iter();
-        for (episode, refused) in batch.iter_mut().zip(refused) {
-            let memory = match refused {
-                Some(cause) => Some(Err(cause)),
-                None => memories.next().map(Ok),
-            };
-            episode.memory = memory.map_or(Memory::NONE, Memory::new::<BegunMemory>);
+        let memory = |refused| match refused {
+            Some(cause) => Some(Err(cause)),
+            None => memories.next().map(Ok),
+        };
+        let memories: Vec<Option<BegunMemory>> = refused.into_iter().map(memory).collect();
+        for (episode, of) in batch.iter_mut().zip(of) {
+            episode.memory = memories[of].clone().map_or(Memory::NONE, Memory::new::<BegunMemory>);
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Progress of a training on stderr, and the plot of its curves in the folder.
 
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Write as _;
@@ -12,15 +13,15 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::cli::output::{say, write_result};
 use crate::report::tensorboard::{self, EVENTS};
 use crate::report::training_curves;
-use crate::training::{LOG, Observer, Row, ValidationRow, read_log};
+use crate::training::{LOG, Observer, Row, StepRow, ValidationRow, read_log};
 
 /// File name of the plot of the curves.
 pub(super) const CURVES: &str = "curves.svg";
 /// Maximum number of skipped scenarios printed one by one.
 const MAX_PRINTED_SKIPS: usize = 5;
 
-/// Line with loss, speed and remaining time, hidden if stderr is not a terminal. Validations are
-/// always printed.
+/// Line with loss, metrics, speed and remaining time, hidden if stderr is not a terminal. Validations are always
+/// printed, with the metrics that only steps have.
 pub(super) struct Progress {
     bar: ProgressBar,
     folder: PathBuf,
@@ -29,8 +30,9 @@ pub(super) struct Progress {
     first: Cell<u64>,
     steps: Cell<u64>,
     samples: Cell<usize>,
-    /// Exponential moving average of the loss.
+    /// Exponential moving averages of the loss and of the metrics of steps.
     loss: Cell<Option<f64>>,
+    metrics: RefCell<BTreeMap<String, f64>>,
     skipped: RefCell<usize>,
     /// Event file for TensorBoard; none if it cannot be written.
     events: RefCell<Option<File>>,
@@ -51,6 +53,7 @@ impl Progress {
             steps: Cell::new(0),
             samples: Cell::new(0),
             loss: Cell::new(None),
+            metrics: RefCell::default(),
             skipped: RefCell::new(0),
             events: RefCell::new(None),
         }
@@ -111,26 +114,37 @@ impl Progress {
         }
     }
 
-    fn step(&self, step: u64, loss: Option<f64>, samples: usize) {
-        self.samples.set(self.samples.get() + samples);
-        if let Some(loss) = loss {
-            self.loss.set(Some(self.loss.get().map_or(loss, |mean| 0.95 * mean + 0.05 * loss)));
+    fn step(&self, row: &StepRow) {
+        self.samples.set(self.samples.get() + row.samples);
+        let moved = |mean: f64, value: f64| 0.95 * mean + 0.05 * value;
+        if let Some(loss) = row.loss {
+            self.loss.set(Some(self.loss.get().map_or(loss, |mean| moved(mean, loss))));
         }
-        let done = step.saturating_sub(self.first.get()).max(1) as f64;
-        let left = self.began.elapsed().as_secs_f64() / done * self.steps.get().saturating_sub(step) as f64;
-        let loss = self.loss.get().map(|loss| format!(", loss {loss:.4}")).unwrap_or_default();
-        let speed = self.per_second();
-        self.bar.set_position(step);
-        self.bar.set_message(format!("{loss}, {speed:.1} scenarios/s, {} left", span(left)));
+        let mut metrics = self.metrics.borrow_mut();
+        for (name, value) in &row.metrics {
+            metrics.entry(name.clone()).and_modify(|mean| *mean = moved(*mean, *value)).or_insert(*value);
+        }
+        let done = row.step.saturating_sub(self.first.get()).max(1) as f64;
+        let steps = self.steps.get().saturating_sub(row.step) as f64;
+        let left = self.began.elapsed().as_secs_f64() / done * steps;
+        let mut text = self.loss.get().map(|loss| format!(", loss {loss:.4}")).unwrap_or_default();
+        put_metrics(&mut text, metrics.iter());
+        write!(text, ", {:.1} scenarios/s, {} left", self.per_second(), span(left)).ok();
+        self.bar.set_position(row.step);
+        self.bar.set_message(text);
     }
 
-    fn validation(row: &ValidationRow) -> String {
+    fn validation(&self, row: &ValidationRow) -> String {
         let mut text = format!("step {}: validation loss {:.4}", row.step, row.loss);
         if row.best {
             text.push_str(" (lowest so far)");
         }
-        for (name, value) in row.metrics.iter().chain(&row.closed_loop) {
-            write!(text, ", {} {value:.4}", name.replace('_', " ")).ok();
+        put_metrics(&mut text, row.metrics.iter().chain(&row.closed_loop));
+        let metrics = self.metrics.borrow();
+        let mut of_steps = metrics.iter().filter(|(name, _)| !row.metrics.contains_key(*name)).peekable();
+        if of_steps.peek().is_some() {
+            text.push_str("; in training");
+            put_metrics(&mut text, of_steps);
         }
         text
     }
@@ -148,9 +162,9 @@ impl Observer for Progress {
     fn row(&self, row: &Row) {
         self.append_event(row);
         match row {
-            Row::Step(row) => self.step(row.step, row.loss, row.samples),
+            Row::Step(row) => self.step(row),
             Row::Validation(row) => {
-                self.bar.suspend(|| say(format_args!("{}", Self::validation(row))));
+                self.bar.suspend(|| say(format_args!("{}", self.validation(row))));
                 self.draw();
             }
         }
@@ -162,6 +176,13 @@ impl Observer for Progress {
         if *n <= MAX_PRINTED_SKIPS {
             self.bar.suspend(|| say(format_args!("scenario {id} is skipped: it has nothing to learn from")));
         }
+    }
+}
+
+/// Appends metrics by name.
+fn put_metrics<'m>(text: &mut String, metrics: impl Iterator<Item = (&'m String, &'m f64)>) {
+    for (name, value) in metrics {
+        write!(text, ", {} {value:.4}", name.replace('_', " ")).ok();
     }
 }
 

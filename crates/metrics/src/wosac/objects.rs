@@ -9,20 +9,22 @@ use super::error::WosacError;
 
 /// The simulated objects in the order of the metrics: the evaluated ones by id, then the others in file
 /// order.
-pub(super) struct Objects<'a> {
-    pub(super) tracks: Vec<&'a WosacTrack>,
+pub(super) struct Objects {
+    /// Index of each object in [`WosacLog::tracks`].
+    tracks: Vec<usize>,
     /// Number of evaluated objects, which are the first ones.
     pub(super) evaluated: usize,
     /// Position of each object in [`WosacLog::simulated`].
     order: Vec<usize>,
 }
 
-impl<'a> Objects<'a> {
-    pub(super) fn new(log: &'a WosacLog) -> Result<Self, WosacError> {
-        let simulated: Vec<&WosacTrack> = log.simulated().collect();
+impl Objects {
+    pub(super) fn new(log: &WosacLog) -> Result<Self, WosacError> {
+        let tracks = 0..log.tracks.len();
+        let simulated: Vec<usize> = tracks.filter(|&i| log.tracks[i].is_simulated()).collect();
         let mut order = Vec::with_capacity(simulated.len());
         for id in log.evaluated() {
-            let found = simulated.iter().position(|track| track.id == id);
+            let found = simulated.iter().position(|&i| log.tracks[i].id == id);
             order.push(found.ok_or_else(|| {
                 WosacError(format!(
                     "scenario `{}`: object {id} of tracks_to_predict or the AV is invalid at frame 10, expected \
@@ -37,28 +39,34 @@ impl<'a> Objects<'a> {
         Ok(Self { tracks: order.iter().map(|&i| simulated[i]).collect(), evaluated, order })
     }
 
+    /// Returns the tracks of all objects in the log, which must be that of the objects.
+    pub(super) fn tracks<'l>(&self, log: &'l WosacLog) -> impl Iterator<Item = &'l WosacTrack> {
+        self.tracks.iter().map(|&i| &log.tracks[i])
+    }
+
+    /// Returns the track of an object in the log.
+    pub(super) fn track<'l>(&self, log: &'l WosacLog, object: usize) -> &'l WosacTrack {
+        &log.tracks[self.tracks[object]]
+    }
+
     /// Returns the logged motion.
-    pub(super) fn logged(&self) -> Motion<'a> {
-        let future = |track: &&'a WosacTrack| Future {
+    pub(super) fn logged<'l>(&self, log: &'l WosacLog) -> Motion<'l> {
+        let future = |track: &'l WosacTrack| Future {
             x: future(&track.x[HISTORY..]),
             y: future(&track.y[HISTORY..]),
             z: future(&track.z[HISTORY..]),
             heading: future(&track.heading[HISTORY..]),
         };
-        let valid = |track: &&'a WosacTrack| &track.valid[HISTORY..];
         Motion {
-            tracks: self.tracks.clone(),
-            futures: self.tracks.iter().map(future).collect(),
-            valid: Some(self.tracks.iter().map(valid).collect()),
+            tracks: self.tracks(log).collect(),
+            futures: self.tracks(log).map(future).collect(),
+            valid: Some(self.tracks(log).map(|track| &track.valid[HISTORY..]).collect()),
             evaluated: self.evaluated,
         }
     }
 
     /// Returns the motion in a rollout, whose trajectories are in the order of [`WosacLog::simulated`].
-    pub(super) fn simulated<'b>(&self, rollout: &[&'b ObjectTrajectory]) -> Motion<'b>
-    where
-        'a: 'b,
-    {
+    pub(super) fn simulated<'b>(&self, log: &'b WosacLog, rollout: &[&'b ObjectTrajectory]) -> Motion<'b> {
         let future = |&i: &usize| Future {
             x: future(&rollout[i].x),
             y: future(&rollout[i].y),
@@ -66,7 +74,7 @@ impl<'a> Objects<'a> {
             heading: future(&rollout[i].heading),
         };
         Motion {
-            tracks: self.tracks.clone(),
+            tracks: self.tracks(log).collect(),
             futures: self.order.iter().map(future).collect(),
             valid: None,
             evaluated: self.evaluated,

@@ -1,5 +1,7 @@
 //! Scoring of rollouts against the log of their scenario.
 
+use std::borrow::Cow;
+
 use reactsim_geometry::math;
 use reactsim_scene::{
     AgentKind,
@@ -23,8 +25,8 @@ use super::traffic_lights::TrafficLights;
 
 /// A scenario, prepared for scoring any number of sets of rollouts.
 pub struct Scorer<'a> {
-    log: &'a WosacLog,
-    objects: Objects<'a>,
+    log: Cow<'a, WosacLog>,
+    objects: Objects,
     surroundings: Surroundings,
     masks: Vec<Masks>,
     logged: Vec<StepFeatures>,
@@ -37,15 +39,28 @@ impl<'a> Scorer<'a> {
     /// [`WosacError`] if the log is invalid, lacks the future or a road edge, or if an evaluated object or
     /// every sample of a feature is invalid.
     pub fn new(log: &'a WosacLog) -> Result<Self, WosacError> {
+        Self::of(Cow::Borrowed(log))
+    }
+
+    /// Prepares a scenario as [`Self::new`] does, and keeps its log.
+    ///
+    /// # Errors
+    /// Same as [`Self::new`].
+    pub fn owning(log: WosacLog) -> Result<Self, WosacError> {
+        Self::of(Cow::Owned(log))
+    }
+
+    fn of(log: Cow<'a, WosacLog>) -> Result<Self, WosacError> {
         log.check()?;
-        let refused = |text: &str| Err(WosacError(format!("scenario `{}`: {text}", log.scenario_id)));
+        let id = log.scenario_id.clone();
+        let refused = |text: &str| Err(WosacError(format!("scenario `{id}`: {text}")));
         if !log.has_future() {
             return refused(
                 "the log ends at the current frame (test split), expected 91 frames; score scenarios of the \
                  training or validation split",
             );
         }
-        let objects = Objects::new(log)?;
+        let objects = Objects::new(&log)?;
         let edges = RoadEdges::new(&log.road_edges);
         if edges.arrays.len() == 0 {
             return refused(
@@ -54,11 +69,11 @@ impl<'a> Scorer<'a> {
             );
         }
         let surroundings = Surroundings {
-            boxes: objects.tracks.iter().map(|track| RoundedBox::of(track)).collect(),
+            boxes: objects.tracks(&log).map(RoundedBox::of).collect(),
             edges,
-            lights: TrafficLights::new(log),
+            lights: TrafficLights::new(&log),
         };
-        let motion = objects.logged();
+        let motion = objects.logged(&log);
         let mask = |object: usize| Masks::new(std::array::from_fn(|k| motion.is_valid(object, k)));
         let masks: Vec<Masks> = (0..objects.evaluated).map(mask).collect();
         let mut cells = EdgeCells::new(&surroundings.edges.arrays);
@@ -79,9 +94,14 @@ impl<'a> Scorer<'a> {
         Ok(scorer)
     }
 
+    /// Returns the log.
+    pub fn log(&self) -> &WosacLog {
+        &self.log
+    }
+
     /// Returns the ids of the evaluated objects, in the order of all results.
     pub fn evaluated(&self) -> Vec<i32> {
-        self.objects.tracks[..self.objects.evaluated].iter().map(|track| track.id).collect()
+        self.objects.tracks(&self.log).take(self.objects.evaluated).map(|track| track.id).collect()
     }
 
     /// Returns the features of the log by evaluated object. Values at invalid frames have no meaning.
@@ -94,14 +114,14 @@ impl<'a> Scorer<'a> {
     /// # Errors
     /// [`WosacError`] if the rollouts do not belong to the scenario or have invalid values.
     pub fn features(&self, rollouts: &ScenarioRollouts) -> Result<Vec<Vec<StepFeatures>>, WosacError> {
-        let aligned = align(rollouts, self.log)?;
+        let aligned = align(rollouts, &self.log)?;
         let mut cells = EdgeCells::new(&self.surroundings.edges.arrays);
         let mut of_rollout = |motion: &Motion| {
             (0..motion.evaluated)
                 .map(|i| StepFeatures::of(motion, &self.surroundings, &mut cells, i, &mut |_| ()))
                 .collect()
         };
-        Ok(aligned.iter().map(|rollout| of_rollout(&self.objects.simulated(rollout))).collect())
+        Ok(aligned.iter().map(|rollout| of_rollout(&self.objects.simulated(&self.log, rollout))).collect())
     }
 
     /// Scores rollouts by several configurations, which share all that is the same. The number of rollouts is
@@ -198,13 +218,14 @@ impl<'a> Scorer<'a> {
         configs: &[Config],
         observer: &mut dyn FnMut(Stage),
     ) -> Result<RolloutTallies, WosacError> {
-        let aligned = align(rollouts, self.log)?;
+        let aligned = align(rollouts, &self.log)?;
         observer(Stage::Alignment);
-        let (logged, mut cells) = (self.objects.logged(), EdgeCells::new(&self.surroundings.edges.arrays));
+        let (logged, mut cells) =
+            (self.objects.logged(&self.log), EdgeCells::new(&self.surroundings.edges.arrays));
         let none = Tally::new(configs, self.objects.evaluated);
         let mut tallies = RolloutTallies { own: Vec::new(), all: none.clone(), displacements: Vec::new() };
         for rollout in &aligned {
-            let motion = self.objects.simulated(rollout);
+            let motion = self.objects.simulated(&self.log, rollout);
             let mut displacements = Vec::with_capacity(motion.evaluated);
             let mut own = Tally { rollouts: 1, ..none.clone() };
             for object in 0..motion.evaluated {
@@ -338,7 +359,7 @@ impl<'a> Scorer<'a> {
     }
 
     fn is_vehicle(&self, object: usize) -> bool {
-        self.objects.tracks[object].kind == AgentKind::Vehicle
+        self.objects.track(&self.log, object).kind == AgentKind::Vehicle
     }
 }
 

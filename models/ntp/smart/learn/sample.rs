@@ -3,7 +3,7 @@
 use rand::RngExt;
 use reactsim_nn::learning::Window;
 use reactsim_nn::training::Stream;
-use reactsim_scene::Scenario;
+use reactsim_scene::{Frame, Scenario};
 
 use super::super::super::token_loss::{Chooser, Target, loss_weight};
 use super::super::super::tokens::{
@@ -23,7 +23,7 @@ pub struct Sample {
 }
 
 /// Builds the sample of a scenario, augmented by draws from the stream, or as logged. `None` if there is
-/// nothing to learn. Also returns which agent chooses each target.
+/// nothing to learn.
 pub(super) fn sample(
     scenario: &Scenario,
     recipe: &Recipe,
@@ -31,7 +31,7 @@ pub(super) fn sample(
     vocabulary: &Vocabulary,
     map_vocabulary: &MapVocabulary,
     mut varied: Option<&mut Stream>,
-) -> Option<(Sample, Vec<Chooser>)> {
+) -> Option<Sample> {
     let window = Window::of(scenario, varied.as_deref_mut());
     let pieces = curve_pieces(&window.start);
     let mut logged = LoggedScene::of(window, pieces);
@@ -45,16 +45,65 @@ pub(super) fn sample(
         first = stream.random_range(0..=TOKEN_STEPS - steps);
         noise = augmentation.noise().map(|noise| (noise, stream));
     }
-    let mut scene = scene_without_agents(&logged, map_vocabulary, recipe.map_radius, steps)?;
+    let scene = scene_without_agents(&logged, map_vocabulary, recipe.map_radius, steps)?;
+    with_agents(scene, &logged, recipe, config, vocabulary, (shift, first), noise).map(|(sample, _)| sample)
+}
+
+/// Samples of several futures of a scenario, as [`sample`], which share the map.
+pub(super) struct Futures<'s> {
+    logged: LoggedScene,
+    scene: Scene,
+    recipe: &'s Recipe,
+    config: &'s SmartConfig,
+    vocabulary: &'s Vocabulary,
+}
+
+impl<'s> Futures<'s> {
+    /// Begins with a scenario; `None` if the AV is not there.
+    pub(super) fn of(
+        scenario: &Scenario,
+        recipe: &'s Recipe,
+        config: &'s SmartConfig,
+        vocabulary: &'s Vocabulary,
+        map_vocabulary: &MapVocabulary,
+    ) -> Option<Self> {
+        let window = Window::of(scenario, None);
+        let pieces = curve_pieces(&window.start);
+        let logged = LoggedScene::of(window, pieces);
+        let scene = scene_without_agents(&logged, map_vocabulary, recipe.map_radius, TOKEN_STEPS)?;
+        Some(Self { logged, scene, recipe, config, vocabulary })
+    }
+
+    /// Builds the sample in which agents have these tracks. Also returns which agent chooses each target.
+    pub(super) fn sample(&mut self, tracks: &[Vec<Frame>]) -> Option<(Sample, Vec<Chooser>)> {
+        self.logged.tracks = tracks.to_vec();
+        let (scene, recipe) = (self.scene.clone(), self.recipe);
+        with_agents(scene, &self.logged, recipe, self.config, self.vocabulary, (0, 0), None)
+    }
+}
+
+/// Adds the agents to a scene, with the token to choose at every step. Their tracks begin `shift` frames later than
+/// the logged scene, and the steps of the scene with the number `first`. `None` if there is nothing to learn.
+/// Also returns which agent chooses each target.
+fn with_agents(
+    mut scene: Scene,
+    logged: &LoggedScene,
+    recipe: &Recipe,
+    config: &SmartConfig,
+    vocabulary: &Vocabulary,
+    (shift, first): (usize, usize),
+    mut noise: Option<(TokenNoise, &mut Stream)>,
+) -> Option<(Sample, Vec<Chooser>)> {
+    let steps = scene.steps.len();
     let (mut targets, mut choosers) = (Vec::new(), Vec::new());
-    for (number, agent) in tracked_agents(&logged, recipe.agents, shift).enumerate() {
+    for (number, agent) in tracked_agents(logged, recipe.agents, shift).enumerate() {
         let class = agent.class;
         let tokens = match &mut noise {
             Some((noise, stream)) => agent.track.noisy_tokens(vocabulary, class, *noise, stream),
             None => agent.track.nearest_tokens(vocabulary, class),
         };
         scene.agents.push(class, &logged.agents[agent.slot], recipe.height);
-        let weight = loss_weight(&logged, agent.slot);
+        let weight = loss_weight(logged, agent.slot);
         for (at, step) in (first..first + steps).zip(&mut scene.steps) {
             agent.put(step, &tokens, at);
             if !tokens.valid[at] || !tokens.valid.get(at + 1).copied().unwrap_or(false) {

@@ -133,8 +133,7 @@ impl Task for NextSmartToken {
 
     fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        let made = sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream());
-        made.map(|(sample, _)| sample)
+        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream())
     }
 
     fn loss(&self, model: &Smart, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

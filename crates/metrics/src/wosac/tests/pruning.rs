@@ -11,12 +11,12 @@ use super::fixture;
 
 fn compare(log: &WosacLog, rollouts: &ScenarioRollouts) {
     let objects = Objects::new(log).unwrap();
-    let boxes: Vec<RoundedBox> = objects.tracks.iter().map(|track| RoundedBox::of(track)).collect();
+    let boxes: Vec<RoundedBox> = objects.tracks(log).map(RoundedBox::of).collect();
     let edges = RoadEdges::new(&log.road_edges);
     let mut cells = EdgeCells::new(&edges.arrays);
     let aligned = align(rollouts, log).unwrap();
     let motions: Vec<Motion> =
-        [objects.logged()].into_iter().chain(aligned.iter().map(|r| objects.simulated(r))).collect();
+        [objects.logged(log)].into_iter().chain(aligned.iter().map(|r| objects.simulated(log, r))).collect();
     for (m, motion) in motions.iter().enumerate() {
         for object in 0..motion.evaluated {
             let place = format!("{} motion {m} object {object}", log.scenario_id);
