@@ -123,15 +123,15 @@ fn what_is_realistic_becomes_likelier() {
     let source = Same::of(scenario(3));
     for (weights, reactions) in [(ntp_reactive::untrained(), 0.0), (smart_simulator::untrained(), 1.0)] {
         let folder = tempfile::tempdir().unwrap();
-        let task = task(&weights, reactions, 24);
-        let ended = learn(task.as_ref(), &source, (folder.path(), 16.0, 0.1), (2, false, 1000));
+        let task = task(&weights, reactions, 12);
+        let ended = learn(task.as_ref(), &source, (folder.path(), 8.0, 0.1), (2, false, 1000));
         assert_eq!(ended, Ok(Ending::Finished));
         // The network is still that of the beginning, and learns from the scores by which it drove.
         let first = first_step(folder.path());
         assert!(first["divergence"].abs() < 1e-5 && first["entropy"] > 0.1, "{first:?}");
         let rewards = rewards(folder.path());
         let [before, after] = rewards[..] else { panic!("{rewards:?}") };
-        assert!(after > before + 0.01, "reward {before} before and {after} after");
+        assert!(after > before + 0.02, "reward {before} before and {after} after");
     }
 }
 
