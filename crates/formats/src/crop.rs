@@ -8,11 +8,8 @@ use super::error::Cause;
 use super::format::UNRECORDED_FRAMES;
 use super::frames::LengthChoice;
 
-/// Name of the repair that counts certificates of deviated AVs that became shorter.
-const LOST_CERTIFICATE: &str = "certificates of deviated AVs, made for a longer future";
-
 /// Reduces a scenario to the chosen numbers of frames around its current frame. A deviated AV that becomes
-/// shorter loses its certificate, which was measured over all of its states; this is counted as a repair.
+/// shorter loses its certificate, which was measured over all of its states.
 ///
 /// # Errors
 /// [`Cause`] names the number of frames that the scenario has, if more are chosen.
@@ -56,9 +53,7 @@ fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
         && length.future < own.future
     {
         deviation.track.truncate(length.future);
-        if deviation.certificate.take().is_some() {
-            scenario.repairs.insert(LOST_CERTIFICATE.to_owned(), 1);
-        }
+        deviation.certificate = None;
     }
     // Frames that are not recorded are the last ones.
     if let Some(missing) = scenario.repairs.remove(UNRECORDED_FRAMES) {
