@@ -21,5 +21,5 @@ def register() -> None:
                 id=ID, entry_point=f"{place}:Env", vector_entry_point=f"{place}:VectorEnv"
             )
         except TypeError:
-            # Older versions than environments need know no vectors. Simulators need none.
+            # A gymnasium too old for environments has no vectors; simulators do not need it.
             return

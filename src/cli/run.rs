@@ -112,6 +112,13 @@ pub(super) fn finished_until(
     if args.check_batch.is_some() && spec.settings().entering != Entering::Off {
         bail!("--check-batch: where agents enter, episodes run singly: leave it out, or give --entering off");
     }
+    if spec.subject.external.external_batch.is_some_and(|batch| batch > 1)
+        && spec.settings().entering != Entering::Off
+    {
+        bail!(
+            "--external-batch: where agents enter, episodes run singly: leave it out, or give --entering off"
+        );
+    }
     let opening = args.partition.partition.map_or(Opening::Whole, Opening::Partition);
     let sources = sources(&spec.subject.input, opening, spec.subject.av.as_ref())?;
     let (plan, programs) = plan(args, sources)?;

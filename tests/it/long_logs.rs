@@ -71,7 +71,7 @@ fn a_run_with_agents_that_enter_can_be_repeated_and_merged() {
     let short = path("short");
     said(&["run", "--limit=1", options[0], options[1], "--out", text(&short)], 0);
     let reported = |other: &Path| said(&["report", text(&first), text(other), "--format=markdown"], 0).0;
-    let cannot = "Rows of different runs cannot be compared: they differ in";
+    let cannot = "Not all runs can be compared with each other: they differ in";
     let (same, coming, length) = (reported(&again), reported(&off), reported(&short));
     assert!(!same.contains(cannot), "{same}");
     assert!(coming.contains(&format!("{cannot} entering.")), "{coming}");

@@ -99,7 +99,7 @@ pub(super) fn judge(
     let agents = scenario.start.agents.len();
     let tracks: Vec<_> = rollouts.iter().map(|r| &r.tracks[..agents]).collect();
     if let Some(last) = rollouts.last().filter(|rollout| !rollout.entered.is_empty()) {
-        last_case = Some(Case::of_rollout(scenario, &last.tracks[..agents], options));
+        last_case = Some(Case::of_rollout(scenario, &last.tracks[..agents], options).with_leaving(true));
     }
     let all = last_case.map(|case| metrics.score_rollouts(case, &tracks).values).unwrap_or_default();
     let over_all = all.into_iter().map(|value| finite(value, &mut not_finite)).collect();

@@ -17,7 +17,7 @@ use crate::error::EvaluationError;
 use crate::folder::completion::complete;
 use crate::folder::rollouts::write_part;
 use crate::folder::{RunFolder, read_provenance};
-use crate::layout::PROVENANCE;
+use crate::layout::{PROVENANCE, ROLLOUTS};
 use crate::motion::kind::RolloutCheck;
 use crate::plan::{Deviations, NoAv};
 use crate::provenance::named_options;
@@ -215,7 +215,8 @@ fn entering_of(rollouts: &[PathBuf]) -> Result<Entering, EvaluationError> {
     let mut found = None;
     for path in rollouts {
         let folder = path.parent().unwrap_or(Path::new(""));
-        let stated = match folder.join(PROVENANCE).exists() {
+        let is_kept = path.file_name().is_some_and(|name| name == ROLLOUTS);
+        let stated = match is_kept && folder.join(PROVENANCE).exists() {
             true => read_provenance(folder)?.settings.entering,
             false => None,
         };

@@ -3,7 +3,9 @@
 use std::borrow::Cow;
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentKind, Certificate, Frame, LaneArea, Length, Road, Scenario, Start};
+use reactsim_scene::{
+    AgentKind, Certificate, Frame, LaneArea, Length, OBSERVED_DISTANCE, Road, Scenario, Start,
+};
 
 use super::av::AvScores;
 use super::cache::Cache;
@@ -37,7 +39,7 @@ pub struct Case<'a> {
     /// Closed-loop scores of the AV; `None` if it is not judged.
     pub av_scores: Option<&'a AvScores>,
     /// Whether agents leave where they drive out of sight.
-    may_leave: bool,
+    pub(super) may_leave: bool,
     /// Heights of the logged states from the current frame on, per object, metres; empty in scenarios of one
     /// level.
     log_heights: Vec<Vec<f64>>,
@@ -228,8 +230,12 @@ impl<'a> Case<'a> {
         if !self.may_leave {
             return future;
         }
-        let last = future.clone().rev().find(|&f| self.motion.valid(object, f));
-        future.start..last.map_or(future.start, |last| last + 1)
+        let Some(last) = (self.current..future.end).rev().find(|&f| self.motion.valid(object, f)) else {
+            return future.start..future.start;
+        };
+        // An agent that vanishes near the AV has not left: its simulator dropped it.
+        let distance = (self.motion.position(object, last) - self.motion.position(self.av, last)).norm();
+        if distance < OBSERVED_DISTANCE { future } else { future.start..last + 1 }
     }
 
     /// Returns whether an object takes part: it is valid at the current frame and its box has a positive

@@ -191,7 +191,7 @@ fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
             }
             rolled.differentiate(first);
             let is_absent: Vec<bool> = rolled.x[first..].iter().map(|x| x.is_nan()).collect();
-            let is_complete = !is_absent.contains(&true);
+            let is_complete = !case.may_leave || !is_absent.contains(&true);
             for (k, histogram) in histograms.iter().enumerate() {
                 for (step, &value) in rolled.features[k][first..].iter().enumerate() {
                     if is_complete || !needs_absent(&is_absent, k, step) {

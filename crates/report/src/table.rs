@@ -253,7 +253,7 @@ fn incomparable(runs: &[super::Run<'_>]) -> Option<String> {
         }
     }
     let text =
-        || format!("Rows of different runs cannot be compared: they differ in {}", differences.join(", "));
+        || format!("Not all runs can be compared with each other: they differ in {}", differences.join(", "));
     (!differences.is_empty()).then(text)
 }
 

@@ -33,7 +33,7 @@ pub fn network_id(simulator: &str, training: &str, step: u64) -> String {
 
 /// Returns training and step of such an id.
 fn training_of(id: &str) -> Option<(&str, u64)> {
-    let (training, step) = id.split_once('@')?.1.rsplit_once('-')?;
+    let (training, step) = id.split('+').next()?.split_once('@')?.1.rsplit_once('-')?;
     Some((training, step.parse().ok()?))
 }
 

@@ -7,7 +7,9 @@ use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
 
 use reactsim_geometry::OrientedBox;
-use reactsim_scene::{Agent, AgentKind, AgentState, Frame, LoggedAgent, Scenario, named_enum};
+use reactsim_scene::{
+    Agent, AgentKind, AgentState, Frame, LoggedAgent, OBSERVED_DISTANCE, Scenario, named_enum,
+};
 
 use super::track_heights::TrackHeights;
 use road_ends::RoadEnds;
@@ -44,9 +46,6 @@ impl FromStr for Entering {
 
 /// Largest number of agents that are present at one time, the AV included, if agents enter.
 pub const MAX_PRESENT: usize = 256;
-/// Distance in metres from the AV from which an agent is outside of the observed area. An agent that the log
-/// loses nearer was hidden.
-pub const OBSERVED_DISTANCE: f64 = 50.0;
 
 /// An agent that entered a rollout.
 #[derive(Clone, Debug, PartialEq)]

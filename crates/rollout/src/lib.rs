@@ -23,7 +23,7 @@ pub use engine::{
     ENTERED, ENTERED_LATE, KEPT_OUT, LEFT, Lockstep, OVER_LIMIT, PAST_ROAD_END, PLANNED_ALONE, Request,
     Rollout, RolloutBeginning, RolloutError, roll_out, roll_out_while,
 };
-pub use entering::{Entered, Entering, MAX_PRESENT, OBSERVED_DISTANCE};
+pub use entering::{Entered, Entering, MAX_PRESENT};
 pub use episode::{
     Beginning, Continuation, Controller, Episode, Identity, JointPlan, Memory, NOT_FINITE, Oracle, PlanError,
     Planning, Simulator, SingleEpisode,

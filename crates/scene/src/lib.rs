@@ -43,7 +43,7 @@ pub use notes::{EARLIER_FRAME, LATER_FRAME, Note, Notes, note_text, unknown_type
 pub use parts::{
     DeviationParts, LaneParts, LightParts, MapParts, NeighborParts, ScenarioParts, StopLineParts,
 };
-pub use scenario::{DeviatedTrack, Deviation, LogFuture, MAX_AGENTS, Scenario, Start};
+pub use scenario::{DeviatedTrack, Deviation, LogFuture, MAX_AGENTS, OBSERVED_DISTANCE, Scenario, Start};
 pub use shared_map::SharedMap;
 pub use time::{CURRENT, DT, FRAMES, FUTURE, HISTORY, Length};
 pub use velocities::estimate_av_velocities;

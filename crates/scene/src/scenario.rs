@@ -12,6 +12,9 @@ use super::{
 
 /// Maximum number of agents: the AV plus the 63 nearest others (ReactSim-Bench, "Scenario Data").
 pub const MAX_AGENTS: usize = 64;
+/// Distance in metres from the AV from which an agent is outside of the observed area. An agent that the log
+/// loses nearer was hidden.
+pub const OBSERVED_DISTANCE: f64 = 50.0;
 
 named_enum! {
     name, from_name;

@@ -193,7 +193,9 @@ where
             if step.is_multiple_of(settings.validate_every) || step == run.steps {
                 self.validate(run)?;
             }
-            self.keep(run)?;
+            if step != run.steps {
+                self.keep(run)?;
+            }
             if kept_at.elapsed() >= self.execution.checkpoint_every {
                 self.checkpoint(run)?;
                 (kept, kept_at) = (step, Instant::now());
@@ -203,6 +205,9 @@ where
         let (steps, best) = (progress.step, progress.best);
         if steps > kept {
             self.checkpoint(run)?;
+        }
+        if self.execution.keep_every > 0 && ending != Ending::Interrupted {
+            self.put_kept(run)?;
         }
         if run.held_out.is_empty() && ending != Ending::Interrupted {
             self.put_weights(run)?;
@@ -323,10 +328,11 @@ where
     /// Keeps the current network, if its step is one of those to keep.
     fn keep(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
         let (step, every) = (run.state.progress.step, self.execution.keep_every);
-        if every == 0 || !step.is_multiple_of(every) {
-            return Ok(());
-        }
-        self.write_network(run, &run.folder.weights_of(step), self.weights(run))
+        if every == 0 || !step.is_multiple_of(every) { Ok(()) } else { self.put_kept(run) }
+    }
+
+    fn put_kept(&self, run: &Run<'_, T, S>) -> Result<(), TrainingError> {
+        self.write_network(run, &run.folder.weights_of(run.state.progress.step), self.weights(run))
     }
 
     /// Writes the current network as the best one.

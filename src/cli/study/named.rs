@@ -180,12 +180,12 @@ impl NamedStudy {
                 design.axes.push(Axis::new("replan", intervals));
             }
             Self::Realism { reactive_rollouts, .. } => {
-                design.both_protocols(given, *reactive_rollouts);
+                design.both_protocols(given, *reactive_rollouts)?;
             }
             Self::RealismReactivity { training, simulator, .. } => {
                 add_networks(subject, training, simulator)?;
                 design.spec.keep_rollouts = Some(true);
-                design.both_protocols(given, 1);
+                design.both_protocols(given, 1)?;
             }
             // The axes are the variants of the simulators, and whether agents see the AV one step ahead.
             Self::Guards { .. } => {}
@@ -216,20 +216,29 @@ impl NamedStudy {
 impl Design {
     /// Varies the protocol. `given` are the keys that the user has set; the realism protocol has their
     /// number of rollouts.
-    fn both_protocols(&mut self, given: &[String], reactive_rollouts: u32) {
+    fn both_protocols(&mut self, given: &[String], reactive_rollouts: u32) -> anyhow::Result<()> {
         let rollouts = &mut self.spec.rollout.rollouts;
         let is_given = given.iter().any(|id| id == "rollouts") || *rollouts > 1;
         self.realism_rollouts = Some(if is_given { *rollouts } else { REALISM_ROLLOUTS });
         *rollouts = reactive_rollouts;
+        if self.spec.keeps_rollouts() && self.spec.settings().entering == Entering::Log {
+            bail!(
+                "realism metrics are of the agents at the start: leave --keep-rollouts or --entering log out"
+            );
+        }
         self.axes.push(Axis::new("protocol", [Protocol::Reactive, Protocol::Realism]));
+        Ok(())
     }
 }
 
 /// Adds the networks that these trainings (`NAME=FOLDER`) have kept, as variants of a simulator.
 fn add_networks(subject: &mut SubjectSpec, trainings: &[String], simulator: &str) -> anyhow::Result<()> {
     for text in trainings {
-        let Some((name, folder)) = text.split_once('=').filter(|(name, _)| !name.is_empty()) else {
-            bail!("--training {text}: expected NAME=FOLDER");
+        let is_label = |name: &str| name.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
+        let Some((name, folder)) =
+            text.split_once('=').filter(|(name, _)| !name.is_empty() && is_label(name))
+        else {
+            bail!("--training {text}: expected NAME=FOLDER; the name has letters, digits, `-` and `_`");
         };
         let kept = kept_weights(Path::new(folder)).with_context(|| format!("--training {text}"))?;
         if kept.is_empty() {

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_rollout::{Entering, OBSERVED_DISTANCE, Rollout};
-use reactsim_scene::{Frame, Scenario};
+use reactsim_rollout::{Entering, Rollout};
+use reactsim_scene::{Frame, OBSERVED_DISTANCE, Scenario};
 
 use crate::error::EvaluationError;
 use crate::motion::CheckedScene;

@@ -160,8 +160,8 @@ pub(crate) fn rollouts_of(
         if let Some(later) = entered.first().filter(|_| !enters) {
             let id = &scenario.unselected[*later].agent.id;
             return Err(format!(
-                "rollout {index}: agent `{id}` appears after the current frame: leave it out, or keep the \
-                 rollouts in the folder of their run, whose provenance says that agents enter"
+                "rollout {index}: agent `{id}` appears after the current frame: leave it out (rollouts of a run \
+                 in which agents enter are scored in its folder)"
             ));
         }
         let scene = (!entered.is_empty()).then(|| scenario.with_entered(&entered));

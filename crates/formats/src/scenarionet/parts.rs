@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_scene::{DT, Length, LightParts, ScenarioParts};
+use reactsim_scene::{DT, LATER_FRAME, Length, LightParts, ScenarioParts};
 
 use super::window::Window;
 use super::{lights, map, tracks};
@@ -121,6 +121,10 @@ fn window(
     }
     let window = Window { first, length, scenario };
     let mut repairs = BTreeMap::new();
+    let later = stored.filter(|_| current.is_none()).map_or(Ok(now), |stored| stored.whole())?;
+    if now > later {
+        repairs.insert(LATER_FRAME, (now - later) as u32);
+    }
     let recorded = window.recorded().len();
     if missing > 0 {
         repairs.insert(UNRECORDED_FRAMES, missing as u32);

@@ -325,7 +325,8 @@ fn a_parked_object_has_the_likelihood_of_the_specification() {
         let objects = vec![Object { agent: &agents[0].agent, track: track.into() }];
         let case = Case::new(Road::new(&map, &index), objects, 0, Options::default())
             .with_log(vec![log])
-            .with_rollouts(vec![vec![rollout]]);
+            .with_rollouts(vec![vec![rollout]])
+            .with_leaving(true);
         let likelihood = score_case(&case).likelihood.unwrap();
         for ((name, value), expected) in likelihood.features().into_iter().zip(expected) {
             assert!((value.unwrap() - expected).abs() < 1e-12, "{name}: {value:?}");
