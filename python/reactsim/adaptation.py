@@ -26,9 +26,13 @@ class Adaptation:
         realism: Results before and after on the scenarios to judge by, in the realism protocol.
         reactive: The same in the reactive protocol, with AVs that deviate; None if none could.
         verdict: "worse" if a column of the table got worse with p below 0.05, in which case `text`
-            names a setting that works against it; else "better" or "no-difference-seen".
+            names a setting that works against it; "not-judged" if there are too few AVs to see a
+            doubling of a metric of safety; else "better" or "no-difference-seen".
         text: The verdict in words, with what led to it.
-        differences: Before (first) and after (second) by protocol, "reactive" and "realism".
+        differences: Before (first) and after (second) by group of scenarios: "reactive",
+            "generated" (metrics of safety) and "realism". Scenarios of one recording count as one
+            observation.
+        power: By group and metric of safety, how large a rise the scenarios would show, in words.
 
     """
 
@@ -40,6 +44,7 @@ class Adaptation:
     verdict: str
     text: str
     differences: Mapping[str, Comparison]
+    power: Mapping[str, Mapping[str, str]]
 
 
 def train_adapt(
@@ -104,7 +109,7 @@ def train_adapt(
         options.append(f"--set={baseline}.haste.weight={haste.read_text('utf-8').strip()}")
     reactive = folder / "reactive"
     verdict = json.loads((folder / "verdict.json").read_text("utf-8"))
-    protocols = [name for name in ("reactive", "realism") if name in verdict]
+    groups = [name for name in ("reactive", "generated", "realism") if name in verdict]
     return Adaptation(
         baseline,
         options,
@@ -113,5 +118,6 @@ def train_adapt(
         Results(reactive) if reactive.is_dir() else None,
         verdict["verdict"],
         verdict["text"],
-        {name: comparison_of(verdict[name]) for name in protocols},
+        {name: comparison_of(verdict[name]) for name in groups},
+        verdict["power"],
     )

@@ -20,14 +20,14 @@ use serde_json::{Value, json};
 use self::data::{Files, Logs};
 use self::model::AdaptableModel;
 use self::stage::Stage;
-use self::verdict::Judgement;
+use self::verdict::{Group, Judgement, Verdict};
 use super::session::SessionArgs;
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
 use crate::cli::inputs::inputs_of;
 use crate::cli::output::{ExitStatus, lock_folder, say, stop_on_interrupt, write_result};
 use crate::cli::run::{RunArgs, finished_until};
-use crate::evaluation::{Comparison, EvaluationError, ReadingSpec, Verdict, read_tally};
+use crate::evaluation::{Comparison, EvaluationError, ReadingSpec, read_tally};
 use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
 use crate::formats::native::ByNumber;
 use crate::metrics::wosac::Scorer;
@@ -45,7 +45,7 @@ const REACTIONS_PER_EPOCH: f64 = 1.0;
 const CERTIFICATES_PER_EPOCH: f64 = 2.0;
 /// Share of the time that may have passed when the training ends; the rest is for the choice of settings and the
 /// table.
-const TRAINED_AT: f64 = 0.75;
+const TRAINED_AT: f64 = 0.7;
 /// The same of the imitation, if a training by a reward follows.
 const IMITATED_AT: f64 = 0.45;
 /// Largest number of epochs: more learn single logs by heart.
@@ -56,6 +56,10 @@ const MOST_LOGS: f64 = 600.0;
 const MOST_DEVIATED: f64 = 60.0;
 /// Largest number of scenarios to judge by, per minute.
 const MOST_JUDGED: f64 = 15.0;
+/// Rollouts with AVs that deviate to judge by, per minute: collisions are rare, and to see a doubling takes many.
+const REACTIONS: f64 = 60.0;
+/// Number of generated logs to judge by, per minute.
+const MOST_GENERATED: f64 = 6.0;
 /// Largest number of scenarios by which haste is chosen, per minute.
 const MOST_TRIED: f64 = 6.0;
 /// Rollouts of each scenario for the choice of haste, and for the table if there are as many scenarios as
@@ -71,9 +75,6 @@ const REWARD_RECIPE: &str = "reward.toml";
 /// Names of the trainings in the folder.
 const TRAINING: &str = "training";
 const REWARDED: &str = "rewarded";
-/// Names of the runs in the folder.
-const REACTIVE: &str = "reactive";
-const REALISM: &str = "realism";
 /// Columns of the table.
 const COLUMNS: &str = "aav-collision,aav-ttc,aa-collision,offroad,ade,progress,over-reaction";
 /// Name of the choice of haste in the folder.
@@ -90,10 +91,12 @@ const AFTER: &str = "\
    With --reward realism, a fine-tuning by the task `realism` follows.
 4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the smallest one that \
    keeps progress, if it is as safe and, beyond chance, no worse in displacement and over-reaction.
-5. Judges by the other part, in both protocols: prints whether the network is adapted, the paired \
-   differences between before and after, and the table with `idm` and constant velocity.
+5. Judges by the other part, with up to eight AVs of each log and in both protocols, and by the safety of \
+   reactions on generated scenarios: prints whether the network is adapted, the paired differences \
+   between before and after with their power, and the table with `idm` and constant velocity.
 
-A network that is worse in a column, with p below 0.05, is not called adapted.
+A network that is worse in a column, with p below 0.05, is not called adapted, nor is one whose reactions \
+are judged by so few scenarios that a doubling of collisions would not be seen.
 
 The files in --out are the files of `generate`, `train` and `run`.
 
@@ -166,6 +169,8 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
         most: of_minutes(MOST_LOGS, 100.0),
         most_deviated: of_minutes(MOST_DEVIATED, 40.0),
         most_judged: of_minutes(MOST_JUDGED, 20.0),
+        reactions: of_minutes(REACTIONS, 40.0),
+        most_generated: of_minutes(MOST_GENERATED, 12.0),
         seed: args.seed,
         jobs,
         stop: &stop,
@@ -204,10 +209,10 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
         return interrupted();
     }
     let arguments = variant_arguments(model, &weights, haste.as_deref());
-    let judgement =
-        Judgement { model, haste: haste.as_deref(), minutes: args.minutes, protocols: Vec::new() };
-    let Some((status, verdict)) = table(args, &arguments, (&files, logs.most_judged), judgement, &stop)?
-    else {
+    let judgement = Judgement { model, haste: haste.as_deref(), minutes: args.minutes, groups: Vec::new() };
+    let usual = ROLLOUTS as usize;
+    let rollouts = [logs.reactions, usual * logs.most_generated, usual * logs.most_judged];
+    let Some((status, verdict)) = table(args, &arguments, (&files, rollouts), judgement, &stop)? else {
         return Ok(ExitStatus::Interrupted);
     };
     let name = if verdict == Verdict::Better { "adapted" } else { "trained" };
@@ -353,24 +358,30 @@ fn variant_arguments(model: &AdaptableModel, weights: &Path, haste: Option<&str>
     arguments
 }
 
-/// Runs the model before and after, and baselines, on the part to judge by, in both protocols. Prints the
-/// verdict, the differences and one table. `None` if it was interrupted.
+/// Runs the model before and after, and baselines, on every group of scenarios to judge by, with about these
+/// numbers of rollouts. Prints the verdict, the differences and one table. `None` if it was interrupted.
 fn table(
     args: &AdaptArgs,
     arguments: &[String],
-    (files, most): (&Files, usize),
+    (files, numbers): (&Files, [usize; 3]),
     mut judgement: Judgement<'_>,
     stop: &AtomicBool,
 ) -> anyhow::Result<Option<(ExitStatus, Verdict)>> {
-    let runs: [(&str, &PathBuf, &[&str]); 2] =
-        [(REACTIVE, &files.deviated, &[]), (REALISM, &files.judged, &["--protocol", REALISM])];
+    let runs: [(Group, &PathBuf, &[&str]); 3] = [
+        (Group::Reactive, &files.deviated, &[]),
+        (Group::Generated, &files.generated, &[]),
+        (Group::Realism, &files.judged, &["--protocol", "realism"]),
+    ];
+    let recording = files.recordings()?;
     let mut summaries = Vec::new();
-    for (name, scenarios, protocol) in runs {
-        let count = ByNumber::open(scenarios)?.len();
+    for ((group, scenarios, protocol), number) in runs.into_iter().zip(numbers) {
+        let (name, count) = (group.name(), ByNumber::open(scenarios)?.len());
         if count == 0 {
-            say(format_args!(
-                "warning: no AV of the part to judge by could deviate: there is no run in the reactive protocol"
-            ));
+            if group == Group::Reactive {
+                say(format_args!(
+                    "warning: no AV of the part to judge by could deviate: there is no run in the reactive protocol"
+                ));
+            }
             continue;
         }
         let out = args.out.join(name);
@@ -379,7 +390,7 @@ fn table(
         line.extend(arguments.iter().map(OsString::from));
         line.extend(["--out".into(), out.clone().into_os_string(), "--keep-rollouts".into()]);
         line.extend(["--columns".into(), COLUMNS.into()]);
-        line.extend(["--rollouts".into(), rollouts(count, most).to_string().into()]);
+        line.extend(["--rollouts".into(), rollouts(count, number).to_string().into()]);
         if args.resume && out.exists() {
             line.push("--resume".into());
         }
@@ -392,7 +403,8 @@ fn table(
             put_table(&folder, &summary, TableStyle::default())?;
         }
         report_problems(&summary);
-        judgement.protocols.extend(compared(&out, judgement.model.id, args.seed)?.map(|found| (name, found)));
+        let found = compared((group, &out), judgement.model.id, args.seed, &recording)?;
+        judgement.groups.extend(found.map(|found| (group, found)));
         // The table is for all scenarios: that of the folder has the categories of deviations.
         for simulator in summary.simulators.values_mut() {
             simulator.by_category.clear();
@@ -412,22 +424,27 @@ fn table(
     Ok(Some((status, judgement.verdict())))
 }
 
-/// Returns the number of rollouts of each of `count` scenarios, with which a table takes as long as one of
-/// `most` scenarios.
-fn rollouts(count: usize, most: usize) -> u32 {
-    let as_long = u32::try_from(most / count.max(1)).unwrap_or(u32::MAX);
-    ROLLOUTS.saturating_mul(as_long).clamp(ROLLOUTS, MOST_ROLLOUTS)
+/// Returns the number of rollouts of each of `count` scenarios, for about `number` of them in all.
+fn rollouts(count: usize, number: usize) -> u32 {
+    u32::try_from(number / count.max(1)).unwrap_or(u32::MAX).clamp(1, MOST_ROLLOUTS)
 }
 
-/// Compares the model before and after in a run, in the columns of the table. `None` if there is no scenario
-/// in which both have a result.
-fn compared(run: &Path, id: &str, seed: u64) -> anyhow::Result<Option<Comparison>> {
+/// Compares the model before and after in the run of a group, in the columns of the table by which it is judged
+/// there. Scenarios of one recording depend on each other. `None` if there is no scenario in which both have a
+/// result.
+fn compared(
+    (group, run): (Group, &Path),
+    id: &str,
+    seed: u64,
+    recording: &dyn Fn(&str) -> String,
+) -> anyhow::Result<Option<Comparison>> {
     let tally = read_tally(run)?;
-    let mut found = match Comparison::of((&tally, id), (&tally, &format!("{id}@mine")), seed) {
-        Err(EvaluationError::NothingInCommon { .. }) => return Ok(None),
-        found => found?,
-    };
-    found.metrics.retain(|metric, _| COLUMNS.split(',').any(|column| column == *metric));
+    let mut found =
+        match Comparison::of_groups((&tally, id), (&tally, &format!("{id}@mine")), seed, recording) {
+            Err(EvaluationError::NothingInCommon { .. }) => return Ok(None),
+            found => found?,
+        };
+    found.metrics.retain(|metric, _| COLUMNS.split(',').any(|column| column == *metric) && group.has(metric));
     Ok(Some(found))
 }
 
@@ -437,7 +454,7 @@ mod tests {
 
     #[test]
     fn few_scenarios_have_more_rollouts() {
-        assert_eq!([rollouts(45, 45), rollouts(40, 45), rollouts(15, 45)], [2, 2, 6]);
-        assert_eq!([rollouts(3, 45), rollouts(60, 45)], [8, 2]);
+        assert_eq!([rollouts(45, 90), rollouts(40, 90), rollouts(15, 90)], [2, 2, 6]);
+        assert_eq!([rollouts(3, 90), rollouts(60, 90), rollouts(99, 90)], [8, 1, 1]);
     }
 }

@@ -37,11 +37,19 @@ impl Deviated {
 
 /// Returns the deviated AV that curation chooses; `None` if nothing was found that the AV could do.
 pub(super) fn deviated(scenario: &Scenario, seed: u64) -> Option<Deviated> {
+    several(scenario, seed, 1).pop()
+}
+
+/// Returns up to `most` deviated AVs: the one that curation chooses, then what it would choose next to it. Fewer
+/// if nothing else was found that the AV could do.
+pub(super) fn several(scenario: &Scenario, seed: u64, most: usize) -> Vec<Deviated> {
     let settings = CurationSettings { seed, scenes: false, ..CurationSettings::default() };
     let CurationOutcome::Retained(mut record, _) = curate_scenario(scenario, SOURCES[0], &settings) else {
-        return None;
+        return Vec::new();
     };
-    Chooser::new().choose_among(&mut record, |_| true).map(Deviated::of)
+    let mut chooser = Chooser::new();
+    let next = || chooser.choose_among(&mut record, |candidate| !candidate.chosen).map(Deviated::of);
+    std::iter::from_fn(next).take(most).collect()
 }
 
 /// Returns the scenario with this AV and with agents that react to it as a simulator does.

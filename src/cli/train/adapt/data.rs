@@ -1,29 +1,40 @@
 //! Training data of an adaptation: a part of the logs, their reactions and certificates, and a part to judge by.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
+use serde_json::json;
 
 use crate::cli::output::{count, nothing, say};
 use crate::cli::progress::Progress;
 use crate::cli::train::data::recording_of;
-use crate::cli::train::deviated::{deviated, with_certificate, with_rollout};
+use crate::cli::train::deviated::{Deviated, deviated, several, with_certificate, with_rollout};
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::reader::Reader;
 use crate::curation::driver::CurationObserver;
 use crate::evaluation::Registrar;
+use crate::files::{read_regular, replace};
 use crate::formats::Input;
 use crate::formats::native::{ByNumber, Writer};
-use crate::generation::{Ending, in_order};
+use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
 use crate::rollout::Controller;
 use crate::scene::Scenario;
 use crate::training::{leading_bits, unit_interval};
 
 /// Share of the recordings that the table is about, and nothing else.
 const JUDGED: f64 = 0.2;
+/// Largest number of AVs of a log, and of a generated one.
+const MOST_AVS: f64 = 8.0;
+const AVS_OF_GENERATED: usize = 2;
+/// Number of generated logs of which one has an AV that can deviate.
+const GENERATED_PER_LOG: usize = 3;
+/// Seed of the generated logs, none of which a shipped network learned from.
+const GENERATED_SEED: u64 = 77;
+/// What follows the id of the log in the ids of its scenarios with further AVs, before their number.
+const AV: &str = "+av";
 /// Number of scenarios below which a warning says that they are few.
 const FEW: usize = 100;
 
@@ -41,8 +52,12 @@ pub(super) struct Files {
     held_out: PathBuf,
     /// Those of them to judge by.
     pub(super) judged: PathBuf,
-    /// Those with an AV that deviates.
+    /// Those with AVs that deviate: several scenarios of each log.
     pub(super) deviated: PathBuf,
+    /// Generated scenarios with AVs that deviate.
+    pub(super) generated: PathBuf,
+    /// The recordings of the logs that are not learned from, by id.
+    recordings: PathBuf,
 }
 
 impl Files {
@@ -56,7 +71,21 @@ impl Files {
             held_out: file("held-out"),
             judged: file("judged"),
             deviated: file("deviated"),
+            generated: file("generated"),
+            recordings: folder.join("recordings.json"),
         }
+    }
+
+    /// Returns the function from the id of a scenario to judge by to the name of its recording; a generated
+    /// scenario is one of its own.
+    pub(super) fn recordings(&self) -> anyhow::Result<impl Fn(&str) -> String> {
+        let path = &self.recordings;
+        let by_id: BTreeMap<String, String> = serde_json::from_slice(&read_regular(path)?)
+            .with_context(|| format!("{} is damaged: give another --out", path.display()))?;
+        Ok(move |id: &str| {
+            let log = log_of(id);
+            by_id.get(log).map_or(log, String::as_str).to_owned()
+        })
     }
 }
 
@@ -71,6 +100,10 @@ pub(super) struct Logs<'a> {
     pub(super) most_deviated: usize,
     /// Largest number of scenarios to judge by.
     pub(super) most_judged: usize,
+    /// Rollouts with AVs that deviate to judge by, each with another AV if there are so many.
+    pub(super) reactions: usize,
+    /// Number of generated logs to judge by, about.
+    pub(super) most_generated: usize,
     pub(super) seed: u64,
     /// Number of threads.
     pub(super) jobs: usize,
@@ -85,25 +118,67 @@ pub(super) fn make(
     reacting: (&str, &Controller),
 ) -> anyhow::Result<Option<Files>> {
     let files = Files::of(folder);
-    let is_split = files.logs.exists() && files.held_out.exists();
+    let is_split = [&files.logs, &files.held_out, &files.recordings].iter().all(|path| path.exists());
     if !is_split && !split(logs, &files)? {
         return Ok(None);
     }
     let (name, simulator) = reacting;
-    let learned = |scenario: &Scenario| -> anyhow::Result<[Option<Scenario>; 3]> {
-        let Some(chosen) = deviated(scenario, logs.seed) else { return Ok([None, None, None]) };
+    let (learned, held_out) = (ByNumber::open(&files.logs)?, ByNumber::open(&files.held_out)?);
+    let learn = |number: u64| -> anyhow::Result<[Vec<Scenario>; 3]> {
+        let scenario = learned.read(number as usize)?;
+        let Some(chosen) = deviated(&scenario, logs.seed) else { return Ok(Default::default()) };
         let reactions = with_rollout(scenario.clone(), &chosen, name, simulator)?;
         let certificate = with_certificate(scenario.clone(), &chosen)?;
-        Ok([Some(reactions), certificate, Some(chosen.put_into(scenario.clone()))])
+        Ok([vec![reactions], certificate.into_iter().collect(), vec![chosen.put_into(scenario)]])
     };
-    let judged = |scenario: &Scenario| -> anyhow::Result<[Option<Scenario>; 2]> {
-        let deviated = deviated(scenario, logs.seed).map(|chosen| chosen.put_into(scenario.clone()));
-        Ok([Some(scenario.clone()), deviated])
-    };
+    let learned_from = learned.len().min(logs.most_deviated);
     let made = [&files.reactions, &files.certificates, &files.tuning];
-    let done = derive(&files.logs, made, logs.most_deviated, logs, learned)?
-        && derive(&files.held_out, [&files.judged, &files.deviated], logs.most_judged, logs, judged)?;
+    if !derive(made, learned_from, logs, learn)? {
+        return Ok(None);
+    }
+    let judged = held_out.len().min(logs.most_judged);
+    let can_deviate = ByNumber::open(&files.tuning)?.len() as f64 / learned_from as f64;
+    let avs = avs_per_log(judged as f64 * can_deviate, logs.reactions);
+    let judge = |number: u64| -> anyhow::Result<[Vec<Scenario>; 2]> {
+        let scenario = held_out.read(number as usize)?;
+        Ok([vec![scenario.clone()], with_several(&scenario, logs.seed, avs)])
+    };
+    let generator = Generator::new(GenerationSettings {
+        preset: Preset::Sensed,
+        seed: GENERATED_SEED,
+        ..GenerationSettings::default()
+    })?;
+    let generate = |number: u64| -> anyhow::Result<[Vec<Scenario>; 1]> {
+        let scenario = generator.scenario(number).ok();
+        Ok([scenario.map(|log| with_several(&log, logs.seed, AVS_OF_GENERATED)).unwrap_or_default()])
+    };
+    let done = derive([&files.judged, &files.deviated], judged, logs, judge)?
+        && derive([&files.generated], GENERATED_PER_LOG * logs.most_generated, logs, generate)?;
     Ok(done.then_some(files))
+}
+
+/// Returns how many AVs of each log are judged by if about so many logs have an AV that can deviate, for a number
+/// of rollouts in all: one with another AV tells more than a second one with the same.
+fn avs_per_log(logs: f64, rollouts: usize) -> usize {
+    (rollouts as f64 / logs.max(1.0)).clamp(1.0, MOST_AVS) as usize
+}
+
+/// Returns a scenario for each of up to `most` deviated AVs of a log.
+fn with_several(log: &Scenario, seed: u64, most: usize) -> Vec<Scenario> {
+    let with_av = |(number, chosen): (usize, Deviated)| {
+        let mut scenario = chosen.put_into(log.clone());
+        if number > 1 {
+            scenario.id = format!("{}{AV}{number}", log.id);
+        }
+        scenario
+    };
+    (1..).zip(several(log, seed, most)).map(with_av).collect()
+}
+
+/// Returns the id of the log of a scenario that [`with_several`] made.
+fn log_of(id: &str) -> &str {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    id.rsplit_once(AV).filter(|(_, number)| is_number(number)).map_or(id, |(log, _)| log)
 }
 
 /// Divides the logs by their recordings: scenarios of one recording are in the same part. Returns whether the
@@ -170,6 +245,7 @@ struct Division {
 fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<Division>> {
     let mut writers = [Writer::create(&files.logs)?, Writer::create(&files.held_out)?];
     let (mut division, mut ids, mut failure) = (Division::default(), BTreeSet::new(), None::<anyhow::Error>);
+    let mut recordings: BTreeMap<String, String> = BTreeMap::new();
     let (mut registrar, mut exclusion) = (Registrar::default(), Exclusion::read(logs.exclude)?);
     let progress = Progress::new();
     for input in logs.inputs {
@@ -195,8 +271,12 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
                 division.repeated += 1;
                 return;
             }
-            let place = place(&recording(input, &scenario.id), logs.seed);
+            let recording = recording(input, &scenario.id);
+            let place = place(&recording, logs.seed);
             let part = usize::from(place < bound);
+            if part == 1 {
+                recordings.insert(scenario.id.clone(), recording);
+            }
             match writers[part].write(scenario) {
                 Ok(()) => division.counts[part] += 1,
                 Err(error) => failure = Some(error.into()),
@@ -215,6 +295,8 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
     for writer in writers {
         writer.finish()?;
     }
+    replace(&files.recordings, |out| writeln!(out, "{:#}", json!(recordings)))
+        .with_context(|| format!("could not write {}", files.recordings.display()))?;
     division.excluded = exclusion.report();
     Ok(Some(division))
 }
@@ -235,32 +317,29 @@ pub(super) fn place(name: &str, seed: u64) -> f64 {
     unit_interval(leading_bits(&hasher.finalize()))
 }
 
-/// Writes the scenarios that `make` returns for each of the first `most` scenarios of a file, unless they are there already. Returns
+/// Writes the scenarios that `make` returns for each number below `end`, unless they are there already. Returns
 /// whether the files are complete.
 fn derive<const N: usize>(
-    from: &Path,
     to: [&PathBuf; N],
-    most: usize,
+    end: usize,
     logs: &Logs<'_>,
-    make: impl Fn(&Scenario) -> anyhow::Result<[Option<Scenario>; N]> + Sync,
+    make: impl Fn(u64) -> anyhow::Result<[Vec<Scenario>; N]> + Sync,
 ) -> anyhow::Result<bool> {
     if to.iter().all(|path| path.exists()) {
         return Ok(true);
     }
-    let source = ByNumber::open(from)?;
-    let scenarios = source.len().min(most);
     let progress = Progress::new();
-    progress.set_total(Some(scenarios));
+    progress.set_total(Some(end));
     let mut writers = to.iter().map(Writer::create).collect::<Result<Vec<_>, _>>()?;
     let ending = in_order(
-        scenarios as u64,
+        end as u64,
         logs.jobs,
         logs.stop,
         &mut (),
-        |(), number| make(&source.read(number as usize)?),
+        |(), number| make(number),
         |(), number, made| {
-            for (writer, scenario) in writers.iter_mut().zip(made?) {
-                scenario.map_or(Ok(()), |scenario| writer.write(&scenario))?;
+            for (writer, scenarios) in writers.iter_mut().zip(made?) {
+                scenarios.iter().try_for_each(|scenario| writer.write(scenario))?;
             }
             progress.scenario_done(number as usize + 1);
             Ok::<_, anyhow::Error>(ControlFlow::Continue(()))
@@ -274,4 +353,35 @@ fn derive<const N: usize>(
         writer.finish()?;
     }
     Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_logs_have_more_avs() {
+        assert_eq!([avs_per_log(150.0, 300), avs_per_log(70.0, 300), avs_per_log(0.0, 300)], [2, 4, 8]);
+    }
+
+    #[test]
+    fn the_avs_of_a_log_are_scenarios_of_its_own() {
+        let settings = GenerationSettings { preset: Preset::Sensed, ..GenerationSettings::default() };
+        let generator = Generator::new(settings).unwrap();
+        let made = (0..40).find_map(|number| {
+            let log = generator.scenario(number).ok()?;
+            let made = with_several(&log, 0, 3);
+            (made.len() == 3).then_some((log, made))
+        });
+        let (log, made) = made.expect("none of 40 AVs can deviate in three ways");
+        let ids: Vec<&str> = made.iter().map(|scenario| scenario.id.as_str()).collect();
+        assert_eq!(ids, [log.id.clone(), format!("{}+av2", log.id), format!("{}+av3", log.id)]);
+        assert!(ids.iter().all(|id| log_of(id) == log.id));
+        assert_eq!(["a+av", "a+avx", "a+idm", "a+av2+av10"].map(log_of), ["a+av", "a+avx", "a+idm", "a+av2"]);
+        // The first one is that of the training, and no two are the same.
+        assert_eq!(made[0].deviation, deviated(&log, 0).unwrap().put_into(log.clone()).deviation);
+        let track = |scenario: &Scenario| scenario.deviation.clone().unwrap().track;
+        assert!(track(&made[0]) != track(&made[1]) && track(&made[1]) != track(&made[2]));
+        assert!(track(&made[0]) != track(&made[2]));
+    }
 }
