@@ -503,7 +503,8 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
 
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
-            default. All selected scenarios are kept in memory.
+            default. All selected scenarios are kept in memory; those that cannot be read are left
+            out with a warning, unless `ids` has them.
         simulator: Id of the simulator, such as "idm" or "mix:idm=1+ntp-guarded=1"; or a `Simulator`
             of this process, or its class; or NAME=COMMAND, an external one: "mine=python mine.py".
         ids: Only scenarios with one of these ids; all by default.

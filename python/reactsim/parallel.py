@@ -70,7 +70,8 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
 
     Args:
         scenarios: Files, folders or URLs of scenarios, or one `Scenario`; the shipped benchmark by
-            default. All selected scenarios are kept in memory.
+            default. All selected scenarios are kept in memory; those that cannot be read are left
+            out with a warning, unless `ids` has them.
         av: Driver of the AV: "deviated", "log", "deviated-or-log", "constant-velocity", "brake:4",
             "retime:0.8" or "shift:2".
         deviations: File of deviated AVs; for a `Scenario` the one with which it was read.

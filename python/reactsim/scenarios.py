@@ -196,8 +196,8 @@ def scenarios(
             current one, a time such as "15s", or "log" for all that are recorded.
         current_frame: Index of the current frame, from 0, for formats that leave it open
             (Argoverse 2, ScenarioNet, Waymo files of more than 91 frames).
-        window_step: Read several scenarios of each recording of Waymo files of 20 s: frame 10 and
-            every `window_step` frames after it is a current frame.
+        window_step: Read several scenarios of each long recording of Waymo, ScenarioNet and native
+            files: frame 10 and every `window_step` frames after it is a current frame.
         history: Number of frames up to and including the current one.
         all_agents: Read all agents that are present at the current frame, of all kinds and any
             number, instead of the AV and the 63 nearest vehicles, pedestrians and cyclists.

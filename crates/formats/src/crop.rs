@@ -1,8 +1,9 @@
 //! Scenarios that are shorter than stored.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
-use reactsim_scene::{Frame, Length, LightState, Scenario};
+use reactsim_scene::{Frame, Length, LightState, Scenario, ScenarioParts};
 
 use super::error::Cause;
 use super::format::UNRECORDED_FRAMES;
@@ -30,6 +31,46 @@ pub fn crop(scenario: &mut Scenario, choice: LengthChoice) -> Result<(), Cause> 
     Ok(())
 }
 
+/// Reduces the parts of a scenario to a window around frame `current`, which becomes the current one, with
+/// the AV there as the origin. What belongs to another current frame is left out: the deviated AV, and the
+/// marks of agents, which data sets choose by their motion after it.
+///
+/// # Errors
+/// [`Cause`] names the number of frames, if there are too few for a window.
+pub(crate) fn cut(parts: &mut ScenarioParts, current: usize, choice: LengthChoice) -> Result<(), Cause> {
+    let frames = parts.length.frames();
+    let future = choice.future(frames.saturating_sub(current + 1));
+    let (length, end) = (Length { history: choice.history(), future }, current + 1 + future);
+    if future == 0 || frames < end {
+        let expected = format!("{} or more", length.history + choice.least_future());
+        return Err(Cause::value("the number of frames", frames, expected));
+    }
+    if current != parts.length.current() {
+        parts.tracks_to_predict.clear();
+        parts.objects_of_interest.clear();
+    }
+    let kept = current - length.current()..end;
+    for agent in &mut parts.agents {
+        keep(&mut agent.track, kept.clone());
+        keep(&mut agent.heights, kept.clone());
+    }
+    let av = parts.agents.remove(parts.av);
+    parts.agents.retain(|agent| agent.track.iter().any(Option::is_some));
+    parts.agents.insert(0, av);
+    parts.lights.iter_mut().for_each(|light| keep(&mut light.states, kept.clone()));
+    keep(&mut parts.timestamps, kept);
+    (parts.av, parts.length, parts.origin, parts.deviation) = (0, length, None, None);
+    Ok(())
+}
+
+/// Reduces the repair that counts frames that are not recorded, the last ones, by those that are not kept.
+pub(crate) fn count_unrecorded(repairs: &mut BTreeMap<String, u32>, removed: usize) {
+    if let Some(missing) = repairs.remove(UNRECORDED_FRAMES) {
+        let left = missing.saturating_sub(removed as u32);
+        repairs.extend((left > 0).then(|| (UNRECORDED_FRAMES.to_owned(), left)));
+    }
+}
+
 /// Reduces a scenario of length `own` to `length`, which is not longer.
 fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
     let early = own.history - length.history;
@@ -55,11 +96,7 @@ fn reduce(scenario: &mut Scenario, own: Length, length: Length) {
         deviation.track.truncate(length.future);
         deviation.certificate = None;
     }
-    // Frames that are not recorded are the last ones.
-    if let Some(missing) = scenario.repairs.remove(UNRECORDED_FRAMES) {
-        let left = missing.saturating_sub((own.future - length.future) as u32);
-        scenario.repairs.extend((left > 0).then(|| (UNRECORDED_FRAMES.to_owned(), left)));
-    }
+    count_unrecorded(&mut scenario.repairs, own.future - length.future);
 }
 
 /// Removes the entries outside of a range from a list, which may be shorter.

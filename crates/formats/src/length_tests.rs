@@ -159,6 +159,71 @@ fn windows_are_as_many_as_fit() {
 }
 
 #[test]
+fn native_files_have_the_windows_of_their_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recording(folder.path(), 199, 10);
+    let every = CurrentFrames::Every(NonZeroUsize::new(50).unwrap());
+    let mut whole = one(&path, None, LOG).unwrap();
+    let native = folder.path().join("a.parquet");
+    let windows = |history, future| -> Vec<Scenario> {
+        read(&native, every, history, future).into_iter().map(Result::unwrap).collect()
+    };
+    written(&native, &[&whole, &one(&path, None, None).unwrap()]);
+    let first: Vec<Scenario> = read(&path, every, None, None).into_iter().map(Result::unwrap).collect();
+    let found = windows(None, None);
+    let ids: Vec<&str> = found.iter().map(|scenario| scenario.id.as_str()).collect();
+    assert_eq!(ids, ["made@10", "made@60", "made@110", "made@10"], "the short one has one window");
+    for (ours, theirs) in found.iter().zip(&first) {
+        assert!((ours.origin - theirs.origin).norm() < 1e-9);
+        let ids = |scenario: &Scenario| -> Vec<String> {
+            scenario.start.agents.iter().map(|agent| agent.id.clone()).collect()
+        };
+        assert_eq!((ours.length(), ids(ours)), (theirs.length(), ids(theirs)));
+        assert_eq!(ours.tracks_to_predict, theirs.tracks_to_predict, "marks are those of frame 10");
+        for slot in 0..ours.start.agents.len() {
+            for (a, b) in ours.logged(slot).iter().zip(theirs.logged(slot)) {
+                assert_eq!(a.is_some(), b.is_some());
+                assert!(a.zip(b).is_none_or(|(a, b)| (a.position() - b.position()).norm() < 1e-9));
+            }
+        }
+        let (ours, theirs) = (&ours.start, &theirs.start);
+        assert_eq!((&ours.light_history, &ours.lights.len()), (&theirs.light_history, &theirs.lights.len()));
+        let lanes = ours.map.lanes.iter().zip(&theirs.map.lanes);
+        let points = lanes.flat_map(|(a, b)| a.baseline.points().iter().zip(b.baseline.points()));
+        points.for_each(|(a, b)| assert!((a - b).norm() < 1e-9));
+        assert_eq!(ours.map.stop_lines.len(), theirs.map.stop_lines.len());
+        for (a, b) in ours.map.stop_lines.iter().zip(&theirs.map.stop_lines) {
+            assert!((a.ends[0] - b.ends[0]).norm() < 1e-9 && (a.ends[1] - b.ends[1]).norm() < 1e-9);
+        }
+    }
+    let lengths = |all: Vec<Scenario>| -> Vec<(String, usize)> {
+        all.into_iter().map(|scenario| (scenario.id.clone(), scenario.length().future)).collect()
+    };
+    let long = lengths(windows(Some(21), LOG));
+    assert_eq!(long[..4], [20, 70, 120, 170].map(|frame| (format!("made@{frame}"), 198 - frame)));
+    assert_eq!(long.len(), 6, "frames 20 and 70 of the short one");
+    let input = Input { frames: every, ..find_inputs(&native).unwrap().remove(0) };
+    let from: Vec<String> = input.open_from(2).unwrap().map(|d| d.unwrap()().unwrap().id).collect();
+    assert_eq!(from, ["made@110", "made@10"]);
+    let errors = read(&native, every, None, steps(300));
+    assert_eq!(errors.len(), 2);
+    let expected = "record 0: scenario `made`: the number of frames is 199, expected 311 or more";
+    assert!(errors[0].as_ref().unwrap_err().ends_with(expected), "{:?}", errors[0]);
+    // A deviated AV and a note are of the whole.
+    let track = vec![whole.start.now(0); 188];
+    whole.deviation = Some(DeviatedTrack { category: None, track, certificate: None });
+    whole.repairs.insert(reactsim_scene::LATER_FRAME.to_owned(), 10);
+    written(&native, &[&whole]);
+    let window = windows(None, None).remove(1);
+    assert!(window.deviation.is_none() && window.notes().get("later-frame").is_none());
+    assert_eq!(window.repairs["deviated AVs, which windows do not have"], 1);
+    // All agents stay all agents.
+    written(&native, &[&one(&path, None, LOG).unwrap().with_all_agents()]);
+    let all = windows(None, None).remove(1);
+    assert_eq!(all.start.agents.len(), first[1].clone().with_all_agents().start.agents.len());
+}
+
+#[test]
 fn native_files_hold_scenarios_of_any_length() {
     let folder = tempfile::tempdir().unwrap();
     let path = recording(folder.path(), 199, 10);

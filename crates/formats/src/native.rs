@@ -5,6 +5,8 @@ mod by_number;
 mod decode;
 mod encode;
 
+use std::collections::VecDeque;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -53,9 +55,13 @@ impl ScenarioFormat for Native {
         frames: CurrentFrames,
         length: LengthChoice,
     ) -> Result<PendingScenarios, FormatError> {
-        match refused_frames(self, path, frames) {
+        let step = match frames {
+            CurrentFrames::Every(step) => Some(step),
+            CurrentFrames::Stated | CurrentFrames::At(_) => None,
+        };
+        match refused_frames(self, path, frames).filter(|_| step.is_none()) {
             Some(refused) => refused,
-            None => Ok(Box::new(Reader { length, ..Reader::over(path, TableReader::open(path)?)? })),
+            None => Ok(Box::new(Reader { length, step, ..Reader::over(path, TableReader::open(path)?)? })),
         }
     }
 
@@ -89,13 +95,17 @@ struct Reader {
     /// Index of the next record.
     record: u64,
     length: LengthChoice,
+    /// Frames between windows; `None` if scenarios are read as they are.
+    step: Option<NonZeroUsize>,
+    /// Current frames of further windows of the row that was read last.
+    windows: VecDeque<usize>,
 }
 
 impl Reader {
     fn over(path: &Path, table: TableReader) -> Result<Self, FormatError> {
         table.require(KIND, VERSION)?;
         let (path, length) = (path.to_owned(), LengthChoice::default());
-        Ok(Self { path, table, rows: None, record: 0, length })
+        Ok(Self { path, table, rows: None, record: 0, length, step: None, windows: VecDeque::new() })
     }
 
     /// Reads from the record with the index `first` on.
@@ -118,13 +128,23 @@ impl Iterator for Reader {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
+            let (path, length) = (self.path.clone(), self.length);
+            if let Some((rows, next)) = &self.rows
+                && let Some(current) = self.windows.pop_front()
+            {
+                let (rows, row, record) = (Arc::clone(rows), next - 1, self.record - 1);
+                return Some(Ok(Box::new(move || rows.window(row, &path, record, (current, length)))));
+            }
             if let Some((rows, next)) = &mut self.rows
                 && *next < rows.len()
             {
-                let (rows, row, path, record) = (Arc::clone(rows), *next, self.path.clone(), self.record);
+                let (rows, row, record) = (Arc::clone(rows), *next, self.record);
                 *next += 1;
                 self.record += 1;
-                let length = self.length;
+                if let Some(step) = self.step {
+                    self.windows = length.windows(rows.frames(row), step).collect();
+                    continue;
+                }
                 return Some(Ok(Box::new(move || {
                     let mut scenario = rows.scenario(row, &path, record)?;
                     match crop(&mut scenario, length) {

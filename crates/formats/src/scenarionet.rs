@@ -8,12 +8,15 @@ mod parts;
 mod tracks;
 mod window;
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use reactsim_scene::Scenario;
 
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, named, read_whole, single};
+use super::format::{
+    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole, single,
+};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::pickle::Pickle;
 
@@ -64,7 +67,10 @@ impl ScenarioFormat for ScenarioNet {
         frames: CurrentFrames,
         length: LengthChoice,
     ) -> Result<PendingScenarios, FormatError> {
-        single(self, path, frames, move |path, current| read(path, current, length))
+        match frames {
+            CurrentFrames::Every(step) => Ok(windows(path, step, length)),
+            _ => single(self, path, frames, move |path, current| read(path, current, length)),
+        }
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {
@@ -72,13 +78,42 @@ impl ScenarioFormat for ScenarioNet {
     }
 }
 
+/// Returns the windows of a recording: one every `step` frames, whose id gets its current frame.
+fn windows(path: &Path, step: NonZeroUsize, length: LengthChoice) -> PendingScenarios {
+    let frames = match frames(path) {
+        Ok(frames) => frames,
+        Err(error) => return Box::new(std::iter::once(Err(error))),
+    };
+    let path = path.to_owned();
+    Box::new(length.windows(frames, step).map(move |current| {
+        let path = path.clone();
+        let decode: UndecodedScenario = Box::new(move || {
+            let mut scenario = read(&path, Some(current), length)?;
+            scenario.id = format!("{}@{current}", scenario.id);
+            Ok(scenario)
+        });
+        Ok(decode)
+    }))
+}
+
+/// Reads the number of frames of a recording.
+fn frames(path: &Path) -> Result<usize, FormatError> {
+    let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
+    let pickle = parsed(path, &file)?;
+    parts::frames(&pickle.root()).map_err(|cause| FormatError::record(path, 0, None, cause))
+}
+
+fn parsed<'a>(path: &Path, file: &'a [u8]) -> Result<Pickle<'a>, FormatError> {
+    Pickle::read(file)
+        .map_err(|e| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {e}"))).at(0))
+}
+
 /// Reads a scenario with the frame `current` (counted from 0, with enough frames before it) as the current
 /// one. `None` stands for the current frame stored in the file, or the first one with enough frames before it
 /// if there is none. Missing frames after it are counted in the scenario's repairs.
 fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Scenario, FormatError> {
     let file = read_whole(path, MAX_FILE_SIZE, "one scenario")?;
-    let pickle = Pickle::read(&file)
-        .map_err(|e| FormatError::file(path, Cause::Undecodable(format!("as a pickle: {e}"))).at(0))?;
+    let pickle = parsed(path, &file)?;
     let root = pickle.root();
     let id = parts::id(&root).map_err(|cause| FormatError::record(path, 0, None, cause))?;
     let converted = parts::parts(&root, id.clone(), current, length)

@@ -103,7 +103,7 @@ impl Iterator for Reader {
             CurrentFrames::Stated => Some(Ok(read(Window::Stated))),
             CurrentFrames::At(frame) => Some(Ok(read(Window::At(frame)))),
             CurrentFrames::Every(step) => {
-                self.windows = Window::every(step.get(), self.length, &payload).map(read).collect();
+                self.windows = Window::every(step, self.length, &payload).map(read).collect();
                 self.windows.pop_front().map(Ok)
             }
         }

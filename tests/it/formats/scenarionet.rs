@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 use std::fs;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use reactsim::formats::{FutureChoice, find_inputs, open, survey};
+use reactsim::formats::{CurrentFrames, FutureChoice, Input, find_inputs, open, survey};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentKind, Lane, LaneArea, LaneClass, LaneKind, LightState, RoadEdgeKind, Scenario};
 use serde_json::{Value, json};
@@ -355,6 +356,22 @@ fn frames_around_the_current_one_are_read() {
     );
     let error = read_length(&path, None, Some(FutureChoice::Steps(81))).unwrap_err();
     assert!(error.ends_with("the number of frames after frame 10 is 80, expected 81 or more"), "{error}");
+}
+
+#[test]
+fn long_recordings_have_windows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &made(199));
+    let frames = CurrentFrames::Every(NonZeroUsize::new(50).unwrap());
+    let input = Input { frames, ..find_inputs(&path).unwrap().remove(0) };
+    let windows: Vec<Scenario> = input.open().unwrap().map(Result::unwrap).collect();
+    let ids: Vec<&str> = windows.iter().map(|scenario| scenario.id.as_str()).collect();
+    assert_eq!(ids, ["made@10", "made@60", "made@110"]);
+    let at = read_at(&path, 60).unwrap();
+    assert_eq!((windows[1].origin, &windows[1].log_future), (at.origin, &at.log_future));
+    fs::write(&path, &fs::read(&path).unwrap()[..2000]).unwrap();
+    let error = input.open().unwrap().next().unwrap().unwrap_err().to_string();
+    assert!(error.contains("f.pkl") && error.contains("as a pickle"), "{error}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use parking_lot::Mutex;
-use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, crop, native::ByNumber};
+use reactsim_formats::{CurrentFrames, FormatError, Input, Opener, PendingScenarios, crop, native::ByNumber};
 use reactsim_scene::Scenario;
 
 use crate::error::EvaluationError;
@@ -19,7 +19,7 @@ pub struct ScenarioFiles {
 
 enum ScenarioFile {
     /// A native file, with random access to its scenarios.
-    Native(ByNumber),
+    Native(ByNumber, Input),
     /// Any other file, read from its beginning. The position is kept, so that reading in order reads the file
     /// once.
     Stream { open: Opener, position: Mutex<(usize, Option<PendingScenarios>)>, input: Option<Input> },
@@ -33,7 +33,8 @@ impl ScenarioFiles {
     pub fn add_file(&mut self, input: &Input) -> Result<(), EvaluationError> {
         let file = FileRecord::of(&input.path, input.format.id())?;
         if file.format == "native" {
-            self.files.insert(file.blake3, ScenarioFile::Native(ByNumber::open(&input.path)?));
+            let native = ScenarioFile::Native(ByNumber::open(&input.path)?, input.clone());
+            self.files.insert(file.blake3, native);
             return Ok(());
         }
         let (reader, input) = (input.clone(), Some(input.clone()));
@@ -64,8 +65,13 @@ impl ScenarioFiles {
         digest: &str,
     ) -> Result<Option<Scenario>, EvaluationError> {
         let Some(scenario_file) = self.files.get(&file.blake3) else { return Ok(None) };
+        let with = |input: &Input| -> Result<Option<Scenario>, FormatError> {
+            let input = Input { frames: file.frames(), length: file.length(), ..input.clone() };
+            input.open_from(record)?.next().map(|decode| decode.and_then(|d| d())).transpose()
+        };
         let found = match scenario_file {
-            ScenarioFile::Native(scenarios) if record < scenarios.len() => {
+            ScenarioFile::Native(_, input) if file.frames() != CurrentFrames::Stated => with(input)?,
+            ScenarioFile::Native(scenarios, _) if record < scenarios.len() => {
                 let mut scenario = scenarios.read(record)?;
                 match crop(&mut scenario, file.length()) {
                     Ok(()) => Some(scenario),
@@ -75,15 +81,13 @@ impl ScenarioFiles {
                     }
                 }
             }
-            ScenarioFile::Native(_) => None,
+            ScenarioFile::Native(..) => None,
             // The run may have read the file with other current frames, or another length, than it was added
             // with.
             ScenarioFile::Stream { input: Some(input), .. }
                 if (file.frames(), file.length()) != (input.frames, input.length) =>
             {
-                let input = Input { frames: file.frames(), length: file.length(), ..input.clone() };
-                let pending = input.open_from(record)?.next();
-                pending.map(|decode| decode.and_then(|d| d())).transpose()?
+                with(input)?
             }
             ScenarioFile::Stream { open, position, .. } => {
                 let mut position = position.lock();

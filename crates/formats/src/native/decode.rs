@@ -7,17 +7,22 @@ use std::path::Path;
 use arrow_array::RecordBatch;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, HISTORY,
-    LaneArea, LaneClass, LaneKind, LaneParts, Length, LightParts, LightState, LoggedAgent, MapHeights,
-    MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, Scenario, ScenarioParts, StopKind, StopLine,
-    Surface,
+    Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, EARLIER_FRAME, Frame,
+    HISTORY, LATER_FRAME, LaneArea, LaneClass, LaneKind, LaneParts, Length, LightParts, LightState,
+    LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine, Scenario,
+    ScenarioParts, StopKind, StopLine, Surface,
 };
 
 use super::encode::{COLUMNS, HEIGHT_COLUMNS, HISTORY_COLUMN, LEFT, RIGHT};
 use super::wrong;
 use crate::certificates;
+use crate::crop::{count_unrecorded, cut};
 use crate::error::{Cause, FormatError};
+use crate::frames::LengthChoice;
 use crate::table::View;
+
+/// Name of the repair that counts deviated AVs of scenarios whose windows are read.
+const LEFT_OUT_AV: &str = "deviated AVs, which windows do not have";
 
 /// Columns of the rows in memory.
 pub(super) struct Rows {
@@ -51,6 +56,11 @@ impl Rows {
     /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the
     /// benchmark selects or with all agents.
     pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
+        self.selected(row, path, record).map(|(scenario, _)| scenario)
+    }
+
+    /// Decodes the same, and whether it has all agents.
+    fn selected(&self, row: usize, path: &Path, record: u64) -> Result<(Scenario, bool), FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
         let parts = self.parts(row).map_err(refuse)?;
@@ -63,16 +73,60 @@ impl Rows {
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
         if found == expected {
             scenario.complete();
-            return Ok(scenario);
+            return Ok((scenario, false));
         }
         // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
         // with all agents from one with the agents of the benchmark.
         let mut scenario = scenario.with_all_agents();
         if scenario.digest() == expected {
             scenario.complete();
-            return Ok(scenario);
+            return Ok((scenario, true));
         }
         Err(refuse(Cause::Checksum { what: "the scenario", found, expected: expected.to_owned() }))
+    }
+
+    /// Decodes the window of the scenario of a row around this frame, which its id gets: `ID@FRAME`.
+    pub(super) fn window(
+        &self,
+        row: usize,
+        path: &Path,
+        record: u64,
+        (current, length): (usize, LengthChoice),
+    ) -> Result<Scenario, FormatError> {
+        let (whole, has_all) = self.selected(row, path, record)?;
+        let refuse = |cause| FormatError::record(path, record, Some(whole.id.clone()), cause);
+        let mut parts = self.parts(row).map_err(refuse)?;
+        cut(&mut parts, current, length).map_err(refuse)?;
+        let assembled = Scenario::assemble_as_stored(parts);
+        let mut scenario = assembled.map_err(|e| FormatError::scene(path, record, e))?;
+        // Coordinates were relative to the origin of the whole.
+        let shift = scenario.origin;
+        let stop_lines = whole
+            .start
+            .map
+            .stop_lines
+            .iter()
+            .map(|line| StopLine { ends: line.ends.map(|end| end - shift), ..line.clone() });
+        scenario.start.map.edit().stop_lines = stop_lines.collect();
+        scenario.origin += whole.origin;
+        scenario.id = format!("{}@{current}", whole.id);
+        let after = whole.length().frames() - current - 1;
+        let mut repairs = whole.repairs;
+        repairs.retain(|what, _| what != EARLIER_FRAME && what != LATER_FRAME);
+        count_unrecorded(&mut repairs, after - scenario.length().future);
+        repairs.extend(whole.deviation.map(|_| (LEFT_OUT_AV.to_owned(), 1)));
+        scenario.repairs.extend(repairs);
+        if has_all {
+            scenario = scenario.with_all_agents();
+        }
+        scenario.complete();
+        Ok(scenario)
+    }
+
+    /// Returns the number of frames of the scenario of a row.
+    pub(super) fn frames(&self, row: usize) -> usize {
+        let x = self.view("agent_x");
+        x.range(0, row).next().map_or(0, |av| x.range(1, av).len())
     }
 
     fn view(&self, name: &str) -> &View {

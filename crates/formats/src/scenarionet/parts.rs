@@ -83,6 +83,14 @@ pub(super) fn parts(
     Ok(ConvertedScenario { parts, repairs, unknown_types })
 }
 
+/// Reads the number of frames of the recording.
+pub(super) fn frames(root: &View) -> Result<usize, Cause> {
+    let stated = root.need("length")?;
+    let length = usize::try_from(stated.whole()?).ok();
+    let length = length.filter(|n| (1..=tracks::MAX_FRAMES).contains(n));
+    length.ok_or_else(|| stated.wrong("the number of frames"))
+}
+
 /// Determines the window of frames, and the repairs for missing and unread frames.
 fn window(
     root: &View,
@@ -90,17 +98,16 @@ fn window(
     current: Option<usize>,
     choice: LengthChoice,
 ) -> Result<(Window, BTreeMap<&'static str, u32>), Cause> {
-    let stated = root.need("length")?;
-    let length = stated.whole()?;
-    let length = usize::try_from(length).ok().filter(|n| (1..=tracks::MAX_FRAMES).contains(n));
-    let length = length.ok_or_else(|| stated.wrong("the number of frames"))?;
+    let length = frames(root)?;
     let stored = about.get("current_time_index")?;
-    let before = choice.history() - 1;
+    let (before, mut later) = (choice.history() - 1, 0);
     let now = match (current, &stored) {
         (Some(current), _) => i64::try_from(current).unwrap_or(i64::MAX),
         (None, Some(stored)) => {
             let stored = stored.whole()?;
-            usize::try_from(stored).map_or(stored, |stored| choice.current(stored, length) as i64)
+            let now = usize::try_from(stored).map_or(stored, |stored| choice.current(stored, length) as i64);
+            later = now - stored;
+            now
         }
         (None, None) => before as i64,
     };
@@ -121,13 +128,12 @@ fn window(
     }
     let window = Window { first, length, scenario };
     let mut repairs = BTreeMap::new();
-    let later = stored.filter(|_| current.is_none()).map_or(Ok(now), |stored| stored.whole())?;
-    if now > later {
-        repairs.insert(LATER_FRAME, (now - later) as u32);
-    }
     let recorded = window.recorded().len();
     if missing > 0 {
         repairs.insert(UNRECORDED_FRAMES, missing as u32);
+    }
+    if later > 0 {
+        repairs.insert(LATER_FRAME, later as u32);
     }
     if length > recorded {
         repairs.insert("recorded frames before and after those that are read", (length - recorded) as u32);

@@ -1,5 +1,7 @@
 //! The frames of a recording that are read.
 
+use std::num::NonZeroUsize;
+
 use reactsim_scene::Length;
 
 use super::message::Scenario as Proto;
@@ -31,20 +33,17 @@ pub(super) enum Window {
 }
 
 impl Window {
-    /// Returns the windows of a message with a current frame every `step` frames, beginning with the first
-    /// one that has enough history (frame 10 by default). Only the fields of the message are counted. A
-    /// message that is too short for a window has one, so that the reason is reported.
+    /// Returns the windows of a message with a current frame every `step` frames:
+    /// [`LengthChoice::windows`]. Only the fields of the message are counted.
     pub(super) fn every(
-        step: usize,
+        step: NonZeroUsize,
         length: LengthChoice,
         payload: &[u8],
     ) -> impl Iterator<Item = Self> + use<> {
         let times = Fields(payload).filter(|(tag, _)| *tag == TIMESTAMPS_TAG);
         // Packed times are one field; otherwise each is a field, whose content is not returned.
         let frames: usize = times.map(|(_, content)| (content.len() / TIME_SIZE).max(1)).sum();
-        let first = length.history() - 1;
-        let windows = frames.saturating_sub(first + length.least_future() + 1) / step;
-        (0..=windows).map(move |i| Self::OneOfMany(first + i * step))
+        length.windows(frames, step).map(Self::OneOfMany)
     }
 
     /// Reduces a message to the frames of the window: recordings for training may have 20 s. A recording that
