@@ -8,13 +8,11 @@ mod encode;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow_array::RecordBatch;
-
 use super::crop::crop;
 use super::error::{Cause, FormatError};
 use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, is_parquet, named, refused_frames};
 use super::frames::{CurrentFrames, LengthChoice};
-use super::table::{self, TableReader, TableWriter};
+use super::table::{self, Batch, TableReader, TableWriter};
 use reactsim_scene::{HISTORY, Scenario};
 
 pub use by_number::{ByNumber, ids};
@@ -106,7 +104,7 @@ impl Reader {
         Ok(Box::new(reader.skip(first - passed_over)))
     }
 
-    fn load(&mut self, batch: &RecordBatch) -> Result<(), FormatError> {
+    fn load(&mut self, batch: &Batch) -> Result<(), FormatError> {
         let rows = decode::Rows::new(batch).map_err(|cause| FormatError::file(&self.path, cause))?;
         self.rows = Some((Arc::new(rows), 0));
         Ok(())

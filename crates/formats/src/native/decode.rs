@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-use arrow_array::RecordBatch;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, Frame, HISTORY,
@@ -17,7 +16,7 @@ use super::encode::{COLUMNS, HEIGHT_COLUMNS, HISTORY_COLUMN, LEFT, RIGHT};
 use super::wrong;
 use crate::certificates;
 use crate::error::{Cause, FormatError};
-use crate::table::View;
+use crate::table::{Batch, View};
 
 /// Columns of the rows in memory.
 pub(super) struct Rows {
@@ -28,7 +27,7 @@ pub(super) struct Rows {
 
 impl Rows {
     /// Finds all columns.
-    pub(super) fn new(batch: &RecordBatch) -> Result<Self, Cause> {
+    pub(super) fn new(batch: &Batch) -> Result<Self, Cause> {
         let mut views = Vec::with_capacity(COLUMNS.len());
         for &(name, leaf, depth, _) in COLUMNS {
             views.push(View::need(batch, name, leaf, depth)?);
@@ -415,13 +414,11 @@ fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<
     if x.len() != y.len() {
         return Err(wrong(ys.name(), format!("{} coordinates", y.len()), &format!("{}", x.len())));
     }
-    let ((all_x, whole_x), (all_y, whole_y)) = (xs.numbers(), ys.numbers());
-    match (all_x.get(x.clone()), all_y.get(y.clone())) {
-        (Some(x), Some(y)) if whole_x && whole_y => {
-            Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect())
-        }
-        _ => Err(wrong(xs.name(), "null", "a coordinate")),
+    let ((x, present_x), (y, present_y)) = (xs.numbers(x), ys.numbers(y));
+    if [present_x, present_y].into_iter().flatten().flatten().any(|is_present| !is_present) {
+        return Err(wrong(xs.name(), "null", "a coordinate"));
     }
+    Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect())
 }
 
 /// Reads frames whose x, y, heading, vx and vy are in five ranges of cells. Null positions mean absent, null
@@ -435,9 +432,13 @@ fn track(views: [&View; 5], ranges: [Range<usize>; 5]) -> Result<Vec<Frame>, Cau
             &format!("{frames} frames"),
         ));
     }
+    let columns: [_; 5] = std::array::from_fn(|k| views[k].numbers(ranges[k].clone()));
     let mut track = Vec::with_capacity(frames);
     for f in 0..frames {
-        let value = |k: usize| views[k].number(ranges[k].start + f);
+        let value = |k: usize| {
+            let (numbers, present) = columns[k];
+            present.is_none_or(|present| present[f]).then(|| numbers[f])
+        };
         track.push(match (value(0), value(1), value(2)) {
             (Some(x), Some(y), Some(heading)) => Some(AgentState {
                 x,
