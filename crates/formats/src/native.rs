@@ -123,10 +123,10 @@ impl Iterator for Reader {
                 *next += 1;
                 self.record += 1;
                 let length = self.length;
-                return Some(Ok(Box::new(move || {
-                    let mut scenario = rows.scenario(row, &path, record)?;
+                return Some(Ok(UndecodedScenario::with_digest(move || {
+                    let (mut scenario, digest) = rows.scenario(row, &path, record)?;
                     match crop(&mut scenario, length) {
-                        Ok(()) => Ok(scenario),
+                        Ok(()) => Ok((scenario, digest.filter(|_| length.is_default()))),
                         Err(cause) => Err(FormatError::record(&path, record, Some(scenario.id), cause)),
                     }
                 })));
@@ -205,7 +205,7 @@ impl Writer {
         let before = std::mem::replace(&mut self.table, create(&self.path, columns)?);
         self.columns = columns;
         for record in Reader::over(&self.path, before.read_back()?)? {
-            self.put(&record.and_then(|decode| decode())?)?;
+            self.put(&record.and_then(UndecodedScenario::decode)?)?;
         }
         Ok(())
     }

@@ -95,7 +95,7 @@ impl Iterator for Reader {
         };
         let read = |window: Window| -> UndecodedScenario {
             let (path, payload, length) = (self.path.clone(), Arc::clone(&payload), self.length);
-            Box::new(move || read_one(&path, record, &payload, window, length))
+            UndecodedScenario::new(move || read_one(&path, record, &payload, window, length))
         };
         match self.frames {
             CurrentFrames::Stated => Some(Ok(read(Window::Stated))),

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use parking_lot::Mutex;
-use reactsim_formats::{FormatError, Input, Opener, PendingScenarios, crop, native::ByNumber};
+use reactsim_formats::{
+    FormatError, Input, Opener, PendingScenarios, UndecodedScenario, crop, native::ByNumber,
+};
 use reactsim_scene::Scenario;
 
 use crate::error::EvaluationError;
@@ -83,7 +85,7 @@ impl ScenarioFiles {
             {
                 let input = Input { frames: file.frames(), length: file.length(), ..input.clone() };
                 let pending = input.open_from(record)?.next();
-                pending.map(|decode| decode.and_then(|d| d())).transpose()?
+                pending.map(|decode| decode.and_then(UndecodedScenario::decode)).transpose()?
             }
             ScenarioFile::Stream { open, position, .. } => {
                 let mut position = position.lock();
@@ -94,7 +96,7 @@ impl ScenarioFiles {
                 let skipped = record - *next;
                 *next = record + 1;
                 let pending = scenarios.as_mut().and_then(|s| s.nth(skipped));
-                pending.map(|decode| decode.and_then(|d| d())).transpose()?
+                pending.map(|decode| decode.and_then(UndecodedScenario::decode)).transpose()?
             }
         };
         let found = if file.all_agents { found.map(Scenario::with_all_agents) } else { found };

@@ -48,8 +48,13 @@ impl Rows {
     }
 
     /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the
-    /// benchmark selects or with all agents.
-    pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
+    /// benchmark selects or with all agents. Also returns the digest, unless the scenario was completed since.
+    pub(super) fn scenario(
+        &self,
+        row: usize,
+        path: &Path,
+        record: u64,
+    ) -> Result<(Scenario, Option<String>), FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
         let parts = self.parts(row).map_err(refuse)?;
@@ -60,18 +65,17 @@ impl Rows {
         scenario.start.map.edit().stop_lines = stop_lines;
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
-        if found == expected {
-            scenario.complete();
-            return Ok(scenario);
+        if found != expected {
+            // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
+            // with all agents from one with the agents of the benchmark.
+            scenario = scenario.with_all_agents();
+            if scenario.digest() != expected {
+                let what = "the scenario";
+                return Err(refuse(Cause::Checksum { what, found, expected: expected.to_owned() }));
+            }
         }
-        // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
-        // with all agents from one with the agents of the benchmark.
-        let mut scenario = scenario.with_all_agents();
-        if scenario.digest() == expected {
-            scenario.complete();
-            return Ok(scenario);
-        }
-        Err(refuse(Cause::Checksum { what: "the scenario", found, expected: expected.to_owned() }))
+        let is_changed = scenario.complete();
+        Ok((scenario, (!is_changed).then(|| expected.to_owned())))
     }
 
     fn view(&self, name: &str) -> &View {
