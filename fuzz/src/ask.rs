@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
 use std::path::Path;
 use std::sync::{Mutex, Once, PoisonError};
 
-use crate::formats::{FORMATS, FormatError, survey};
+use crate::formats::{FORMATS, FormatError, UndecodedScenario, survey};
 use crate::geometry::Vec2;
 use crate::scene::{FRAMES, Frame, LaneArea, Scenario};
 
@@ -63,7 +63,7 @@ fn read(path: &Path, id: &str) {
             Ok(records) => records,
         };
         for record in records.take(MOST) {
-            if let Err(error) = record.and_then(|decode| decode()) {
+            if let Err(error) = record.and_then(UndecodedScenario::decode) {
                 shown(&error);
             }
         }

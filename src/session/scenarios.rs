@@ -10,7 +10,9 @@ use serde::Deserialize;
 
 use super::wire::{RequestError, refused};
 use crate::evaluation::{Deviations, Selection, Source, limited};
-use crate::formats::{self as formats, CurrentFrames, FutureChoice, LengthChoice, PendingScenarios};
+use crate::formats::{
+    self as formats, CurrentFrames, FutureChoice, LengthChoice, PendingScenarios, UndecodedScenario,
+};
 use crate::scene::Scenario;
 
 /// Number of scenarios that are kept in memory.
@@ -252,7 +254,7 @@ impl Files {
                 None => self.open.insert((source.open)(0)?),
             };
             for record in open {
-                if let Ok(scenario) = record.and_then(|decode| decode()) {
+                if let Ok(scenario) = record.and_then(UndecodedScenario::decode) {
                     return Ok(Some(scenario));
                 }
             }

@@ -24,7 +24,8 @@ use std::path::Path;
 use arrow_array::{ArrayRef, RecordBatch};
 use parquet::arrow::ArrowWriter;
 use reactsim::formats::{
-    CurrentFrames, FormatError, FutureChoice, Input, LengthChoice, find_inputs, native, open,
+    CurrentFrames, FormatError, FutureChoice, Input, LengthChoice, UndecodedScenario, find_inputs, native,
+    open,
 };
 use reactsim::scene::{AgentKind, Lane, RoadMap, Scenario};
 
@@ -51,7 +52,7 @@ pub(crate) fn read_at(path: &Path, current_frame: usize) -> Result<Scenario, For
     let undecoded: Vec<_> = input.open_undecoded().unwrap().collect();
     assert_eq!(undecoded.len(), 1);
     let read = input.open().and_then(|mut scenarios| scenarios.next().unwrap());
-    let also = undecoded.into_iter().next().unwrap().and_then(|decode| decode());
+    let also = undecoded.into_iter().next().unwrap().and_then(UndecodedScenario::decode);
     assert_eq!(
         also.ok().map(|s| s.digest()),
         read.as_ref().ok().map(Scenario::digest),

@@ -126,7 +126,7 @@ impl Curation<'_> {
             return None;
         }
         let PendingRecord { input, number, content } = record;
-        let scenario = content.and_then(|decode| decode());
+        let scenario = content.and_then(UndecodedScenario::decode);
         let curated = scenario.and_then(|scenario| {
             self.source.check(&scenario).map_err(|cause| {
                 FormatError::record(Path::new(""), number as u64, Some(scenario.id.clone()), cause)

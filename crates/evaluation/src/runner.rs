@@ -11,6 +11,7 @@ use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_files::work::{MAX_THREADS, Pool};
+use reactsim_formats::UndecodedScenario;
 use reactsim_rollout::{Av, Request, Rollout, roll_out_while};
 use reactsim_scene::Scenario;
 
@@ -338,8 +339,8 @@ impl Runner<'_> {
     fn prepare(&self, item: UndecodedRecord) -> Result<Option<PreparedScenario>, Refused> {
         let refuse =
             |id, error: String| Refused::Record(Box::new(failure(self.plan, item.place, None, id, error)));
-        let decoded = item.content.and_then(|decode| decode());
-        let scenario = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
+        let decoded = item.content.and_then(UndecodedScenario::decode_with_digest);
+        let (scenario, digest) = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
         let selection = &self.plan.selection;
         if !selection.has_id(&scenario.id) {
             return Ok(self.unselected());
@@ -355,7 +356,7 @@ impl Runner<'_> {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
                 let judges_av = self.plan.policy().is_some_and(AvChoice::is_judged);
-                let (place, digest) = (item.place, scenario.digest());
+                let (place, digest) = (item.place, digest.unwrap_or_else(|| scenario.digest()));
                 Ok(Some(PreparedScenario {
                     place,
                     digest,

@@ -84,7 +84,7 @@ fn first_records(
     most: usize,
     is_run: Option<&dyn Fn(&Scenario) -> bool>,
 ) -> (usize, usize) {
-    let read = |record: Result<UndecodedScenario, FormatError>| record.and_then(|decode| decode());
+    let read = |record: Result<UndecodedScenario, FormatError>| record.and_then(UndecodedScenario::decode);
     let are_run = records
         .map(|record| is_run.is_none_or(|is_run| read(record).is_ok_and(|scenario| is_run(&scenario))));
     first_run(are_run, most)
@@ -164,7 +164,7 @@ impl Source {
     /// # Errors
     /// [`FormatError`] if the source cannot be opened; scenarios that cannot be read are errors of their own.
     pub fn scenarios(&self) -> Result<Scenarios, FormatError> {
-        Ok(Box::new((self.open)(0)?.map(|record| record.and_then(|decode| decode()))))
+        Ok(Box::new((self.open)(0)?.map(|record| record.and_then(UndecodedScenario::decode))))
     }
 
     /// Scenarios in memory, used up to the one with which `most` are run, all without `is_run`. Their digest

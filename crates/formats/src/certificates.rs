@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use arrow_array::RecordBatch;
 use reactsim_scene::{AgentState, Certificate, Effort, Length, Response};
 
 use super::error::Cause;
-use super::table::{Column, Leaf, TableWriter, Value, View};
+use super::table::{Batch, Column, Leaf, TableWriter, Value, View};
 
 /// Columns of a response's states.
 const STATE_COLUMNS: [&str; 5] =
@@ -81,7 +80,7 @@ pub fn encode(t: &mut TableWriter, certificate: Option<&Certificate>) {
 
 /// Returns the certificate of every row, `None` for all rows of files without these columns. Certificates of
 /// files that were written before efforts were measured have no efforts.
-pub fn decode(batch: &RecordBatch) -> Result<Vec<Option<Certificate>>, Cause> {
+pub fn decode(batch: &Batch) -> Result<Vec<Option<Certificate>>, Cause> {
     let rows = batch.num_rows();
     let Some(has) = View::find(batch, "has_certificate", Leaf::Flag, 0)? else { return Ok(vec![None; rows]) };
     let responses = ResponseColumns::find(batch)?;
@@ -111,7 +110,7 @@ struct ResponseColumns {
 }
 
 impl ResponseColumns {
-    fn find(batch: &RecordBatch) -> Result<Self, Cause> {
+    fn find(batch: &Batch) -> Result<Self, Cause> {
         let number = |name| View::need(batch, name, Leaf::Number, 1);
         let required = View::find(batch, "response_required_deceleration", Leaf::Number, 1)?;
         let times = View::find(batch, "response_time_to_react", Leaf::Number, 1)?;
@@ -172,7 +171,7 @@ pub fn null_error(column: &str) -> Cause {
 }
 
 /// Finds the columns of states, as lists of nesting depth `depth`.
-pub fn states_views(batch: &RecordBatch, names: [&'static str; 5], depth: usize) -> Result<Vec<View>, Cause> {
+pub fn states_views(batch: &Batch, names: [&'static str; 5], depth: usize) -> Result<Vec<View>, Cause> {
     names.into_iter().map(|name| View::need(batch, name, Leaf::Number, depth)).collect()
 }
 

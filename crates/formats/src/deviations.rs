@@ -5,7 +5,6 @@ use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::path::Path;
 
-use arrow_array::RecordBatch;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentState, Certificate, Deviation, FUTURE, Frame};
 use serde::Deserialize;
@@ -14,7 +13,7 @@ use super::certificates::{self, READ_COLUMNS};
 use super::error::{Cause, FormatError};
 use super::format::{is_parquet, read_whole};
 use super::states::{self, StateColumns};
-use super::table::{Leaf, TableReader, View};
+use super::table::{Batch, Leaf, TableReader, View};
 
 /// Required value of `format` in JSON.
 const JSON_FORMAT: &str = "reactsim-deviations-v1";
@@ -223,7 +222,7 @@ impl Rows<'_> {
     }
 
     /// Reads a batch of rows and returns the number of rows that are not wanted.
-    fn read_batch(&mut self, batch: &RecordBatch, origin: Option<Vec2>) -> Result<u64, FormatError> {
+    fn read_batch(&mut self, batch: &Batch, origin: Option<Vec2>) -> Result<u64, FormatError> {
         let file = |cause| FormatError::file(self.path, cause);
         let ids = View::need(batch, "scenario_id", Leaf::Text, 0).map_err(file)?;
         let text = |name| View::find(batch, name, Leaf::Text, 0).map_err(file);

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use reactsim_scene::{SceneError, brief};
 
+use super::wire::WireError;
+
 /// Error of reading or writing a file, or one record of it.
 #[derive(Debug)]
 pub struct FormatError {
@@ -125,6 +127,12 @@ impl Cause {
     /// A file cannot be written.
     pub fn write(source: io::Error) -> Self {
         Self::Io { doing: "write", source }
+    }
+}
+
+impl From<WireError> for Cause {
+    fn from(error: WireError) -> Self {
+        Self::Undecodable(error.to_string())
     }
 }
 

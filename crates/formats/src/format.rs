@@ -16,7 +16,40 @@ pub type Scenarios = Box<dyn Iterator<Item = Result<Scenario, FormatError>> + Se
 
 /// Record that was read from its file but not decoded. Decoding is the longer part of the work and can run on
 /// any thread.
-pub type UndecodedScenario = Box<dyn FnOnce() -> Result<Scenario, FormatError> + Send>;
+pub struct UndecodedScenario(Box<dyn FnOnce() -> Result<WithDigest, FormatError> + Send>);
+
+/// A scenario, with its digest if the file states it.
+type WithDigest = (Scenario, Option<String>);
+
+impl UndecodedScenario {
+    /// A record that this function decodes.
+    pub fn new(decode: impl FnOnce() -> Result<Scenario, FormatError> + Send + 'static) -> Self {
+        Self::with_digest(|| decode().map(|scenario| (scenario, None)))
+    }
+
+    /// A record that this function decodes; the digest must be that of the scenario.
+    pub(super) fn with_digest(
+        decode: impl FnOnce() -> Result<WithDigest, FormatError> + Send + 'static,
+    ) -> Self {
+        Self(Box::new(decode))
+    }
+
+    /// Decodes the record.
+    ///
+    /// # Errors
+    /// [`FormatError`] if it cannot be decoded, or is no valid scenario.
+    pub fn decode(self) -> Result<Scenario, FormatError> {
+        self.decode_with_digest().map(|(scenario, _)| scenario)
+    }
+
+    /// Decodes the record. Also returns [`Scenario::digest`] if decoding has computed it.
+    ///
+    /// # Errors
+    /// As for [`Self::decode`].
+    pub fn decode_with_digest(self) -> Result<WithDigest, FormatError> {
+        (self.0)()
+    }
+}
 
 /// Iterator over undecoded records in file order. Errors as in [`Scenarios`]; an error of one record may
 /// appear when it is decoded.
@@ -36,7 +69,7 @@ pub(super) const UNRECORDED_FRAMES: &str = "frames at the end that are not recor
 
 /// Wraps a scenario as an [`UndecodedScenario`] record.
 pub fn decoded(scenario: Scenario) -> UndecodedScenario {
-    Box::new(move || Ok(scenario))
+    UndecodedScenario::new(move || Ok(scenario))
 }
 
 /// A scenario file format.
@@ -62,7 +95,7 @@ pub trait ScenarioFormat: Sync {
     /// # Errors
     /// [`FormatError`] if the file cannot be read at all.
     fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(self.open_undecoded(path)?.map(|record| record.and_then(|decode| decode()))))
+        Ok(Box::new(self.open_undecoded(path)?.map(|record| record.and_then(UndecodedScenario::decode))))
     }
     /// Opens one file for reading by several threads, with these current frames and this length. Formats that
     /// are slow to decode leave decoding to the threads.
@@ -114,8 +147,7 @@ pub(super) fn single(
         CurrentFrames::Every(step) => return Err(has_one_window(format, path, step)),
     };
     let path = path.to_owned();
-    let decode: UndecodedScenario = Box::new(move || read(&path, current));
-    Ok(Box::new(std::iter::once(Ok(decode))))
+    Ok(Box::new(std::iter::once(Ok(UndecodedScenario::new(move || read(&path, current))))))
 }
 
 /// Returns the errors for other current frames than those that a format defines; `None` for these.

@@ -21,6 +21,7 @@ mod scenarionet;
 mod sketch;
 mod states;
 pub mod table;
+pub mod wire;
 mod womd;
 
 pub mod deviations;

@@ -58,7 +58,7 @@ impl Input {
         let scenarios: Scenarios = if self.is_plain() {
             self.format.open(&self.path)?
         } else {
-            Box::new(self.open_at()?.map(|record| record.and_then(|decode| decode())))
+            Box::new(self.open_at()?.map(|record| record.and_then(UndecodedScenario::decode)))
         };
         if !self.all_agents {
             return Ok(scenarios);
@@ -93,10 +93,10 @@ impl Input {
         if !self.all_agents {
             return Ok(scenarios);
         }
-        let with_all = |decode: UndecodedScenario| -> UndecodedScenario {
-            Box::new(move || decode().map(Scenario::with_all_agents))
+        let with_all = |record: UndecodedScenario| {
+            UndecodedScenario::new(move || record.decode().map(Scenario::with_all_agents))
         };
-        Ok(Box::new(scenarios.map(move |decode| decode.map(with_all))))
+        Ok(Box::new(scenarios.map(move |record| record.map(with_all))))
     }
 
     /// Returns whether the scenarios have the current frames and the length that the format defines.

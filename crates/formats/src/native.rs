@@ -10,13 +10,11 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow_array::RecordBatch;
-
 use super::crop::crop;
 use super::error::{Cause, FormatError};
 use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, is_parquet, named, refused_frames};
 use super::frames::{CurrentFrames, LengthChoice};
-use super::table::{self, TableReader, TableWriter};
+use super::table::{self, Batch, TableReader, TableWriter};
 use reactsim_scene::{HISTORY, Scenario};
 
 pub use by_number::{ByNumber, ids};
@@ -116,7 +114,7 @@ impl Reader {
         Ok(Box::new(reader.skip(first - passed_over)))
     }
 
-    fn load(&mut self, batch: &RecordBatch) -> Result<(), FormatError> {
+    fn load(&mut self, batch: &Batch) -> Result<(), FormatError> {
         let rows = decode::Rows::new(batch).map_err(|cause| FormatError::file(&self.path, cause))?;
         self.rows = Some((Arc::new(rows), 0));
         Ok(())
@@ -133,7 +131,9 @@ impl Iterator for Reader {
                 && let Some(current) = self.windows.pop_front()
             {
                 let (rows, row, record) = (Arc::clone(rows), next - 1, self.record - 1);
-                return Some(Ok(Box::new(move || rows.window(row, &path, record, (current, length)))));
+                return Some(Ok(UndecodedScenario::new(move || {
+                    rows.window(row, &path, record, (current, length))
+                })));
             }
             if let Some((rows, next)) = &mut self.rows
                 && *next < rows.len()
@@ -145,10 +145,10 @@ impl Iterator for Reader {
                     self.windows = length.windows(rows.frames(row), step).collect();
                     continue;
                 }
-                return Some(Ok(Box::new(move || {
-                    let mut scenario = rows.scenario(row, &path, record)?;
+                return Some(Ok(UndecodedScenario::with_digest(move || {
+                    let (mut scenario, digest) = rows.scenario(row, &path, record)?;
                     match crop(&mut scenario, length) {
-                        Ok(()) => Ok(scenario),
+                        Ok(()) => Ok((scenario, digest.filter(|_| length.is_default()))),
                         Err(cause) => Err(FormatError::record(&path, record, Some(scenario.id), cause)),
                     }
                 })));
@@ -227,7 +227,7 @@ impl Writer {
         let before = std::mem::replace(&mut self.table, create(&self.path, columns)?);
         self.columns = columns;
         for record in Reader::over(&self.path, before.read_back()?)? {
-            self.put(&record.and_then(|decode| decode())?)?;
+            self.put(&record.and_then(UndecodedScenario::decode)?)?;
         }
         Ok(())
     }

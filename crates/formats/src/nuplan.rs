@@ -221,7 +221,7 @@ impl Reader {
         };
         let (log, map, record, length) = (Arc::clone(log), Arc::clone(map), self.record, self.choice.length);
         self.record += 1;
-        Some(Box::new(move || read_one(&log, &map, anchor, record, length)))
+        Some(UndecodedScenario::new(move || read_one(&log, &map, anchor, record, length)))
     }
 
     /// Returns the error of a file or selection that gave no scenarios or lacks selected tokens.

@@ -5,14 +5,12 @@ mod pickle;
 
 use std::path::{Path, PathBuf};
 
-use arrow_array::RecordBatch;
-
 pub use by_name::ByName;
 pub use pickle::to_pickle;
 
 use super::error::{Cause, FormatError};
 use super::states::{self, StateColumns};
-use super::table::{Column, Leaf, TableReader, TableWriter, Value, View};
+use super::table::{Batch, Column, Leaf, TableReader, TableWriter, Value, View};
 use reactsim_geometry::Vec2;
 use reactsim_scene::Frame;
 
@@ -176,7 +174,7 @@ impl Iterator for Reader {
 }
 
 impl Rows {
-    fn new(batch: &RecordBatch) -> Result<Self, Cause> {
+    fn new(batch: &Batch) -> Result<Self, Cause> {
         let x = View::find(batch, "origin_x", Leaf::Number, 0)?;
         let y = View::find(batch, "origin_y", Leaf::Number, 0)?;
         Ok(Self {

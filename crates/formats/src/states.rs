@@ -6,7 +6,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentState, Frame, Length};
 
 use super::error::Cause;
-use super::table::{FRAME, Leaf, TableReader, View};
+use super::table::{Batch, FRAME, Leaf, TableReader, View};
 
 /// Returns the origin of a coordinate frame given by name: (0, 0) for world coordinates, `None` (the
 /// scenario's own origin) for scenario coordinates. `field` names the frame's field in errors.
@@ -44,7 +44,7 @@ const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
 
 impl StateColumns {
     /// Finds the columns, as lists of nesting depth `depth`.
-    pub(super) fn find(batch: &arrow_array::RecordBatch, depth: usize) -> Result<Self, Cause> {
+    pub(super) fn find(batch: &Batch, depth: usize) -> Result<Self, Cause> {
         let mut views = [const { None }; 5];
         for (k, view) in views.iter_mut().enumerate() {
             *view = if k < 3 {

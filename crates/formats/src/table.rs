@@ -1,6 +1,7 @@
 //! Parquet files of this program: written under a temporary name until they are complete, with a checksum per
 //! row group.
 
+mod batch;
 mod columns;
 mod compact;
 mod group;
@@ -8,6 +9,7 @@ mod pages;
 mod reader;
 mod writer;
 
+pub use batch::Batch;
 pub use columns::{Column, Leaf, Value, View};
 pub use reader::{TableReader, kind};
 pub use writer::TableWriter;

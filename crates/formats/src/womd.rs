@@ -4,21 +4,19 @@ mod example;
 pub(super) mod message;
 mod parts;
 pub(super) mod record;
-pub(super) mod size;
 pub(super) mod window;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use prost::Message;
 use reactsim_files::name_of;
 use reactsim_scene::{LATER_FRAME, Scenario};
 
 use self::message::Scenario as Proto;
 use self::record::Records;
 use self::window::Window;
-use super::error::{Cause, FormatError};
+use super::error::FormatError;
 use super::format::{
     PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
 };
@@ -91,13 +89,13 @@ impl Iterator for Reader {
         }
         let record = self.next;
         self.next += 1;
-        let payload: Arc<[u8]> = match self.records.next()? {
-            Ok(payload) => payload.into(),
+        let payload = match self.records.take_next()? {
+            Ok(payload) => Arc::new(payload),
             Err(error) => return Some(Err(error)),
         };
         let read = |window: Window| -> UndecodedScenario {
             let (path, payload, length) = (self.path.clone(), Arc::clone(&payload), self.length);
-            Box::new(move || read_one(&path, record, &payload, window, length))
+            UndecodedScenario::new(move || read_one(&path, record, &payload, window, length))
         };
         match self.frames {
             CurrentFrames::Stated => Some(Ok(read(Window::Stated))),
@@ -117,9 +115,8 @@ fn read_one(
     window: Window,
     length: LengthChoice,
 ) -> Result<Scenario, FormatError> {
-    size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
-    let mut proto = Proto::decode(payload)
-        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
+    let decoded = Proto::decode(payload);
+    let mut proto = decoded.map_err(|cause| FormatError::record(path, record, None, cause))?;
     let id = proto.scenario_id.clone();
     let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
     let (length, later) = window.crop(&mut proto, length).map_err(refuse)?;

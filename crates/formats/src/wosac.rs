@@ -4,7 +4,6 @@
 mod archive;
 mod check;
 mod log;
-mod message;
 mod metadata;
 mod rollouts;
 mod shards;

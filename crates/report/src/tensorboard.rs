@@ -4,8 +4,8 @@
 //! (<https://github.com/tensorflow/tensorboard>, `tensorboard/compat/proto`), of which only scalars are used
 //! here.
 
-use prost::{Message, Oneof};
 use reactsim_formats::tf_record;
+use reactsim_formats::wire::Message;
 use reactsim_nn::training::Row;
 
 /// Name of the event file; TensorBoard recognises its beginning.
@@ -13,50 +13,36 @@ pub const EVENTS: &str = "events.out.tfevents.0.reactsim";
 /// Version of event files.
 const FILE_VERSION: &str = "brain.Event:2";
 
-#[derive(Clone, PartialEq, Message)]
-struct Event {
-    #[prost(double, tag = "1")]
-    wall_time: f64,
-    #[prost(int64, tag = "2")]
-    step: i64,
-    #[prost(oneof = "What", tags = "3, 5")]
-    what: Option<What>,
-}
-
-#[derive(Clone, PartialEq, Oneof)]
-enum What {
-    #[prost(string, tag = "3")]
-    FileVersion(String),
-    #[prost(message, tag = "5")]
-    Summary(Summary),
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Summary {
-    #[prost(message, repeated, tag = "1")]
-    value: Vec<Value>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-struct Value {
-    #[prost(string, tag = "1")]
-    tag: String,
-    #[prost(float, tag = "2")]
-    simple_value: f32,
+/// Tags of the fields of `Event`, of `Summary` and of `Summary.Value`.
+mod tag {
+    pub(super) const WALL_TIME: u32 = 1;
+    pub(super) const STEP: u32 = 2;
+    pub(super) const FILE_VERSION: u32 = 3;
+    pub(super) const SUMMARY: u32 = 5;
+    pub(super) const VALUE: u32 = 1;
+    pub(super) const NAME: u32 = 1;
+    pub(super) const SIMPLE_VALUE: u32 = 2;
 }
 
 /// Returns the first record of an event file.
 pub fn header() -> Vec<u8> {
-    let what = Some(What::FileVersion(FILE_VERSION.to_owned()));
-    tf_record(&Event { wall_time: 0.0, step: 0, what }.encode_to_vec())
+    let mut event = Message::default();
+    event.bytes(tag::FILE_VERSION, FILE_VERSION);
+    tf_record(&event.into_bytes())
 }
 
 /// Returns the record of a row of the log. Tags are `train/…`, `validation/…` and `closed_loop/…`; wall times
 /// are seconds since the training began.
 pub fn record(row: &Row) -> Vec<u8> {
-    let mut value = Vec::new();
+    let mut summary = Message::default();
     let mut put = |group: &str, name: &str, number: f64| {
-        value.push(Value { tag: format!("{group}/{name}"), simple_value: number as f32 });
+        let mut value = Message::default();
+        value.bytes(tag::NAME, format!("{group}/{name}"));
+        // Zero is what a missing number means.
+        if number as f32 != 0.0 {
+            value.float(tag::SIMPLE_VALUE, number as f32);
+        }
+        summary.bytes(tag::VALUE, value.into_bytes());
     };
     let wall = match row {
         Row::Step(row) => {
@@ -75,8 +61,15 @@ pub fn record(row: &Row) -> Vec<u8> {
             row.wall
         }
     };
-    let what = Some(What::Summary(Summary { value }));
-    tf_record(&Event { wall_time: wall.seconds, step: row.step() as i64, what }.encode_to_vec())
+    let mut event = Message::default();
+    if wall.seconds != 0.0 {
+        event.double(tag::WALL_TIME, wall.seconds);
+    }
+    if row.step() != 0 {
+        event.int64(tag::STEP, row.step() as i64);
+    }
+    event.bytes(tag::SUMMARY, summary.into_bytes());
+    tf_record(&event.into_bytes())
 }
 
 #[cfg(test)]
@@ -104,11 +97,24 @@ mod tests {
             wall: Wall { seconds: 2.0, per_second: 4.0, memory: 1024 },
         });
         let record = record(&row);
-        let event = Event::decode(&record[12..record.len() - 4]).unwrap();
-        assert_eq!((event.wall_time, event.step), (2.0, 3));
-        let Some(What::Summary(summary)) = event.what else { panic!("{event:?}") };
-        let found: Vec<(&str, f32)> =
-            summary.value.iter().map(|v| (v.tag.as_str(), v.simple_value)).collect();
+        let event = &record[12..record.len() - 4];
+        let begin = b"\x09\0\0\0\0\0\0\0\x40\x10\x03\x2a";
+        assert_eq!(event[..begin.len()], *begin);
+        let mut summary = &event[begin.len() + 2..];
+        assert_eq!(
+            summary.len(),
+            usize::from(event[begin.len()] & 0x7f) | usize::from(event[begin.len() + 1]) << 7
+        );
+        let mut found = Vec::new();
+        while let [0x0a, length, rest @ ..] = summary {
+            let (value, after) = rest.split_at(usize::from(*length));
+            let [0x0a, length, name @ ..] = value else { panic!("{value:?}") };
+            let (name, number) = name.split_at(usize::from(*length));
+            let [0x15, number @ ..] = number else { panic!("{number:?}") };
+            let number = f32::from_le_bytes(number.try_into().unwrap());
+            found.push((str::from_utf8(name).unwrap(), number));
+            summary = after;
+        }
         let expected = [
             ("train/loss", 1.5),
             ("train/learning_rate", 0.25),

@@ -137,11 +137,10 @@ impl Scenario {
 
     /// Drops heights on one level and those that contradict one another, estimates velocities that are unknown
     /// or contradict positions, and drops links between lanes that no vehicle can drive. A scenario that is
-    /// complete does not change.
-    pub fn complete(&mut self) {
-        self.mend_heights();
-        self.estimate_velocities();
-        self.drop_undrivable_links();
+    /// complete does not change. Returns whether anything was written, be it what was there before.
+    pub fn complete(&mut self) -> bool {
+        let changes = [self.mend_heights(), self.estimate_velocities(), self.drop_undrivable_links()];
+        changes.contains(&true)
     }
 }
 

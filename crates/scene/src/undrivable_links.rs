@@ -21,11 +21,12 @@ const MAX_CURVATURE: f64 = 0.3;
 const CUT: f64 = 2.0;
 
 impl Scenario {
-    /// Drops the links between lanes that no vehicle can drive, and counts them in [`Scenario::repairs`].
-    pub(super) fn drop_undrivable_links(&mut self) {
+    /// Drops the links between lanes that no vehicle can drive, and counts them in [`Scenario::repairs`]. Returns
+    /// whether there were any.
+    pub(super) fn drop_undrivable_links(&mut self) -> bool {
         let undrivable = undrivable_links(&self.start.map);
         if undrivable.is_empty() {
-            return;
+            return false;
         }
         for (i, lane) in self.start.map.edit().lanes.iter_mut().enumerate() {
             lane.successors.retain(|next| !undrivable.contains(&(i, *next)));
@@ -33,6 +34,7 @@ impl Scenario {
         }
         *self.repairs.entry("links between lanes that do not meet".to_owned()).or_default() +=
             undrivable.len() as u32;
+        true
     }
 }
 

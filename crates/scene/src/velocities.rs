@@ -17,18 +17,21 @@ impl Scenario {
     ///
     /// The estimate is the difference from the position one frame earlier, else the difference to the
     /// position one frame later. In the history, frames after the current one are never used. Velocities that
-    /// cannot be estimated stay unknown, as do those of objects of kind `other` that stay at one place.
-    pub(super) fn estimate_velocities(&mut self) {
-        self.forget_contradicting_velocities();
+    /// cannot be estimated stay unknown, as do those of objects of kind `other` that stay at one place. Returns
+    /// whether velocities were written.
+    pub(super) fn estimate_velocities(&mut self) -> bool {
+        let mut is_changed = self.forget_contradicting_velocities();
         let times = self.timestamps.clone();
         for (group, [history, future]) in self.split_tracks() {
-            estimate_track(group.kind, history, future, |frame| seconds_before(&times, frame));
+            is_changed |= estimate_track(group.kind, history, future, |frame| seconds_before(&times, frame));
         }
+        is_changed
     }
 
     /// Makes velocities unknown that contradict positions: of the AV, or of all other agents of a kind, if
-    /// most of these that move are wrong. Frames after the current one are never used for the history.
-    fn forget_contradicting_velocities(&mut self) {
+    /// most of these that move are wrong. Frames after the current one are never used for the history. Returns
+    /// whether there are any.
+    fn forget_contradicting_velocities(&mut self) -> bool {
         let times = self.timestamps.clone();
         let tracks = self.split_tracks().map(|(group, track)| (group, track.concat()));
         let (groups, tracks): (Vec<Group>, Vec<Vec<Frame>>) = tracks.unzip();
@@ -58,6 +61,7 @@ impl Scenario {
                 );
             }
         }
+        !(wrong_past.is_empty() && wrong_ever.is_empty())
     }
 
     /// Returns all tracks, split after the current frame.
@@ -118,20 +122,24 @@ pub fn estimate_av_velocities(now: &AgentState, track: &mut [AgentState]) {
 }
 
 /// Fills a track that is split after the current frame. `step` is the time from the frame before to a frame,
-/// seconds.
-fn estimate_track(kind: AgentKind, history: &mut [Frame], future: &mut [Frame], step: impl Fn(usize) -> f64) {
+/// seconds. Returns whether states were written.
+fn estimate_track(
+    kind: AgentKind,
+    history: &mut [Frame],
+    future: &mut [Frame],
+    step: impl Fn(usize) -> f64,
+) -> bool {
     if history.iter().chain(future.iter()).flatten().all(|state| state.velocity().is_some()) {
-        return;
+        return false;
     }
     let is_static = |states: &[&[Frame]]| kind == AgentKind::Other && stays(states);
-    if !is_static(&[history]) {
-        fill(history, None, &step);
+    let is_past_filled = !is_static(&[history]) && fill(history, None, &step);
+    if is_static(&[history, future]) {
+        return is_past_filled;
     }
-    if !is_static(&[history, future]) {
-        // The first future frame is compared with the current one.
-        let now = history.last().copied().flatten();
-        fill(future, now, |i| step(history.len() + i));
-    }
+    // The first future frame is compared with the current one.
+    let now = history.last().copied().flatten();
+    fill(future, now, |i| step(history.len() + i)) || is_past_filled
 }
 
 /// Returns whether all states are at one place.
@@ -142,8 +150,10 @@ fn stays(parts: &[&[Frame]]) -> bool {
 }
 
 /// Fills the unknown velocities of successive frames. `before` is the frame before the first one, and
-/// `step(i)` the time from frame `i - 1` to frame `i` of the slice, seconds, where `before` is frame −1.
-fn fill(track: &mut [Frame], before: Frame, step: impl Fn(usize) -> f64) {
+/// `step(i)` the time from frame `i - 1` to frame `i` of the slice, seconds, where `before` is frame −1. Returns
+/// whether there were any that could be estimated.
+fn fill(track: &mut [Frame], before: Frame, step: impl Fn(usize) -> f64) -> bool {
+    let mut is_changed = false;
     for i in 0..track.len() {
         let Some(state) = track[i].filter(|state| state.velocity().is_none()) else { continue };
         let earlier = if i == 0 { before } else { track[i - 1] };
@@ -152,8 +162,10 @@ fn fill(track: &mut [Frame], before: Frame, step: impl Fn(usize) -> f64) {
         let forward = || later.and_then(|l| difference(&state, &l, step(i + 1)));
         if let Some(v) = backward.or_else(forward) {
             track[i] = Some(AgentState { vx: v.x, vy: v.y, ..state });
+            is_changed = true;
         }
     }
+    is_changed
 }
 
 /// Returns the mean velocity between two states; `None` if it is beyond those of any agent.

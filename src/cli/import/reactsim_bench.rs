@@ -329,7 +329,8 @@ fn classify(selection: &Path, imported: &mut [(Imported, PathBuf)]) -> anyhow::R
         while records.peek().is_some() {
             let chunk: Vec<_> = records.by_ref().take(CHUNK).collect();
             let classified = |record: Result<formats::UndecodedScenario, formats::FormatError>| {
-                let scenario = record.and_then(|decode| decode()).map_err(|error| error.to_string())?;
+                let scenario =
+                    record.and_then(formats::UndecodedScenario::decode).map_err(|error| error.to_string())?;
                 let at = *places.get(&scenario.id).ok_or("an unknown scenario")?;
                 let (one, origin) = (&imported[at].0, scenario.origin);
                 let by = |s: &AgentState| AgentState { x: s.x - origin.x, y: s.y - origin.y, ..*s };

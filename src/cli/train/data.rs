@@ -12,7 +12,7 @@ use crate::cli::inputs::find_inputs;
 use crate::cli::output::say;
 use crate::evaluation::{FileRecord, Registrar};
 use crate::formats::native::{ByNumber, Writer};
-use crate::formats::{FormatError, Input};
+use crate::formats::{FormatError, Input, UndecodedScenario};
 use crate::scene::Scenario;
 use crate::training::Source;
 
@@ -133,7 +133,7 @@ fn convert(input: &Input, out: &Path) -> anyhow::Result<()> {
             break;
         }
         let decoded: Vec<Result<Scenario, FormatError>> =
-            chunk.into_par_iter().map(|record| record.and_then(|decode| decode())).collect();
+            chunk.into_par_iter().map(|record| record.and_then(UndecodedScenario::decode)).collect();
         for scenario in decoded {
             match scenario {
                 Ok(scenario) if ids.insert(scenario.id.clone()) => writer.write(&scenario)?,

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use reactsim::formats::{FORMATS, FormatError, Input, ScenarioFormat, parse_json, survey};
+use reactsim::formats::{FORMATS, FormatError, Input, ScenarioFormat, UndecodedScenario, parse_json, survey};
 use reactsim::scene::{CURRENT, FRAMES, FUTURE, MAX_AGENTS, Scenario};
 use tempfile::TempDir;
 
@@ -251,7 +251,13 @@ fn check_scenario(scenario: &Scenario, what: &str) {
 fn check_undecoded(input: &Input, expected: &[Scenario]) {
     let records: Vec<_> = input.open_undecoded().unwrap().take(expected.len()).collect();
     assert_eq!(records.len(), expected.len());
-    let decode = || records.into_iter().rev().map(|r| r.unwrap()().unwrap().digest()).collect();
+    let digest = |record: Result<UndecodedScenario, FormatError>| {
+        let (scenario, known) = record.unwrap().decode_with_digest().unwrap();
+        assert_eq!(known.is_some(), input.format.id() == "native", "files of the program state digests");
+        assert!(known.is_none_or(|known| known == scenario.digest()));
+        scenario.digest()
+    };
+    let decode = || records.into_iter().rev().map(digest).collect();
     let mut digests: Vec<String> = thread::scope(|scope| scope.spawn(decode).join().unwrap());
     digests.reverse();
     assert_eq!(digests, expected.iter().map(Scenario::digest).collect::<Vec<_>>());

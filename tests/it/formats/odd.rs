@@ -4,7 +4,7 @@ use std::fs;
 use std::num::NonZeroUsize;
 
 use super::{Case, check_cases, good, refusal};
-use reactsim::formats::{CurrentFrames, Input, find_inputs};
+use reactsim::formats::{CurrentFrames, Input, UndecodedScenario, find_inputs};
 use reactsim::scene::Scenario;
 use reactsim_test_support::proto::{self, Proto};
 
@@ -125,7 +125,8 @@ fn windows(message: &Proto, frames: CurrentFrames) -> Vec<Result<Scenario, Strin
     let input = Input { frames, ..find_inputs(&path).unwrap().remove(0) };
     let all: Vec<_> = input.open().unwrap().map(|s| s.map_err(|e| e.to_string())).collect();
     // The same from any record on.
-    let from = input.open_from(all.len() - 1).unwrap().map(|decode| decode.and_then(|d| d()));
+    let from =
+        input.open_from(all.len() - 1).unwrap().map(|decode| decode.and_then(UndecodedScenario::decode));
     let ids = |scenarios: &[Scenario]| scenarios.iter().map(Scenario::digest).collect::<Vec<_>>();
     let last: Vec<Scenario> = from.flatten().collect();
     assert_eq!(ids(&last), ids(&all.last().unwrap().clone().into_iter().collect::<Vec<_>>()));

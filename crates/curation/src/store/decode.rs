@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use arrow_array::RecordBatch;
 use reactsim_formats::{
     certificates::{self, null_error, parallel_ranges, states, states_views},
     error::Cause,
-    table::{Leaf, View},
+    table::{Batch, Leaf, View},
 };
 use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentState, Deviation};
@@ -18,12 +17,12 @@ use crate::{
 
 /// The columns of a row group, by name.
 pub(super) struct Rows<'a> {
-    batch: &'a RecordBatch,
+    batch: &'a Batch,
 }
 
 /// Cells of plain columns, each of which must exist.
 impl<'a> Rows<'a> {
-    pub(super) fn new(batch: &'a RecordBatch) -> Self {
+    pub(super) fn new(batch: &'a Batch) -> Self {
         Self { batch }
     }
 
@@ -227,24 +226,27 @@ fn category(column: &str, name: &str) -> Result<Deviation, Cause> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
-    use std::sync::Arc;
-
-    use arrow_array::{ArrayRef, StringArray};
+    use reactsim_formats::table::{Column, TableReader, TableWriter, Value};
 
     use super::*;
 
+    /// Returns the reviews of a file of two rows, of which only the first is reviewed.
     fn reviews(decision: &str) -> Result<Vec<Option<ReviewMark>>, Cause> {
-        let columns =
+        let cells =
             [("reviewer", "ana"), ("reviewed_at", "2026-01-01T12:00:00.000Z"), ("decision", decision)];
-        let column = |(name, text)| (name, Arc::new(StringArray::from(vec![Some(text), None])) as ArrayRef);
-        Rows::new(
-            &RecordBatch::try_from_iter_with_nullable(columns.map(|c| {
-                let (name, array) = column(c);
-                (name, array, true)
-            }))
-            .unwrap(),
-        )
-        .reviews()
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.parquet");
+        let columns = cells.map(|(name, _)| Column::new(name, Leaf::Text, 0, true)).into();
+        let mut table = TableWriter::create(&path, ("reviews", 1), 2, columns).unwrap();
+        for is_reviewed in [true, false] {
+            for (name, text) in cells {
+                table.column(name).push(Value::from(is_reviewed.then_some(text)));
+            }
+            table.end_row().unwrap();
+        }
+        table.finish().unwrap();
+        let batch = TableReader::open(&path).unwrap().group(0, &[]).unwrap();
+        Rows::new(&batch).reviews()
     }
 
     #[test]

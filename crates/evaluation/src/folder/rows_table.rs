@@ -4,10 +4,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use arrow_array::RecordBatch;
 use reactsim_formats::{
     Cause, FormatError,
-    table::{Column, Leaf, TableReader, TableWriter, Value as Cell, View},
+    table::{Batch, Column, Leaf, TableReader, TableWriter, Value as Cell, View},
 };
 use reactsim_metrics::{REMOVED_METRICS, Score};
 
@@ -189,7 +188,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(batch: &RecordBatch) -> Result<Self, Cause> {
+    fn of(batch: &Batch) -> Result<Self, Cause> {
         let mut views = BTreeMap::new();
         for group in [&COLUMNS[..], &NOTES, &LENGTH] {
             let (first, leaf, depth, _) = group[0];

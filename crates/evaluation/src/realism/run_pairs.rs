@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use reactsim_formats::{
-    CurrentFrames, FormatError, Input, PendingScenarios, Scenarios,
+    CurrentFrames, FormatError, Input, PendingScenarios, Scenarios, UndecodedScenario,
     rollouts::{ByName, RolloutRecord},
     wosac::WosacLogs,
 };
@@ -93,7 +93,7 @@ impl Logs {
     /// Opens a source and passes over its first logs.
     fn open(source: LogSource, first: usize) -> Result<Self, FormatError> {
         let scenarios = |records: PendingScenarios| -> Scenarios {
-            Box::new(records.map(|record| record.and_then(|decode| decode())))
+            Box::new(records.map(|record| record.and_then(UndecodedScenario::decode)))
         };
         Ok(match source {
             LogSource::Recording(path) => {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use reactsim_formats::rollouts::ByName;
+use reactsim_formats::{UndecodedScenario, rollouts::ByName};
 use reactsim_metrics::{Options, metric};
 
 use super::ReferenceError;
@@ -51,7 +51,7 @@ pub fn rescore(folder: &Path, sources: &[Source]) -> Result<Option<usize>, Refer
     for (input, source) in sources.iter().enumerate() {
         for (record, pending) in (source.open)(0)?.enumerate() {
             let place = RecordPosition { input, record };
-            let scenario = pending.and_then(|decode| decode())?;
+            let scenario = pending.and_then(UndecodedScenario::decode)?;
             for (simulator, stated) in pairs.remove(&place).unwrap_or_default() {
                 let mut records = Vec::new();
                 for index in stated.iter().filter_map(|row| row.rollout) {

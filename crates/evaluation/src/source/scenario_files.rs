@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use parking_lot::Mutex;
-use reactsim_formats::{CurrentFrames, FormatError, Input, Opener, PendingScenarios, crop, native::ByNumber};
+use reactsim_formats::{
+    CurrentFrames, FormatError, Input, Opener, PendingScenarios, UndecodedScenario, crop, native::ByNumber,
+};
 use reactsim_scene::Scenario;
 
 use crate::error::EvaluationError;
@@ -67,7 +69,7 @@ impl ScenarioFiles {
         let Some(scenario_file) = self.files.get(&file.blake3) else { return Ok(None) };
         let with = |input: &Input| -> Result<Option<Scenario>, FormatError> {
             let input = Input { frames: file.frames(), length: file.length(), ..input.clone() };
-            input.open_from(record)?.next().map(|decode| decode.and_then(|d| d())).transpose()
+            input.open_from(record)?.next().map(|decode| decode.and_then(UndecodedScenario::decode)).transpose()
         };
         let found = match scenario_file {
             ScenarioFile::Native(_, input) if file.frames() != CurrentFrames::Stated => with(input)?,
@@ -98,7 +100,7 @@ impl ScenarioFiles {
                 let skipped = record - *next;
                 *next = record + 1;
                 let pending = scenarios.as_mut().and_then(|s| s.nth(skipped));
-                pending.map(|decode| decode.and_then(|d| d())).transpose()?
+                pending.map(|decode| decode.and_then(UndecodedScenario::decode)).transpose()?
             }
         };
         let found = if file.all_agents { found.map(Scenario::with_all_agents) } else { found };

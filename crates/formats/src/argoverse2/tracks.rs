@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use arrow_array::RecordBatch;
 use reactsim_scene::AgentState;
 
 use crate::error::{Cause, FormatError};
-use crate::table::{Leaf, TableReader, View};
+use crate::table::{Batch, Leaf, TableReader, View};
 
 const COLUMNS: &[&str] = &[
     "track_id",
@@ -82,7 +81,7 @@ impl Tracks {
         (batch.num_rows() > 0).then(|| ids.text(0).map(str::to_owned)).flatten()
     }
 
-    fn add(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
+    fn add(&mut self, batch: &Batch) -> Result<(), Cause> {
         if self.rows + batch.num_rows() > MAX_ROWS {
             return Err(Cause::value("the number of rows", "more than a million", "one scenario"));
         }
@@ -154,7 +153,7 @@ impl Tracks {
     }
 
     /// Reads the attributes of the scenario from the first row.
-    fn read_scenario_attributes(&mut self, batch: &RecordBatch) -> Result<(), Cause> {
+    fn read_scenario_attributes(&mut self, batch: &Batch) -> Result<(), Cause> {
         let focal = View::find(batch, "focal_track_id", Leaf::Text, 0)?;
         self.focal = focal.and_then(|f| f.text(0).map(str::to_owned));
         let [from, to, count] = ["start_timestamp", "end_timestamp", "num_timestamps"]

@@ -79,7 +79,7 @@ impl ByNumber {
         if entry.row >= rows.len() {
             return Err(changed(format!("a row group of {} rows", rows.len())));
         }
-        let scenario = rows.scenario(entry.row, &self.path, number as u64)?;
+        let (scenario, _) = rows.scenario(entry.row, &self.path, number as u64)?;
         // The row matches its own digest, which must also be the digest at opening.
         if scenario.id == entry.id && rows.digest(entry.row) == Some(&entry.digest) {
             return Ok(scenario);

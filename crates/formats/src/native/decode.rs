@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-use arrow_array::RecordBatch;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, Certificate, Crosswalk, Deviation, DeviationParts, EARLIER_FRAME, Frame,
@@ -19,7 +18,7 @@ use crate::certificates;
 use crate::crop::{count_unrecorded, cut};
 use crate::error::{Cause, FormatError};
 use crate::frames::LengthChoice;
-use crate::table::View;
+use crate::table::{Batch, View};
 
 /// Name of the repair that counts deviated AVs of scenarios whose windows are read.
 const LEFT_OUT_AV: &str = "deviated AVs, which windows do not have";
@@ -33,7 +32,7 @@ pub(super) struct Rows {
 
 impl Rows {
     /// Finds all columns.
-    pub(super) fn new(batch: &RecordBatch) -> Result<Self, Cause> {
+    pub(super) fn new(batch: &Batch) -> Result<Self, Cause> {
         let mut views = Vec::with_capacity(COLUMNS.len());
         for &(name, leaf, depth, _) in COLUMNS {
             views.push(View::need(batch, name, leaf, depth)?);
@@ -54,13 +53,23 @@ impl Rows {
     }
 
     /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the
-    /// benchmark selects or with all agents.
-    pub(super) fn scenario(&self, row: usize, path: &Path, record: u64) -> Result<Scenario, FormatError> {
-        self.selected(row, path, record).map(|(scenario, _)| scenario)
+    /// benchmark selects or with all agents. Also returns the digest, unless the scenario was completed since.
+    pub(super) fn scenario(
+        &self,
+        row: usize,
+        path: &Path,
+        record: u64,
+    ) -> Result<(Scenario, Option<String>), FormatError> {
+        self.selected(row, path, record).map(|(scenario, digest, _)| (scenario, digest))
     }
 
     /// Decodes the same, and whether it has all agents.
-    fn selected(&self, row: usize, path: &Path, record: u64) -> Result<(Scenario, bool), FormatError> {
+    fn selected(
+        &self,
+        row: usize,
+        path: &Path,
+        record: u64,
+    ) -> Result<(Scenario, Option<String>, bool), FormatError> {
         let id = self.text("id", row).unwrap_or_default().to_owned();
         let refuse = |cause| FormatError::record(path, record, Some(id.clone()), cause);
         let parts = self.parts(row).map_err(refuse)?;
@@ -71,18 +80,18 @@ impl Rows {
         scenario.start.map.edit().stop_lines = stop_lines;
         scenario.repairs = self.repairs(row);
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
-        if found == expected {
-            scenario.complete();
-            return Ok((scenario, false));
+        let has_all = found != expected;
+        if has_all {
+            // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
+            // with all agents from one with the agents of the benchmark.
+            scenario = scenario.with_all_agents();
+            if scenario.digest() != expected {
+                let what = "the scenario";
+                return Err(refuse(Cause::Checksum { what, found, expected: expected.to_owned() }));
+            }
         }
-        // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
-        // with all agents from one with the agents of the benchmark.
-        let mut scenario = scenario.with_all_agents();
-        if scenario.digest() == expected {
-            scenario.complete();
-            return Ok((scenario, true));
-        }
-        Err(refuse(Cause::Checksum { what: "the scenario", found, expected: expected.to_owned() }))
+        let is_changed = scenario.complete();
+        Ok((scenario, (!is_changed).then(|| expected.to_owned()), has_all))
     }
 
     /// Decodes the window of the scenario of a row around this frame, which its id gets: `ID@FRAME`.
@@ -93,7 +102,7 @@ impl Rows {
         record: u64,
         (current, length): (usize, LengthChoice),
     ) -> Result<Scenario, FormatError> {
-        let (whole, has_all) = self.selected(row, path, record)?;
+        let (whole, _, has_all) = self.selected(row, path, record)?;
         let refuse = |cause| FormatError::record(path, record, Some(whole.id.clone()), cause);
         let mut parts = self.parts(row).map_err(refuse)?;
         cut(&mut parts, current, length).map_err(refuse)?;
@@ -469,13 +478,11 @@ fn points(xs: &View, x: Range<usize>, ys: &View, y: Range<usize>) -> Result<Vec<
     if x.len() != y.len() {
         return Err(wrong(ys.name(), format!("{} coordinates", y.len()), &format!("{}", x.len())));
     }
-    let ((all_x, whole_x), (all_y, whole_y)) = (xs.numbers(), ys.numbers());
-    match (all_x.get(x.clone()), all_y.get(y.clone())) {
-        (Some(x), Some(y)) if whole_x && whole_y => {
-            Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect())
-        }
-        _ => Err(wrong(xs.name(), "null", "a coordinate")),
+    let ((x, present_x), (y, present_y)) = (xs.numbers(x), ys.numbers(y));
+    if [present_x, present_y].into_iter().flatten().flatten().any(|is_present| !is_present) {
+        return Err(wrong(xs.name(), "null", "a coordinate"));
     }
+    Ok(x.iter().zip(y).map(|(x, y)| Vec2::new(*x, *y)).collect())
 }
 
 /// Reads frames whose x, y, heading, vx and vy are in five ranges of cells. Null positions mean absent, null
@@ -489,9 +496,13 @@ fn track(views: [&View; 5], ranges: [Range<usize>; 5]) -> Result<Vec<Frame>, Cau
             &format!("{frames} frames"),
         ));
     }
+    let columns: [_; 5] = std::array::from_fn(|k| views[k].numbers(ranges[k].clone()));
     let mut track = Vec::with_capacity(frames);
     for f in 0..frames {
-        let value = |k: usize| views[k].number(ranges[k].start + f);
+        let value = |k: usize| {
+            let (numbers, present) = columns[k];
+            present.is_none_or(|present| present[f]).then(|| numbers[f])
+        };
         track.push(match (value(0), value(1), value(2)) {
             (Some(x), Some(y), Some(heading)) => Some(AgentState {
                 x,

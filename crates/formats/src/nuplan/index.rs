@@ -45,7 +45,7 @@ impl LogIndex {
             goals.extend(
                 row.token(2)?
                     .filter(|_| with_goals)
-                    .map(|goal| Ok((row.must_token(0)?, goal)))
+                    .map(|goal| Ok::<_, Cause>((row.must_token(0)?, goal)))
                     .transpose()?,
             );
             Ok(())

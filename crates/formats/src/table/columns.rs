@@ -4,14 +4,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use arrow_array::builder::{BooleanBufferBuilder, StringBuilder};
-use arrow_array::cast::AsArray;
-use arrow_array::types::{Float32Type, Int32Type, Int64Type, UInt32Type};
-use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, ListArray, RecordBatch, StringArray, UInt32Array,
-};
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, ListArray, StringArray, UInt32Array};
 use arrow_buffer::{NullBuffer, OffsetBuffer};
 use arrow_schema::{DataType, Field};
 
+use super::batch::{Batch, Cells, Content, Texts};
 use crate::error::Cause;
 
 /// Type of the innermost cells of a column.
@@ -197,33 +194,14 @@ impl Column {
 /// A column of a file that is read.
 pub struct View {
     name: &'static str,
-    offsets: Vec<OffsetBuffer<i32>>,
-    cells: Cells,
-}
-
-/// Returns a whole number as text.
-fn decimal<T: ToString>(number: Option<T>) -> Option<String> {
-    number.map(|number| number.to_string())
-}
-
-/// Innermost cells of a column.
-enum Cells {
-    Number(Float64Array),
-    Whole(UInt32Array),
-    Text(StringArray),
-    Flag(BooleanArray),
+    content: Arc<Content>,
 }
 
 impl View {
     /// Finds a column by name and checks the nesting depth of its lists and the type of its cells. `None` if
     /// it is missing.
-    pub fn find(
-        batch: &RecordBatch,
-        name: &'static str,
-        leaf: Leaf,
-        depth: usize,
-    ) -> Result<Option<Self>, Cause> {
-        let Some(column) = batch.column_by_name(name) else { return Ok(None) };
+    pub fn find(batch: &Batch, name: &'static str, leaf: Leaf, depth: usize) -> Result<Option<Self>, Cause> {
+        let Some(column) = batch.column(name) else { return Ok(None) };
         let refuse = || {
             let lists = "list of ".repeat(depth);
             let kind = match leaf {
@@ -232,94 +210,82 @@ impl View {
                 Leaf::Text => "string",
                 Leaf::Flag => "boolean",
             };
-            Cause::schema(format!("column `{name}`"), column.data_type(), format!("{lists}{kind}"))
+            Cause::schema(format!("column `{name}`"), &column.data_type, format!("{lists}{kind}"))
         };
-        let (mut array, mut offsets) = (column.clone(), Vec::with_capacity(depth));
-        for _ in 0..depth {
-            let list = array.as_list_opt::<i32>().ok_or_else(refuse)?;
-            offsets.push(list.offsets().clone());
-            array = list.values().clone();
-        }
-        let cells = match (leaf, array.data_type()) {
-            (Leaf::Number, DataType::Float64) => Cells::Number(array.as_primitive().clone()),
-            (Leaf::Whole, DataType::UInt32) => Cells::Whole(array.as_primitive().clone()),
-            (Leaf::Text, DataType::Utf8) => Cells::Text(array.as_string().clone()),
-            (Leaf::Flag, DataType::Boolean) => Cells::Flag(array.as_boolean().clone()),
-            // Other programs write narrower numbers and signed whole numbers.
-            (Leaf::Number, DataType::Float32) => {
-                Cells::Number(array.as_primitive::<Float32Type>().unary(f64::from))
+        let stored = column.content.as_ref().filter(|content| content.bounds.len() == depth);
+        let stored = stored.ok_or_else(refuse)?;
+        let cells = match (leaf, &stored.cells) {
+            (Leaf::Number, Cells::Number(_))
+            | (Leaf::Whole, Cells::Whole(_))
+            | (Leaf::Text, Cells::Text(_))
+            | (Leaf::Flag, Cells::Flag(_)) => return Ok(Some(Self { name, content: Arc::clone(stored) })),
+            // Other programs write signed whole numbers, also as ids.
+            (Leaf::Number, Cells::Signed(all)) => Cells::Number(all.iter().map(|v| *v as f64).collect()),
+            (Leaf::Whole, Cells::Signed(all)) => {
+                let whole = all.iter().map(|v| u32::try_from(*v));
+                Cells::Whole(whole.collect::<Result<_, _>>().map_err(|_| refuse())?)
             }
-            (Leaf::Number, DataType::Int64) => {
-                Cells::Number(array.as_primitive::<Int64Type>().unary(|v| v as f64))
-            }
-            (Leaf::Number, DataType::Int32) => {
-                Cells::Number(array.as_primitive::<Int32Type>().unary(f64::from))
-            }
-            (Leaf::Whole, DataType::Int64) => {
-                let whole = array.as_primitive::<Int64Type>();
-                Cells::Whole(whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?)
-            }
-            (Leaf::Whole, DataType::Int32) => {
-                let whole = array.as_primitive::<Int32Type>();
-                Cells::Whole(whole.try_unary::<_, UInt32Type, _>(u32::try_from).map_err(|_| refuse())?)
-            }
-            // Ids of other programs may be whole numbers.
-            (Leaf::Text, DataType::Int64) => {
-                Cells::Text(array.as_primitive::<Int64Type>().iter().map(decimal).collect())
-            }
-            (Leaf::Text, DataType::Int32) => {
-                Cells::Text(array.as_primitive::<Int32Type>().iter().map(decimal).collect())
+            (Leaf::Text, Cells::Signed(all)) => {
+                let mut texts = Texts::default();
+                all.iter().for_each(|v| texts.push(&v.to_string()));
+                Cells::Text(texts)
             }
             _ => return Err(refuse()),
         };
-        Ok(Some(Self { name, offsets, cells }))
+        let content = Content { bounds: stored.bounds.clone(), present: stored.present.clone(), cells };
+        Ok(Some(Self { name, content: Arc::new(content) }))
     }
 
     /// Returns a required column by name.
-    pub fn need(batch: &RecordBatch, name: &'static str, leaf: Leaf, depth: usize) -> Result<Self, Cause> {
+    pub fn need(batch: &Batch, name: &'static str, leaf: Leaf, depth: usize) -> Result<Self, Cause> {
         Self::find(batch, name, leaf, depth)?
             .ok_or_else(|| Cause::schema(format!("column `{name}`"), "missing", "present"))
     }
 
     /// Returns the range of cells, or of lists of the next depth, in list `i` of this depth.
     pub fn range(&self, depth: usize, i: usize) -> Range<usize> {
-        let ends = &self.offsets[depth];
-        match (ends.get(i), ends.get(i + 1)) {
-            (Some(&a), Some(&b)) if a >= 0 && b >= a => a as usize..b as usize,
+        let bounds = &self.content.bounds[depth];
+        match (bounds.get(i), bounds.get(i + 1)) {
+            (Some(&start), Some(&end)) => start as usize..end as usize,
             _ => 0..0,
         }
     }
 
-    /// Returns the number in a cell; `None` for null.
-    pub fn number(&self, cell: usize) -> Option<f64> {
-        let Cells::Number(array) = &self.cells else { return None };
-        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+    /// Returns the cell if it has a value.
+    fn present(&self, cell: usize) -> Option<usize> {
+        let is_present = |present: &Vec<bool>| present.get(cell) == Some(&true);
+        self.content.present.as_ref().is_none_or(is_present).then_some(cell)
     }
 
-    /// Returns all numbers of the column, and whether none of them is null.
-    pub(crate) fn numbers(&self) -> (&[f64], bool) {
-        match &self.cells {
-            Cells::Number(array) => (array.values(), array.null_count() == 0),
-            _ => (&[], false),
-        }
+    /// Returns the number in a cell; `None` for null.
+    pub fn number(&self, cell: usize) -> Option<f64> {
+        let Cells::Number(numbers) = &self.content.cells else { return None };
+        self.present(cell).and_then(|cell| numbers.get(cell).copied())
+    }
+
+    /// Returns the numbers in a range of cells, and which of them are not null, `None` if the column has no null.
+    pub(crate) fn numbers(&self, cells: Range<usize>) -> (&[f64], Option<&[bool]>) {
+        let Cells::Number(numbers) = &self.content.cells else { return (&[], None) };
+        let present = self.content.present.as_ref().map(|present| &present[cells.clone()]);
+        (&numbers[cells], present)
     }
 
     /// Returns the whole number in a cell; `None` for null.
     pub fn whole(&self, cell: usize) -> Option<u32> {
-        let Cells::Whole(array) = &self.cells else { return None };
-        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+        let Cells::Whole(numbers) = &self.content.cells else { return None };
+        self.present(cell).and_then(|cell| numbers.get(cell).copied())
     }
 
     /// Returns the flag in a cell; `None` for null.
     pub fn flag(&self, cell: usize) -> Option<bool> {
-        let Cells::Flag(array) = &self.cells else { return None };
-        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+        let Cells::Flag(flags) = &self.content.cells else { return None };
+        self.present(cell).and_then(|cell| flags.get(cell).copied())
     }
 
     /// Returns the text in a cell; `None` for null.
     pub fn text(&self, cell: usize) -> Option<&str> {
-        let Cells::Text(array) = &self.cells else { return None };
-        (cell < array.len() && array.is_valid(cell)).then(|| array.value(cell))
+        let Cells::Text(texts) = &self.content.cells else { return None };
+        self.present(cell).and_then(|cell| texts.get(cell))
     }
 
     /// Returns the name of the column.

@@ -6,17 +6,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow_array::RecordBatch;
 use bytes::Bytes;
 use parking_lot::Mutex;
-use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader};
-use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 use parquet::file::reader::{ChunkReader, Length};
 use reactsim_files::open_regular;
 use zstd::bulk::Decompressor;
 
+use super::batch::{Batch, Decoder};
 use super::compact::{CompactReader, STRUCTURE};
 use super::group::Group;
 use super::{GROUP_CHECKSUMS, KIND, MAX_GROUP_ROWS, METADATA_CHECKSUM, VERSION, pages};
@@ -39,7 +39,7 @@ pub struct TableReader {
     next: usize,
     /// Columns that are decoded; empty for all.
     columns: &'static [&'static str],
-    batches: Option<ParquetRecordBatchReader>,
+    decoder: Option<Decoder>,
     /// Number of rows left in the current row group.
     rows: usize,
 }
@@ -77,7 +77,7 @@ impl TableReader {
         let metadata =
             guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
         let path = path.to_owned();
-        Ok(Self { path, file, metadata, groups, next: 0, columns: &[], batches: None, rows: 0 })
+        Ok(Self { path, file, metadata, groups, next: 0, columns: &[], decoder: None, rows: 0 })
     }
 
     /// Returns a value of the file's metadata.
@@ -138,7 +138,7 @@ impl TableReader {
     }
 
     /// Returns the next rows; `None` at the end and after an error.
-    pub fn next_batch(&mut self) -> Option<Result<RecordBatch, FormatError>> {
+    pub fn next_batch(&mut self) -> Option<Result<Batch, FormatError>> {
         match self.advance() {
             Ok(Some(batch)) => Some(Ok(batch)),
             Ok(None) => None,
@@ -169,53 +169,39 @@ impl TableReader {
     }
 
     /// Reads one row group with these columns, or all if `columns` is empty. Missing columns are left out.
-    pub fn group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, FormatError> {
+    pub fn group(&mut self, index: usize, columns: &[&str]) -> Result<Batch, FormatError> {
         self.load_group(index, columns).map_err(|cause| FormatError::file(&self.path, cause))
     }
 
-    fn load_group(&mut self, index: usize, columns: &[&str]) -> Result<RecordBatch, Cause> {
+    fn load_group(&mut self, index: usize, columns: &[&str]) -> Result<Batch, Cause> {
         let group = &self.groups[index];
         if group.rows > MAX_GROUP_ROWS {
             let most = format!("at most {MAX_GROUP_ROWS}");
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
         let data = load(&mut *self.file, group)?;
-        let mut batches = data.decode(&self.metadata, index, columns, group.rows.max(1))?;
-        let batch = guarded(|| batches.next().transpose().map_err(ParquetError::from))?;
-        match batch {
-            Some(batch) if batch.num_rows() == group.rows => Ok(batch),
-            other => {
-                let found = other.map_or(0, |b| b.num_rows());
-                Err(Cause::Undecodable(format!("{} rows are missing", group.rows - found.min(group.rows))))
-            }
-        }
+        let mut decoder = data.decode(&self.metadata, index, columns)?;
+        guarded(|| decoder.read(group.rows))
     }
 
     /// Stops reading.
     pub(crate) fn end(&mut self) {
         self.next = self.groups.len();
-        self.batches = None;
+        self.decoder = None;
         self.rows = 0;
     }
 
-    fn advance(&mut self) -> Result<Option<RecordBatch>, Cause> {
+    fn advance(&mut self) -> Result<Option<Batch>, Cause> {
         loop {
-            if let Some(batches) = &mut self.batches {
-                match guarded(|| batches.next().transpose().map_err(ParquetError::from))? {
-                    Some(batch) => {
-                        self.rows = self.rows.saturating_sub(batch.num_rows());
-                        return Ok(Some(batch));
-                    }
-                    None if self.rows > 0 => {
-                        return Err(Cause::Undecodable(format!("{} rows are missing", self.rows)));
-                    }
-                    None => self.batches = None,
-                }
+            let rows = self.rows.min(BATCH_SIZE);
+            if let Some(decoder) = self.decoder.as_mut().filter(|_| rows > 0) {
+                self.rows -= rows;
+                return guarded(|| decoder.read(rows)).map(Some);
             }
+            self.decoder = None;
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
-            let batch_size = group.rows.clamp(1, BATCH_SIZE);
-            self.batches = Some(data.decode(&self.metadata, self.next, self.columns, batch_size)?);
+            self.decoder = Some(data.decode(&self.metadata, self.next, self.columns)?);
             self.rows = group.rows;
             self.next += 1;
         }
@@ -355,23 +341,22 @@ struct RowGroupData {
 }
 
 impl RowGroupData {
-    /// Begins to decode these columns, or all if `columns` is empty, in batches of so many rows. `index` is
-    /// that of the row group.
+    /// Begins to decode these columns, or all if `columns` is empty. `index` is that of the row group.
     fn decode(
         self,
         metadata: &ArrowReaderMetadata,
         index: usize,
         columns: &[&str],
-        batch_size: usize,
-    ) -> Result<ParquetRecordBatchReader, Cause> {
-        let (mask, metadata) = (mask(metadata, columns), Arc::clone(metadata.metadata()));
-        let sizes = self.check(&metadata, index, &mask)?;
+    ) -> Result<Decoder, Cause> {
+        let mask = mask(metadata, columns);
+        let sizes = self.check(metadata.metadata(), index, &mask)?;
         guarded(|| {
-            let schema = metadata.file_metadata().schema_descr();
-            let levels = parquet_to_arrow_field_levels(schema, mask, None)?;
             let zstd = Arc::new(Mutex::new(Decompressor::new()?));
-            let group = Group { data: Arc::new(self), metadata: Arc::clone(&metadata), index, sizes, zstd };
-            ParquetRecordBatchReader::try_new_with_row_groups(&levels, &group, batch_size, None)
+            Decoder::new(
+                metadata,
+                &mask,
+                &Group { data: Arc::new(self), metadata: metadata.metadata(), index, sizes, zstd },
+            )
         })
     }
 

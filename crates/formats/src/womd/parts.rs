@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
     Agent, AgentKind, AgentState, Crosswalk, DT, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts,
-    Length, LightParts, LightState, LoggedAgent, MapHeights, MapParts, NeighborParts, RoadEdge, RoadEdgeKind,
-    RoadLine, ScenarioParts, StopKind, StopLineParts, Surface,
+    Length, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine,
+    ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
-use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Scenario, Track};
+use super::message::{DynamicMapState, Feature, LaneNeighbor, MapFeature, MapPoint, Points, Scenario, Track};
 use crate::error::Cause;
 use crate::frames::check_lights;
 
@@ -25,9 +25,8 @@ pub(super) fn parts(mut proto: Scenario, length: Length) -> Result<(ScenarioPart
     proto.timestamps_seconds.extend((frames..all).map(|f| last + (f + 1 - frames) as f64 * DT));
     let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
     let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
-    for (i, required) in proto.tracks_to_predict.iter().enumerate() {
-        let track =
-            index(&format!("tracks_to_predict[{i}].track_index"), required.track_index, &proto.tracks)?;
+    for (i, &track) in proto.tracks_to_predict.iter().enumerate() {
+        let track = index(&format!("tracks_to_predict[{i}].track_index"), track, &proto.tracks)?;
         tracks_to_predict.push(proto.tracks[track].id.to_string());
     }
     let mut agents = Vec::with_capacity(proto.tracks.len());
@@ -99,10 +98,6 @@ fn point(p: &MapPoint) -> Vec2 {
     Vec2::new(p.x, p.y)
 }
 
-fn points(line: &[MapPoint]) -> Vec<Vec2> {
-    line.iter().map(point).collect()
-}
-
 /// Returns the value of a code, which is its index in `all`; the first value (unknown) for codes that are not
 /// in the list.
 fn from_code<T: Copy>(all: &[T], code: i32) -> T {
@@ -129,16 +124,16 @@ fn neighbors(all: &[LaneNeighbor]) -> Vec<NeighborParts> {
 fn map(features: Vec<MapFeature>) -> MapParts {
     let mut map = MapParts::default();
     for MapFeature { id, feature } in features {
-        let Some(feature) = feature else { continue };
-        add_heights(&mut map.heights, &feature);
+        let heights = &mut map.heights;
         match feature {
-            Feature::Lane(lane) => map.lanes.push(LaneParts {
+            None => {}
+            Some(Feature::Lane(lane)) => map.lanes.push(LaneParts {
                 id: id.to_string(),
                 // Waymo's lanes overlap at merges and junctions, as connectors do.
                 kind: LaneKind::Connector,
                 class: from_code(&LaneClass::ALL, lane.kind),
                 speed_limit: Some(lane.speed_limit_mph * MPH).filter(|v| *v != 0.0),
-                points: points(&lane.polyline),
+                points: split(lane.polyline, &mut heights.lanes),
                 // Waymo records no widths.
                 area: LaneArea::Corridor { half_width: LANE_HALF_WIDTH },
                 successors: names(&lane.exit_lanes),
@@ -146,38 +141,37 @@ fn map(features: Vec<MapFeature>) -> MapParts {
                 left: neighbors(&lane.left_neighbors),
                 right: neighbors(&lane.right_neighbors),
             }),
-            Feature::RoadLine(line) => map.road_lines.push(RoadLine {
+            Some(Feature::RoadLine(line)) => map.road_lines.push(RoadLine {
                 paint: u8::try_from(line.kind).ok().filter(|p| *p <= 8).unwrap_or(0),
-                points: points(&line.polyline),
+                points: split(line.polyline, &mut heights.road_lines),
             }),
-            Feature::RoadEdge(line) => map.road_edges.push(RoadEdge {
+            Some(Feature::RoadEdge(line)) => map.road_edges.push(RoadEdge {
                 kind: from_code(&RoadEdgeKind::ALL, line.kind),
-                points: points(&line.polyline),
+                points: split(line.polyline, &mut heights.road_edges),
             }),
-            Feature::StopSign(sign) => {
+            Some(Feature::StopSign(sign)) => {
                 let Some(at) = sign.position.as_ref().map(point) else { continue };
                 let line = |lane: &i64| StopLineParts { kind: StopKind::Sign, lane: lane.to_string(), at };
                 map.stop_lines.extend(sign.lane.iter().map(line));
             }
-            Feature::Crosswalk(c) => map.crosswalks.push(Crosswalk { outline: points(&c.polygon) }),
-            Feature::SpeedBump(c) => map.speed_bumps.push(Surface { outline: points(&c.polygon) }),
-            Feature::Driveway(c) => map.driveways.push(Surface { outline: points(&c.polygon) }),
+            Some(Feature::Crosswalk(outline)) => {
+                map.crosswalks.push(Crosswalk { outline: split(outline, &mut heights.crosswalks) });
+            }
+            Some(Feature::SpeedBump(outline)) => {
+                map.speed_bumps.push(Surface { outline: split(outline, &mut heights.speed_bumps) });
+            }
+            Some(Feature::Driveway(outline)) => {
+                map.driveways.push(Surface { outline: split(outline, &mut heights.driveways) });
+            }
         }
     }
     map
 }
 
-fn add_heights(heights: &mut MapHeights, feature: &Feature) {
-    let (list, line) = match feature {
-        Feature::Lane(lane) => (&mut heights.lanes, &lane.polyline),
-        Feature::RoadLine(line) => (&mut heights.road_lines, &line.polyline),
-        Feature::RoadEdge(line) => (&mut heights.road_edges, &line.polyline),
-        Feature::Crosswalk(c) => (&mut heights.crosswalks, &c.polygon),
-        Feature::SpeedBump(c) => (&mut heights.speed_bumps, &c.polygon),
-        Feature::Driveway(c) => (&mut heights.driveways, &c.polygon),
-        Feature::StopSign(_) => return,
-    };
-    list.push(line.iter().map(|p| p.z).collect());
+/// Appends the heights of points to a list and returns the points.
+fn split(line: Points, heights: &mut Vec<Vec<f64>>) -> Vec<Vec2> {
+    heights.push(line.heights);
+    line.points
 }
 
 /// Returns one light per controlled lane, in order of appearance. A light without a recorded stop point is

@@ -14,6 +14,8 @@ use crate::format::{GZIP, ZSTD, head};
 /// Maximum length of a record in bytes: a scenario has a few megabytes, and compressed files can claim much
 /// more than they contain.
 pub(crate) const MAX_RECORD_LENGTH: u64 = 1 << 27;
+/// Length in bytes that few records exceed.
+const USUAL_LENGTH: u64 = 1 << 22;
 /// Maximum window size of zstd files, as a power of two: files of long records need large windows.
 const MAX_WINDOW_LOG: u32 = 27;
 /// Size of the read buffer in bytes.
@@ -82,6 +84,12 @@ impl Records {
         }
     }
 
+    /// Like [`Self::next`], but gives the payload away.
+    pub(crate) fn take_next(&mut self) -> Option<Result<Vec<u8>, FormatError>> {
+        let checked = self.next()?.map(|_| ());
+        Some(checked.map(|()| std::mem::take(&mut self.payload)))
+    }
+
     /// Reads a record into `payload`; `false` at the end of the file.
     fn advance(&mut self) -> Result<bool, Cause> {
         let header = match self.header.take() {
@@ -125,9 +133,10 @@ impl Records {
         None
     }
 
-    /// Reads `bytes` bytes. The buffer grows as they arrive, so that a wrong length allocates nothing.
+    /// Reads `bytes` bytes. Beyond usual lengths, the buffer grows as they arrive: lengths may be wrong.
     fn fill(&mut self, what: &'static str, bytes: u64) -> Result<(), Cause> {
         self.payload.clear();
+        self.payload.reserve(bytes.min(USUAL_LENGTH) as usize);
         let found =
             (&mut self.source).take(bytes).read_to_end(&mut self.payload).map_err(Cause::read)? as u64;
         if found < bytes { Err(Cause::Truncated { what, found, expected: bytes }) } else { Ok(()) }

@@ -5,13 +5,13 @@ use std::num::NonZeroUsize;
 use reactsim_scene::Length;
 
 use super::message::Scenario as Proto;
-use super::size::Fields;
 use crate::crop::keep;
 use crate::error::Cause;
 use crate::frames::{LengthChoice, seconds};
+use crate::wire::Fields;
 
 /// Tag of the scenario field with the times of the frames.
-const TIMESTAMPS_TAG: u64 = 1;
+const TIMESTAMPS_TAG: u32 = 1;
 /// Size of a time in bytes.
 const TIME_SIZE: usize = 8;
 
@@ -40,9 +40,13 @@ impl Window {
         length: LengthChoice,
         payload: &[u8],
     ) -> impl Iterator<Item = Self> + use<> {
-        let times = Fields(payload).filter(|(tag, _)| *tag == TIMESTAMPS_TAG);
-        // Packed times are one field; otherwise each is a field, whose content is not returned.
-        let frames: usize = times.map(|(_, content)| (content.len() / TIME_SIZE).max(1)).sum();
+        let (mut fields, mut frames) = (Fields::new(payload), 0_usize);
+        while let Ok(Some((tag, content))) = fields.next_content() {
+            if tag == TIMESTAMPS_TAG {
+                // Packed times are one field; otherwise each is a field, whose content is not returned.
+                frames += (content.len() / TIME_SIZE).max(1);
+            }
+        }
         length.windows(frames, step).map(Self::OneOfMany)
     }
 

@@ -3,7 +3,6 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use prost::Message;
 use reactsim_scene::{
     AgentKind, CURRENT, FRAMES,
     wosac::{LaneSignal, SurfaceLane, WosacLog, WosacTrack},
@@ -11,9 +10,8 @@ use reactsim_scene::{
 
 use crate::error::{Cause, FormatError};
 use crate::frames::LengthChoice;
-use crate::womd::message::{Feature, MapPoint, Scenario, Track, TrafficSignalLaneState};
+use crate::womd::message::{Feature, MapPoint, Points, Scenario, Track, TrafficSignalLaneState};
 use crate::womd::record::{MAX_RECORD_LENGTH, Records, source};
-use crate::womd::size;
 use crate::womd::window::crop_to_stated;
 
 /// Code of lanes of surface streets.
@@ -73,7 +71,8 @@ impl WosacLogs {
         wanted: impl FnOnce(&str) -> bool,
     ) -> Option<Result<(String, Option<WosacLog>), FormatError>> {
         self.next_with(|path, record, payload| {
-            let id = decode_id(path, record, payload)?;
+            let id = Scenario::decode_id(payload);
+            let id = id.map_err(|cause| FormatError::record(path, record, None, cause))?;
             let log = wanted(&id).then(|| decode(path, record, payload)).transpose()?;
             Ok((id, log))
         })
@@ -101,19 +100,6 @@ impl WosacLogs {
     }
 }
 
-/// The id of a `Scenario` message; all other fields are passed over.
-#[derive(Clone, PartialEq, Message)]
-struct ScenarioId {
-    #[prost(string, tag = "5")]
-    scenario_id: String,
-}
-
-fn decode_id(path: &Path, record: u64, payload: &[u8]) -> Result<String, FormatError> {
-    let proto = ScenarioId::decode(payload)
-        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
-    Ok(proto.scenario_id)
-}
-
 /// Reads a file, decompressed, as a whole. Longer content than that of a record is refused.
 fn read_message(path: &Path) -> Result<Vec<u8>, FormatError> {
     let refuse = |e| FormatError::file(path, Cause::read(e));
@@ -137,9 +123,8 @@ impl Iterator for WosacLogs {
 }
 
 fn decode(path: &Path, record: u64, payload: &[u8]) -> Result<WosacLog, FormatError> {
-    size::check(payload).map_err(|cause| FormatError::record(path, record, None, cause))?;
-    let mut proto = Scenario::decode(payload)
-        .map_err(|e| FormatError::record(path, record, None, Cause::Undecodable(e.to_string())))?;
+    let decoded = Scenario::decode(payload);
+    let mut proto = decoded.map_err(|cause| FormatError::record(path, record, None, cause))?;
     let id = proto.scenario_id.clone();
     let is_longer = proto.timestamps_seconds.len() > FRAMES;
     let cropped = is_longer.then(|| crop_to_stated(&mut proto, LengthChoice::default())).transpose();
@@ -165,14 +150,15 @@ fn log(proto: Scenario) -> Result<WosacLog, Cause> {
     let tracks_to_predict = proto
         .tracks_to_predict
         .iter()
-        .map(|required| index("tracks_to_predict.track_index", required.track_index))
+        .map(|&track| index("tracks_to_predict.track_index", track))
         .collect::<Result<_, _>>()?;
     let (mut road_edges, mut surface_lanes) = (Vec::new(), Vec::new());
     for map_feature in proto.map_features {
         match map_feature.feature {
-            Some(Feature::RoadEdge(edge)) => road_edges.push(edge.polyline.iter().map(spatial).collect()),
-            Some(Feature::Lane(lane)) if lane.kind == SURFACE_STREET => surface_lanes
-                .push(SurfaceLane { id: map_feature.id, points: lane.polyline.iter().map(planar).collect() }),
+            Some(Feature::RoadEdge(edge)) => road_edges.push(spatial(&edge.polyline)),
+            Some(Feature::Lane(lane)) if lane.kind == SURFACE_STREET => {
+                surface_lanes.push(SurfaceLane { id: map_feature.id, points: planar(&lane.polyline) })
+            }
             _ => (),
         }
     }
@@ -180,7 +166,7 @@ fn log(proto: Scenario) -> Result<WosacLog, Cause> {
         let signal = |seen: &TrafficSignalLaneState| LaneSignal {
             lane: seen.lane,
             state: seen.state,
-            stop_point: seen.stop_point.as_ref().map(planar).unwrap_or_default(),
+            stop_point: seen.stop_point.map_or([0.0; 2], |MapPoint { x, y, .. }| [x as f32, y as f32]),
         };
         frame.lane_states.iter().map(signal).collect()
     });
@@ -195,12 +181,13 @@ fn log(proto: Scenario) -> Result<WosacLog, Cause> {
     })
 }
 
-fn planar(point: &MapPoint) -> [f32; 2] {
-    [point.x as f32, point.y as f32]
+fn planar(line: &Points) -> Vec<[f32; 2]> {
+    line.points.iter().map(|p| [p.x as f32, p.y as f32]).collect()
 }
 
-fn spatial(point: &MapPoint) -> [f32; 3] {
-    [point.x as f32, point.y as f32, point.z as f32]
+fn spatial(line: &Points) -> Vec<[f32; 3]> {
+    let points = line.points.iter().zip(&line.heights);
+    points.map(|(p, z)| [p.x as f32, p.y as f32, *z as f32]).collect()
 }
 
 fn track(track: &Track) -> WosacTrack {

@@ -1,53 +1,39 @@
 //! The description that every file of a submission carries.
 
-use prost::Message;
-
 use crate::error::Cause;
+use crate::wire::{Fields, Message, WireError};
 
 /// Code of the type of Sim Agents submissions.
 const SIM_AGENTS_SUBMISSION: i32 = 1;
 
 /// The fields of `SimAgentsChallengeSubmission` other than the rollouts. `None`: not set.
-#[derive(Clone, PartialEq, Message)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SubmissionMetadata {
     /// Code of the type of the submission, 1 for Sim Agents.
-    #[prost(int32, optional, tag = "2")]
     pub submission_type: Option<i32>,
     /// Account of the submitter, an email address.
-    #[prost(string, optional, tag = "3")]
     pub account_name: Option<String>,
     /// Name of the method in the leaderboard.
-    #[prost(string, optional, tag = "4")]
     pub unique_method_name: Option<String>,
     /// Names of the authors.
-    #[prost(string, repeated, tag = "5")]
     pub authors: Vec<String>,
     /// Affiliation of the authors.
-    #[prost(string, optional, tag = "6")]
     pub affiliation: Option<String>,
     /// Description of the method.
-    #[prost(string, optional, tag = "7")]
     pub description: Option<String>,
     /// Link to a paper or a page.
-    #[prost(string, optional, tag = "8")]
     pub method_link: Option<String>,
     /// Whether the method uses lidar data.
-    #[prost(bool, optional, tag = "9")]
     pub uses_lidar_data: Option<bool>,
     /// Whether the method uses camera data.
-    #[prost(bool, optional, tag = "10")]
     pub uses_camera_data: Option<bool>,
     /// Whether the method uses public models that were trained before.
-    #[prost(bool, optional, tag = "11")]
     pub uses_public_model_pretraining: Option<bool>,
     /// Number of parameters, such as `200K`.
-    #[prost(string, optional, tag = "12")]
     pub num_model_parameters: Option<String>,
     /// Names of the public models.
-    #[prost(string, repeated, tag = "13")]
     pub public_model_names: Vec<String>,
     /// Whether the submitter acknowledges that the simulation is closed-loop.
-    #[prost(bool, optional, tag = "14")]
     pub acknowledge_complies_with_closed_loop_requirement: Option<bool>,
 }
 
@@ -103,5 +89,59 @@ impl SubmissionMetadata {
             acknowledge_complies_with_closed_loop_requirement: Some(true),
             ..Self::default()
         }
+    }
+
+    /// Decodes the fields of a `SimAgentsChallengeSubmission` message.
+    pub(super) fn decode(message: &[u8]) -> Result<Self, WireError> {
+        let (mut metadata, mut fields) = (Self::default(), Fields::new(message));
+        while let Some(key) = fields.key()? {
+            let text = match key.tag() {
+                3 => &mut metadata.account_name,
+                4 => &mut metadata.unique_method_name,
+                6 => &mut metadata.affiliation,
+                7 => &mut metadata.description,
+                8 => &mut metadata.method_link,
+                12 => &mut metadata.num_model_parameters,
+                tag => {
+                    match tag {
+                        2 => metadata.submission_type = Some(fields.int32(key)?),
+                        5 => metadata.authors.push(fields.text(key)?.to_owned()),
+                        9 => metadata.uses_lidar_data = Some(fields.flag(key)?),
+                        10 => metadata.uses_camera_data = Some(fields.flag(key)?),
+                        11 => metadata.uses_public_model_pretraining = Some(fields.flag(key)?),
+                        13 => metadata.public_model_names.push(fields.text(key)?.to_owned()),
+                        14 => {
+                            let complies = &mut metadata.acknowledge_complies_with_closed_loop_requirement;
+                            *complies = Some(fields.flag(key)?);
+                        }
+                        _ => drop(fields.skip(key)?),
+                    }
+                    continue;
+                }
+            };
+            *text = Some(fields.text(key)?.to_owned());
+        }
+        Ok(metadata)
+    }
+
+    /// Encodes the fields that are set, by ascending tags.
+    pub(super) fn encode(&self) -> Vec<u8> {
+        let mut message = Message::default();
+        self.submission_type.iter().for_each(|code| message.int64(2, (*code).into()));
+        self.account_name.iter().for_each(|text| message.bytes(3, text));
+        self.unique_method_name.iter().for_each(|text| message.bytes(4, text));
+        self.authors.iter().for_each(|text| message.bytes(5, text));
+        self.affiliation.iter().for_each(|text| message.bytes(6, text));
+        self.description.iter().for_each(|text| message.bytes(7, text));
+        self.method_link.iter().for_each(|text| message.bytes(8, text));
+        let flags = [self.uses_lidar_data, self.uses_camera_data, self.uses_public_model_pretraining];
+        for (tag, flag) in (9..).zip(flags) {
+            flag.iter().for_each(|flag| message.int64(tag, (*flag).into()));
+        }
+        self.num_model_parameters.iter().for_each(|text| message.bytes(12, text));
+        self.public_model_names.iter().for_each(|text| message.bytes(13, text));
+        let complies = self.acknowledge_complies_with_closed_loop_requirement;
+        complies.iter().for_each(|flag| message.int64(14, (*flag).into()));
+        message.into_bytes()
     }
 }

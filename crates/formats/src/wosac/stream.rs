@@ -2,12 +2,12 @@
 
 use std::io::{self, Read};
 
-use prost::Message;
 use reactsim_scene::wosac::ScenarioRollouts;
 
 use super::metadata::SubmissionMetadata;
 use super::rollouts::{MAX_LENGTH, decode_rollouts};
 use crate::error::Cause;
+use crate::wire::put_varint;
 
 /// Tag of the rollouts.
 const ROLLOUTS_TAG: u64 = 1;
@@ -63,8 +63,7 @@ impl SubmissionStream {
                 return Err(Cause::value("the length of the metadata", "more than 1 MiB", "at most 1 MiB"));
             }
         }
-        let metadata = SubmissionMetadata::decode(self.metadata.as_slice());
-        metadata.map(Event::End).map_err(|e| Cause::Undecodable(e.to_string()))
+        Ok(Event::End(SubmissionMetadata::decode(&self.metadata)?))
     }
 }
 
@@ -116,13 +115,4 @@ fn varint_or_end(source: &mut dyn Read) -> Result<Option<u64>, Cause> {
 fn varint(source: &mut dyn Read) -> Result<u64, Cause> {
     let end = Cause::Truncated { what: "a number", found: 0, expected: 1 };
     varint_or_end(source)?.ok_or(end)
-}
-
-/// Appends a number of variable length.
-pub(super) fn put_varint(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
 }

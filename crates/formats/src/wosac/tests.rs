@@ -5,7 +5,6 @@ use std::path::Path;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
-use prost::Message;
 use reactsim_scene::{
     AgentKind, FRAMES, FUTURE, HISTORY,
     wosac::{
@@ -16,9 +15,17 @@ use reactsim_scene::{
 
 use super::*;
 use crate::FormatError;
+use crate::wire::Message;
 
 fn metadata() -> SubmissionMetadata {
     SubmissionMetadata::new("a@example.org", "method", "0")
+}
+
+/// Returns the field of a submission with these rollouts.
+fn submitted(rollouts: &ScenarioRollouts) -> Vec<u8> {
+    let mut field = Message::default();
+    field.bytes(1, encode_rollouts(rollouts));
+    field.into_bytes()
 }
 
 /// A log with three objects, of which the last is absent at the current frame.
@@ -182,12 +189,9 @@ fn archives_of_other_programs_are_read() {
     header.set_entry_type(tar::EntryType::Directory);
     header.set_size(0);
     archive.append_data(&mut header, "./", std::io::empty()).unwrap();
-    let mut content = metadata().encode_to_vec();
+    let mut content = metadata().encode();
     for id in ["s0", "s1"] {
-        let message = encode_rollouts(&rollouts(id));
-        content.push(1 << 3 | 2);
-        stream::put_varint(&mut content, message.len() as u64);
-        content.extend(message);
+        content.extend(submitted(&rollouts(id)));
     }
     let long = "m".repeat(120);
     for (extension, name) in [(false, format!("./{long}.binproto")), (true, "short.binproto".to_owned())] {
@@ -336,10 +340,7 @@ fn damage_ends_one_file_and_not_the_submission() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tar");
     let mut archive = tar::Builder::new(File::create(&path).unwrap());
-    let message = encode_rollouts(&rollouts("s0"));
-    let mut whole = vec![1 << 3 | 2];
-    stream::put_varint(&mut whole, message.len() as u64);
-    whole.extend(&message);
+    let whole = submitted(&rollouts("s0"));
     let cut = &whole[..whole.len() / 2];
     for (name, content) in [("a.binproto", cut), ("notes.txt", b"text".as_slice()), ("b.binproto", &whole)] {
         let mut header = tar::Header::new_gnu();

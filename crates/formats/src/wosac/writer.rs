@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use prost::Message;
 use reactsim_files::NewFile;
 use reactsim_scene::wosac::ScenarioRollouts;
 use tar::{Builder, Header};
@@ -14,13 +13,13 @@ use tar::{Builder, Header};
 use super::metadata::SubmissionMetadata;
 use super::rollouts::encode_rollouts;
 use super::shards::shard_name;
-use super::stream::put_varint;
 use crate::error::{Cause, FormatError};
+use crate::wire::Message;
 
 /// Maximum length of a file in bytes: decoders of the server read at most 2 GB.
 const MAX_SHARD_LENGTH: u64 = 2_000_000_000;
-/// Key of the rollouts: tag 1, with a length.
-const ROLLOUTS_KEY: u64 = 1 << 3 | 2;
+/// Tag of the rollouts.
+const ROLLOUTS_TAG: u32 = 1;
 /// Permissions of the files in the archive.
 const MODE: u32 = 0o644;
 
@@ -68,7 +67,7 @@ impl SubmissionWriter {
         Ok(Self {
             path: path.to_owned(),
             name: name.to_owned(),
-            metadata: metadata.encode_to_vec(),
+            metadata: metadata.encode(),
             // Trajectories hardly compress.
             archive: Builder::new(GzEncoder::new(file, Compression::fast())),
             shard: None,
@@ -83,14 +82,12 @@ impl SubmissionWriter {
     /// # Errors
     /// All files are finished, the file would be longer than 2 GB, or writing failed.
     pub fn write(&mut self, rollouts: &ScenarioRollouts) -> Result<(), FormatError> {
-        let message = encode_rollouts(rollouts);
-        let mut key = Vec::new();
-        put_varint(&mut key, ROLLOUTS_KEY);
-        put_varint(&mut key, message.len() as u64);
-        self.append(&[&key, &message])
+        let mut message = Message::default();
+        message.bytes(ROLLOUTS_TAG, encode_rollouts(rollouts));
+        self.append(&message.into_bytes())
     }
 
-    fn append(&mut self, parts: &[&[u8]]) -> Result<(), FormatError> {
+    fn append(&mut self, fields: &[u8]) -> Result<(), FormatError> {
         if self.next == self.count {
             let expected = format!("at most {}, as stated at the beginning", self.count);
             return Err(self.error(Cause::value("the number of files", self.next + 1, expected)));
@@ -100,9 +97,9 @@ impl SubmissionWriter {
             self.shard = Some((file, 0));
         }
         let Some((file, length)) = &mut self.shard else { return Ok(()) };
-        *length += parts.iter().map(|part| part.len() as u64).sum::<u64>();
+        *length += fields.len() as u64;
         let is_too_long = *length + self.metadata.len() as u64 > MAX_SHARD_LENGTH;
-        let written = parts.iter().try_for_each(|part| file.write_all(part));
+        let written = file.write_all(fields);
         if is_too_long {
             let found = format!("more than {MAX_SHARD_LENGTH} bytes");
             return Err(self.error(Cause::value("the length of a file", found, "less; write more files")));
@@ -116,7 +113,7 @@ impl SubmissionWriter {
     /// All files are finished, or writing failed.
     pub fn finish_shard(&mut self) -> Result<(), FormatError> {
         let metadata = self.metadata.clone();
-        self.append(&[&metadata])?;
+        self.append(&metadata)?;
         let Some((file, length)) = self.shard.take() else { return Ok(()) };
         let (path, mut header) = (self.shard_path(), Header::new_ustar());
         header.set_size(length);

@@ -58,13 +58,15 @@ const MIN_TURN: f64 = 0.5;
 
 impl Scenario {
     /// Drops the heights of a scenario of one level. In others, replaces or drops the heights that contradict
-    /// others, and counts them in [`Scenario::repairs`]. A scenario that is mended does not change.
-    pub(crate) fn mend_heights(&mut self) {
+    /// others, and counts them in [`Scenario::repairs`]. A scenario that is mended does not change. Returns
+    /// whether there were heights.
+    pub(crate) fn mend_heights(&mut self) -> bool {
         if !self.start.has_levels() {
-            return;
+            return false;
         }
         if self.levels() == 1 {
-            return self.drop_heights();
+            self.drop_heights();
+            return true;
         }
         let directions = self.drop_directions();
         let mut ground = Ground::new(&self.start.map);
@@ -85,6 +87,7 @@ impl Scenario {
         if is_denied || (changes && self.levels() == 1) {
             self.drop_heights();
         }
+        true
     }
 
     /// Returns the histories of all agents.
