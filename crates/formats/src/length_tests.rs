@@ -203,7 +203,7 @@ fn native_files_have_the_windows_of_their_recordings() {
     assert_eq!(long[..4], [20, 70, 120, 170].map(|frame| (format!("made@{frame}"), 198 - frame)));
     assert_eq!(long.len(), 6, "frames 20 and 70 of the short one");
     let input = Input { frames: every, ..find_inputs(&native).unwrap().remove(0) };
-    let from: Vec<String> = input.open_from(2).unwrap().map(|d| d.unwrap()().unwrap().id).collect();
+    let from: Vec<String> = input.open_from(2).unwrap().map(|d| d.unwrap().decode().unwrap().id).collect();
     assert_eq!(from, ["made@110", "made@10"]);
     let errors = read(&native, every, None, steps(300));
     assert_eq!(errors.len(), 2);

@@ -87,7 +87,7 @@ fn windows(path: &Path, step: NonZeroUsize, length: LengthChoice) -> PendingScen
     let path = path.to_owned();
     Box::new(length.windows(frames, step).map(move |current| {
         let path = path.clone();
-        let decode: UndecodedScenario = Box::new(move || {
+        let decode = UndecodedScenario::new(move || {
             let mut scenario = read(&path, Some(current), length)?;
             scenario.id = format!("{}@{current}", scenario.id);
             Ok(scenario)

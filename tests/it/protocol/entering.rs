@@ -89,7 +89,7 @@ fn what_the_log_shows_of_an_agent_after_it_entered_is_withheld() {
         let Some(first) = logged.track.iter().position(Option::is_some) else { continue };
         logged.track[first + 1..].iter_mut().flatten().for_each(|state| state.y += 0.5);
     }
-    for (model, controller) in every_baseline().into_iter().filter(|(model, _)| !model.oracle) {
+    for (model, controller) in every_baseline().filter(|(model, _)| !model.oracle) {
         let entering = settings_of(Entering::Log);
         let tracks = |scenario| {
             bits(&roll_out(vec![request(scenario)], &controller, &entering).remove(0).unwrap().tracks)
