@@ -37,6 +37,8 @@ const CLEARANCE: f64 = 0.15;
 /// Largest distance of two boxes per metre of their separation, slightly more than √2: the separating axis
 /// that is nearest to the direction from box to box is at most 45° away.
 const DISTANCE_PER_SEPARATION: f64 = 1.415;
+/// Margin for rounding, metres.
+const GAP_MARGIN: f64 = 1e-6;
 /// Growth of the half length of the AV's forecast box per second, m/s.
 const AV_GROWTH_ALONG: f64 = 0.8;
 /// Growth of the half width of the AV's forecast box per second, m/s.
@@ -180,17 +182,27 @@ impl Surroundings<'_> {
         let known = forecast.samples.len();
         let last = if known > 1 { motion.count.min(known - 1) } else { motion.count };
         let near = own.radius() + other.radius() + DISTANCE_PER_SEPARATION * clearance;
-        (1..=last).find(|&k| {
+        let growing = if other.is_av { AV_GROWTH_ALONG + AV_GROWTH_ACROSS } else { 0.0 };
+        // Length by which the boxes approach per sample at most. Samples at which they are too far apart for that
+        // are passed over.
+        let closing = (motion.top_speed + forecast.band.speed + growing) * self.settings.sample;
+        let passed = |gap: f64| ((gap - GAP_MARGIN) / closing).min(last as f64) as usize;
+        let mut k = 1;
+        while k <= last {
             let sample = &forecast.samples[k.min(known - 1)];
             let lasting = (k as f64 * self.settings.sample).min(GROWTH_DURATION);
-            let reach = near + if other.is_av { (AV_GROWTH_ALONG + AV_GROWTH_ACROSS) * lasting } else { 0.0 };
-            let is_beyond = |p: Vec2, reach: f64| (sample.center - p).norm_squared() > reach * reach;
-            if motion.about(k).is_some_and(|p| is_beyond(p, reach + DrivenPath::STEP)) {
-                return false;
+            let reach = near + growing * lasting;
+            let gap = |p: Vec2, reach: f64| (sample.center - p).norm() - reach;
+            let about = motion.about(k).map(|p| gap(p, reach + DrivenPath::STEP));
+            if let Some(gap) = about.filter(|gap| *gap > GAP_MARGIN) {
+                k += 1 + passed(gap);
+                continue;
             }
             let ours = motion.at(k);
-            if is_beyond(ours.center, reach) {
-                return false;
+            let gap = gap(ours.center, reach);
+            if gap > GAP_MARGIN {
+                k += 1 + passed(gap);
+                continue;
             }
             // The AV's forecast is less certain the later it is. A standing vehicle considers that only for
             // an AV in its own direction: others pass in front of queues all the time.
@@ -204,8 +216,12 @@ impl Surroundings<'_> {
                 half_length: other.half_length + growth.0,
                 half_width: other.half_width + growth.1,
             };
-            theirs.separation(&ours) < clearance && !self.heights.is_apart_at(ours.center, sample.height)
-        })
+            if theirs.separation(&ours) < clearance && !self.heights.is_apart_at(ours.center, sample.height) {
+                return Some(k);
+            }
+            k += 1;
+        }
+        None
     }
 
     fn reach(&self, own: &Actor) -> Bounds {

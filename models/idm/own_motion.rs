@@ -27,6 +27,13 @@ impl Profile {
         let (first, between) = travelled(speed, self.now, t.min(SWITCH_TIME));
         if t <= SWITCH_TIME { first } else { first + travelled(between, self.then, t - SWITCH_TIME).0 }
     }
+
+    /// Returns the largest speed within `t` seconds from `speed`, m/s.
+    fn top_speed(&self, speed: f64, t: f64) -> f64 {
+        let (_, between) = travelled(speed, self.now, t.min(SWITCH_TIME));
+        let (_, last) = travelled(between, self.then, (t - SWITCH_TIME).max(0.0));
+        speed.max(between).max(last)
+    }
 }
 
 /// Boxes of a vehicle along a path, one per sampling interval; each is computed when it is first asked for.
@@ -50,6 +57,8 @@ pub(super) struct OwnMotion<'a> {
     strip: Option<Strip>,
     /// Arc length at the last sample, metres.
     end: f64,
+    /// Largest speed up to the last sample, m/s.
+    pub(super) top_speed: f64,
 }
 
 /// Largest distance, metres, of an arc of [`DrivenPath::STEP`] from its chord.
@@ -81,6 +90,7 @@ impl<'a> OwnMotion<'a> {
             bounds,
             strip: None,
             end,
+            top_speed: profile.top_speed(own.speed, count as f64 * sample),
         }
     }
 

@@ -196,27 +196,8 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
     Raises ProtocolError unless the tensors have known types and fill the document without gaps.
     """
     view = memoryview(document).cast("B")
-    if len(view) < 8:
-        raise ProtocolError("safetensors: %d bytes are too short for a header" % len(view))
-    length = int.from_bytes(view[:8], "little")
-    if length > min(len(view) - 8, MAX_HEADER):
-        raise ProtocolError(
-            "safetensors: a header of %d bytes in a document of %d" % (length, len(view))
-        )
-    text = bytes(view[8 : 8 + length])
-    # Frames of one kind differ in their metadata only: what follows is read once.
-    first = _METADATA.match(text)
-    found: List[Any] = []
-    if first is not None:
-        found, text = [_json_of(first[1])], b"{" + text[first.end() :]
-    layout_of = _layout if len(text) <= MAX_KEPT else _layout.__wrapped__
-    further, layout = layout_of(text, len(view) - 8 - length)
-    found += further
-    if len(found) > 1:
-        raise ProtocolError("safetensors: the header is not valid JSON: a key occurs twice")
-    metadata: Any = found[0] if found else {}
-    if not isinstance(metadata, dict) or not all(isinstance(v, str) for v in metadata.values()):
-        raise ProtocolError("safetensors: metadata values must be strings")
+    length = _header_length(view[:8], len(view))
+    metadata, layout = _header(bytes(view[8 : 8 + length]), len(view) - 8 - length)
     tensors: Dict[str, Array] = {}
     for name, dtype, shape, offset, count in layout:
         start = 8 + length + offset
@@ -228,7 +209,40 @@ def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
             raise ProtocolError(
                 "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
             ) from None
-    return dict(metadata), tensors
+    return metadata, tensors
+
+
+def _header_length(prefix: Any, size: int) -> int:
+    """Reads the length of the header from the first 8 bytes of a document of `size` bytes."""
+    if size < 8:
+        raise ProtocolError("safetensors: %d bytes are too short for a header" % size)
+    length = int.from_bytes(prefix, "little")
+    if length > min(size - 8, MAX_HEADER):
+        raise ProtocolError(
+            "safetensors: a header of %d bytes in a document of %d" % (length, size)
+        )
+    return length
+
+
+_Layout = List[Tuple[str, Any, List[int], int, int]]
+
+
+def _header(text: bytes, size: int) -> Tuple[Dict[str, str], _Layout]:
+    """Reads a header before `size` bytes: the metadata, and the layout as `_layout` returns it."""
+    # Frames of one kind differ in their metadata only: what follows is read once.
+    first = _METADATA.match(text)
+    found: List[Any] = []
+    if first is not None:
+        found, text = [_json_of(first[1])], b"{" + text[first.end() :]
+    layout_of = _layout if len(text) <= MAX_KEPT else _layout.__wrapped__
+    further, layout = layout_of(text, size)
+    found += further
+    if len(found) > 1:
+        raise ProtocolError("safetensors: the header is not valid JSON: a key occurs twice")
+    metadata: Any = found[0] if found else {}
+    if not isinstance(metadata, dict) or not all(isinstance(v, str) for v in metadata.values()):
+        raise ProtocolError("safetensors: metadata values must be strings")
+    return dict(metadata), layout
 
 
 # Metadata at the start of a header, which contain no other object.
@@ -243,7 +257,7 @@ def _json_of(text: bytes) -> Any:
 
 
 @functools.lru_cache(maxsize=64)
-def _layout(text: bytes, size: int) -> Tuple[List[Any], List[Tuple[str, Any, List[int], int, int]]]:
+def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
     """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
 
     Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
@@ -252,7 +266,7 @@ def _layout(text: bytes, size: int) -> Tuple[List[Any], List[Tuple[str, Any, Lis
     if not isinstance(header, dict):
         raise ProtocolError("safetensors: the header is not a JSON object")
     metadata = [header.pop("__metadata__")] if "__metadata__" in header else []
-    layout: List[Tuple[str, Any, List[int], int, int]] = []
+    layout: _Layout = []
     spans: List[Tuple[int, int, str]] = []
     for name, entry in header.items():
         if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
@@ -330,8 +344,12 @@ def _entries(kinds: Tuple[Tuple[str, str, Tuple[int, ...], int], ...]) -> bytes:
 _Frame = Tuple[Dict[str, str], Dict[str, Array]]
 
 
-def read_frame(stream: IO[bytes]) -> Optional[_Frame]:
-    """Reads a frame; returns None at the end of the stream."""
+def read_frame(stream: IO[bytes], room: Optional[Mapping[str, Array]] = None) -> Optional[_Frame]:
+    """Reads a frame; returns None at the end of the stream.
+
+    Tensors are read into the arrays of `room` that have their names, types and shapes, and are
+    contiguous.
+    """
     prefix = np.empty(8, np.uint8)
     n = _fill(stream, prefix)
     if n == 0:
@@ -339,13 +357,41 @@ def read_frame(stream: IO[bytes]) -> Optional[_Frame]:
     length = int.from_bytes(prefix.tobytes(), "little")
     if n == 8 and length > MAX_FRAME:
         raise ProtocolError("a frame of %d bytes exceeds the limit of %d" % (length, MAX_FRAME))
-    document = np.empty(length if n == 8 else 0, np.uint8)
-    if n < 8 or _fill(stream, document) < length:
-        raise ProtocolError("the stream ended within a frame")
-    metadata, tensors = parse_safetensors(document)
+    if n == 8 and room is not None:
+        metadata, tensors = _read_into(stream, length, room)
+    else:
+        document = np.empty(length if n == 8 else 0, np.uint8)
+        if n < 8 or _fill(stream, document) < length:
+            raise ProtocolError(_CUT)
+        metadata, tensors = parse_safetensors(document)
     for key in ("type", "protocol", "seq"):
         if key not in metadata:
             raise ProtocolError("a frame without `%s`: %r" % (key, metadata))
+    return metadata, tensors
+
+
+_CUT = "the stream ended within a frame"
+
+
+def _read_into(stream: IO[bytes], length: int, room: Mapping[str, Array]) -> _Frame:
+    """Reads a document of `length` bytes as `read_frame` does."""
+    prefix = np.empty(min(length, 8), np.uint8)
+    if _fill(stream, prefix) < len(prefix):
+        raise ProtocolError(_CUT)
+    size = _header_length(prefix.data, length)
+    text = np.empty(size, np.uint8)
+    if _fill(stream, text) < size:
+        raise ProtocolError(_CUT)
+    metadata, layout = _header(text.tobytes(), length - 8 - size)
+    tensors: Dict[str, Array] = {}
+    for name, dtype, shape, _, _ in sorted(layout, key=lambda entry: entry[3]):
+        array = room.get(name)
+        is_fit = array is not None and array.dtype == dtype and array.shape == tuple(shape)
+        if array is None or not is_fit or not array.flags.c_contiguous:
+            array = np.empty(shape, dtype)
+        if _fill(stream, array) < array.nbytes:
+            raise ProtocolError(_CUT)
+        tensors[name] = array
     return metadata, tensors
 
 
@@ -367,13 +413,12 @@ def write_frame(
 
 
 def _fill(stream: IO[bytes], buffer: Array) -> int:
-    """Reads until the buffer is full or the stream ends; returns the number of bytes."""
-    view, n = buffer.data, 0
-    while n < len(view):
-        more = stream.readinto(view[n:])  # type: ignore[attr-defined]
-        if not more:
-            break
-        n += more
+    """Reads until the array is full or the stream ends; returns the number of bytes."""
+    n = more = (stream.readinto(buffer) or 0) if buffer.size else 0  # type: ignore[attr-defined]
+    while more and n < buffer.nbytes:
+        rest = buffer.reshape(-1).view(np.uint8)[n:]
+        more = stream.readinto(rest)  # type: ignore[attr-defined]
+        n += more or 0
     return n
 
 

@@ -141,6 +141,8 @@ class _Core:
         jobs = _jobs(jobs, batches, simulator, action)
         self.firsts = [batches * k // jobs for k in range(jobs)]
         """First episode of each process."""
+        self.slices = [slice(*ends) for ends in zip(self.firsts, [*self.firsts[1:], batches])]
+        """Episodes of each process."""
         traffic, sessions = traffic_of(simulator, batches, **rolled_out)
         common = {
             "reading": reading,
@@ -175,6 +177,8 @@ class _Core:
         self.flags = [f"_{name}" for name in self.measures]
         """Names of the entries of `infos` that tell whose measures they are."""
         self.arrays: list[str] = [name for name, _ in description["arrays"]]
+        self.step_arrays = [*self.arrays, "measures", "terminated", "truncated"]
+        self.room = _Room(batches, description["arrays"], len(self.measures))
         self.flat = flat
         self.observation_space = observation_space(description["arrays"], flat)
         if not callable(self.reward):
@@ -201,15 +205,15 @@ class _Core:
 
     def reset(self, episodes: list[dict[str, int]]) -> Any:
         """Begins episodes in all slots; returns the observations."""
-        answers = self._all("reset", [{"episodes": own} for own in self._shares(episodes)])
-        return self._observed([arrays for _, arrays in answers])
+        shares = [{"episodes": own} for own in self._shares(episodes)]
+        return self._observed(self._request("reset", shares, {})[1])
 
     def step(
         self, actions: Any, shape: tuple[int, ...], episodes: list[dict[str, int]]
     ) -> tuple[Any, dict[int, Any], dict[str, Array]]:
         """Executes the actions, an array of this shape, and begins episodes in place of others.
 
-        Returns the observations, the ends by slot, and the other arrays of the answer.
+        Returns the observations, the ends by slot, and the arrays of the answer.
         """
         values = checked(actions, shape, self.action_space.shape)
         if self.scale is not None:
@@ -217,24 +221,20 @@ class _Core:
         if len(self.processes) > 1:
             self._check_finite(values, episodes)
         shares = [{"episodes": own} for own in self._shares(episodes)]
-        parts = np.split(values, self.firsts[1:]) if len(self.firsts) > 1 else [values]
-        answers = self._all("step", shares, [{"actions": part} for part in parts])
+        documents, arrays = self._request("step", shares, {"actions": values})
         ends = {
             first + int(slot): end
-            for first, (found, _) in zip(self.firsts, answers)
+            for first, found in zip(self.firsts, documents)
             for slot, end in found.items()
         }
-        all_arrays = [arrays for _, arrays in answers]
-        others = {
-            name: _joined(all_arrays, name) for name in ("measures", "terminated", "truncated")
-        }
-        return self._observed(all_arrays), ends, others
+        return self._observed(arrays), ends, arrays
 
     def begin(self, episodes: list[dict[str, int]]) -> Any:
         """Begins episodes in place of those in their slots; returns their observations."""
         shares = self._shares(episodes)
         answers = self._all("begin", [{"episodes": own} if own else None for own in shares])
-        return self._observed([arrays for _, arrays in answers if arrays])
+        parts = [arrays for _, arrays in answers if arrays]
+        return self._observed({name: _joined(parts, name) for name in self.arrays})
 
     def states(self, slot: int) -> Array:
         """Returns the realised states of a slot so far."""
@@ -259,14 +259,39 @@ class _Core:
         given = {**arguments, "slot": slot - self.firsts[index]}
         return self.processes[index].request(kind, given)[1]
 
+    def _request(
+        self, kind: str, arguments: Sequence[Mapping[str, Any]], tensors: Mapping[str, Array]
+    ) -> tuple[list[Any], dict[str, Array]]:
+        """Sends a request with the tensors of all episodes to each process.
+
+        Returns the document of each answer, and the arrays of all episodes.
+        """
+        if len(self.processes) == 1:
+            document, arrays = self.processes[0].request(kind, arguments[0], tensors)
+            return [document], arrays
+        joined = self.room.arrays()
+        own = [{name: array[share] for name, array in tensors.items()} for share in self.slices]
+        rooms = [{name: array[share] for name, array in joined.items()} for share in self.slices]
+        answers = self._all(kind, arguments, own, rooms)
+        for (_, arrays), room in zip(answers, rooms):
+            for name in self.arrays if kind == "reset" else self.step_arrays:
+                if arrays[name] is not room[name]:
+                    room[name][...] = arrays[name]
+        return [document for document, _ in answers], joined
+
     def _all(
         self,
         kind: str,
         arguments: Sequence[Mapping[str, Any] | None],
         tensors: Sequence[Mapping[str, Array]] = (),
+        rooms: Sequence[Mapping[str, Array] | None] = (),
     ) -> list[tuple[Any, dict[str, Array]]]:
-        """Sends a request to each process that has arguments, and then waits for all answers."""
+        """Sends a request to each process that has arguments, and then waits for all answers.
+
+        Arrays of the answer of each process are read into those of its `rooms`.
+        """
         tensors = tensors or [{}] * len(self.processes)
+        rooms = rooms or [None] * len(self.processes)
         if len(self.processes) == 1:
             return [self.processes[0].request(kind, arguments[0] or {}, tensors[0])]
         asked = [k for k, given in enumerate(arguments) if given is not None]
@@ -277,7 +302,7 @@ class _Core:
                 self.processes[k].send(kind, arguments[k] or {}, tensors[k])
             for k in asked:
                 try:
-                    answers[k] = self.processes[k].receive()
+                    answers[k] = self.processes[k].receive(rooms[k])
                 except ReactsimError as error:
                     errors.append(error)
         except BaseException:
@@ -299,15 +324,12 @@ class _Core:
             shares[index].append({**episode, "slot": episode["slot"] - self.firsts[index]})
         return shares
 
-    def _observed(self, answers: Sequence[Mapping[str, Array]]) -> Any:
-        """Returns the observations of all processes."""
+    def _observed(self, arrays: Mapping[str, Array]) -> Any:
+        """Returns the observations among the arrays of an answer."""
         if not self.flat:
-            return {name: _joined(answers, name) for name in self.arrays}
-        rows = [
-            np.concatenate([arrays[n].reshape(len(arrays[n]), -1) for n in self.arrays], axis=1)
-            for arrays in answers
-        ]
-        return rows[0] if len(rows) == 1 else np.concatenate(rows)
+            return {name: arrays[name] for name in self.arrays}
+        flat = [arrays[name].reshape(len(arrays[name]), -1) for name in self.arrays]
+        return np.concatenate(flat, axis=1)
 
     def _check_finite(self, values: Array, episodes: Sequence[Mapping[str, int]]) -> None:
         """Raises ReactsimError for an action that the program would refuse."""
@@ -320,6 +342,34 @@ class _Core:
                     f"value {i} of the action of slot {slot} is {values[slot, i]}, expected a"
                     " finite number"
                 )
+
+
+class _Room:
+    """Room for the arrays of a step of all episodes, into which each process writes its rows.
+
+    They are parts of one block: the allocator gives many large arrays back to the system, and takes
+    new pages for them, at every step.
+    """
+
+    def __init__(
+        self, episodes: int, shapes: Sequence[tuple[str, Sequence[int]]], measures: int
+    ) -> None:
+        rows: list[tuple[str, tuple[int, ...], Any]] = [("measures", (measures,), np.float64)]
+        rows += [(name, tuple(shape), np.float32) for name, shape in shapes]
+        rows += [(name, (), np.uint8) for name in ("terminated", "truncated")]
+        self._layout: list[tuple[str, tuple[int, ...], Any, int]] = []
+        self._size = 0
+        for name, shape, dtype in rows:
+            self._layout.append((name, (episodes, *shape), dtype, self._size))
+            self._size += episodes * int(np.prod(shape)) * np.dtype(dtype).itemsize
+
+    def arrays(self) -> dict[str, Array]:
+        """Returns new arrays."""
+        block = np.empty(self._size, np.uint8)
+        return {
+            name: np.ndarray(shape, dtype, block, offset)
+            for name, shape, dtype, offset in self._layout
+        }
 
 
 def _joined(answers: Sequence[Mapping[str, Array]], name: str) -> Array:

@@ -242,20 +242,23 @@ class ProgramProcess:
             self._lock.release()
             raise
 
-    def receive(self) -> tuple[Any, dict[str, Array]]:
-        """Waits for the answer to the request that was sent, and returns it as `request` does."""
+    def receive(self, room: Mapping[str, Array] | None = None) -> tuple[Any, dict[str, Array]]:
+        """Waits for the answer to the request that was sent, and returns it as `request` does.
+
+        Arrays are read into those of `room` with their names, types and shapes.
+        """
         try:
-            return self._receive()
+            return self._receive(room)
         finally:
             self._lock.release()
 
-    def _receive(self) -> tuple[Any, dict[str, Array]]:
+    def _receive(self, room: Mapping[str, Array] | None) -> tuple[Any, dict[str, Array]]:
         seq = str(self._seq)
         try:
-            answer = read_frame(self._answers)
+            answer = read_frame(self._answers, room)
             while answer is not None and "to" in answer[0]:
                 self._programs.respond(answer, self._requests)
-                answer = read_frame(self._answers)
+                answer = read_frame(self._answers, room)
         except (BrokenPipeError, ConnectionResetError):
             answer = None
         except ProtocolError as error:

@@ -147,6 +147,32 @@ def test_frames() -> None:
         read_frame(io.BytesIO(struct.pack("<Q", len(text)) + text))
 
 
+def test_tensors_are_read_into_arrays_that_fit() -> None:
+    stream = io.BytesIO()
+    tensors = samples()
+    write_frame(stream, "plan", "7", {"frame": "10"}, tensors)
+    write_frame(stream, "bye", "8")
+    whole = stream.getvalue()
+    block = np.full((5, 2, 3), 9.0)
+    unfit = {"t-f4": np.zeros((3, 2), np.float32), "t-i4": np.zeros((2, 3)), "other": block[0]}
+    room = {"t-f8": block[1], "t-u8": np.zeros((2, 6), np.uint64)[:, ::2], **unfit}
+    stream.seek(0)
+    found, plain = read_frame(stream, room), read_frame(io.BytesIO(whole))
+    assert found is not None and plain is not None and found[0] == plain[0]
+    assert set(found[1]) == set(plain[1])
+    assert [name for name, array in room.items() if found[1].get(name) is array] == ["t-f8"]
+    for name, array in plain[1].items():
+        assert found[1][name].dtype == array.dtype
+        np.testing.assert_array_equal(found[1][name], array)
+    np.testing.assert_array_equal(block[1], tensors["t-f8"])
+    assert (block[[0, 2, 3, 4]] == 9.0).all()
+    assert read_frame(stream, room) == ({"type": "bye", "protocol": "1", "seq": "8"}, {})
+    assert read_frame(stream, room) is None
+    for length in range(1, len(whole) - 100, 7):
+        with pytest.raises(ProtocolError, match="ended within"):
+            read_frame(io.BytesIO(whole[:length]), room)
+
+
 def test_unsupported_type() -> None:
     with pytest.raises(ProtocolError, match="complex128"):
         build_safetensors({}, {"a": np.zeros(2, complex)})

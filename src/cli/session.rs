@@ -21,7 +21,7 @@ pub(super) struct SessionArgs {
 pub(super) fn session(args: &SessionArgs) -> anyhow::Result<ExitStatus> {
     #[cfg(unix)]
     end_with(args.parent)?;
-    serve(&Parent::stdio()?)?;
+    serve(&Parent::stdio())?;
     Ok(ExitStatus::Done)
 }
 

@@ -65,6 +65,20 @@ impl Sizes {
         beyond.map(|(name, n, least, most)| format!("`{name}` is {n}, expected {least} to {most}"))
     }
 
+    /// Returns the number of values of each array of an observation.
+    fn lengths(&self) -> [usize; ARRAYS] {
+        [
+            self.frames * STATE,
+            2,
+            self.agents * self.frames * STATE,
+            self.agents * AGENT,
+            self.lanes * self.points * POINT,
+            self.lanes * LANE,
+            self.lights * LIGHT,
+            self.route * ROUTE,
+        ]
+    }
+
     /// Returns the arrays with their shapes, in the order in which they are written.
     pub fn shapes(&self) -> [(&'static str, Vec<usize>); ARRAYS] {
         [
@@ -80,16 +94,15 @@ impl Sizes {
     }
 }
 
-/// Arrays of a batch of observations, each with all its rows one after the other.
+/// Arrays of a batch of observations, each with all its rows one after the other. Numbers are `f32`, as
+/// little-endian bytes.
 #[derive(Clone, Debug)]
-pub struct Arrays(pub [Vec<f32>; ARRAYS]);
+pub struct Arrays(pub [Vec<[u8; 4]>; ARRAYS]);
 
 impl Arrays {
     /// Creates arrays without rows, with room for this number of observations.
     pub(super) fn with_capacity(sizes: &Sizes, observations: usize) -> Self {
-        let room =
-            |(_, shape): (_, Vec<usize>)| Vec::with_capacity(observations * shape.iter().product::<usize>());
-        Self(sizes.shapes().map(room))
+        Self(sizes.lengths().map(|length| Vec::with_capacity(observations * length)))
     }
 }
 
@@ -122,19 +135,69 @@ struct Route {
     ahead: Vec<Vec2>,
 }
 
-/// Directions of the headings of all agents at all frames so far. They are computed once per frame, since
-/// every observation has many frames of many agents.
+/// What successive observations of an episode share.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Directions(Vec<Vec<Vec2>>);
+pub(super) struct Kept {
+    /// Directions of the headings of each agent at all frames so far. They are computed once per frame, since
+    /// every observation has many frames of many agents.
+    directions: Vec<Vec<Vec2>>,
+    /// Pieces of lanes near each agent that observes.
+    near: Vec<NearPieces>,
+}
 
-impl Directions {
+/// The pieces of lanes among which are the nearest ones of an agent, until it has moved away.
+#[derive(Clone, Debug, Default)]
+struct NearPieces {
+    /// Position of the agent when they were found, metres.
+    origin: Option<Vec2>,
+    /// Indices of the pieces, ascending.
+    pieces: Vec<usize>,
+}
+
+/// Distance beyond the farthest of the nearest pieces up to which others are kept, metres: they can be among the
+/// nearest once an agent has moved half of it.
+const KEPT_BEYOND: f64 = 16.0;
+/// Margin of that half for rounding, metres.
+const KEPT_MARGIN: f64 = 0.01;
+
+impl Kept {
     /// Adds the frames since the last call.
     pub(super) fn follow(&mut self, seen: &Observation<'_>) {
-        self.0.resize_with(seen.tracks().len(), Vec::new);
-        for (known, track) in self.0.iter_mut().zip(seen.tracks()) {
-            let new = &track[known.len()..];
-            known.extend(new.iter().map(|frame| frame.map_or_else(Vec2::zeros, |at| direction(at.heading))));
+        let agents = seen.tracks().len();
+        self.directions.resize_with(agents, Vec::new);
+        self.near.resize_with(agents, NearPieces::default);
+        for (known, track) in self.directions.iter_mut().zip(seen.tracks()) {
+            // The tracks have room for all frames.
+            known.reserve(track.capacity() - known.len());
+            for k in known.len()..track.len() {
+                let before =
+                    k.checked_sub(1).and_then(|before| Some((track[before]?.heading, known[before])));
+                known.push(match (track[k], before) {
+                    (None, _) => Vec2::zeros(),
+                    // Many agents stand.
+                    (Some(at), Some((heading, same))) if at.heading.to_bits() == heading.to_bits() => same,
+                    (Some(at), _) => direction(at.heading),
+                });
+            }
         }
+    }
+}
+
+impl NearPieces {
+    /// Returns up to `most` pieces, the nearest to `p` first. `middles`: the middle of each piece.
+    fn nearest(&mut self, most: usize, middles: &[Vec2], p: Vec2) -> Vec<usize> {
+        let distance2 = |i: usize| (middles[i] - p).norm_squared();
+        let is_near = |origin: Vec2| (p - origin).norm() <= 0.5 * KEPT_BEYOND - KEPT_MARGIN;
+        if self.origin.is_some_and(is_near) {
+            let found = nearest(most, self.pieces.len(), |k| Some(distance2(self.pieces[k])));
+            return found.into_iter().map(|k| self.pieces[k]).collect();
+        }
+        let found = nearest(most, middles.len(), |i| Some(distance2(i)));
+        let reach = found.last().map_or(0.0, |&last| distance2(last).sqrt() + KEPT_BEYOND);
+        self.pieces.clear();
+        self.pieces.extend((0..middles.len()).filter(|&i| distance2(i) <= reach * reach));
+        self.origin = Some(p);
+        found
     }
 }
 
@@ -189,28 +252,29 @@ impl SceneArrays {
         })
     }
 
-    /// Appends the observation of agent `own` to the arrays; zeros if it is absent. `directions` have all
-    /// frames that are seen.
+    /// Appends the observation of agent `own` to the arrays; zeros if it is absent. `kept` follows all frames that
+    /// are seen.
     pub(super) fn write(
         &self,
         seen: &Observation<'_>,
-        directions: &Directions,
+        kept: &mut Kept,
         own: usize,
         sizes: &Sizes,
         arrays: &mut Arrays,
     ) {
-        let lengths = sizes.shapes().map(|(_, shape)| shape.iter().product::<usize>());
+        let lengths = sizes.lengths();
         let first: [usize; ARRAYS] = std::array::from_fn(|i| arrays.0[i].len());
         for (array, length) in arrays.0.iter_mut().zip(lengths) {
-            array.resize(array.len() + length, 0.0);
+            array.resize(array.len() + length, 0.0_f32.to_le_bytes());
         }
         let Some(now) = seen.state(own) else { return };
-        let frame = LocalFrame { origin: now.position(), ahead: direction(now.heading) };
-        let track = |i: usize| (seen.track(i), directions.0[i].as_slice());
+        let frame = LocalFrame::new(now.position(), direction(now.heading));
+        let Kept { directions, near } = kept;
+        let track = |i: usize| (seen.track(i), directions[i].as_slice());
         let [av, av_size, agents, features, lanes, lane_features, lights, route] = &mut arrays.0;
         let agent = &seen.start().agents[own];
         write_track(&mut av[first[0]..], track(own), sizes.frames, &frame);
-        av_size[first[1]..].copy_from_slice(&[agent.length as f32, agent.width as f32]);
+        av_size[first[1]..].copy_from_slice(&bytes([agent.length as f32, agent.width as f32]));
         let others = nearest(sizes.agents, seen.tracks().len(), |i| {
             let state = seen.state(i).filter(|_| i != own)?;
             Some((state.position() - frame.origin).norm_squared())
@@ -220,16 +284,14 @@ impl SceneArrays {
             write_track(&mut agents[at..], track(i), sizes.frames, &frame);
             write_agent(&mut features[first[3] + row * AGENT..], seen, i);
         }
-        let near = nearest(sizes.lanes, self.middles.len(), |i| {
-            Some((self.middles[i] - frame.origin).norm_squared())
-        });
+        let near = near[own].nearest(sizes.lanes, &self.middles, frame.origin);
         for (row, &i) in near.iter().enumerate() {
             let piece = &self.pieces[i];
             let at = first[4] + row * sizes.points * POINT;
             let points = lanes[at..].as_chunks_mut::<POINT>().0;
             for (values, &(p, ahead)) in points.iter_mut().zip(&piece.points) {
                 let ([x, y], [cos, sin]) = (frame.point(p), frame.vector(ahead));
-                *values = [x, y, cos, sin];
+                *values = bytes([x, y, cos, sin]);
             }
             let mut of_lane = [0.0_f32; 3];
             for &light in &self.lights_of_lane[piece.lane] {
@@ -238,14 +300,15 @@ impl SceneArrays {
             let [red, yellow, green] = of_lane;
             let values =
                 [1.0, f32::from(u8::from(piece.is_connector)), piece.speed_limit as f32, red, yellow, green];
-            lane_features[first[5] + row * LANE..][..LANE].copy_from_slice(&values);
+            lane_features[first[5] + row * LANE..][..LANE].copy_from_slice(&bytes(values));
         }
         let all = &seen.start().lights;
         let near =
             nearest(sizes.lights, all.len(), |i| Some((all[i].stop_point - frame.origin).norm_squared()));
         for (row, &i) in near.iter().enumerate() {
             let ([x, y], [red, yellow, green]) = (frame.point(all[i].stop_point), colors(seen, i));
-            lights[first[6] + row * LIGHT..][..LIGHT].copy_from_slice(&[x, y, red, yellow, green, 1.0]);
+            let values = bytes([x, y, red, yellow, green, 1.0]);
+            lights[first[6] + row * LIGHT..][..LIGHT].copy_from_slice(&values);
         }
         if let Some(Route { path, ahead }) = &self.route {
             let s = path.project(frame.origin).s;
@@ -257,7 +320,7 @@ impl SceneArrays {
                 let segment = path.segment_at(s);
                 let ([x, y], [cos, sin]) =
                     (frame.point(path.on_segment(s, segment)), frame.vector(ahead[segment]));
-                values.copy_from_slice(&[x, y, cos, sin, 1.0]);
+                values.copy_from_slice(&bytes([x, y, cos, sin, 1.0]));
             }
         }
     }
@@ -278,16 +341,24 @@ fn logged_path(scenario: &Scenario) -> Option<Polyline> {
 /// The frame of an agent.
 struct LocalFrame {
     origin: Vec2,
-    ahead: Vec2,
+    /// Components along x of the axes ahead and to the left.
+    x: [f64; 2],
+    /// Components along y of the same axes.
+    y: [f64; 2],
 }
 
 impl LocalFrame {
+    fn new(origin: Vec2, ahead: Vec2) -> Self {
+        let left = left(ahead);
+        Self { origin, x: [ahead.x, left.x], y: [ahead.y, left.y] }
+    }
+
     fn point(&self, p: Vec2) -> [f32; 2] {
         self.vector(p - self.origin)
     }
 
     fn vector(&self, v: Vec2) -> [f32; 2] {
-        [v.dot(&self.ahead) as f32, v.dot(&left(self.ahead)) as f32]
+        [0, 1].map(|axis| (v.x * self.x[axis] + v.y * self.y[axis]) as f32)
     }
 }
 
@@ -296,21 +367,23 @@ fn nearest(most: usize, count: usize, distance: impl Fn(usize) -> Option<f64>) -
     if most == 0 {
         return Vec::new();
     }
-    let mut found: Vec<(u64, usize)> = Vec::with_capacity(count);
-    // The bits of numbers that are not negative are in the order of the numbers.
-    found.extend((0..count).filter_map(|i| Some((distance(i)?.to_bits(), i))));
+    // Distance and index in one number, which is compared at once. The bits of numbers that are not negative are in
+    // the order of the numbers.
+    let key = |i: usize| Some(u128::from(distance(i)?.to_bits()) << 64 | i as u128);
+    let mut found: Vec<u128> = Vec::with_capacity(count);
+    found.extend((0..count).filter_map(key));
     if found.len() > most {
         found.select_nth_unstable(most - 1);
         found.truncate(most);
     }
     found.sort_unstable();
-    found.into_iter().map(|(_, i)| i).collect()
+    found.into_iter().map(|key| key as u64 as usize).collect()
 }
 
 /// Writes the last `frames` frames of an agent with the directions of its headings, oldest first; those
 /// before its first frame stay 0.
 fn write_track(
-    values: &mut [f32],
+    values: &mut [[u8; 4]],
     (track, directions): (&[Frame], &[Vec2]),
     frames: usize,
     frame: &LocalFrame,
@@ -321,20 +394,25 @@ fn write_track(
         let Some(state) = state else { continue };
         let ([x, y], [cos, sin]) = (frame.point(state.position()), frame.vector(*ahead));
         let [vx, vy] = frame.vector(AgentState::velocity(state).unwrap_or_default());
-        *values = [x, y, cos, sin, vx, vy, 1.0];
+        *values = bytes([x, y, cos, sin, vx, vy, 1.0]);
     }
 }
 
-fn write_agent(values: &mut [f32], seen: &Observation<'_>, agent: usize) {
+fn write_agent(values: &mut [[u8; 4]], seen: &Observation<'_>, agent: usize) {
     let agent = &seen.start().agents[agent];
-    values[..2].copy_from_slice(&[agent.length as f32, agent.width as f32]);
+    values[..2].copy_from_slice(&bytes([agent.length as f32, agent.width as f32]));
     let kind = match agent.kind {
         AgentKind::Vehicle => 0,
         AgentKind::Pedestrian => 1,
         AgentKind::Cyclist => 2,
         AgentKind::Other => 3,
     };
-    values[2 + kind] = 1.0;
+    values[2 + kind] = 1.0_f32.to_le_bytes();
+}
+
+/// Returns numbers as little-endian bytes.
+fn bytes<const N: usize>(values: [f32; N]) -> [[u8; 4]; N] {
+    values.map(f32::to_le_bytes)
 }
 
 /// Returns whether a light is red, yellow or green now.
@@ -344,5 +422,28 @@ fn colors(seen: &Observation<'_>, light: usize) -> [f32; 3] {
         Some(LightState::Caution | LightState::ArrowCaution | LightState::FlashingCaution) => [0.0, 1.0, 0.0],
         Some(LightState::Go | LightState::ArrowGo) => [0.0, 0.0, 1.0],
         Some(LightState::Unknown) | None => [0.0; 3],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kept_pieces_have_the_nearest_ones_wherever_the_agent_is() {
+        // Whole metres, so that there are ties.
+        let middle = |i: u32| Vec2::new(f64::from(i * 37 % 211), f64::from(i * 61 % 197));
+        let middles: Vec<Vec2> = (0..300).map(middle).collect();
+        for (most, count) in [(0, 300), (1, 300), (20, 300), (20, 15)] {
+            let (middles, mut near, mut kept) = (&middles[..count], NearPieces::default(), 0);
+            for step in 0..400 {
+                let p = Vec2::new(f64::from(step) * 0.5, 90.0 + 40.0 * (f64::from(step) * 0.02).sin());
+                let before = near.origin;
+                let all = nearest(most, count, |i| Some((middles[i] - p).norm_squared()));
+                assert_eq!(near.nearest(most, middles, p), all, "{p}");
+                kept += usize::from(near.origin == before);
+            }
+            assert!(kept > 350, "{kept}");
+        }
     }
 }

@@ -5,13 +5,13 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use super::action::{ActionKind, Mover};
-use super::arrays::{Arrays, Directions, SceneArrays, Sizes};
+use super::arrays::{Arrays, Kept, SceneArrays, Sizes};
 use super::traffic::{Traffic, is_broken_off, reason};
 use super::wire::{RequestError, missing, refused};
 use crate::evaluation::{DeviationLabels, Row, judge_in_memory};
 use crate::metrics::{Event, Options};
 use crate::planning::from_scene::{ObjectIds, ego_shape, ego_state_now, ego_states_until_now, planning_map};
-use crate::planning::metrics::SampleJudge;
+use crate::planning::metrics::{Reach, SampleJudge};
 use crate::planning::{EgoShape, PlanningMap};
 use crate::rollout::{AvError, AvPolicy, Entering, Lockstep, Observation, Rollout, RolloutBeginning};
 use crate::scene::{AgentState, FUTURE, Frame, Scenario};
@@ -75,7 +75,7 @@ pub struct Environment {
 /// The parts of a scenario that episodes share.
 struct Prepared {
     shape: EgoShape,
-    map: PlanningMap,
+    map: Arc<PlanningMap>,
     objects: ObjectIds,
     arrays: SceneArrays,
 }
@@ -88,7 +88,7 @@ struct Slot {
     next: Rc<Cell<Option<AgentState>>>,
     mover: Mover,
     judge: SampleJudge,
-    directions: Directions,
+    kept: Kept,
     /// Length of the route up to the AV, metres.
     progress: f64,
     end: Option<End>,
@@ -327,9 +327,9 @@ impl Environment {
         let sizes = &self.settings.sizes;
         let mut arrays = Arrays::with_capacity(sizes, slots.len());
         for i in slots {
-            let (Slot { prepared, directions, .. }, seen) = (&mut self.slots[i], self.lockstep.seen(i));
-            directions.follow(&seen);
-            prepared.arrays.write(&seen, directions, AV, sizes, &mut arrays);
+            let (Slot { prepared, kept, .. }, seen) = (&mut self.slots[i], self.lockstep.seen(i));
+            kept.follow(&seen);
+            prepared.arrays.write(&seen, kept, AV, sizes, &mut arrays);
         }
         arrays
     }
@@ -348,7 +348,8 @@ impl Environment {
     /// not scored.
     pub fn scores(&self, slot: usize) -> Option<(Vec<Row>, Vec<Vec<Event>>)> {
         let options = self.settings.scores?;
-        let (scenario, simulator) = (&self.slots[slot].scenario, &self.settings.traffic.id);
+        let (Slot { scenario, prepared, .. }, simulator) = (&self.slots[slot], &self.settings.traffic.id);
+        let map = Some(Arc::clone(&prepared.map));
         let mut tracks = self.lockstep.tracks(slot).to_vec();
         tracks.iter_mut().for_each(|track| track.resize(scenario.length().frames(), None));
         let rollout = Rollout {
@@ -357,7 +358,7 @@ impl Environment {
             entered: Vec::new(),
             outcomes: self.lockstep.outcomes(slot).clone(),
         };
-        Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, true))
+        Some(judge_in_memory(scenario, simulator, rollout, &DeviationLabels::default(), options, map))
     }
 
     /// Creates an episode at its start.
@@ -383,8 +384,8 @@ impl Environment {
         let judge = SampleJudge::new(ego_states_until_now(track, &prepared.shape));
         let progress = prepared.arrays.progress(scenario.start.now(AV).position());
         let (mover, next) = (mover.ok_or_else(absent)?, Rc::new(Cell::new(None)));
-        let directions = Directions::default();
-        Ok(Slot { scenario, prepared, next, mover, judge, directions, progress, end: None })
+        let kept = Kept::default();
+        Ok(Slot { scenario, prepared, next, mover, judge, kept, progress, end: None })
     }
 }
 
@@ -392,7 +393,7 @@ impl Prepared {
     fn new(scenario: &Scenario, points: usize) -> Result<Self, RequestError> {
         Ok(Self {
             shape: ego_shape(scenario).map_err(RequestError::new)?,
-            map: planning_map(scenario).map_err(RequestError::new)?,
+            map: Arc::new(planning_map(scenario).map_err(RequestError::new)?),
             objects: ObjectIds::new(&scenario.start),
             arrays: SceneArrays::new(scenario, points),
         })
@@ -423,7 +424,7 @@ impl Slot {
         let Some(ego) = ego_state_now(seen.track(AV), current, &prepared.shape) else {
             return Some(no_state());
         };
-        let objects = prepared.objects.objects_now(seen);
+        let objects = prepared.objects.objects_near(seen, &Reach::of(&ego, &prepared.shape));
         let scores = self.judge.judge(&prepared.map, prepared.shape, ego, objects);
         let progress = prepared.arrays.progress(ego.center(&prepared.shape));
         let is_contact = !scores.contacts.is_empty();
@@ -495,7 +496,8 @@ mod tests {
         environment.reset(&[begin(0), begin(1), begin(2)]).unwrap();
         // Frames before the first one are absent: 30 are observed, and 11 are there.
         let observed = environment.observe(0..3);
-        let rows: Vec<&[f32]> = observed.0[0].chunks(7).collect();
+        let numbers: Vec<f32> = observed.0[0].iter().map(|number| f32::from_le_bytes(*number)).collect();
+        let rows: Vec<&[f32]> = numbers.chunks(7).collect();
         assert!(rows[..19].iter().all(|row| row.iter().all(|value| *value == 0.0)));
         assert!(rows[19..30].iter().all(|row| row[6] == 1.0));
         let mut ends = [None; 3];

@@ -218,7 +218,7 @@ pub(super) fn reset_world(request: &Frame, world: &mut Option<World>) -> Answer 
     let ids: Vec<&str> = scenario.start.agents[1..=agents].iter().map(|agent| agent.id.as_str()).collect();
     let mut answer = answer("observation", &ids)?;
     let arrays = world.observe();
-    put_arrays(&mut answer, world.sizes(), agents, &arrays);
+    put_arrays(&mut answer, world.sizes(), agents, arrays);
     Ok(answer)
 }
 
@@ -230,7 +230,7 @@ pub(super) fn step_world(request: &Frame, world: &mut Option<World>) -> Answer {
     let end = stepped.is_over.then(|| end_document(world.scores())).transpose()?;
     let mut answer = answer("stepped", &end)?;
     let arrays = world.observe();
-    put_arrays(&mut answer, world.sizes(), shape[0], &arrays);
+    put_arrays(&mut answer, world.sizes(), shape[0], arrays);
     let measures = stepped.measures.iter().flatten().copied();
     answer.tensor("measures", Values::f64(&[shape[0], AGENT_MEASURES.len()], measures));
     Ok(answer)
@@ -314,14 +314,14 @@ fn put_observations(
     slots: impl ExactSizeIterator<Item = usize>,
 ) {
     let (rows, arrays) = (slots.len(), environment.observe(slots));
-    put_arrays(answer, &environment.settings().sizes, rows, &arrays);
+    put_arrays(answer, &environment.settings().sizes, rows, arrays);
 }
 
 /// Adds arrays of observations with this number of rows.
-fn put_arrays(answer: &mut FrameWriter, sizes: &Sizes, rows: usize, arrays: &Arrays) {
-    for ((name, shape), values) in sizes.shapes().into_iter().zip(&arrays.0) {
+fn put_arrays(answer: &mut FrameWriter, sizes: &Sizes, rows: usize, arrays: Arrays) {
+    for ((name, shape), values) in sizes.shapes().into_iter().zip(arrays.0) {
         let shape: Vec<usize> = std::iter::once(rows).chain(shape).collect();
-        answer.tensor(name, Values::f32(&shape, values.iter().copied()));
+        answer.tensor(name, Values::f32(&shape, values));
     }
 }
 

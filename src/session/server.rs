@@ -118,7 +118,7 @@ mod tests {
     fn answers(requests: &[Sent<'_>]) -> Vec<Frame> {
         let input: Vec<u8> = requests.iter().enumerate().flat_map(|(seq, sent)| request(seq, sent)).collect();
         let output = Written::default();
-        let parent = Parent::new(Cursor::new(input), output.clone()).unwrap();
+        let parent = Parent::new(Cursor::new(input), output.clone());
         serve(&parent).unwrap();
         drop(parent);
         let output = output.0.lock();
@@ -269,7 +269,7 @@ mod tests {
     fn simulators_of_the_parent_are_asked_before_the_answer() {
         let ((from_parent, mut to_child), (mut from_child, to_parent)) =
             (io::pipe().unwrap(), io::pipe().unwrap());
-        let program = thread::spawn(move || serve(&Parent::new(from_parent, to_parent).unwrap()));
+        let program = thread::spawn(move || serve(&Parent::new(from_parent, to_parent)));
         let mut ask = |seq, sent: Sent<'_>, fails: &str| {
             to_child.write_all(&request(seq, &sent)).unwrap();
             let mut asked = Vec::new();

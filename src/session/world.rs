@@ -6,7 +6,7 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 
 use super::action::{ActionKind, Mover};
-use super::arrays::{Arrays, Directions, SceneArrays, Sizes};
+use super::arrays::{Arrays, Kept, SceneArrays, Sizes};
 use super::traffic::{Traffic, reason};
 use super::wire::{RequestError, missing, refused};
 use crate::evaluation::{Plan, Row, judge_in_memory};
@@ -60,7 +60,7 @@ pub struct World {
 struct WorldEpisode {
     scenario: Arc<Scenario>,
     arrays: SceneArrays,
-    directions: Directions,
+    kept: Kept,
     lockstep: Lockstep<'static, Arc<Scenario>>,
     /// Motion of each agent that actions move.
     movers: Vec<Mover>,
@@ -303,8 +303,8 @@ impl World {
         let beginning = RolloutBeginning { scenario: Arc::clone(&scenario), av, rollout };
         let lockstep = Lockstep::begin([beginning], &self.controller, &self.settings);
         let arrays = SceneArrays::new(&scenario, self.sizes.points);
-        let (scenario_of, directions) = (Arc::clone(&scenario), Directions::default());
-        let new = WorldEpisode { scenario: scenario_of, arrays, directions, lockstep, movers };
+        let (scenario_of, kept) = (Arc::clone(&scenario), Kept::default());
+        let new = WorldEpisode { scenario: scenario_of, arrays, kept, lockstep, movers };
         match self.episode.insert(new).lockstep.failure(0) {
             Some(error) => refused(reason(&self.id, error)),
             None => Ok(scenario),
@@ -346,11 +346,11 @@ impl World {
     /// Returns the observation of each agent that actions move.
     pub fn observe(&mut self) -> Arrays {
         let mut arrays = Arrays::with_capacity(&self.sizes, self.actions()[0]);
-        if let Some(WorldEpisode { arrays: of_scene, directions, lockstep, movers, .. }) = &mut self.episode {
+        if let Some(WorldEpisode { arrays: of_scene, kept, lockstep, movers, .. }) = &mut self.episode {
             let seen = lockstep.seen(0);
-            directions.follow(&seen);
+            kept.follow(&seen);
             for agent in AV + 1..=movers.len() {
-                of_scene.write(&seen, directions, agent, &self.sizes, &mut arrays);
+                of_scene.write(&seen, kept, agent, &self.sizes, &mut arrays);
             }
         }
         arrays
@@ -377,7 +377,7 @@ impl World {
             entered: Vec::new(),
             outcomes: episode.lockstep.outcomes(0).clone(),
         };
-        Some(judge_in_memory(&episode.scenario, &self.id, rollout, &deviation, options, false))
+        Some(judge_in_memory(&episode.scenario, &self.id, rollout, &deviation, options, None))
     }
 }
 

@@ -4,8 +4,10 @@ pub(crate) mod av_scores;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
 
 use reactsim_metrics::{Case, DeviationStats, Event, MetricSpec, Metrics, Options, Scope, Score, metric};
+use reactsim_planning::PlanningMap;
 use reactsim_rollout::{Entering, Rollout};
 use reactsim_scene::{Certificate, Scenario};
 
@@ -59,21 +61,22 @@ impl PairScores {
 }
 
 /// Scores the rollouts of one scenario and one simulator. `certificate`: responses that avoid the AV of the
-/// rollouts, if known. `judges_av`: whether the AV is judged, too.
+/// rollouts, if known. `av_map`: planning map on which the AV is judged, too, made at first use; `None` if the AV
+/// is not judged.
 pub(super) fn judge(
     scenario: &Scenario,
     certificate: Option<&Certificate>,
     rollouts: &[Rollout],
     (metrics, options): (&Metrics, Options),
-    judges_av: bool,
+    av_map: Option<&OnceLock<Arc<PlanningMap>>>,
 ) -> PairScores {
     let scenes: Vec<Cow<'_, Scenario>> =
         rollouts.iter().map(|rollout| rolled_out(scenario, rollout)).collect();
     let scenes: Vec<&Scenario> = scenes.iter().map(AsRef::as_ref).collect();
     let parts = || rollouts.iter().zip(&scenes);
     let judged: Vec<_> =
-        parts().map(|(rollout, scene)| judges_av.then(|| judge_av(scene, rollout))).collect();
-    let is_own = |scope| scope == Scope::Rollout || judges_av && scope == Scope::Av;
+        parts().map(|(rollout, scene)| av_map.map(|map| judge_av(scene, rollout, map))).collect();
+    let is_own = |scope| scope == Scope::Rollout || av_map.is_some() && scope == Scope::Av;
     let (mut last_case, mut not_finite) = (None, None);
     let results = parts().zip(&judged).map(|((rollout, scene), judged)| {
         let (av_scores, said) = match judged {

@@ -5,13 +5,14 @@ pub(crate) mod merge;
 pub(crate) mod omissions;
 
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread;
 
 use parking_lot::{Mutex, MutexGuard};
 use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_formats::UndecodedScenario;
+use reactsim_planning::PlanningMap;
 use reactsim_rollout::{Av, Request, Rollout, roll_out_while};
 use reactsim_scene::Scenario;
 
@@ -244,8 +245,8 @@ struct PreparedScenario {
     allowed: Vec<RolloutCheck>,
     /// Plans of the AV that have to be checked.
     given: Arc<GivenPlans>,
-    /// Whether the AV is judged, too.
-    judges_av: bool,
+    /// Planning map on which the AV is judged, too, made at first use; `None` if the AV is not judged.
+    av_map: Option<OnceLock<Arc<PlanningMap>>>,
 }
 
 /// Reason why a record is not run.
@@ -355,7 +356,7 @@ impl Runner<'_> {
         match self.plan.checked_av(&scenario, &given) {
             Ok((_, deviation)) if !selection.has_category(deviation.category) => Ok(self.unselected()),
             Ok((av, deviation)) => {
-                let judges_av = self.plan.policy().is_some_and(AvChoice::is_judged);
+                let is_judged = self.plan.policy().is_some_and(AvChoice::is_judged);
                 let (place, digest) = (item.place, digest.unwrap_or_else(|| scenario.digest()));
                 Ok(Some(PreparedScenario {
                     place,
@@ -364,7 +365,7 @@ impl Runner<'_> {
                     deviation,
                     allowed,
                     given,
-                    judges_av,
+                    av_map: is_judged.then(OnceLock::new),
                     scenario,
                 }))
             }
@@ -561,7 +562,7 @@ impl Runner<'_> {
     fn scores(&self, ready: &PreparedScenario, rollouts: &[Rollout]) -> PairScores {
         let certificate = ready.deviation.certificate.as_ref();
         let how = (&self.plan.metrics, self.plan.options);
-        judge(&ready.scenario, certificate, rollouts, how, ready.judges_av)
+        judge(&ready.scenario, certificate, rollouts, how, ready.av_map.as_ref())
     }
 
     /// Prefixes a text with file and record, like errors of files.

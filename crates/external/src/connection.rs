@@ -60,10 +60,13 @@ impl Connection {
                 last_lines.open();
                 let (stderr, to) = (stderr.clone(), last_lines.clone());
                 spawn("stderr", move || stderr.drain(pipes.stderr, &to))?;
-                let pipe = Arc::new(Mutex::new(Pipe::new(pipes.stdout, pipes.stdin, MOST_TEXT)?));
+                let mut pipe = Pipe::new(pipes.stdout, pipes.stdin, MOST_TEXT);
+                pipe.start_threads()?;
+                let pipe = Arc::new(Mutex::new(pipe));
                 Ok(Self { process: Some(process), last_lines, pipe, address: Vec::new() })
             }
             Command::Parent(Parent(pipe)) => {
+                pipe.lock().start_threads()?;
                 let address = vec![("to", name.to_owned()), ("worker", number.to_string())];
                 Ok(Self { process: None, last_lines, pipe: Arc::clone(pipe), address })
             }

@@ -1,10 +1,11 @@
 //! The content of a frame: tensors and texts by name, as a safetensors document behind its length.
 
-use std::borrow::Cow;
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
+use std::fmt::Display;
 use std::io::{self, Read};
 
-use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, View};
+use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo};
 
 /// A reason why a document is refused; the text names the field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -32,8 +33,7 @@ pub struct Values {
 
 impl Values {
     fn of<const N: usize>(dtype: Dtype, shape: &[usize], numbers: impl Iterator<Item = [u8; N]>) -> Self {
-        let bytes = numbers.collect::<Vec<[u8; N]>>().into_flattened();
-        Self { dtype, shape: shape.to_vec(), bytes }
+        Self { dtype, shape: shape.to_vec(), bytes: numbers.collect::<Vec<_>>().into_flattened() }
     }
 
     /// Creates a tensor of `f64`.
@@ -41,9 +41,9 @@ impl Values {
         Self::of(Dtype::F64, shape, numbers.into_iter().map(f64::to_le_bytes))
     }
 
-    /// Creates a tensor of `f32`.
-    pub fn f32(shape: &[usize], numbers: impl IntoIterator<Item = f32>) -> Self {
-        Self::of(Dtype::F32, shape, numbers.into_iter().map(f32::to_le_bytes))
+    /// Creates a tensor of `f32`, given as little-endian bytes, which are not copied.
+    pub fn f32(shape: &[usize], numbers: Vec<[u8; 4]>) -> Self {
+        Self { dtype: Dtype::F32, shape: shape.to_vec(), bytes: numbers.into_flattened() }
     }
 
     /// Creates a tensor of `i32`.
@@ -69,24 +69,6 @@ impl Values {
     /// Creates a tensor of `u8` from bytes, such as a text of any length.
     pub fn bytes(bytes: Vec<u8>) -> Self {
         Self { dtype: Dtype::U8, shape: vec![bytes.len()], bytes }
-    }
-}
-
-impl View for &Values {
-    fn dtype(&self) -> Dtype {
-        self.dtype
-    }
-
-    fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
-    fn data(&self) -> Cow<'_, [u8]> {
-        Cow::Borrowed(&self.bytes)
-    }
-
-    fn data_len(&self) -> usize {
-        self.bytes.len()
     }
 }
 
@@ -127,12 +109,27 @@ impl FrameWriter {
                  scenarios and agents"
             )));
         }
-        let document = safetensors::serialize(self.tensors.iter(), Some(self.texts.clone()));
-        let document =
-            document.map_err(|error| DocumentError(format!("the frame cannot be written: {error}")))?;
-        let mut frame = Vec::with_capacity(8 + document.len());
-        frame.extend_from_slice(&(document.len() as u64).to_le_bytes());
-        frame.extend_from_slice(&document);
+        // Wide types first, so that every tensor is aligned.
+        let mut tensors: Vec<(&str, &Values)> =
+            self.tensors.iter().map(|(name, values)| (*name, values)).collect();
+        tensors.sort_by_key(|(_, values)| Reverse(values.dtype));
+        let mut size = 0;
+        let info = |&(name, Values { dtype, shape, bytes }): &(&str, &Values)| {
+            let data_offsets = (size, size + bytes.len());
+            size = data_offsets.1;
+            (name.to_owned(), TensorInfo { dtype: *dtype, shape: shape.clone(), data_offsets })
+        };
+        let infos = tensors.iter().map(info).collect();
+        let failed = |error: &dyn Display| DocumentError(format!("the frame cannot be written: {error}"));
+        let header = Metadata::new(Some(self.texts.clone()), infos).map_err(|error| failed(&error))?;
+        let mut header = serde_json::to_vec(&header).map_err(|error| failed(&error))?;
+        header.resize(header.len().next_multiple_of(size_of::<u64>()), b' ');
+        let length = size_of::<u64>() + header.len() + size;
+        let mut frame = Vec::with_capacity(size_of::<u64>() + length);
+        frame.extend_from_slice(&(length as u64).to_le_bytes());
+        frame.extend_from_slice(&(header.len() as u64).to_le_bytes());
+        frame.extend_from_slice(&header);
+        tensors.iter().for_each(|(_, values)| frame.extend_from_slice(&values.bytes));
         Ok(frame)
     }
 }

@@ -7,7 +7,7 @@ pub struct ExternalError(pub String);
 
 impl ExternalError {
     /// Returns the error of a program that does not start or does not greet.
-    pub fn no_start(name: &str, reason: &str) -> Self {
+    pub(super) fn no_start(name: &str, reason: &str) -> Self {
         Self(format!("external program `{name}` did not start: {reason}"))
     }
 }

@@ -101,7 +101,7 @@ mod tests {
             }
             received
         };
-        (Parent::new(from_child, to_child).unwrap(), thread::spawn(answer))
+        (Parent::new(from_child, to_child), thread::spawn(answer))
     }
 
     fn outline() -> RunOutline {

@@ -19,13 +19,9 @@ const TIME_TO_READ: Duration = Duration::from_secs(5);
 /// Largest frame of the parent process that is no answer, bytes.
 const MOST_UNASKED: u64 = 4 << 30;
 
-/// Two streams of frames. They are read and written by threads of their own, so that no request can wait
-/// longer than its limit.
+/// Two streams of frames.
 pub(super) struct Pipe {
-    outgoing: Option<Sender<Vec<u8>>>,
-    incoming: Receiver<io::Result<Vec<u8>>>,
-    /// Ends when everything is written.
-    written: Receiver<()>,
+    streams: Streams,
     /// Largest frame that is possible now, bytes.
     most: Arc<AtomicU64>,
     /// Whether the other process asks as well.
@@ -36,26 +32,52 @@ pub(super) struct Pipe {
     sequence: u64,
 }
 
+/// Who reads and writes the streams of a [`Pipe`].
+enum Streams {
+    /// The thread that uses the pipe. It waits as long as the other process does.
+    Direct { input: Box<dyn Read + Send>, output: Box<dyn Write + Send> },
+    /// Threads of their own, so that no request can wait longer than its limit.
+    Threads {
+        outgoing: Option<Sender<Vec<u8>>>,
+        incoming: Receiver<io::Result<Vec<u8>>>,
+        /// Ends when everything is written.
+        written: Receiver<()>,
+    },
+}
+
 impl Pipe {
-    /// Creates the threads. `most` is the size of the largest frame that is possible at first, bytes.
+    /// Takes the streams, which are used directly at first. `most` is the size of the largest frame that is
+    /// possible at first, bytes.
     pub(super) fn new(
         input: impl Read + Send + 'static,
         output: impl Write + Send + 'static,
         most: u64,
-    ) -> io::Result<Self> {
+    ) -> Self {
+        let streams = Streams::Direct { input: Box::new(input), output: Box::new(output) };
+        let most = Arc::new(AtomicU64::new(most));
+        Self { streams, most, is_parent: false, is_broken: false, sequence: 0 }
+    }
+
+    /// Creates the threads that read and write the streams from now on, unless there are any.
+    ///
+    /// # Errors
+    /// If a thread cannot be started; the streams are closed then.
+    pub(super) fn start_threads(&mut self) -> io::Result<()> {
+        let Streams::Direct { input, output } = &mut self.streams else { return Ok(()) };
+        let input = std::mem::replace(input, Box::new(io::empty()));
+        let output = std::mem::replace(output, Box::new(io::sink()));
         let (outgoing, to_write) = mpsc::channel::<Vec<u8>>();
         // More than one frame in the queue is an answer that nobody asked for; the reader then waits.
         let (send, incoming) = mpsc::sync_channel(2);
         let (writing, written) = mpsc::channel();
-        let most = Arc::new(AtomicU64::new(most));
-        let (limit, failed) = (Arc::clone(&most), send.clone());
+        let (limit, failed) = (Arc::clone(&self.most), send.clone());
         spawn("reader", move || read_frames(input, &limit, &send))?;
         spawn("writer", move || {
             write_frames(output, &to_write, &failed);
             drop(writing);
         })?;
-        let outgoing = Some(outgoing);
-        Ok(Self { outgoing, incoming, written, most, is_parent: false, is_broken: false, sequence: 0 })
+        self.streams = Streams::Threads { outgoing: Some(outgoing), incoming, written };
+        Ok(())
     }
 
     /// Returns the number of a new request.
@@ -70,13 +92,21 @@ impl Pipe {
     }
 
     /// Sends a frame; returns whether the stream is open.
-    pub(super) fn send(&self, frame: Vec<u8>) -> bool {
-        self.outgoing.as_ref().is_some_and(|outgoing| outgoing.send(frame).is_ok())
+    pub(super) fn send(&mut self, frame: Vec<u8>) -> bool {
+        match &mut self.streams {
+            Streams::Direct { output, .. } => output.write_all(&frame).and_then(|()| output.flush()).is_ok(),
+            Streams::Threads { outgoing, .. } => {
+                outgoing.as_ref().is_some_and(|outgoing| outgoing.send(frame).is_ok())
+            }
+        }
     }
 
-    /// Waits for a frame. The end of the stream is [`io::ErrorKind::UnexpectedEof`].
+    /// Waits for a frame, which needs the threads. The end of the stream is [`io::ErrorKind::UnexpectedEof`].
     pub(super) fn receive(&self, time: Duration) -> Result<io::Result<Vec<u8>>, RecvTimeoutError> {
-        let received = self.incoming.recv_timeout(time);
+        let Streams::Threads { incoming, .. } = &self.streams else {
+            return Err(RecvTimeoutError::Disconnected);
+        };
+        let received = incoming.recv_timeout(time);
         if self.is_parent && received.is_ok() {
             self.expect(MOST_UNASKED);
         }
@@ -85,16 +115,18 @@ impl Pipe {
 
     /// Closes the stream that is written, once everything is written.
     pub(super) fn close(&mut self) {
-        self.outgoing = None;
+        if let Streams::Threads { outgoing, .. } = &mut self.streams {
+            *outgoing = None;
+        }
     }
 }
 
 impl Drop for Pipe {
     fn drop(&mut self) {
         self.close();
-        if self.is_parent {
+        if let (Streams::Threads { written, .. }, true) = (&self.streams, self.is_parent) {
             // What this process writes next follows the frames.
-            self.written.recv_timeout(time_left(TIME_TO_READ)).ok();
+            written.recv_timeout(time_left(TIME_TO_READ)).ok();
         }
     }
 }
@@ -106,20 +138,14 @@ pub struct Parent(pub(super) Arc<Mutex<Pipe>>);
 
 impl Parent {
     /// Takes the stream that the parent writes, and the one that it reads.
-    ///
-    /// # Errors
-    /// If a thread cannot be started.
-    pub fn new(input: impl Read + Send + 'static, output: impl Write + Send + 'static) -> io::Result<Self> {
-        let mut pipe = Pipe::new(input, output, MOST_UNASKED)?;
+    pub fn new(input: impl Read + Send + 'static, output: impl Write + Send + 'static) -> Self {
+        let mut pipe = Pipe::new(input, output, MOST_UNASKED);
         pipe.is_parent = true;
-        Ok(Self(Arc::new(Mutex::new(pipe))))
+        Self(Arc::new(Mutex::new(pipe)))
     }
 
     /// Takes our own standard input and output.
-    ///
-    /// # Errors
-    /// If a thread cannot be started.
-    pub fn stdio() -> io::Result<Self> {
+    pub fn stdio() -> Self {
         Self::new(io::stdin(), io::stdout())
     }
 
@@ -128,10 +154,13 @@ impl Parent {
     /// # Errors
     /// If the stream contains something other than frames.
     pub fn receive(&self) -> io::Result<Option<Vec<u8>>> {
-        match self.0.lock().incoming.recv() {
-            Ok(Ok(frame)) => Ok(Some(frame)),
-            Ok(Err(error)) if error.kind() != io::ErrorKind::UnexpectedEof => Err(error),
-            Ok(Err(_)) | Err(_) => Ok(None),
+        match &mut self.0.lock().streams {
+            Streams::Direct { input, .. } => read_frame(input, || MOST_UNASKED),
+            Streams::Threads { incoming, .. } => match incoming.recv() {
+                Ok(Ok(frame)) => Ok(Some(frame)),
+                Ok(Err(error)) if error.kind() != io::ErrorKind::UnexpectedEof => Err(error),
+                Ok(Err(_)) | Err(_) => Ok(None),
+            },
         }
     }
 

@@ -381,7 +381,7 @@ mod tests {
             }
             received
         };
-        (Parent::new(from_child, to_child).unwrap(), thread::spawn(answer))
+        (Parent::new(from_child, to_child), thread::spawn(answer))
     }
 
     /// An AV that stands still and asks its planner every 5 steps.

@@ -184,6 +184,41 @@ impl Polyline {
         self.project_nearer(p, first.min(last - 1), last, f64::INFINITY)
     }
 
+    /// Projects `p` as [`Self::project_between`] does, faster for a point beside the first segments of a line that
+    /// goes on ahead.
+    pub fn project_ahead(&self, p: Vec2, first: usize, last: usize) -> Projection {
+        let last = last.clamp(1, self.segments());
+        let first = first.min(last - 1);
+        let (mut best, mut segment, mut at) = (f64::INFINITY, first, 0.0);
+        // The direction of the first segment in which the nearest point is, and the position along it of the next
+        // point of the line.
+        let mut ahead: Option<(Vec2, f64)> = None;
+        // The slack is larger than the errors of the distances.
+        let mut bound = f64::INFINITY;
+        for i in first..last {
+            let (a, b) = self.segment(i);
+            if let Some((axis, from)) = &mut ahead {
+                // No point of the segment is nearer than both of its ends along a direction.
+                let to = axis.dot(&(b - p));
+                let nearest = from.min(to);
+                *from = to;
+                if nearest > bound {
+                    continue;
+                }
+            }
+            let (d2, t) = point_segment(p, a, b);
+            if d2 < best {
+                (best, segment, at) = (d2, i, t);
+                bound = best.sqrt() * (1.0 + 1e-9) + 1e-9;
+            }
+            if ahead.is_none() && t < 1.0 {
+                let axis = (b - a) / (self.arc[i + 1] - self.arc[i]);
+                ahead = Some((axis, axis.dot(&(b - p))));
+            }
+        }
+        self.projection(p, segment, at, best)
+    }
+
     /// Projects `p` onto the nearest point over the segments `first..last` whose squared distance is less
     /// than `limit2`, m²; without such a point, the result has that distance.
     #[inline]
@@ -210,10 +245,17 @@ impl Polyline {
             }
             i += 1;
         }
+        self.projection(p, segment, at, best)
+    }
+
+    /// Returns the projection of `p` onto the point at parameter `at` of a segment, whose squared distance is
+    /// `distance2`.
+    #[inline]
+    fn projection(&self, p: Vec2, segment: usize, at: f64, distance2: f64) -> Projection {
         let (a, b) = self.segment(segment);
         let ab = b - a;
         let side = ab.perp(&(p - a));
-        let distance = best.sqrt();
+        let distance = distance2.sqrt();
         Projection {
             s: self.arc[segment] + at * (self.arc[segment + 1] - self.arc[segment]),
             offset: if side >= 0.0 { distance } else { -distance },
@@ -251,6 +293,7 @@ mod tests {
             let nearest = all.fold((f64::INFINITY, 0), |a, i| if d2(i) < a.0 { (d2(i), i) } else { a });
             let found = line.project_between(p, first, first + count);
             prop_assert_eq!((found.distance, found.segment), (nearest.0.sqrt(), nearest.1));
+            prop_assert_eq!(line.project_ahead(p, first, first + count), found);
             let whole = line.project(p);
             for distance in [0.0, 1.0, 5.0, whole.distance] {
                 let wanted = (whole.distance <= distance).then_some(whole);

@@ -1,9 +1,12 @@
 //! Fast containment tests for rings of many points.
 
-use super::{Polygon, Vec2};
+use super::{Polygon, Vec2, point_segment};
 
 /// Average number of ring edges per slab.
 const EDGES_PER_SLAB: usize = 4;
+
+/// Bound of the rounding errors of distances, metres.
+const ROUNDING: f64 = 1e-6;
 
 /// The edges of a ring, by horizontal slab: a point is tested against the edges of its slab only. The answers
 /// equal those of [`super::point_in_ring`] on the whole ring.
@@ -52,6 +55,16 @@ impl RingIndex {
         }
         Some(inside)
     }
+
+    /// Returns whether the ring is less than `distance` metres from `p`, by [`super::ring_distance`].
+    pub fn is_within(&self, p: Vec2, distance: f64) -> bool {
+        let reach = distance + ROUNDING;
+        if self.bottom > self.top || p.y + reach < self.bottom || p.y - reach > self.top {
+            return false;
+        }
+        let near = &self.slabs[self.slab(p.y - reach)..=self.slab(p.y + reach)];
+        near.iter().flatten().any(|&(a, b)| point_segment(p, a, b).0.sqrt() < distance)
+    }
 }
 
 /// An index of the rings of a polygon.
@@ -74,6 +87,11 @@ impl PolygonIndex {
     pub fn contains(&self, p: Vec2) -> bool {
         self.exterior.locate(p) == Some(true) && self.holes.iter().all(|hole| hole.locate(p) == Some(false))
     }
+
+    /// Returns whether a ring is less than `distance` metres from `p`.
+    pub fn is_boundary_within(&self, p: Vec2, distance: f64) -> bool {
+        self.exterior.is_within(p, distance) || self.holes.iter().any(|hole| hole.is_within(p, distance))
+    }
 }
 
 #[cfg(test)]
@@ -81,7 +99,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::point_in_ring;
+    use crate::{point_in_ring, ring_distance};
 
     fn points(max: usize) -> impl Strategy<Value = Vec<Vec2>> {
         // Whole numbers, so that points are often on edges, on corners or at the same y.
@@ -101,6 +119,10 @@ mod tests {
                 let ring = RingIndex::new(&polygon.exterior);
                 for p in [p, between] {
                     prop_assert_eq!(ring.locate(p), point_in_ring(p, &polygon.exterior), "{:?}", p);
+                    let nearest = ring_distance(p, &polygon.exterior);
+                    for distance in [0.0, 0.3, 2.0, nearest, nearest + 0.1] {
+                        prop_assert_eq!(ring.is_within(p, distance), nearest < distance, "{:?} {}", p, distance);
+                    }
                 }
             }
         }

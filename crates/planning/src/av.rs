@@ -193,7 +193,7 @@ impl PlannerPolicy<'_> {
         let (_, ids) = self.ids.insert(known.unwrap_or_else(|| (seen.changes(), ObjectIds::new(start))));
         // The objects at a frame up to the present one, as they were known at that frame.
         let objects = |frame: usize, heights: &[f64]| {
-            ObjectFrame { start, ids, tracks, frame, heights }.objects(Differences::Backward).0
+            ObjectFrame { start, ids, tracks, frame, heights }.objects(Differences::Backward, None).0
         };
         match self.next {
             Some(ego) => {

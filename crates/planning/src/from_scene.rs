@@ -13,6 +13,7 @@ mod roadblocks;
 mod route;
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use reactsim_scene::{Frame, Scenario};
 
@@ -35,7 +36,7 @@ const AV: usize = 0;
 #[derive(Clone, Debug)]
 pub struct SceneHistory {
     /// The map.
-    pub map: PlanningMap,
+    pub map: Arc<PlanningMap>,
     /// Box and axles of ego.
     pub shape: EgoShape,
     /// State of ego per sample.
@@ -56,6 +57,19 @@ impl SceneHistory {
     /// [`PlanningError`] if the map has lanes without area, or the AV is not present at all frames from
     /// the current one on.
     pub fn of_rollout(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Result<Self, PlanningError> {
+        Self::on_map(scenario, tracks, || Ok(Arc::new(planning_map(scenario)?)))
+    }
+
+    /// Creates the history of a rollout as [`Self::of_rollout`] does, on the [`planning_map`] of the scenario that
+    /// `map` returns: rollouts of a scenario can share it.
+    ///
+    /// # Errors
+    /// As [`Self::of_rollout`], and those of `map`.
+    pub fn on_map(
+        scenario: &Scenario,
+        tracks: &[Vec<Frame>],
+        map: impl FnOnce() -> Result<Arc<PlanningMap>, PlanningError>,
+    ) -> Result<Self, PlanningError> {
         let shape = ego_shape(scenario)?;
         let track = tracks.get(AV).map(Vec::as_slice).unwrap_or_default();
         let length = scenario.length();
@@ -68,21 +82,6 @@ impl SceneHistory {
             ))
         };
         let ego = ego_states(track, length, &shape).ok_or_else(no_ego)?;
-        let mut history = Self::of_planner(scenario, tracks, ego)?;
-        history.labels.insert(Label::EgoDifferences);
-        Ok(history)
-    }
-
-    /// Creates the history of a rollout in which a controller drove ego. `ego`: a state at the current frame
-    /// and at every frame after it. `tracks` as in [`Self::of_rollout`]; the AV is left out of the objects.
-    ///
-    /// # Errors
-    /// As [`Self::of_rollout`], except for the track of the AV.
-    pub fn of_planner(
-        scenario: &Scenario,
-        tracks: &[Vec<Frame>],
-        ego: Vec<EgoState>,
-    ) -> Result<Self, PlanningError> {
         let agents = scenario.start.agents.len();
         if tracks.len() != agents {
             let (id, tracks) = (&scenario.id, tracks.len());
@@ -90,15 +89,14 @@ impl SceneHistory {
                 format!("scenario `{id}`: {tracks} tracks for {agents} agents; give one track per agent");
             return Err(PlanningError(text));
         }
-        let shape = ego_shape(scenario)?;
-        let mut labels = BTreeSet::new();
+        let mut labels = BTreeSet::from([Label::EgoDifferences]);
         if shape != EgoShape::PACIFICA {
             labels.insert(Label::VehicleScaled);
         }
         if scenario.start.has_levels() {
             labels.insert(Label::LevelsIgnored);
         }
-        let map = planning_map(scenario)?;
+        let map = map()?;
         let objects = rollout_objects(scenario, tracks, &mut labels);
         let expert = ego_states(&scenario.logged(AV), scenario.length(), &shape);
         Ok(Self { map, shape, ego, expert, objects, labels })

@@ -275,7 +275,7 @@ mod tests {
         let map = PlanningMap::new(parts()).unwrap();
         assert_eq!(map.in_intersection(v(5.0, 1.0)), Some(false));
         assert_eq!(map.in_intersection(v(15.0, 1.0)), Some(true));
-        assert_eq!(map.drivable().contains(v(5.0, 1.0)), None);
+        assert_eq!(map.drivable().contains(v(5.0, 1.0), &mut None), None);
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub use driving_direction::DrivingDirection;
 pub use history::{History, MIN_SAMPLES, MissingInputs};
 pub use progress::ExpertProgress;
 pub(crate) use progress::passed_lanes;
-pub use sample::{SampleJudge, SampleScores};
+pub use sample::{Reach, SampleJudge, SampleScores};
 pub use savitzky_golay::{PreparedFilter, SavitzkyGolay};
 pub use score::{ClosedLoopScore, MetricRole};
 pub use scores::{PlannerScores, judge};

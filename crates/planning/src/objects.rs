@@ -85,6 +85,11 @@ impl TrackedObject {
         OrientedBox::new(self.center, self.heading, self.length, self.width)
     }
 
+    /// Returns the radius of the circle around the box, metres.
+    pub fn radius(&self) -> f64 {
+        math::hypot(0.5 * self.length, 0.5 * self.width)
+    }
+
     /// Returns the magnitude of the velocity, m/s; 0 for static kinds.
     pub fn speed(&self) -> f64 {
         if self.kind.is_static() { 0.0 } else { math::hypot(self.velocity.x, self.velocity.y) }

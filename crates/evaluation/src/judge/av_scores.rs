@@ -1,13 +1,14 @@
 //! The metrics of the AV in one rollout.
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
 
 use reactsim_metrics::{AvScores, Event};
-use reactsim_planning::PlanningError;
-use reactsim_planning::from_scene::{RouteEnd, SceneHistory};
+use reactsim_planning::from_scene::{RouteEnd, SceneHistory, planning_map};
 use reactsim_planning::metrics::{
     ClosedLoopScore, FirstContact, Label, MetricValue, PlannerMetric, PlannerScores, UndefinedReason,
 };
+use reactsim_planning::{PlanningError, PlanningMap};
 use reactsim_rollout::Rollout;
 use reactsim_scene::Scenario;
 
@@ -22,12 +23,24 @@ pub(crate) struct JudgedAv {
 }
 
 /// Judges the AV in a rollout of a scenario by nuPlan's closed-loop metrics. The motion of the AV is its
-/// track, so that all AVs are judged alike, and rollouts that are kept can be judged again.
+/// track, so that all AVs are judged alike, and rollouts that are kept can be judged again. `map`: planning map
+/// of the scenario, which is made if it is missing.
 ///
 /// # Errors
 /// [`PlanningError`] if the map cannot be used or the AV is absent at a step.
-pub(crate) fn judge_av(scenario: &Scenario, rollout: &Rollout) -> Result<JudgedAv, PlanningError> {
-    let history = SceneHistory::of_rollout(scenario, &rollout.tracks)?;
+pub(crate) fn judge_av(
+    scenario: &Scenario,
+    rollout: &Rollout,
+    map: &OnceLock<Arc<PlanningMap>>,
+) -> Result<JudgedAv, PlanningError> {
+    let known = || match map.get() {
+        Some(known) => Ok(Arc::clone(known)),
+        None => {
+            let made = Arc::new(planning_map(scenario)?);
+            Ok(Arc::clone(map.get_or_init(|| made)))
+        }
+    };
+    let history = SceneHistory::on_map(scenario, &rollout.tracks, known)?;
     let judged =
         history.judge().map_err(|error| PlanningError(format!("the AV cannot be judged: {error}")))?;
     let mut values: Vec<(&'static str, f64)> = Vec::new();

@@ -1,7 +1,10 @@
 //! Scores of rollouts in memory, as [`Scoring`](crate::scoring::Scoring) computes them for files.
 
+use std::sync::{Arc, OnceLock};
+
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Metrics, Options};
+use reactsim_planning::PlanningMap;
 use reactsim_rollout::{Entering, Rollout};
 use reactsim_scene::Scenario;
 
@@ -41,18 +44,19 @@ pub fn score_in_memory(
 
 /// Judges one rollout of the reactive protocol. Returns the row of the rollout and the row over all rollouts,
 /// without the digest of the scenario, and the events. `deviation`: how the AV deviates from the log, if
-/// known; `judges_av`: whether the AV is judged, too, as in a run in which a planner drives it.
+/// known; `av_map`: planning map of the scenario, if the AV is judged, too, as in a run in which a planner drives it.
 pub fn judge_in_memory(
     scenario: &Scenario,
     simulator: &str,
     rollout: Rollout,
     deviation: &DeviationLabels,
     options: Options,
-    judges_av: bool,
+    av_map: Option<Arc<PlanningMap>>,
 ) -> (Vec<Row>, Vec<Vec<Event>>) {
     let place = RecordPosition { input: 0, record: 0 };
     let template = Row::about(place, scenario, String::new(), simulator).with_deviation(deviation);
     let (rollouts, certificate) = ([rollout], deviation.certificate.as_ref());
     let how = (&Metrics::default(), options);
-    judge(scenario, certificate, &rollouts, how, judges_av).rows(template, &rollouts)
+    let av_map = av_map.map(OnceLock::from);
+    judge(scenario, certificate, &rollouts, how, av_map.as_ref()).rows(template, &rollouts)
 }

@@ -1,6 +1,7 @@
 //! Scores of rollouts that any program recorded, scenario by scenario.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use reactsim_formats::rollouts::RolloutRecord;
 use reactsim_metrics::{Event, Metrics, Options};
@@ -194,6 +195,7 @@ pub(crate) fn score_rollouts(
     let deviation = scenario.deviation.as_ref().filter(|_| rollouts.iter().all(is_deviated));
     let deviation = deviation.map(DeviationLabels::of).unwrap_or_default();
     let template = Row::about(place, scenario, digest, simulator).with_deviation(&deviation);
-    let how = (&Metrics::default(), options);
-    judge(scenario, deviation.certificate.as_ref(), rollouts, how, judges_av).rows(template, rollouts)
+    let (how, map) = ((&Metrics::default(), options), OnceLock::new());
+    let judged = judge(scenario, deviation.certificate.as_ref(), rollouts, how, judges_av.then_some(&map));
+    judged.rows(template, rollouts)
 }

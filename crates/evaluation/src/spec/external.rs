@@ -2,8 +2,8 @@
 
 use clap::Args;
 use reactsim_external::{
-    Command, ExternalError, ExternalPlanner, ExternalSettings, ExternalSimulator, Parent, Processes,
-    RunOutline, STDIO, TimeLimits,
+    Command, ExternalPlanner, ExternalSettings, ExternalSimulator, Parent, Processes, RunOutline, STDIO,
+    TimeLimits,
 };
 use serde::{Deserialize, Serialize};
 
@@ -113,11 +113,7 @@ impl ExternalSpec {
             let command = match command.trim() {
                 STDIO => Command::Parent(match &parent {
                     Some(parent) => parent.clone(),
-                    None => {
-                        let new = Parent::stdio()
-                            .map_err(|error| ExternalError::no_start(name, &error.to_string()))?;
-                        parent.insert(new).clone()
-                    }
+                    None => parent.insert(Parent::stdio()).clone(),
                 }),
                 line => Command::Shell(line.to_owned()),
             };

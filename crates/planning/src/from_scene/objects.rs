@@ -7,7 +7,7 @@ use reactsim_geometry::Vec2;
 use reactsim_rollout::Observation;
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Scenario, Start};
 
-use crate::metrics::Label;
+use crate::metrics::{Label, Reach};
 use crate::{ObjectId, ObjectKind, TrackedObject};
 
 use super::AV;
@@ -40,7 +40,7 @@ pub fn rollout_objects(
             frame: current + k,
             heights: heights.get(k).map_or(&[], Vec::as_slice),
         };
-        let (objects, is_estimated) = frame.objects(Differences::BackwardOrForward);
+        let (objects, is_estimated) = frame.objects(Differences::BackwardOrForward, None);
         if is_estimated {
             labels.insert(Label::SpeedsDisplacement);
         }
@@ -86,12 +86,12 @@ impl ObjectIds {
         &self.obstacles[index]
     }
 
-    /// Returns the objects at present, by the rules of [`rollout_objects`]. An unknown velocity
+    /// Returns the objects within reach of ego at present, by the rules of [`rollout_objects`]. An unknown velocity
     /// is the displacement since the frame before.
-    pub fn objects_now(&self, seen: &Observation<'_>) -> Vec<TrackedObject> {
+    pub fn objects_near(&self, seen: &Observation<'_>, reach: &Reach) -> Vec<TrackedObject> {
         let (start, tracks, frame) = (seen.start(), seen.tracks(), seen.frame());
         ObjectFrame { start, ids: self, tracks, frame, heights: &seen.heights() }
-            .objects(Differences::Backward)
+            .objects(Differences::Backward, Some(reach))
             .0
     }
 }
@@ -124,8 +124,16 @@ pub(crate) struct ObjectFrame<'a> {
 }
 
 impl ObjectFrame<'_> {
-    /// Returns the objects by the rules of [`rollout_objects`], and whether a velocity is estimated.
-    pub(crate) fn objects(&self, differences: Differences) -> (Vec<TrackedObject>, bool) {
+    /// Returns the objects by the rules of [`rollout_objects`], all or those within reach of ego, and whether a
+    /// velocity is estimated.
+    pub(crate) fn objects(
+        &self,
+        differences: Differences,
+        reach: Option<&Reach>,
+    ) -> (Vec<TrackedObject>, bool) {
+        let is_near = |center: Vec2, length: f64, width: f64, velocity: Vec2| {
+            reach.is_none_or(|reach| reach.includes(center, length, width, velocity))
+        };
         let mut is_estimated = false;
         let mut objects = Vec::new();
         let agents = self.start.agents.iter().zip(&self.ids.agents).zip(self.tracks);
@@ -138,27 +146,30 @@ impl ObjectFrame<'_> {
                 is_estimated = true;
                 displacement_velocity(track, self.frame, differences)
             });
+            if !is_near(state.position(), agent.length, agent.width, velocity) {
+                continue;
+            }
             objects.push(object(id, agent, &state, velocity));
         }
-        objects.extend(self.obstacles());
-        (objects, is_estimated)
-    }
-
-    fn obstacles(&self) -> impl Iterator<Item = TrackedObject> {
         let obstacles = self.start.obstacles.iter().zip(&self.ids.obstacles).enumerate();
-        obstacles.filter_map(|(i, (obstacle, id))| {
+        objects.extend(obstacles.filter_map(|(i, (obstacle, id))| {
+            let sides = (2.0 * obstacle.half_length, 2.0 * obstacle.half_width);
+            if !is_near(obstacle.center, sides.0, sides.1, Vec2::zeros()) {
+                return None;
+            }
             let standing = TrackedObject {
                 id: id.clone(),
                 kind: ObjectKind::GenericObject,
                 center: obstacle.center,
                 heading: reactsim_geometry::heading_of(obstacle.axis),
-                length: 2.0 * obstacle.half_length,
-                width: 2.0 * obstacle.half_width,
+                length: sides.0,
+                width: sides.1,
                 velocity: Vec2::zeros(),
             };
             let is_apart = || self.is_apart_from_av(self.start.obstacle_height(i), standing.center);
             (standing.is_finite() && !is_apart()).then_some(standing)
-        })
+        }));
+        (objects, is_estimated)
     }
 
     /// Returns the height of an agent; NaN if unknown.

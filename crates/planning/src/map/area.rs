@@ -100,6 +100,15 @@ impl Area {
         }
     }
 
+    /// Returns whether the area is less than `distance` metres from `p`.
+    pub fn is_within(&self, p: Vec2, distance: f64) -> bool {
+        match &self.shape {
+            Shape::Polygon { .. } if self.contains(p) => 0.0 < distance,
+            Shape::Polygon { index, .. } => index.is_boundary_within(p, distance),
+            Shape::Corridor { .. } => self.distance(p) < distance,
+        }
+    }
+
     /// Returns the outer ring: that of the polygon, or the two sides of the corridor, counter-clockwise,
     /// with its points on the normals of the centre line.
     pub fn outline(&self) -> &[Vec2] {

@@ -49,16 +49,11 @@ impl Areas {
         found
     }
 
-    /// Returns the distance from `p` to the nearest area, metres; infinite without areas.
-    pub fn distance(&self, p: Vec2) -> f64 {
-        let mut nearest = f64::INFINITY;
-        for area in &self.areas {
-            // No point of an area is nearer than its bounds, up to rounding.
-            if area.bounds().distance2(p).sqrt() - ROUNDING <= nearest {
-                nearest = nearest.min(area.distance(p));
-            }
-        }
-        nearest
+    /// Returns whether an area is less than `distance` metres from `p`.
+    pub fn is_within(&self, p: Vec2, distance: f64) -> bool {
+        // No point of an area is nearer than its bounds, up to rounding.
+        let may_be = |area: &&Area| area.bounds().distance2(p).sqrt() - ROUNDING < distance;
+        self.areas.iter().filter(may_be).any(|area| area.is_within(p, distance))
     }
 }
 
@@ -67,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_distance_is_that_of_the_nearest_area() {
+    fn an_area_is_within_a_distance_if_the_nearest_one_is() {
         let square = |x: f64, y: f64, side: f64| {
             let corners = [(x, y), (x + side, y), (x + side, y + side), (x, y + side)];
             Area::ring(corners.map(|(x, y)| Vec2::new(x, y)).to_vec()).unwrap()
@@ -75,9 +70,11 @@ mod tests {
         let areas = Areas::new(vec![square(0.0, 0.0, 4.0), square(30.0, -2.0, 1.0), square(6.0, 6.0, 9.0)]);
         for k in 0..400 {
             let p = Vec2::new(f64::from(k % 20) * 2.3 - 8.0, f64::from(k / 20) * 1.9 - 12.0);
-            let all = areas.list().iter().map(|area| area.distance(p));
-            assert_eq!(areas.distance(p), all.fold(f64::INFINITY, f64::min), "{p:?}");
+            let nearest = areas.list().iter().map(|area| area.distance(p)).fold(f64::INFINITY, f64::min);
+            for distance in [0.0, 0.3, 2.0, nearest, nearest + 0.1] {
+                assert_eq!(areas.is_within(p, distance), nearest < distance, "{p:?} {distance}");
+            }
         }
-        assert_eq!(Areas::new(Vec::new()).distance(Vec2::zeros()), f64::INFINITY);
+        assert!(!Areas::new(Vec::new()).is_within(Vec2::zeros(), f64::INFINITY));
     }
 }

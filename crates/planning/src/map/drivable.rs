@@ -34,24 +34,28 @@ impl DrivableArea {
         Self::RoadEdges { edges: OrientedEdges::new(edges), driveways: Areas::new(driveways) }
     }
 
-    /// Returns whether `p` is on drivable ground; `None` if it is unknown.
-    pub fn contains(&self, p: Vec2) -> Option<bool> {
+    /// Returns whether `p` is on drivable ground; `None` if it is unknown. `hint`: the road edge that was found for a
+    /// point nearby; it only shortens the search.
+    pub fn contains(&self, p: Vec2, hint: &mut Option<u32>) -> Option<bool> {
         match self {
             Self::Areas(areas) => Some(areas.contains(p)),
             Self::RoadEdges { edges, driveways } => {
-                Some(!edges.nearest(p, None)?.outside || driveways.contains(p))
+                let nearest = edges.nearest(p, *hint)?;
+                *hint = Some(nearest.segment);
+                Some(!nearest.outside || driveways.contains(p))
             }
             Self::Unknown => None,
         }
     }
 
-    /// Returns the distance from `p` to the drivable ground, metres, 0 on it; `None` if it is unknown.
-    pub fn distance(&self, p: Vec2) -> Option<f64> {
+    /// Returns whether drivable ground is less than `distance` metres from `p`; `None` if it is unknown.
+    pub fn is_within(&self, p: Vec2, distance: f64) -> Option<bool> {
         match self {
-            Self::Areas(areas) => Some(areas.distance(p)),
+            Self::Areas(areas) => Some(areas.is_within(p, distance)),
             Self::RoadEdges { edges, driveways } => {
                 let nearest = edges.nearest(p, None)?;
-                Some(if nearest.outside { nearest.distance.min(driveways.distance(p)) } else { 0.0 })
+                let is_near = nearest.distance < distance || driveways.is_within(p, distance);
+                Some(if nearest.outside { is_near } else { 0.0 < distance })
             }
             Self::Unknown => None,
         }

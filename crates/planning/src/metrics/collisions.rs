@@ -91,7 +91,10 @@ fn first_contacts(context: &Context<'_>) -> Vec<FirstContact> {
     let mut collided: BTreeSet<ObjectId> = BTreeSet::new();
     for (step, objects) in context.history.objects.iter().enumerate() {
         for object in objects {
-            let touches = || in_contact(&context.footprints[step], &object.footprint());
+            let ego = &context.footprints[step];
+            // Most objects are too far away, and their boxes need not be made.
+            let is_near = (object.center - ego.center).norm() < ego.radius() + object.radius();
+            let touches = || is_near && in_contact(ego, &object.footprint());
             if !collided.contains(&object.id) && touches() {
                 collided.insert(object.id.clone());
                 contacts.push(contact(context, step, object));
@@ -108,7 +111,7 @@ fn contact(context: &Context<'_>, step: usize, object: &TrackedObject) -> FirstC
     let at_fault = match class {
         ContactClass::StoppedEgo | ContactClass::ActiveRear => Some(false),
         ContactClass::StoppedTrack | ContactClass::ActiveFront => Some(true),
-        ContactClass::ActiveLateral => context.in_common_lane.as_ref().map(|common| !common[step]),
+        ContactClass::ActiveLateral => context.in_common_lane(step).map(|is_common| !is_common),
     };
     let (object_id, kind) = (object.id.clone(), object.kind);
     FirstContact { step, object: object_id, kind, class, at_fault, delta_v: delta_v(ego, object) }

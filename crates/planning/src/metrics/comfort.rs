@@ -79,7 +79,6 @@ impl Comfort {
 /// The filters of the metric for one number of samples.
 #[derive(Clone, Debug)]
 pub(super) struct ComfortFilters {
-    pub(super) samples: usize,
     acceleration: PreparedFilter,
     jerk: PreparedFilter,
     yaw_rate: PreparedFilter,
@@ -90,7 +89,6 @@ impl ComfortFilters {
     pub(super) fn new(samples: usize) -> Self {
         let prepared = |filter: SavitzkyGolay| filter.prepare(samples, STEP);
         Self {
-            samples,
             acceleration: prepared(ACCELERATION_FILTER),
             jerk: prepared(JERK_FILTER),
             yaw_rate: prepared(YAW_RATE_FILTER),
@@ -103,7 +101,7 @@ impl ComfortFilters {
 pub(super) fn comfort(ego: &[EgoState], shape: &EgoShape, filters: &ComfortFilters) -> Comfort {
     let of = |quantity: &dyn Fn(&EgoState) -> f64| ego.iter().map(quantity).collect::<Vec<_>>();
     let center = |state: &EgoState| state.center_acceleration_nuplan(shape);
-    let ComfortFilters { acceleration, jerk, yaw_rate, yaw_acceleration, .. } = filters;
+    let ComfortFilters { acceleration, jerk, yaw_rate, yaw_acceleration } = filters;
     let longitudinal = filtered(acceleration, &of(&|state| center(state).x));
     let lateral = filtered(acceleration, &of(&|state| center(state).y));
     let magnitude = filtered(acceleration, &of(&EgoState::acceleration));
@@ -120,6 +118,23 @@ pub(super) fn comfort(ego: &[EgoState], shape: &EgoShape, filters: &ComfortFilte
     let within = comfort.quantities().iter().all(|(_, quantity)| quantity.within);
     comfort.value = MetricValue::pass(within);
     comfort
+}
+
+/// Returns whether all quantities of [`comfort`] are within their bounds at the last state of ego.
+pub(super) fn is_comfortable_now(ego: &[EgoState], shape: &EgoShape, filters: &ComfortFilters) -> bool {
+    let of = |quantity: &dyn Fn(&EgoState) -> f64| ego.iter().map(quantity).collect::<Vec<_>>();
+    let last = |filter: &PreparedFilter, values: &[f64]| filter.last(values).map(round);
+    let is_within = |value: Option<f64>, bounds| value.is_none_or(|value| are_within(&[value], bounds));
+    let ComfortFilters { acceleration, jerk, yaw_rate, yaw_acceleration } = filters;
+    let longitudinal = filtered(acceleration, &of(&|state| state.center_acceleration_nuplan(shape).x));
+    let lateral = of(&|state| state.center_acceleration_nuplan(shape).y);
+    let headings = unwrapped(&of(&|state| state.heading));
+    is_within(last(yaw_rate, &headings), YAW_RATE_BOUNDS)
+        && is_within(last(yaw_acceleration, &headings), YAW_ACCELERATION_BOUNDS)
+        && is_within(longitudinal.last().copied(), LONGITUDINAL_ACCELERATION_BOUNDS)
+        && is_within(last(acceleration, &lateral), LATERAL_ACCELERATION_BOUNDS)
+        && is_within(last(jerk, &longitudinal), LONGITUDINAL_JERK_BOUNDS)
+        && is_within(last(jerk, &filtered(acceleration, &of(&EgoState::acceleration))), JERK_BOUNDS)
 }
 
 fn judged(values: Vec<f64>, bounds: [f64; 2]) -> ComfortQuantity {
@@ -139,8 +154,12 @@ fn filtered(filter: &PreparedFilter, values: &[f64]) -> Vec<f64> {
 
 /// Rounds values to eight decimals.
 pub(crate) fn rounded(mut values: Vec<f64>) -> Vec<f64> {
-    values.iter_mut().for_each(|value| *value = (*value * ROUNDING).round_ties_even() / ROUNDING);
+    values.iter_mut().for_each(|value| *value = round(*value));
     values
+}
+
+fn round(value: f64) -> f64 {
+    (value * ROUNDING).round_ties_even() / ROUNDING
 }
 
 /// Removes the jumps of whole turns between successive headings.
@@ -170,5 +189,28 @@ mod tests {
     fn values_on_a_bound_violate_it() {
         assert!(!judged(vec![0.0, 2.40], LONGITUDINAL_ACCELERATION_BOUNDS).within);
         assert!(judged(vec![-4.0, 2.39], LONGITUDINAL_ACCELERATION_BOUNDS).within);
+    }
+
+    #[test]
+    fn the_last_state_is_judged_as_the_last_of_all() {
+        let mut counts = [0; 2];
+        for k in 0..600 {
+            let (samples, scale) = (4 + k % 14, f64::from(k as u32 % 9));
+            let at = |i: usize| {
+                let wave = |rate: f64| scale * (rate * (k + i) as f64).sin();
+                let still = EgoState::standing(reactsim_geometry::Vec2::zeros(), 0.02 * wave(0.3));
+                EgoState { ax: wave(0.1), ay: wave(0.07), yaw_rate: 0.1 * wave(0.2), ..still }
+            };
+            let (ego, shape) = ((0..samples).map(at).collect::<Vec<_>>(), EgoShape::PACIFICA);
+            let filters = ComfortFilters::new(samples);
+            let all = comfort(&ego, &shape, &filters);
+            let is_last_within = all
+                .quantities()
+                .iter()
+                .all(|(_, found)| are_within(&found.values[samples - 1..], found.bounds));
+            assert_eq!(is_comfortable_now(&ego, &shape, &filters), is_last_within);
+            counts[usize::from(is_last_within)] += 1;
+        }
+        assert!(counts.iter().all(|count| *count > 50), "{counts:?}");
     }
 }

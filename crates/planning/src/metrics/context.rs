@@ -1,47 +1,55 @@
 //! Intermediate results that several metrics share.
 
+use std::cell::OnceCell;
+
 use reactsim_geometry::{OrientedBox, Vec2};
 
 use super::corner_lanes::{CornerLanes, corner_lanes, in_common_lane};
-use super::matched_lanes::{lanes_overlap, matched_lanes};
+use super::matched_lanes::lanes_overlap;
 use super::{History, center_lanes::center_lanes};
 
-/// Boxes and lanes of ego, per sample.
+/// Boxes and lanes of ego, per sample. Lanes are found when they are first asked for: most single samples need
+/// none.
 pub(super) struct Context<'a> {
     pub(super) history: &'a History<'a>,
     pub(super) centers: Vec<Vec2>,
     pub(super) footprints: Vec<OrientedBox>,
-    pub(super) center_lanes: Vec<Vec<usize>>,
-    /// The one lane of the centre that counts, per sample.
-    pub(super) matched_lanes: Vec<Option<usize>>,
-    pub(super) corner_lanes: Vec<CornerLanes>,
+    lanes: OnceCell<Lanes>,
+}
+
+/// Lanes of ego, per sample.
+#[derive(Default)]
+pub(super) struct Lanes {
+    pub(super) center: Vec<Vec<usize>>,
+    pub(super) corners: Vec<CornerLanes>,
     /// Whether ego is in a common lane; `None` in maps without lanes.
-    pub(super) in_common_lane: Option<Vec<bool>>,
+    pub(super) in_common: Option<Vec<bool>>,
     /// Whether lanes overlap where ego is.
-    pub(super) lanes_overlap: bool,
+    pub(super) overlap: bool,
 }
 
 impl<'a> Context<'a> {
     pub(super) fn new(history: &'a History<'a>) -> Self {
-        let map = history.map;
-        let centers = history.centers();
-        let footprints: Vec<_> = (0..history.ego.len()).map(|k| history.footprint(k)).collect();
-        let center_lanes = center_lanes(map, &centers);
-        let corner_lanes = corner_lanes(map, &footprints);
-        let in_common_lane = (!map.lanes().is_empty())
-            .then(|| corner_lanes.iter().map(|corners| in_common_lane(map, corners)).collect());
-        let lanes_overlap = lanes_overlap(map, center_lanes.iter().chain(corner_lanes.iter().flatten()));
-        let matched_lanes = matched_lanes(map, &center_lanes, history.ego, &centers, lanes_overlap);
-        Self {
-            history,
-            centers,
-            footprints,
-            center_lanes,
-            matched_lanes,
-            corner_lanes,
-            in_common_lane,
-            lanes_overlap,
-        }
+        let footprints = (0..history.ego.len()).map(|k| history.footprint(k)).collect();
+        Self { history, centers: history.centers(), footprints, lanes: OnceCell::new() }
+    }
+
+    pub(super) fn lanes(&self) -> &Lanes {
+        self.lanes.get_or_init(|| {
+            let map = self.history.map;
+            let center = center_lanes(map, &self.centers);
+            let corners = corner_lanes(map, &self.footprints);
+            let in_common = self
+                .has_lanes()
+                .then(|| corners.iter().map(|corners| in_common_lane(map, corners)).collect());
+            let overlap = lanes_overlap(map, center.iter().chain(corners.iter().flatten()));
+            Lanes { center, corners, in_common, overlap }
+        })
+    }
+
+    pub(super) fn into_lanes(self) -> Lanes {
+        self.lanes();
+        self.lanes.into_inner().unwrap_or_default()
     }
 
     pub(super) fn samples(&self) -> usize {
@@ -49,6 +57,11 @@ impl<'a> Context<'a> {
     }
 
     pub(super) fn has_lanes(&self) -> bool {
-        self.in_common_lane.is_some()
+        !self.history.map.lanes().is_empty()
+    }
+
+    /// Returns whether ego is in a common lane at a sample; `None` in maps without lanes.
+    pub(super) fn in_common_lane(&self, step: usize) -> Option<bool> {
+        self.lanes().in_common.as_ref().map(|common| common[step])
     }
 }

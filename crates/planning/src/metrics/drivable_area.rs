@@ -34,15 +34,16 @@ pub struct DrivableAreaCompliance {
 pub(super) fn drivable_area(context: &Context<'_>) -> DrivableAreaCompliance {
     let mut corners_inside = Vec::with_capacity(context.samples());
     let mut off_road = Vec::new();
+    let mut hint = None;
     for step in 0..context.samples() {
         let mut inside = true;
-        for (corner, lanes) in Corner::ALL.into_iter().zip(&context.corner_lanes[step]) {
+        for (i, corner) in Corner::ALL.into_iter().enumerate() {
             let p = corner.of(&context.footprints[step]);
-            let Some(drivable) = context.history.map.drivable().contains(p) else {
+            let Some(drivable) = context.history.map.drivable().contains(p, &mut hint) else {
                 let value = MetricValue::Undefined(UndefinedReason::NoDrivableArea);
                 return DrivableAreaCompliance { value, corners_inside: Vec::new(), off_road: Vec::new() };
             };
-            if lanes.is_empty() && !drivable {
+            if !drivable && context.lanes().corners[step][i].is_empty() {
                 inside = false;
                 if is_far(context, step, p) {
                     off_road.push(OffRoadCorner { step, corner });
@@ -57,7 +58,6 @@ pub(super) fn drivable_area(context: &Context<'_>) -> DrivableAreaCompliance {
 /// Returns whether `p` is too far from the lanes of the centre and from drivable ground.
 fn is_far(context: &Context<'_>, step: usize, p: Vec2) -> bool {
     let map = context.history.map;
-    let far = |distance: f64| distance >= MAX_OUTSIDE_DISTANCE;
-    context.center_lanes[step].iter().all(|&lane| far(map.lane_area(lane).distance(p)))
-        && map.drivable().distance(p).is_some_and(far)
+    context.lanes().center[step].iter().all(|&lane| map.lane_area(lane).distance(p) >= MAX_OUTSIDE_DISTANCE)
+        && map.drivable().is_within(p, MAX_OUTSIDE_DISTANCE) == Some(false)
 }

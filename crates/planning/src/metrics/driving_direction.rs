@@ -1,6 +1,7 @@
 //! Motion against the driving direction (nuPlan devkit 1.2.2, `driving_direction_compliance`).
 
 use super::context::Context;
+use super::matched_lanes::matched_lanes;
 use super::{MetricValue, UndefinedReason};
 
 /// Distance in metres against the direction, within one horizon, below which the value is 1 (devkit 1.2.2).
@@ -69,12 +70,14 @@ fn increments(context: &Context<'_>) -> Vec<f64> {
     let mut lane_before: Option<usize> = None;
     let mut arc_before: Option<f64> = None;
     let mut increments = Vec::with_capacity(context.samples());
-    for (k, lane) in context.matched_lanes.iter().enumerate() {
-        let &Some(lane) = lane else {
+    let (history, centers, lanes) = (context.history, &context.centers, context.lanes());
+    let lanes = matched_lanes(history.map, &lanes.center, history.ego, centers, lanes.overlap);
+    for (k, lane) in lanes.into_iter().enumerate() {
+        let Some(lane) = lane else {
             increments.push(0.0);
             continue;
         };
-        let s = context.history.map.lane(lane).baseline.project(context.centers[k]).s;
+        let s = history.map.lane(lane).baseline.project(centers[k]).s;
         if k > 0 && lane_before != Some(lane) {
             arc_before = None;
             increments.push(0.0);

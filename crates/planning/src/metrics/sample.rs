@@ -2,14 +2,17 @@
 
 use std::collections::BTreeSet;
 use std::slice;
+use std::sync::OnceLock;
+
+use reactsim_geometry::Vec2;
 
 use crate::{EgoShape, EgoState, ObjectId, PlanningMap, TrackedObject};
 
 use super::collisions::{FirstContact, collisions};
-use super::comfort::{ComfortFilters, comfort};
+use super::comfort::{ComfortFilters, is_comfortable_now};
 use super::context::Context;
 use super::drivable_area::drivable_area;
-use super::time_to_collision::{is_within_reach, time_to_collision};
+use super::time_to_collision::{PROJECTION_HORIZON, time_to_collision};
 use super::{History, MIN_SAMPLES, MetricValue, MissingInputs};
 
 /// Number of samples of ego from which its comfort is judged: the longest filter of the metric.
@@ -30,24 +33,50 @@ pub struct SampleScores {
     pub is_comfortable: Option<bool>,
 }
 
+/// The ground that an object must touch to have a contact with ego now or within the horizon of the time to
+/// collision. Most objects do not.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    center: Vec2,
+    /// Distance from the centre, metres, up to which standing points are touched.
+    radius: f64,
+}
+
+impl Reach {
+    /// Returns the reach of ego.
+    pub fn of(ego: &EgoState, shape: &EgoShape) -> Self {
+        let footprint = ego.footprint(shape);
+        Self { center: footprint.center, radius: footprint.radius() + PROJECTION_HORIZON * ego.speed() }
+    }
+
+    /// Returns whether a box with these sides, metres, and this velocity, m/s, may touch the ground.
+    pub fn includes(&self, center: Vec2, length: f64, width: f64, velocity: Vec2) -> bool {
+        let reach = self.radius + 0.5 * (length + width) + PROJECTION_HORIZON * velocity.norm();
+        (center - self.center).norm() <= reach
+    }
+}
+
 /// Judges the samples of one rollout in turn.
 #[derive(Clone, Debug)]
 pub struct SampleJudge {
     collided: BTreeSet<ObjectId>,
     /// The last samples of ego.
     ego: Vec<EgoState>,
-    /// Filters for the latest number of samples, which is the same after the first few.
-    filters: Option<ComfortFilters>,
 }
+
+/// Filters of comfort for each number of samples, made at first use.
+static FILTERS: [OnceLock<ComfortFilters>; COMFORT_SAMPLES + 1] =
+    [const { OnceLock::new() }; COMFORT_SAMPLES + 1];
 
 impl SampleJudge {
     /// Creates a judge; `past` are the states of ego before the first sample, oldest first.
     pub fn new(mut past: Vec<EgoState>) -> Self {
         past.drain(..past.len().saturating_sub(COMFORT_SAMPLES));
-        Self { collided: BTreeSet::new(), ego: past, filters: None }
+        Self { collided: BTreeSet::new(), ego: past }
     }
 
-    /// Judges the next sample. Objects that were hit before do not count, as in the metrics.
+    /// Judges the next sample. Objects that were hit before do not count, as in the metrics, and those beyond the
+    /// [`Reach`] of ego may be left out.
     pub fn judge(
         &mut self,
         map: &PlanningMap,
@@ -57,10 +86,7 @@ impl SampleJudge {
     ) -> SampleScores {
         self.ego.push(ego);
         self.ego.drain(..self.ego.len().saturating_sub(COMFORT_SAMPLES));
-        let (footprint, speed) = (ego.footprint(&shape), ego.speed());
-        objects.retain(|object| {
-            is_within_reach(&footprint, speed, object) && !self.collided.contains(&object.id)
-        });
+        objects.retain(|object| !self.collided.contains(&object.id));
         let present = History {
             map,
             shape,
@@ -81,30 +107,19 @@ impl SampleJudge {
             contacts: found.contacts,
             ttc,
             is_off_road,
-            is_comfortable: self.is_comfortable(&present),
+            is_comfortable: self.is_comfortable(&shape),
         }
     }
 
-    fn is_comfortable(&mut self, present: &History<'_>) -> Option<bool> {
+    fn is_comfortable(&self, shape: &EgoShape) -> Option<bool> {
         let samples = self.ego.len();
-        if samples < MIN_SAMPLES {
-            return None;
-        }
-        let prepared = self.filters.take().filter(|filters| filters.samples == samples);
-        let filters = prepared.unwrap_or_else(|| ComfortFilters::new(samples));
-        let judged = comfort(&self.ego, &present.shape, &filters);
-        self.filters = Some(filters);
-        let is_within = |values: &[f64], [lower, upper]: [f64; 2]| {
-            values.last().is_none_or(|value| lower < *value && *value < upper)
-        };
-        Some(judged.quantities().iter().all(|(_, found)| is_within(&found.values, found.bounds)))
+        let filters = || FILTERS[samples].get_or_init(|| ComfortFilters::new(samples));
+        (samples >= MIN_SAMPLES).then(|| is_comfortable_now(&self.ego, shape, filters()))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use reactsim_geometry::Vec2;
-
     use super::*;
     use crate::STEP;
     use crate::fixtures::{car, straight_road};
@@ -118,7 +133,8 @@ mod tests {
             EgoState { time, vx: 8.0, ..EgoState::standing(Vec2::new(x, 1.75), 0.0) }
         };
         let ego: Vec<EgoState> = (0..40).map(at).collect();
-        let objects = vec![vec![car("stopped", 40.0, 1.75, 0.0)]; ego.len()];
+        let all = vec![car("stopped", 40.0, 1.75, 0.0), car("far", 180.0, 1.75, 0.0)];
+        let objects = vec![all; ego.len()];
         let history = History {
             map: &map,
             shape,
@@ -129,11 +145,14 @@ mod tests {
         };
         let whole = judge(&history).unwrap();
         let mut one_by_one = SampleJudge::new(Vec::new());
-        let samples: Vec<SampleScores> = ego
-            .iter()
-            .zip(&objects)
-            .map(|(ego, objects)| one_by_one.judge(&map, shape, *ego, objects.clone()))
-            .collect();
+        let judged = |(ego, objects): (&EgoState, &Vec<TrackedObject>)| {
+            let reach = Reach::of(ego, &shape);
+            let is_near = |o: &&TrackedObject| reach.includes(o.center, o.length, o.width, o.velocity);
+            let near: Vec<_> = objects.iter().filter(is_near).cloned().collect();
+            assert!(near.len() < objects.len());
+            one_by_one.judge(&map, shape, *ego, near)
+        };
+        let samples: Vec<SampleScores> = ego.iter().zip(&objects).map(judged).collect();
         let ttc: Vec<f64> = samples.iter().map(|sample| sample.ttc).collect();
         assert_eq!(ttc, whole.time_to_collision.ttc);
         let hits: Vec<usize> = (0..samples.len()).filter(|&k| !samples[k].contacts.is_empty()).collect();

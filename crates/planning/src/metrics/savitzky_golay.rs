@@ -100,11 +100,17 @@ pub struct PreparedFilter {
 impl PreparedFilter {
     /// Filters `values`, which must be as many as the filter is prepared for; missing values count as 0.
     pub fn apply(&self, values: &[f64]) -> Vec<f64> {
-        let output = |&(start, weights): &(usize, usize)| {
-            let window = values.get(start..).unwrap_or_default();
-            self.weights[weights].iter().zip(window).map(|(weight, value)| weight * value).sum()
-        };
-        self.outputs.iter().map(output).collect()
+        self.outputs.iter().map(|output| self.output(*output, values)).collect()
+    }
+
+    /// Returns the last value of [`Self::apply`]; `None` if it returns none.
+    pub fn last(&self, values: &[f64]) -> Option<f64> {
+        self.outputs.last().map(|output| self.output(*output, values))
+    }
+
+    fn output(&self, (start, weights): (usize, usize), values: &[f64]) -> f64 {
+        let window = values.get(start..).unwrap_or_default();
+        self.weights[weights].iter().zip(window).map(|(weight, value)| weight * value).sum()
     }
 }
 

@@ -7,7 +7,7 @@ use crate::map::{DrivableArea, Intersections, PlanningMap};
 
 use super::collisions::collisions;
 use super::comfort::{ComfortFilters, comfort};
-use super::context::Context;
+use super::context::{Context, Lanes};
 use super::drivable_area::drivable_area;
 use super::driving_direction::driving_direction;
 use super::mean_speed::mean_speed;
@@ -100,9 +100,12 @@ pub fn judge(history: &History<'_>) -> Result<PlannerScores, PlanningError> {
     };
     scores.score = ClosedLoopScore::of(&scores.values());
     scores.labels = labels(&context, &scores);
-    scores.center_lanes = context.center_lanes;
-    scores.corner_lanes = context.corner_lanes;
-    scores.in_common_lane = context.in_common_lane;
+    Lanes {
+        center: scores.center_lanes,
+        corners: scores.corner_lanes,
+        in_common: scores.in_common_lane,
+        ..
+    } = context.into_lanes();
     Ok(scores)
 }
 
@@ -112,7 +115,7 @@ fn labels(context: &Context<'_>, scores: &PlannerScores) -> BTreeSet<Label> {
     let has_lanes = context.has_lanes();
     let applies = |label: &Label| match label {
         Label::LanesCorridors => has_corridors(map),
-        Label::LanesOverlapping | Label::DirectionOverlapping => context.lanes_overlap,
+        Label::LanesOverlapping | Label::DirectionOverlapping => context.lanes().overlap,
         Label::DrivableRoadEdges => matches!(map.drivable(), DrivableArea::RoadEdges { .. }),
         Label::IntersectionConnectors => {
             has_lanes && matches!(map.intersections(), Intersections::Connectors)

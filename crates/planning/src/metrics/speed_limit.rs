@@ -24,7 +24,7 @@ pub struct SpeedLimitCompliance {
 pub(super) fn speed_limit(context: &Context<'_>) -> SpeedLimitCompliance {
     let history = context.history;
     let (mut overspeed, mut unknown_steps) = (Vec::with_capacity(context.samples()), Vec::new());
-    for (step, lanes) in context.center_lanes.iter().enumerate() {
+    for (step, lanes) in context.lanes().center.iter().enumerate() {
         let limit = limit_of(history.map, lanes);
         if limit.is_none() && !lanes.is_empty() {
             unknown_steps.push(step);

@@ -15,7 +15,7 @@ const PROJECTION_STEP: f64 = 0.1;
 /// Number of projected steps, up to 2.9 s; the horizon of 3 s is not tested (devkit 1.2.2).
 const PROJECTION_STEPS: usize = 29;
 /// Horizon of the projection, seconds (devkit 1.2.2).
-const PROJECTION_HORIZON: f64 = 3.0;
+pub(super) const PROJECTION_HORIZON: f64 = 3.0;
 /// Time to collision in seconds above which ego is compliant (devkit 1.2.2).
 const MIN_TTC: f64 = 0.95;
 /// Speed of ego in m/s up to which it has no time to collision (devkit 1.2.2).
@@ -80,26 +80,21 @@ fn projected(context: &Context<'_>, collisions: &Collisions, step: usize) -> Opt
     let has_collided = |object: &TrackedObject| {
         collisions.contacts.iter().any(|contact| contact.step <= step && contact.object == object.id)
     };
+    // Whether objects at the side count takes most work, and few of them come near.
     let others: Vec<(OrientedBox, f64, &TrackedObject)> = context.history.objects[step]
         .iter()
-        .filter(|object| !has_collided(object) && is_candidate(context, step, object))
+        .filter(|object| !has_collided(object) && side_of(ego, object.center) != Side::Behind)
         .map(|object| (object.footprint(), object.speed(), object))
         .filter(|(other, speed, _)| in_contact(&swept, &sweep(other, *speed)))
+        .filter(|(_, _, object)| is_candidate(context, step, object))
         .collect();
+    let speed_of_ego = ego.speed();
     (1..=PROJECTION_STEPS).find_map(|m| {
         let time = m as f64 * PROJECTION_STEP;
-        let here = moved(footprint, ego.speed() * time);
+        let here = moved(footprint, speed_of_ego * time);
         let hit = others.iter().find(|(other, speed, _)| in_contact(&here, &moved(other, speed * time)));
         hit.map(|(_, _, object)| (time, object.id.clone()))
     })
-}
-
-/// Returns whether an object is near enough for a contact within the horizon. Most are not, and their boxes
-/// need not be made.
-pub(super) fn is_within_reach(footprint: &OrientedBox, speed: f64, object: &TrackedObject) -> bool {
-    let radii = footprint.radius() + 0.5 * (object.length + object.width);
-    let reach = radii + PROJECTION_HORIZON * (speed + object.speed());
-    (object.center - footprint.center).norm() <= reach
 }
 
 /// Returns the box that contains a box throughout the horizon.
@@ -116,9 +111,8 @@ fn is_candidate(context: &Context<'_>, step: usize, object: &TrackedObject) -> b
         Side::Ahead => true,
         Side::Behind => false,
         Side::Lateral => context
-            .in_common_lane
-            .as_ref()
-            .is_some_and(|common| !common[step] || is_in_intersection(context, step)),
+            .in_common_lane(step)
+            .is_some_and(|is_common| !is_common || is_in_intersection(context, step)),
     }
 }
 
@@ -129,7 +123,7 @@ fn is_in_intersection(context: &Context<'_>, step: usize) -> bool {
     match map.intersections() {
         Intersections::Areas(areas) => areas.contains(context.history.ego[step].rear_axle()),
         Intersections::Connectors => {
-            context.center_lanes[step].iter().any(|&lane| map.lane(lane).is_connector())
+            context.lanes().center[step].iter().any(|&lane| map.lane(lane).is_connector())
         }
         Intersections::Unknown => false,
     }

@@ -117,7 +117,7 @@ impl DrivenPath {
         let mut segment = reference.project(here.pose.position).segment;
         let mut aim = segment;
         for _ in 0..count {
-            let near = reference.project_between(here.pose.position, segment, segment + 12);
+            let near = reference.project_ahead(here.pose.position, segment, segment + 12);
             segment = near.segment;
             // Beyond its end the reference is extended straight.
             let beyond = if near.segment + 1 == reference.segments() && near.t >= 1.0 {
