@@ -282,7 +282,8 @@ fn batches_and_single_episodes_are_compared() {
     let Some(child) = Child::new() else { return };
     let simulator = ExternalSimulator::start(child.settings("", LONG), outline(Protocol::Reactive)).unwrap();
     let plan = plan_of(Vec::new(), Protocol::Reactive);
-    let scenarios: Vec<_> = (plan.sources[0].open)(0).unwrap().map(|r| r.unwrap().decode().unwrap()).collect();
+    let scenarios: Vec<_> =
+        (plan.sources[0].open)(0).unwrap().map(|r| r.unwrap().decode().unwrap()).collect();
     let requests: Vec<_> = scenarios
         .iter()
         .map(|scenario| reactsim::rollout::Request { scenario, av: plan.av(scenario).unwrap().0, rollout: 0 })

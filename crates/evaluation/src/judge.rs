@@ -177,14 +177,14 @@ mod tests {
             origin: Some(Vec2::zeros()),
             agents: vec![
                 agent("av", straight(0.0, 0.0)),
-                agent("car", straight(20.0, 10.0)),
+                agent("car", straight(70.0, 10.0)),
                 agent("late", from_now(straight(40.0, 10.0))),
             ],
             ..ScenarioParts::default()
         };
         let scenario = Scenario::assemble(parts).unwrap();
-        let mut car = straight(21.0, 10.0);
-        car[CURRENT] = straight(20.0, 10.0)[CURRENT];
+        let mut car = straight(71.0, 10.0);
+        car[CURRENT] = straight(70.0, 10.0)[CURRENT];
         car[now + 1..].fill(None);
         let judged = |entering: Entering| {
             let mut rollout = Rollout {
@@ -198,7 +198,7 @@ mod tests {
                 rollout.tracks.push(from_now(straight(43.0, 10.0)));
             }
             let metrics = (&Metrics::default(), Options::default());
-            let found = judge(&scenario, None, &[rollout], metrics, false);
+            let found = judge(&scenario, None, &[rollout], metrics, None);
             let of = |values: &BTreeMap<String, Option<Score>>, id: &str| values[id].and_then(Score::value);
             let own = &found.rollouts[0].metrics;
             (of(own, "ade"), of(&found.over_all, "min-ade"), of(own, "progress").unwrap())

@@ -69,7 +69,11 @@ impl ScenarioFiles {
         let Some(scenario_file) = self.files.get(&file.blake3) else { return Ok(None) };
         let with = |input: &Input| -> Result<Option<Scenario>, FormatError> {
             let input = Input { frames: file.frames(), length: file.length(), ..input.clone() };
-            input.open_from(record)?.next().map(|decode| decode.and_then(UndecodedScenario::decode)).transpose()
+            input
+                .open_from(record)?
+                .next()
+                .map(|decode| decode.and_then(UndecodedScenario::decode))
+                .transpose()
         };
         let found = match scenario_file {
             ScenarioFile::Native(_, input) if file.frames() != CurrentFrames::Stated => with(input)?,
