@@ -268,10 +268,13 @@ fn vehicles_that_leave_are_compared_up_to_there() {
         track
     };
     let along = |y: f64, deceleration: f64| drive(0.0, y, deceleration);
-    let world = World::new(cut(drive(AV_AT - 50.0, 0.0, 2.0), 10))
+    let mut world = World::new(cut(drive(AV_AT - 50.0, 0.0, 2.0), 10))
         .with("c", along(20.0, 0.0), cut(along(20.0, 2.0), 20))
         .with("d", along(40.0, 0.0), cut(along(40.0, 0.0), 3))
         .with("e", cut(along(60.0, 0.0), 30), cut(along(60.0, 2.0), 30));
+    // Who vanishes within 50 m of the AV has not left.
+    near(world.scores_if(true).value("over-reaction"), 16.0);
+    world.agents[0].2 = parked_at(AV_AT + 20.0, 0.0);
     let [vanished, left] = [false, true].map(|may_leave| world.scores_if(may_leave));
     near(vanished.value("over-reaction"), 16.0);
     near(left.value("over-reaction"), 0.0);
