@@ -49,6 +49,9 @@ pub(super) enum Cells {
     Flag(Vec<bool>),
 }
 
+/// Maximum size of the texts of a column in a batch, bytes.
+const MAX_TEXT: usize = 1 << 28;
+
 /// Texts, one after another.
 #[derive(Default)]
 pub(super) struct Texts {
@@ -274,6 +277,11 @@ fn spread<T: Copy + Default>(values: Vec<T>, present: Option<&[bool]>) -> Vec<T>
 }
 
 fn texts(values: &[ByteArray], present: Option<&[bool]>) -> Result<Texts> {
+    // A text of a dictionary may occur any number of times without space in the file.
+    let length = values.iter().try_fold(0_usize, |sum, value| sum.checked_add(value.len()));
+    if length.is_none_or(|length| length > MAX_TEXT) {
+        return Err(ParquetError::General(format!("the texts of a column have more than {MAX_TEXT} bytes")));
+    }
     let (mut texts, mut values) = (Texts::default(), values.iter());
     let cells = present.map_or(values.len(), <[bool]>::len);
     for cell in 0..cells {
