@@ -63,6 +63,7 @@ mod tests {
         "deviations",
         "format",
         "future",
+        "history",
         "id",
         "limit",
         "maps",

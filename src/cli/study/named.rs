@@ -26,7 +26,7 @@ collisions with the AV and over-reaction on the other. --models adds others as p
 
 Example:
   reactsim train realism sensed.parquet --from ntp-reactive --keep-every 20 --out both
-  reactsim study realism-reactivity --training both=both --simulator ntp-guarded --out studies/paths";
+  reactsim study realism-reactivity --training both=both --out studies/paths";
 
 const GUARDS: &str = "\
 The parameters projection and keep_clear of a simulator's card are inverted, one at a time. The \
