@@ -35,6 +35,8 @@ class MetricDifference:
         better: Ids of the scenarios in which the second simulator is better, with second minus
             first; largest change first.
         worse: The same for scenarios in which it is worse.
+        groups: Number of groups of dependent scenarios, such as those of one recording; None if
+            every scenario counts as independent.
 
     """
 
@@ -49,6 +51,7 @@ class MetricDifference:
     visible: float | None
     better: tuple[tuple[str, float], ...]
     worse: tuple[tuple[str, float], ...]
+    groups: int | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -205,4 +208,5 @@ def _difference(metric: dict[str, Any]) -> MetricDifference:
         metric["visible"],
         better,
         worse,
+        metric.get("groups"),
     )

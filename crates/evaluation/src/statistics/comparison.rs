@@ -71,7 +71,8 @@ pub struct PairedDifference {
     /// Whether the second simulator is better or worse.
     pub verdict: Verdict,
     /// Smallest difference of either sign that so many scenarios of this spread show in four of five cases,
-    /// in the unit of the metric. `None` if they cannot tell: fewer than six (or groups), or equal values in all.
+    /// in the unit of the metric. `None` if they cannot tell: fewer than six scenarios or groups, or equal values
+    /// in all.
     pub visible: Option<f64>,
     /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
     pub better: Vec<(String, f64)>,
