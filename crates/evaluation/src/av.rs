@@ -107,6 +107,13 @@ impl AvChoice {
     }
 }
 
+impl PlannedAv {
+    /// Returns whether a planner with this text is a program of the user.
+    pub fn is_external(text: &str) -> bool {
+        text.parse().is_ok_and(|planned: Self| matches!(planned.driver, AvDriver::External(_)))
+    }
+}
+
 impl FromStr for PlannedAv {
     type Err = ParseAvError;
 

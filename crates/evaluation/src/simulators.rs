@@ -139,7 +139,10 @@ impl PlannedSimulator {
             parameters: self.parameters.clone(),
             weights: self.weights.clone(),
             members: self.members.clone(),
-            external: self.external_record(entering),
+            external: self.external.clone().zip(self.batch(entering)).map(|(mut external, batch)| {
+                external.batch = batch;
+                external
+            }),
         }
     }
 
@@ -238,15 +241,8 @@ impl PlannedSimulator {
     /// Returns the number of scenarios of a file that are always rolled out together: the batch of an
     /// external simulator. It is 1 where agents enter, because its episodes begin and end together.
     pub(super) fn batch(&self, entering: Entering) -> Option<usize> {
-        self.external_record(entering).map(|external| external.batch)
-    }
-
-    fn external_record(&self, entering: Entering) -> Option<ExternalRecord> {
-        let mut record = self.external.clone()?;
-        if entering != Entering::Off {
-            record.batch = 1;
-        }
-        Some(record)
+        let external = self.external.as_ref()?;
+        Some(if entering == Entering::Off { external.batch } else { 1 })
     }
 
     /// Returns the reason why its processes were given up, if they were.

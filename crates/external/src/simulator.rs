@@ -195,12 +195,8 @@ impl Simulator for ExternalSimulator {
 
     /// The process of a batch of which only some episodes continue is not free.
     fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
-        let have_ended = Self::end(batch.iter_mut().map(|c| std::mem::replace(&mut c.before, Memory::NONE)));
-        let mut begun: Vec<Beginning<'_>> = batch.iter().map(|c| c.beginning.again()).collect();
-        let result = self.begin(&mut begun, have_ended);
-        let memories: Vec<Memory> = begun.into_iter().map(|b| b.memory).collect();
-        batch.iter_mut().zip(memories).for_each(|(c, memory)| c.beginning.memory = memory);
-        result
+        let have_ended = Self::end(Continuation::take_memories(batch));
+        Continuation::begin_anew(batch, |begun| self.begin(begun, have_ended))
     }
 
     fn end_batch(&self, memories: Vec<Memory>) {

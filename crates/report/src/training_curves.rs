@@ -40,16 +40,24 @@ pub fn draw(rows: &[Row]) -> Result<String, ChartError> {
     let panels = panels(rows);
     let lines = panels.len().div_ceil(COLUMNS);
     let size = (SIZE.0 * COLUMNS as u32, HEAD_HEIGHT + SIZE.1 * lines as u32);
+    svg(size, |area| picture(area, &panels, rows))
+}
+
+/// Draws on a white area of this size, pixels.
+pub(super) fn svg(
+    size: (u32, u32),
+    picture: impl FnOnce(&Area<'_>) -> DrawResult,
+) -> Result<String, ChartError> {
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let drawn = area
-        .fill(&WHITE)
-        .map_err(|e| e.to_string())
-        .and_then(|()| picture(&area, &panels, rows).map_err(|e| e.to_string()))
-        .and_then(|()| area.present().map_err(|e| e.to_string()));
+    let draw = || -> DrawResult {
+        area.fill(&WHITE)?;
+        picture(&area)?;
+        Ok(area.present()?)
+    };
+    let drawn = draw().map_err(|error| ChartError(error.to_string()));
     drop(area);
-    drawn.map_err(ChartError)?;
-    Ok(svg)
+    drawn.map(|()| svg)
 }
 
 /// Error of the drawing library.

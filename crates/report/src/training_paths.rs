@@ -6,7 +6,7 @@ use reactsim_evaluation::StudyResults;
 
 use super::birdseye::palette;
 use super::table::Column;
-use super::training_curves::{Area, ChartError, DrawResult, FONT, color, styled, tick};
+use super::training_curves::{Area, ChartError, DrawResult, FONT, color, styled, svg, tick};
 
 /// Metrics of reactions, one chart each.
 const REACTIONS: [&str; 2] = ["aav-collision", "over-reaction"];
@@ -16,8 +16,6 @@ const REALISM: &str = "realism_meta_metric";
 const SIZE: (u32, u32) = (520, 420);
 /// Height of the title, pixels.
 const HEAD_HEIGHT: u32 = 60;
-/// Colours of paths, in turn.
-const INKS: [&str; 4] = [palette::GENERATED, "#00568c", "#006f4f", "#8f3f6d"];
 
 /// Networks of a training in the order of their steps, or a simulator alone.
 struct Path<'a> {
@@ -48,12 +46,7 @@ pub fn draw(results: &StudyResults) -> Result<Option<String>, ChartError> {
         return Ok(None);
     }
     let size = (SIZE.0 * REACTIONS.len() as u32, HEAD_HEIGHT + SIZE.1);
-    let mut svg = String::new();
-    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-    let drawn = picture(&area, &paths).and_then(|()| Ok(area.present()?));
-    drop(area);
-    drawn.map_err(|error| ChartError(error.to_string()))?;
-    Ok(Some(svg))
+    svg(size, |area| picture(area, &paths)).map(Some)
 }
 
 fn paths(results: &StudyResults) -> Vec<Path<'_>> {
@@ -82,7 +75,6 @@ fn paths(results: &StudyResults) -> Vec<Path<'_>> {
 }
 
 fn picture(area: &Area<'_>, paths: &[Path<'_>]) -> DrawResult {
-    area.fill(&WHITE)?;
     let (head, body) = area.split_vertically(HEAD_HEIGHT);
     let title = "Realism of agents against their reactions to a deviated AV, along trainings";
     styled(&head, title, (24, 30), 19, HPos::Left, color(palette::STOP))?;
@@ -120,7 +112,7 @@ fn chart(area: &Area<'_>, title: &str, i: usize, paths: &[Path<'_>]) -> DrawResu
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
         .draw()?;
-    for (path, ink) in paths.iter().zip(INKS.iter().cycle()) {
+    for (path, ink) in paths.iter().zip(palette::LINES.iter().cycle()) {
         let (points, ink) = (points(path), color(ink));
         let line: Vec<(f64, f64)> = points.iter().map(|(_, at)| *at).collect();
         chart.draw_series([PathElement::new(line.clone(), ink.stroke_width(2))])?;

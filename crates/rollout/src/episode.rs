@@ -176,6 +176,28 @@ pub struct Continuation<'a> {
     pub beginning: Beginning<'a>,
 }
 
+impl Continuation<'_> {
+    /// Takes the memories of the episodes that are continued.
+    pub fn take_memories(batch: &mut [Self]) -> Vec<Memory> {
+        batch.iter_mut().map(|c| std::mem::replace(&mut c.before, Memory::NONE)).collect()
+    }
+
+    /// Begins the episodes anew by a function that fills in their memories.
+    ///
+    /// # Errors
+    /// Those of the function.
+    pub fn begin_anew(
+        batch: &mut [Self],
+        begin: impl FnOnce(&mut [Beginning<'_>]) -> Result<(), PlanError>,
+    ) -> Result<(), PlanError> {
+        let mut begun: Vec<Beginning<'_>> = batch.iter().map(|c| c.beginning.again()).collect();
+        let result = begin(&mut begun);
+        let memories: Vec<Memory> = begun.into_iter().map(|b| b.memory).collect();
+        batch.iter_mut().zip(memories).for_each(|(c, memory)| c.beginning.memory = memory);
+        result
+    }
+}
+
 /// Names of an episode, which simulators normally do not receive.
 #[derive(Clone, Copy, Debug)]
 pub struct Identity<'a> {
@@ -230,12 +252,8 @@ pub trait Simulator: Send + Sync {
     /// # Errors
     /// Only for failures of the whole batch.
     fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
-        self.end_batch(batch.iter_mut().map(|c| std::mem::replace(&mut c.before, Memory::NONE)).collect());
-        let mut begun: Vec<Beginning<'_>> = batch.iter().map(|c| c.beginning.again()).collect();
-        let result = self.begin_batch(&mut begun);
-        let memories: Vec<Memory> = begun.into_iter().map(|b| b.memory).collect();
-        batch.iter_mut().zip(memories).for_each(|(c, memory)| c.beginning.memory = memory);
-        result
+        self.end_batch(Continuation::take_memories(batch));
+        Continuation::begin_anew(batch, |begun| self.begin_batch(begun))
     }
 
     /// Takes the memories of a batch back when its episodes are over, however they ended.

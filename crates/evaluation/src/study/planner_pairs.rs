@@ -7,7 +7,7 @@ use reactsim_metrics::MetricSpec;
 
 use super::planners::values;
 use super::{PlannerRanks, Study};
-use crate::av::{AvDriver, PlannedAv};
+use crate::av::PlannedAv;
 use crate::error::EvaluationError;
 use crate::statistics::comparison::{Comparison, PairedDifference};
 use crate::statistics::tally::Tally;
@@ -61,7 +61,7 @@ impl PlannerPair {
         let planned: Vec<Planned<'_>> =
             members.filter_map(|(member, tally)| Some((member.planner.as_deref()?, tally))).collect();
         let mut pairs: Vec<[usize; 2]> = two(planned.len()).collect();
-        pairs.sort_by_key(|pair| !pair.iter().any(|&i| is_external(planned[i].0)));
+        pairs.sort_by_key(|pair| !pair.iter().any(|&i| PlannedAv::is_external(planned[i].0)));
         let one = |[first, second]: [usize; 2]| Self::of(planned[first], planned[second], ranks, seed);
         pairs.into_par_iter().map(one).collect()
     }
@@ -90,11 +90,6 @@ impl PlannerPair {
             dependence: Dependence::of([first.1, second.1], &ids, score, seed),
         })
     }
-}
-
-/// Returns whether a planner is a program of the user.
-fn is_external(planner: &str) -> bool {
-    planner.parse().is_ok_and(|planned: PlannedAv| matches!(planned.driver, AvDriver::External(_)))
 }
 
 impl Dependence {

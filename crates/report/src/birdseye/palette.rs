@@ -54,6 +54,8 @@ pub(super) const fn of(kind: AgentKind) -> &'static Paint {
     }
 }
 
+/// Lines of charts, in turn.
+pub(crate) const LINES: [&str; 4] = [AV.line, VEHICLE.line, CYCLIST.line, PEDESTRIAN.line];
 /// Generated data in charts, and reference data in charts.
 pub(crate) const GENERATED: &str = AV.line;
 pub(crate) const REFERENCE: &str = "#a9cfea";

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use reactsim_evaluation::PlannedAv;
 use serde::Serialize;
 
 use super::PageError;
@@ -137,7 +138,7 @@ impl Gallery {
                 if let Some((is_fault, change)) = self.verdict(scenario, worse, better)
                     && change >= LEAST_CHANGE
                 {
-                    let is_own = self.planner(worse).is_some_and(|planner| planner.starts_with("external:"));
+                    let is_own = self.planner(worse).is_some_and(PlannedAv::is_external);
                     found.push(((is_own, is_fault), change, Lead { scenario, left, right, judged: true }));
                 }
             }

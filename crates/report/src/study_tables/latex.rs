@@ -21,9 +21,10 @@ pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn 
         format!("{}: {}", member.folder, provenance(&run))
     });
     let tables = tables(results, style);
-    let caption = caption(results, &tables, style);
+    let pairs = pair_table(results);
+    let caption = caption(results, &tables, pairs.is_some(), style);
     begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
-    if let Some(table) = pair_table(results) {
+    if let Some(table) = pairs {
         writeln!(out, "  {}\\\\[2pt]", escape(table.title))?;
         write_texts(&table.rows, out)?;
         writeln!(out, "\n  \\medskip")?;
@@ -111,7 +112,12 @@ fn cell(cell: &StudyCell) -> String {
 
 /// Returns the requested caption, or the usual one with durations other than that of the benchmark and the
 /// meaning of the marks that occur.
-fn caption(results: &StudyResults, tables: &[StudyTable<'_>], style: TableStyle<'_>) -> String {
+fn caption(
+    results: &StudyResults,
+    tables: &[StudyTable<'_>],
+    has_pairs: bool,
+    style: TableStyle<'_>,
+) -> String {
     if let Some(caption) = style.caption {
         return escape(caption);
     }
@@ -122,7 +128,7 @@ fn caption(results: &StudyResults, tables: &[StudyTable<'_>], style: TableStyle<
     if tables.iter().any(|table| matches!(table.title, Title::Differences)) {
         text.push_str(" Differences are paired; bold where the interval leaves 0 out.");
     }
-    if pair_table(results).is_some() {
+    if has_pairs {
         text.push_str(&format!(" {}", escape(PAIRS)));
     }
     text.push_str(&durations(results.summaries.iter()));
