@@ -183,8 +183,8 @@ impl Surroundings<'_> {
         let last = if known > 1 { motion.count.min(known - 1) } else { motion.count };
         let near = own.radius() + other.radius() + DISTANCE_PER_SEPARATION * clearance;
         let growing = if other.is_av { AV_GROWTH_ALONG + AV_GROWTH_ACROSS } else { 0.0 };
-        // Length by which the boxes approach per sample at most. Samples at which they are too far apart for that
-        // are passed over.
+        // Length by which the boxes approach per sample at most. Samples at which they are too far apart for
+        // that are passed over.
         let closing = (motion.top_speed + forecast.band.speed + growing) * self.settings.sample;
         let passed = |gap: f64| ((gap - GAP_MARGIN) / closing).min(last as f64) as usize;
         let mut k = 1;

@@ -65,7 +65,8 @@ impl Links {
         self.relation.extend_from_slice(&links.relation);
     }
 
-    /// Returns the links of some nodes, in this order, with `k` slots per node and `features` numbers per relation.
+    /// Returns the links of some nodes, in this order, with `k` slots per node and `features` numbers per
+    /// relation.
     pub fn of_nodes(&self, nodes: &[usize], k: usize, features: usize) -> Self {
         let mut chosen = Self::with_capacity(nodes.len() * k, features);
         for &node in nodes {

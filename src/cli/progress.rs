@@ -17,8 +17,8 @@ const MAX_PRINTED_FAILURES: usize = 20;
 /// Time between two drawings of the preliminary table.
 const TABLE_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Time without a finished scenario after which the step that is being computed is shown; without a terminal, in
-/// a line when one is due.
+/// Time without a finished scenario after which the step that is being computed is shown; without a terminal,
+/// in a line when one is due.
 const STEP_DELAY: Duration = Duration::from_secs(2);
 
 /// Style with a known number of scenarios, and without.

@@ -154,8 +154,8 @@ struct NearPieces {
     pieces: Vec<usize>,
 }
 
-/// Distance beyond the farthest of the nearest pieces up to which others are kept, metres: they can be among the
-/// nearest once an agent has moved half of it.
+/// Distance beyond the farthest of the nearest pieces up to which others are kept, metres: they can be among
+/// the nearest once an agent has moved half of it.
 const KEPT_BEYOND: f64 = 16.0;
 /// Margin of that half for rounding, metres.
 const KEPT_MARGIN: f64 = 0.01;
@@ -252,8 +252,8 @@ impl SceneArrays {
         })
     }
 
-    /// Appends the observation of agent `own` to the arrays; zeros if it is absent. `kept` follows all frames that
-    /// are seen.
+    /// Appends the observation of agent `own` to the arrays; zeros if it is absent. `kept` follows all frames
+    /// that are seen.
     pub(super) fn write(
         &self,
         seen: &Observation<'_>,
@@ -367,8 +367,8 @@ fn nearest(most: usize, count: usize, distance: impl Fn(usize) -> Option<f64>) -
     if most == 0 {
         return Vec::new();
     }
-    // Distance and index in one number, which is compared at once. The bits of numbers that are not negative are in
-    // the order of the numbers.
+    // Distance and index in one number, which is compared at once. The bits of numbers that are not negative
+    // are in the order of the numbers.
     let key = |i: usize| Some(u128::from(distance(i)?.to_bits()) << 64 | i as u128);
     let mut found: Vec<u128> = Vec::with_capacity(count);
     found.extend((0..count).filter_map(key));

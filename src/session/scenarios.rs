@@ -82,8 +82,8 @@ impl Reading {
         Ok(Source::of_inputs(limited(inputs, None, None))?)
     }
 
-    /// Reads the scenarios with these ids, or all without ids, at most `limit`. Scenarios that cannot be read,
-    /// such as logs that are shorter than requested, are skipped, unless their ids are given.
+    /// Reads the scenarios with these ids, or all without ids, at most `limit`. Scenarios that cannot be
+    /// read, such as logs that are shorter than requested, are skipped, unless their ids are given.
     ///
     /// # Errors
     /// If a scenario of these ids cannot be read, there are fewer than `limit` and an id is missing, or no

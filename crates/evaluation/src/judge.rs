@@ -61,8 +61,8 @@ impl PairScores {
 }
 
 /// Scores the rollouts of one scenario and one simulator. `certificate`: responses that avoid the AV of the
-/// rollouts, if known. `av_map`: planning map on which the AV is judged, too, made at first use; `None` if the AV
-/// is not judged.
+/// rollouts, if known. `av_map`: planning map on which the AV is judged, too, made at first use; `None` if
+/// the AV is not judged.
 pub(super) fn judge(
     scenario: &Scenario,
     certificate: Option<&Certificate>,
@@ -159,7 +159,8 @@ mod tests {
         (0..FRAMES).map(|f| Some(AgentState { x: x(f), y, heading: 0.0, vx: speed, vy: 0.0 })).collect()
     }
 
-    /// `car` leaves 1 s after the current frame, 1 m beside its log, and `late` enters there, 3 m beside its own.
+    /// `car` leaves 1 s after the current frame, 1 m beside its log, and `late` enters there, 3 m beside its
+    /// own.
     #[test]
     fn agents_that_come_and_go_are_judged_while_they_are_there() {
         let now = CURRENT + 10;

@@ -104,9 +104,9 @@ impl LengthChoice {
         }
     }
 
-    /// Returns the current frames of the windows of a recording of `recorded` frames, one every `step` frames:
-    /// from the first one with enough frames before it on, as far as enough follow. A recording that is too
-    /// short for a window has one, so that the reason is reported.
+    /// Returns the current frames of the windows of a recording of `recorded` frames, one every `step`
+    /// frames: from the first one with enough frames before it on, as far as enough follow. A recording that
+    /// is too short for a window has one, so that the reason is reported.
     pub(crate) fn windows(self, recorded: usize, step: NonZeroUsize) -> impl Iterator<Item = usize> {
         let first = self.history() - 1;
         let more = recorded.saturating_sub(first + self.least_future() + 1) / step;

@@ -1,9 +1,9 @@
-//! The wire format of Protocol Buffers (<https://protobuf.dev/programming-guides/encoding/>). Messages are read
-//! where they lie, field by field, and written to a list of bytes.
+//! The wire format of Protocol Buffers (<https://protobuf.dev/programming-guides/encoding/>). Messages are
+//! read where they lie, field by field, and written to a list of bytes.
 //!
-//! For a field that occurs more than once, the last number counts; texts and numbers of lists follow one another,
-//! and messages are merged. Numbers of lists may be packed into one field. Fields that a reader does not know
-//! are passed over. Groups, which were abandoned before these messages were defined, are refused.
+//! For a field that occurs more than once, the last number counts; texts and numbers of lists follow one
+//! another, and messages are merged. Numbers of lists may be packed into one field. Fields that a reader does
+//! not know are passed over. Groups, which were abandoned before these messages were defined, are refused.
 
 /// Ways in which the content of a field is stored.
 const VARINT: u8 = 0;
@@ -25,7 +25,8 @@ pub enum WireError {
     /// A key has no valid tag.
     #[error("a field has an invalid tag")]
     Tag,
-    /// The content of a field is stored in another way than its definition says, or in one that no longer exists.
+    /// The content of a field is stored in another way than its definition says, or in one that no longer
+    /// exists.
     #[error("field {tag} has the wire type {kind}")]
     Kind {
         /// Tag of the field.
@@ -85,7 +86,8 @@ impl<'a> Fields<'a> {
         key.filter(|key| key.tag() > 0).map(Some).ok_or(WireError::Tag)
     }
 
-    /// Reads the key of the next field and its content, which is empty for numbers; `None` at the end of the message.
+    /// Reads the key of the next field and its content, which is empty for numbers; `None` at the end of the
+    /// message.
     pub fn next_content(&mut self) -> Result<Option<(u32, &'a [u8])>, WireError> {
         let Some(key) = self.key()? else { return Ok(None) };
         Ok(Some((key.tag(), self.skip(key)?)))

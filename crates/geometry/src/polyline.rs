@@ -184,14 +184,14 @@ impl Polyline {
         self.project_nearer(p, first.min(last - 1), last, f64::INFINITY)
     }
 
-    /// Projects `p` as [`Self::project_between`] does, faster for a point beside the first segments of a line that
-    /// goes on ahead.
+    /// Projects `p` as [`Self::project_between`] does, faster for a point beside the first segments of a line
+    /// that goes on ahead.
     pub fn project_ahead(&self, p: Vec2, first: usize, last: usize) -> Projection {
         let last = last.clamp(1, self.segments());
         let first = first.min(last - 1);
         let (mut best, mut segment, mut at) = (f64::INFINITY, first, 0.0);
-        // The direction of the first segment in which the nearest point is, and the position along it of the next
-        // point of the line.
+        // The direction of the first segment in which the nearest point is, and the position along it of the
+        // next point of the line.
         let mut ahead: Option<(Vec2, f64)> = None;
         // The slack is larger than the errors of the distances.
         let mut bound = f64::INFINITY;

@@ -30,8 +30,8 @@ pub(super) fn overlapping_frames(
     motion.close_frames(a, b, first).filter(touches)
 }
 
-/// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the first frame
-/// of the one that appears later and the options exclude such pairs.
+/// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the first
+/// frame of the one that appears later and the options exclude such pairs.
 pub(super) fn excluded(case: &Case<'_>, a: usize, b: usize) -> bool {
     case.options.exclude_initial_overlap
         && case

@@ -196,8 +196,8 @@ impl<'a> Case<'a> {
         self
     }
 
-    /// States whether agents may leave: the paths of those that do are compared up to their last step. Without
-    /// it, agents that vanish have driven too little.
+    /// States whether agents may leave: the paths of those that do are compared up to their last step.
+    /// Without it, agents that vanish have driven too little.
     pub fn with_leaving(mut self, may_leave: bool) -> Self {
         self.may_leave = may_leave;
         self.cache = Cache::default();

@@ -163,8 +163,8 @@ impl Judgement for CaseLikelihood {
     }
 }
 
-/// Returns the likelihoods of the case's log under its rollouts; `None` without a log, without rollouts, or if
-/// it has another number of steps than the challenge.
+/// Returns the likelihoods of the case's log under its rollouts; `None` without a log, without rollouts, or
+/// if it has another number of steps than the challenge.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
     case.judgement::<CaseLikelihood>().0
 }

@@ -86,8 +86,8 @@ options! {
     velocity_source: VelocitySource = VelocitySource::State, VelocitySource;
     /// Order of the fault rules.
     fault_order: FaultOrder = FaultOrder::Paper, FaultOrder;
-    /// Whether pairs that overlap at the first frame of both, such as a tractor and its trailer, are left out of
-    /// collisions with the AV, risky approaches and agent-agent collisions.
+    /// Whether pairs that overlap at the first frame of both, such as a tractor and its trailer, are left out
+    /// of collisions with the AV, risky approaches and agent-agent collisions.
     exclude_initial_overlap: bool = false, flag;
     /// Whether heading differences are wrapped for the time to collision.
     ttc_wrap_heading: bool = true, flag;

@@ -60,8 +60,8 @@ impl SceneHistory {
         Self::on_map(scenario, tracks, || Ok(Arc::new(planning_map(scenario)?)))
     }
 
-    /// Creates the history of a rollout as [`Self::of_rollout`] does, on the [`planning_map`] of the scenario that
-    /// `map` returns: rollouts of a scenario can share it.
+    /// Creates the history of a rollout as [`Self::of_rollout`] does, on the [`planning_map`] of the scenario
+    /// that `map` returns: rollouts of a scenario can share it.
     ///
     /// # Errors
     /// As [`Self::of_rollout`], and those of `map`.

@@ -88,8 +88,8 @@ pub fn change(paired: &PairedDifference) -> String {
     format!("{} {first} → {second}{unit} (p {})", column.title(), p_text(paired.p))
 }
 
-/// Returns in words how large a rise of a metric, of which less is better, a comparison could see in four of five
-/// cases, and whether that is too large: more than a doubling and more than `least`.
+/// Returns in words how large a rise of a metric, of which less is better, a comparison could see in four of
+/// five cases, and whether that is too large: more than a doubling and more than `least`.
 pub fn power(paired: &PairedDifference, least: f64) -> String {
     let column = Column::of_spec(paired.metric);
     let unit = column.unit().map(|unit| format!(" {unit}")).unwrap_or_default();

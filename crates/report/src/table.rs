@@ -257,8 +257,8 @@ fn incomparable(runs: &[super::Run<'_>]) -> Option<String> {
     (!differences.is_empty()).then(text)
 }
 
-/// Returns the text of [`unequal`] for the tables of runs with these columns, and for that of the AV: over all
-/// scenarios or one part of them.
+/// Returns the text of [`unequal`] for the tables of runs with these columns, and for that of the AV: over
+/// all scenarios or one part of them.
 pub(super) fn fewer(
     runs: &[super::Run<'_>],
     columns: &[Column],

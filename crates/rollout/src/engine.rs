@@ -99,8 +99,8 @@ const PLANNED_AGAIN: &str = "planned-again";
 /// Outcome of an agent that entered.
 pub const ENTERED: &str = "agents-entered";
 
-/// Outcome of an agent that entered later than in the log, because another stood in its place or too many were
-/// present.
+/// Outcome of an agent that entered later than in the log, because another stood in its place or too many
+/// were present.
 pub const ENTERED_LATE: &str = "agents-entered-late";
 
 /// Outcome of an agent that the log shows, but whose place was never free.

@@ -21,8 +21,8 @@ const MAX_CURVATURE: f64 = 0.3;
 const CUT: f64 = 2.0;
 
 impl Scenario {
-    /// Drops the links between lanes that no vehicle can drive, and counts them in [`Scenario::repairs`]. Returns
-    /// whether there were any.
+    /// Drops the links between lanes that no vehicle can drive, and counts them in [`Scenario::repairs`].
+    /// Returns whether there were any.
     pub(super) fn drop_undrivable_links(&mut self) -> bool {
         let undrivable = undrivable_links(&self.start.map);
         if undrivable.is_empty() {

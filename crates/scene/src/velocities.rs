@@ -17,8 +17,8 @@ impl Scenario {
     ///
     /// The estimate is the difference from the position one frame earlier, else the difference to the
     /// position one frame later. In the history, frames after the current one are never used. Velocities that
-    /// cannot be estimated stay unknown, as do those of objects of kind `other` that stay at one place. Returns
-    /// whether velocities were written.
+    /// cannot be estimated stay unknown, as do those of objects of kind `other` that stay at one place.
+    /// Returns whether velocities were written.
     pub(super) fn estimate_velocities(&mut self) -> bool {
         let mut is_changed = self.forget_contradicting_velocities();
         let times = self.timestamps.clone();
@@ -29,8 +29,8 @@ impl Scenario {
     }
 
     /// Makes velocities unknown that contradict positions: of the AV, or of all other agents of a kind, if
-    /// most of these that move are wrong. Frames after the current one are never used for the history. Returns
-    /// whether there are any.
+    /// most of these that move are wrong. Frames after the current one are never used for the history.
+    /// Returns whether there are any.
     fn forget_contradicting_velocities(&mut self) -> bool {
         let times = self.timestamps.clone();
         let tracks = self.split_tracks().map(|(group, track)| (group, track.concat()));
@@ -150,8 +150,8 @@ fn stays(parts: &[&[Frame]]) -> bool {
 }
 
 /// Fills the unknown velocities of successive frames. `before` is the frame before the first one, and
-/// `step(i)` the time from frame `i - 1` to frame `i` of the slice, seconds, where `before` is frame −1. Returns
-/// whether there were any that could be estimated.
+/// `step(i)` the time from frame `i - 1` to frame `i` of the slice, seconds, where `before` is frame −1.
+/// Returns whether there were any that could be estimated.
 fn fill(track: &mut [Frame], before: Frame, step: impl Fn(usize) -> f64) -> bool {
     let mut is_changed = false;
     for i in 0..track.len() {

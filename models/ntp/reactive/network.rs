@@ -160,8 +160,8 @@ impl Network {
         Encoding { nodes: x, entering, meeting, agents }
     }
 
-    /// Encodes nodes that attend to known sources only, and not to one another. Returns the input of the heads,
-    /// `[n, hidden]`.
+    /// Encodes nodes that attend to known sources only, and not to one another. Returns the input of the
+    /// heads, `[n, hidden]`.
     pub(crate) fn encode_among(&self, nodes: &NodeTensors, sources: &Sources) -> Tensor<2> {
         let to_past = nodes.past.embed(&self.past);
         let to_places = nodes.places.embed(&self.to_place);

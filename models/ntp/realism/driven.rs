@@ -28,8 +28,8 @@ pub(crate) trait Driven: Send + Sync {
     /// Returns the simulator with a network without autodiff, and what it notes. The error is a message.
     fn noting(&self, network: &Self::Network) -> Result<(Controller, Self::Notes), String>;
 
-    /// Builds samples of a group of rollouts of a scenario, the last that the simulator of these notes has driven.
-    /// The AV is external, and has no choice.
+    /// Builds samples of a group of rollouts of a scenario, the last that the simulator of these notes has
+    /// driven. The AV is external, and has no choice.
     fn samples(
         &self,
         notes: &Self::Notes,

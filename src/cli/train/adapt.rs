@@ -56,7 +56,8 @@ const MOST_LOGS: f64 = 600.0;
 const MOST_DEVIATED: f64 = 60.0;
 /// Largest number of scenarios to judge by, per minute.
 const MOST_JUDGED: f64 = 15.0;
-/// Rollouts with AVs that deviate to judge by, per minute: collisions are rare, and to see a doubling takes many.
+/// Rollouts with AVs that deviate to judge by, per minute: collisions are rare, and to see a doubling takes
+/// many.
 const REACTIONS: f64 = 60.0;
 /// Number of generated logs to judge by, per minute.
 const MOST_GENERATED: f64 = 6.0;
@@ -429,9 +430,9 @@ fn rollouts(count: usize, number: usize) -> u32 {
     u32::try_from(number / count.max(1)).unwrap_or(u32::MAX).clamp(1, MOST_ROLLOUTS)
 }
 
-/// Compares the model before and after in the run of a group, in the columns of the table by which it is judged
-/// there. Scenarios of one recording depend on each other. `None` if there is no scenario in which both have a
-/// result.
+/// Compares the model before and after in the run of a group, in the columns of the table by which it is
+/// judged there. Scenarios of one recording depend on each other. `None` if there is no scenario in which
+/// both have a result.
 fn compared(
     (group, run): (Group, &Path),
     id: &str,

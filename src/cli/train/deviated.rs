@@ -40,8 +40,8 @@ pub(super) fn deviated(scenario: &Scenario, seed: u64) -> Option<Deviated> {
     several(scenario, seed, 1).pop()
 }
 
-/// Returns up to `most` deviated AVs: the one that curation chooses, then what it would choose next to it. Fewer
-/// if nothing else was found that the AV could do.
+/// Returns up to `most` deviated AVs: the one that curation chooses, then what it would choose next to it.
+/// Fewer if nothing else was found that the AV could do.
 pub(super) fn several(scenario: &Scenario, seed: u64, most: usize) -> Vec<Deviated> {
     let settings = CurationSettings { seed, scenes: false, ..CurationSettings::default() };
     let CurationOutcome::Retained(mut record, _) = curate_scenario(scenario, SOURCES[0], &settings) else {

@@ -20,8 +20,8 @@ pub(super) const CURVES: &str = "curves.svg";
 /// Maximum number of skipped scenarios printed one by one.
 const MAX_PRINTED_SKIPS: usize = 5;
 
-/// Line with loss, metrics, speed and remaining time, hidden if stderr is not a terminal. Validations are always
-/// printed, with the metrics that only steps have.
+/// Line with loss, metrics, speed and remaining time, hidden if stderr is not a terminal. Validations are
+/// always printed, with the metrics that only steps have.
 pub(super) struct Progress {
     bar: ProgressBar,
     folder: PathBuf,

@@ -23,8 +23,8 @@ pub(crate) struct JudgedAv {
 }
 
 /// Judges the AV in a rollout of a scenario by nuPlan's closed-loop metrics. The motion of the AV is its
-/// track, so that all AVs are judged alike, and rollouts that are kept can be judged again. `map`: planning map
-/// of the scenario, which is made if it is missing.
+/// track, so that all AVs are judged alike, and rollouts that are kept can be judged again. `map`: planning
+/// map of the scenario, which is made if it is missing.
 ///
 /// # Errors
 /// [`PlanningError`] if the map cannot be used or the AV is absent at a step.

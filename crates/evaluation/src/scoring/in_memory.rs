@@ -44,7 +44,8 @@ pub fn score_in_memory(
 
 /// Judges one rollout of the reactive protocol. Returns the row of the rollout and the row over all rollouts,
 /// without the digest of the scenario, and the events. `deviation`: how the AV deviates from the log, if
-/// known; `av_map`: planning map of the scenario, if the AV is judged, too, as in a run in which a planner drives it.
+/// known; `av_map`: planning map of the scenario, if the AV is judged, too, as in a run in which a planner
+/// drives it.
 pub fn judge_in_memory(
     scenario: &Scenario,
     simulator: &str,

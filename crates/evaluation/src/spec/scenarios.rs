@@ -60,13 +60,13 @@ pub struct ReadingSpec {
     /// with 80 steps of the AV after it]
     #[arg(long, value_name = "N")]
     pub current_frame: Option<usize>,
-    /// Several scenarios of each recording of Waymo files of 20 s, long ScenarioNet and native files: the first
-    /// frame with enough history (frame 10) and every N frames after it is a current frame, as far as enough
-    /// frames follow (80); ids get the frame, such as ID@60
+    /// Several scenarios of each recording of Waymo files of 20 s, long ScenarioNet and native files: the
+    /// first frame with enough history (frame 10) and every N frames after it is a current frame, as far as
+    /// enough frames follow (80); ids get the frame, such as ID@60
     #[arg(long, value_name = "N")]
     pub window_step: Option<NonZeroUsize>,
-    /// Frames up to and including the current one, 2 to 100; if the recorded one has fewer, it is the first that
-    /// has them [default: 11; of native and JSON files, their own]
+    /// Frames up to and including the current one, 2 to 100; if the recorded one has fewer, it is the first
+    /// that has them [default: 11; of native and JSON files, their own]
     #[arg(long, value_name = "N", value_parser = history)]
     pub history: Option<usize>,
     /// Frames after the current one: seconds (`15s`), steps of 0.1 s (`150`), at most 6000, or `log`, all

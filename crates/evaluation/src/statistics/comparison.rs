@@ -71,8 +71,8 @@ pub struct PairedDifference {
     /// Whether the second simulator is better or worse.
     pub verdict: Verdict,
     /// Smallest difference of either sign that so many scenarios of this spread show in four of five cases,
-    /// in the unit of the metric. `None` if they cannot tell: fewer than six scenarios or groups, or equal values
-    /// in all.
+    /// in the unit of the metric. `None` if they cannot tell: fewer than six scenarios or groups, or equal
+    /// values in all.
     pub visible: Option<f64>,
     /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
     pub better: Vec<(String, f64)>,
@@ -107,8 +107,8 @@ impl Comparison {
         Self::of_metrics(first, second, seed, |_| true, None)
     }
 
-    /// As [`Comparison::of`], where scenarios depend on each other if `group` returns the same for their ids, as
-    /// those of one recording do.
+    /// As [`Comparison::of`], where scenarios depend on each other if `group` returns the same for their ids,
+    /// as those of one recording do.
     ///
     /// # Errors
     /// As for [`Comparison::of`].
@@ -121,7 +121,8 @@ impl Comparison {
         Self::of_metrics(first, second, seed, |_| true, Some(group))
     }
 
-    /// As [`Comparison::of`], with the metrics for which `is_wanted` holds, and with groups if they are given.
+    /// As [`Comparison::of`], with the metrics for which `is_wanted` holds, and with groups if they are
+    /// given.
     pub(crate) fn of_metrics(
         first: (&Tally, &str),
         second: (&Tally, &str),
@@ -254,8 +255,8 @@ impl PairedDifference {
     }
 
     /// Returns whether the second simulator could have twice the value of the first, which would be worse,
-    /// and the scenarios would not show it in four of five cases. Where a doubling is a rise of less than `least`, a
-    /// rise of `least` is meant.
+    /// and the scenarios would not show it in four of five cases. Where a doubling is a rise of less than
+    /// `least`, a rise of `least` is meant.
     pub fn may_hide_doubling(&self, least: f64) -> bool {
         let rise = self.first.max(least);
         let are_few = self.independent() < MIN_FOR_VERDICT;
@@ -283,8 +284,8 @@ impl PairedDifference {
     }
 }
 
-/// Returns a difference per group, in the order of their first scenarios: the sum over its scenarios, scaled so
-/// that the mean over groups is that over scenarios.
+/// Returns a difference per group, in the order of their first scenarios: the sum over its scenarios, scaled
+/// so that the mean over groups is that over scenarios.
 fn of_groups(values: &[(&str, f64, f64)], group: &dyn Fn(&str) -> String) -> Vec<f64> {
     let (mut places, mut sums) = (BTreeMap::new(), Vec::new());
     for (id, a, b) in values {
@@ -460,7 +461,8 @@ mod tests {
         // One change of 2 in twelve, of which six would be needed.
         let one = judged("aav-collision", &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!(one.visible >= Some(1.0), "{:?}", one.visible);
-        // A doubling of little is little: six of twelve counts are a rise of 0.5, which is enough from there on.
+        // A doubling of little is little: six of twelve counts are a rise of 0.5, which is enough from there
+        // on.
         let rare = PairedDifference { first: 0.2, ..none };
         assert_eq!(
             [0.0, 0.4, 0.5, 0.6].map(|least| rare.may_hide_doubling(least)),

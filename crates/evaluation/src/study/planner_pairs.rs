@@ -45,9 +45,9 @@ type Planned<'a> = (&'a str, &'a Tally);
 type Paired<'a> = Vec<(&'a str, f64, f64)>;
 
 impl PlannerPair {
-    /// Compares every two planners of a study with these results by member; the pairs with an external planner,
-    /// which is the user's own, come first. `seed` selects the random streams
-    /// of resamplings and permutations.
+    /// Compares every two planners of a study with these results by member; the pairs with an external
+    /// planner, which is the user's own, come first. `seed` selects the random streams of resamplings and
+    /// permutations.
     ///
     /// # Errors
     /// [`EvaluationError`] for a simulator that is not in every run, and scenarios that differ between runs.

@@ -53,7 +53,8 @@ impl Rows {
     }
 
     /// Decodes the scenario of a row; its digest must match the stored one, with the agents that the
-    /// benchmark selects or with all agents. Also returns the digest, unless the scenario was completed since.
+    /// benchmark selects or with all agents. Also returns the digest, unless the scenario was completed
+    /// since.
     pub(super) fn scenario(
         &self,
         row: usize,
@@ -82,8 +83,8 @@ impl Rows {
         let (found, expected) = (scenario.digest(), self.text("digest", row).map_err(refuse)?);
         let has_all = found != expected;
         if has_all {
-            // Agents are stored in their order, and not which of them are simulated. The digest tells a scenario
-            // with all agents from one with the agents of the benchmark.
+            // Agents are stored in their order, and not which of them are simulated. The digest tells a
+            // scenario with all agents from one with the agents of the benchmark.
             scenario = scenario.with_all_agents();
             if scenario.digest() != expected {
                 let what = "the scenario";

@@ -1,5 +1,5 @@
-//! Decoding of row groups: the cells of each column, and the lists that they are in. Arrays of the library would have
-//! to be built list by list.
+//! Decoding of row groups: the cells of each column, and the lists that they are in. Arrays of the library
+//! would have to be built list by list.
 
 use std::sync::Arc;
 

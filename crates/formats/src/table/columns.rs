@@ -263,7 +263,8 @@ impl View {
         self.present(cell).and_then(|cell| numbers.get(cell).copied())
     }
 
-    /// Returns the numbers in a range of cells, and which of them are not null, `None` if the column has no null.
+    /// Returns the numbers in a range of cells, and which of them are not null, `None` if the column has no
+    /// null.
     pub(crate) fn numbers(&self, cells: Range<usize>) -> (&[f64], Option<&[bool]>) {
         let Cells::Number(numbers) = &self.content.cells else { return (&[], None) };
         let present = self.content.present.as_ref().map(|present| &present[cells.clone()]);

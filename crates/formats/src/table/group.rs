@@ -115,8 +115,8 @@ fn decompressed(zstd: &mut Decompressor<'_>, page: &Bytes, plain: usize, size: u
     if whole.len() == size { Ok(whole.into()) } else { Err(damaged()) }
 }
 
-/// Joins the bytes of `double`s that a page stores apart, those of each place together, so that the page has plain
-/// numbers: the library joins them byte by byte. Malformed pages are left to it.
+/// Joins the bytes of `double`s that a page stores apart, those of each place together, so that the page has
+/// plain numbers: the library joins them byte by byte. Malformed pages are left to it.
 fn join(page: &mut Page, has_levels: [bool; 2]) {
     let (buf, encoding, levels) = match page {
         Page::DataPage {
@@ -148,7 +148,8 @@ fn join(page: &mut Page, has_levels: [bool; 2]) {
     }
 }
 
-/// Appends numbers of eight bytes, of which first the first bytes are given, then the second bytes, and so on.
+/// Appends numbers of eight bytes, of which first the first bytes are given, then the second bytes, and so
+/// on.
 fn joined(bytes: &[u8], numbers: &mut Vec<u8>) {
     let count = bytes.len() / 8;
     let places: [&[u8]; 8] = std::array::from_fn(|k| &bytes[k * count..][..count]);

@@ -272,7 +272,8 @@ impl Decoder {
     }
 
     fn map_feature(&mut self, content: &[u8]) -> Result<MapFeature, Problem> {
-        // The content of a variant, into which further fields are merged, or an empty one after another variant.
+        // The content of a variant, into which further fields are merged, or an empty one after another
+        // variant.
         macro_rules! last {
             ($variant:ident, $feature:expr) => {
                 match $feature.take() {
@@ -428,8 +429,8 @@ fn object_state(content: &[u8]) -> Result<ObjectState, WireError> {
     Ok(state)
 }
 
-/// Decodes a state with all of its fields, each once and by ascending tags, as the data set has it: the keys of
-/// the fields are then at known places. `None` for any other state.
+/// Decodes a state with all of its fields, each once and by ascending tags, as the data set has it: the keys
+/// of the fields are then at known places. `None` for any other state.
 fn whole_state(content: &[u8]) -> Option<ObjectState> {
     let (center, rest) = content.split_at_checked(3 * DOUBLE_SIZE)?;
     let [[0x11, x @ ..], [0x19, y @ ..], [0x21, z @ ..]] = center.as_chunks::<DOUBLE_SIZE>().0 else {

@@ -1,4 +1,5 @@
-//! Encoding and decoding of `ScenarioRollouts` messages. Fields that the challenge does not use are passed over.
+//! Encoding and decoding of `ScenarioRollouts` messages. Fields that the challenge does not use are passed
+//! over.
 
 use std::io::Read;
 use std::path::Path;
@@ -73,7 +74,8 @@ fn trajectory(content: &[u8]) -> Result<ObjectTrajectory, WireError> {
     Ok(trajectory)
 }
 
-/// Encodes a `ScenarioRollouts` message with packed numbers. Zero and an empty id are what missing fields mean.
+/// Encodes a `ScenarioRollouts` message with packed numbers. Zero and an empty id are what missing fields
+/// mean.
 pub fn encode_rollouts(rollouts: &ScenarioRollouts) -> Vec<u8> {
     let mut message = Message::default();
     if !rollouts.scenario_id.is_empty() {

@@ -261,8 +261,9 @@ fn undisturbed_vehicles_are_measured_against_their_log() {
 
 #[test]
 fn vehicles_that_leave_are_compared_up_to_there() {
-    // `a` leaves after 1 s of the certificate. `c` brakes with 2 m/s² and leaves after 2 s and 16 m of 20 m, and
-    // `d` after 0.3 s, in which its log moves too little. The log loses `e` at the same time as the rollout.
+    // `a` leaves after 1 s of the certificate. `c` brakes with 2 m/s² and leaves after 2 s and 16 m of 20 m,
+    // and `d` after 0.3 s, in which its log moves too little. The log loses `e` at the same time as the
+    // rollout.
     let cut = |mut track: Vec<Frame>, steps: usize| {
         track[HISTORY + steps..].fill(None);
         track

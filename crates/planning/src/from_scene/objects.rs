@@ -86,8 +86,8 @@ impl ObjectIds {
         &self.obstacles[index]
     }
 
-    /// Returns the objects within reach of ego at present, by the rules of [`rollout_objects`]. An unknown velocity
-    /// is the displacement since the frame before.
+    /// Returns the objects within reach of ego at present, by the rules of [`rollout_objects`]. An unknown
+    /// velocity is the displacement since the frame before.
     pub fn objects_near(&self, seen: &Observation<'_>, reach: &Reach) -> Vec<TrackedObject> {
         let (start, tracks, frame) = (seen.start(), seen.tracks(), seen.frame());
         ObjectFrame { start, ids: self, tracks, frame, heights: &seen.heights() }
@@ -124,8 +124,8 @@ pub(crate) struct ObjectFrame<'a> {
 }
 
 impl ObjectFrame<'_> {
-    /// Returns the objects by the rules of [`rollout_objects`], all or those within reach of ego, and whether a
-    /// velocity is estimated.
+    /// Returns the objects by the rules of [`rollout_objects`], all or those within reach of ego, and whether
+    /// a velocity is estimated.
     pub(crate) fn objects(
         &self,
         differences: Differences,

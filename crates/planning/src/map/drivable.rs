@@ -34,8 +34,8 @@ impl DrivableArea {
         Self::RoadEdges { edges: OrientedEdges::new(edges), driveways: Areas::new(driveways) }
     }
 
-    /// Returns whether `p` is on drivable ground; `None` if it is unknown. `hint`: the road edge that was found for a
-    /// point nearby; it only shortens the search.
+    /// Returns whether `p` is on drivable ground; `None` if it is unknown. `hint`: the road edge that was
+    /// found for a point nearby; it only shortens the search.
     pub fn contains(&self, p: Vec2, hint: &mut Option<u32>) -> Option<bool> {
         match self {
             Self::Areas(areas) => Some(areas.contains(p)),

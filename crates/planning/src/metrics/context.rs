@@ -8,8 +8,8 @@ use super::corner_lanes::{CornerLanes, corner_lanes, in_common_lane};
 use super::matched_lanes::lanes_overlap;
 use super::{History, center_lanes::center_lanes};
 
-/// Boxes and lanes of ego, per sample. Lanes are found when they are first asked for: most single samples need
-/// none.
+/// Boxes and lanes of ego, per sample. Lanes are found when they are first asked for: most single samples
+/// need none.
 pub(super) struct Context<'a> {
     pub(super) history: &'a History<'a>,
     pub(super) centers: Vec<Vec2>,

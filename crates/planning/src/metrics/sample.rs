@@ -75,8 +75,8 @@ impl SampleJudge {
         Self { collided: BTreeSet::new(), ego: past }
     }
 
-    /// Judges the next sample. Objects that were hit before do not count, as in the metrics, and those beyond the
-    /// [`Reach`] of ego may be left out.
+    /// Judges the next sample. Objects that were hit before do not count, as in the metrics, and those beyond
+    /// the [`Reach`] of ego may be left out.
     pub fn judge(
         &mut self,
         map: &PlanningMap,

@@ -118,8 +118,8 @@ impl Gallery {
     }
 
     /// Returns the scenario in which the verdict on a planner other than the log depends most on the
-    /// simulator; external planners, which are the user's own, and collisions for which the AV is at fault come
-    /// first.
+    /// simulator; external planners, which are the user's own, and collisions for which the AV is at fault
+    /// come first.
     fn planner_lead(&self) -> Result<Option<Lead>, PageError> {
         let is_judged = |subject: &Subject| {
             let finished = &self.runs[subject.run].finished;

@@ -123,7 +123,8 @@ fn an_agent_enters_at_its_first_pose_and_is_simulated_from_then_on() {
     let seen: Vec<usize> = (0..33).filter(|f| track[*f].is_some()).collect();
     assert_eq!(seen, [2, 3, 4]);
     assert_eq!(x(track, 33), Some(30.0));
-    // Its log of 1 m per frame is withheld: it keeps its velocity of 5 m/s, also from the plan at frame 35 on.
+    // Its log of 1 m per frame is withheld: it keeps its velocity of 5 m/s, also from the plan at frame 35
+    // on.
     assert_eq!((x(track, 34), x(track, 35)), (Some(30.5), Some(31.0)));
     let last = track[35].unwrap();
     assert_eq!(x(track, 45), Some(later(last, 10).x));

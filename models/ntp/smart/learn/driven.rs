@@ -17,8 +17,8 @@ use super::sample::Futures;
 use super::token_learning::TokenLearning;
 use super::{Recipe, Sample};
 
-/// The network that drives as `smart` does, with the map of the recipe, and learns from the tokens nearest to what
-/// agents did.
+/// The network that drives as `smart` does, with the map of the recipe, and learns from the tokens nearest to
+/// what agents did.
 pub(crate) struct DrivenSmart {
     /// The first network, on the device with autodiff.
     first: Smart,

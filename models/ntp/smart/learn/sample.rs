@@ -82,9 +82,9 @@ impl<'s> Futures<'s> {
     }
 }
 
-/// Adds the agents to a scene, with the token to choose at every step. Their tracks begin `shift` frames later than
-/// the logged scene, and the steps of the scene with the number `first`. `None` if there is nothing to learn.
-/// Also returns which agent chooses each target.
+/// Adds the agents to a scene, with the token to choose at every step. Their tracks begin `shift` frames
+/// later than the logged scene, and the steps of the scene with the number `first`. `None` if there is
+/// nothing to learn. Also returns which agent chooses each target.
 fn with_agents(
     mut scene: Scene,
     logged: &LoggedScene,

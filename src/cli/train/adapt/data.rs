@@ -157,8 +157,8 @@ pub(super) fn make(
     Ok(done.then_some(files))
 }
 
-/// Returns how many AVs of each log are judged by if about so many logs have an AV that can deviate, for a number
-/// of rollouts in all: one with another AV tells more than a second one with the same.
+/// Returns how many AVs of each log are judged by if about so many logs have an AV that can deviate, for a
+/// number of rollouts in all: one with another AV tells more than a second one with the same.
 fn avs_per_log(logs: f64, rollouts: usize) -> usize {
     (rollouts as f64 / logs.max(1.0)).clamp(1.0, MOST_AVS) as usize
 }
@@ -317,8 +317,8 @@ pub(super) fn place(name: &str, seed: u64) -> f64 {
     unit_interval(leading_bits(&hasher.finalize()))
 }
 
-/// Writes the scenarios that `make` returns for each number below `end`, unless they are there already. Returns
-/// whether the files are complete.
+/// Writes the scenarios that `make` returns for each number below `end`, unless they are there already.
+/// Returns whether the files are complete.
 fn derive<const N: usize>(
     to: [&PathBuf; N],
     end: usize,

@@ -16,8 +16,8 @@ use crate::report::comparison;
 const IMPROVED_BY_HASTE: [&str; 2] = ["progress", "over-reaction"];
 
 /// Metrics of safety, each with a rise that must be seen where a doubling is less: so much separates shipped
-/// simulators on recordings (one collision in 20 scenarios, half a percent of the agents), and to see less takes
-/// thousands of scenarios.
+/// simulators on recordings (one collision in 20 scenarios, half a percent of the agents), and to see less
+/// takes thousands of scenarios.
 const SAFETY: [(&str, f64); 4] =
     [("aav-collision", 0.05), ("aav-ttc", 0.05), ("aa-collision", 0.005), ("offroad", 0.005)];
 
@@ -102,7 +102,8 @@ impl Judgement<'_> {
         }
     }
 
-    /// Returns the metrics with a verdict, with their groups. Generated scenarios do not make an adaptation better.
+    /// Returns the metrics with a verdict, with their groups. Generated scenarios do not make an adaptation
+    /// better.
     fn with(&self, verdict: evaluation::Verdict) -> impl Iterator<Item = (Group, &PairedDifference)> {
         let all = self.groups.iter().flat_map(|(group, found)| found.metrics.values().map(|p| (*group, p)));
         let is_better = verdict == evaluation::Verdict::Better;
