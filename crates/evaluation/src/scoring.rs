@@ -209,8 +209,8 @@ fn failure(
     Failure { input, record, simulator: None, file: file.name.clone(), scenario, error: error.to_string() }
 }
 
-/// Returns whether agents entered in rollouts, as the runs say in whose folders they are; those of other
-/// programs have none.
+/// Returns whether agents entered in these rollouts. A run states it in the folder with its rollouts;
+/// rollouts of other programs have no such agents.
 fn entering_of(rollouts: &[PathBuf]) -> Result<Entering, EvaluationError> {
     let mut found = None;
     for path in rollouts {

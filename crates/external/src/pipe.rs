@@ -32,7 +32,7 @@ pub(super) struct Pipe {
     sequence: u64,
 }
 
-/// Who reads and writes the streams of a [`Pipe`].
+/// Owner of the streams of a [`Pipe`].
 enum Streams {
     /// The thread that uses the pipe. It waits as long as the other process does.
     Direct { input: Box<dyn Read + Send>, output: Box<dyn Write + Send> },

@@ -66,7 +66,7 @@ pub struct PairedDifference {
     /// Second minus first: mean over scenarios with its bootstrap interval. Groups are resampled as a whole.
     pub difference: Estimate,
     /// p-value: share of random sign assignments whose mean is at least as far from 0 (two-sided permutation
-    /// test over scenarios; those of a group have one sign).
+    /// test over scenarios; the scenarios of a group share their sign).
     pub p: f64,
     /// Whether the second simulator is better or worse.
     pub verdict: Verdict,
@@ -108,7 +108,7 @@ impl Comparison {
     }
 
     /// As [`Comparison::of`], where scenarios depend on each other if `group` returns the same for their ids,
-    /// as those of one recording do.
+    /// as the scenarios of one recording do.
     ///
     /// # Errors
     /// As for [`Comparison::of`].
