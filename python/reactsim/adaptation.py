@@ -27,7 +27,8 @@ class Adaptation:
         reactive: The same in the reactive protocol, with AVs that deviate; None if none could.
         verdict: "worse" if a column of the table got worse with p below 0.05, in which case `text`
             names a setting that works against it; "not-judged" if there are too few AVs to see a
-            doubling of a metric of safety; else "better" or "no-difference-seen".
+            doubling of a metric of safety, or one has no value; else "better" or
+            "no-difference-seen".
         text: The verdict in words, with what led to it.
         differences: Before (first) and after (second) by group of scenarios: "reactive",
             "generated" (metrics of safety) and "realism". Scenarios of one recording count as one

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use reactsim_evaluation::{Comparison, ConditionDifference, PairedDifference, SettingsRecord};
+use reactsim_metrics::Unit;
 
 use super::markdown::{escape, write_aligned};
 use super::table::{COLUMNS, Column, count};
@@ -96,6 +97,9 @@ pub fn power(paired: &PairedDifference, least: f64) -> String {
     let number = |value| format!("{}{unit}", column.number(value));
     let seen = match (paired.visible, paired.may_hide_doubling(least)) {
         (Some(visible), true) => format!("cannot see a doubling, only a rise by {}", number(visible)),
+        (None, true) if paired.metric.unit == Unit::Rate && paired.first == 0.0 && paired.second == 0.0 => {
+            "0 in all scenarios, which does not tell how large a rise they would show".to_owned()
+        }
         (None, true) => "cannot see a doubling: too few for any verdict".to_owned(),
         (Some(visible), false) if visible > paired.first => {
             format!("sees a rise by {}; a doubling is less than {}", number(visible), number(least))
@@ -252,6 +256,10 @@ mod tests {
             power("offroad", 0.002, Some(0.01), 60, 0.005),
             "Offroad 0.20 %: cannot see a doubling, only a rise by 1.00 %"
         );
-        assert_eq!(power("offroad", 0.0, None, 60, 0.005), "Offroad 0.00 %: equal in all scenarios");
+        assert_eq!(
+            power("offroad", 0.0, None, 60, 0.005),
+            "Offroad 0.00 %: 0 in all scenarios, which does not tell how large a rise they would show"
+        );
+        assert_eq!(power("ade", 2.0, None, 60, 0.0), "ADE 2.00 m: equal in all scenarios");
     }
 }

@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use crate::error::EvaluationError;
 use crate::row::RowLength;
-use crate::statistics::Estimate;
 use crate::statistics::tally::{Entry, Tally};
+use crate::statistics::{Estimate, mean};
 use crate::summary::{LengthSummary, duration};
 
 /// Number of random sign assignments in a permutation test.
@@ -23,9 +23,10 @@ const RELATIVE_TOLERANCE: f64 = 1e-12;
 const SIGNIFICANT: f64 = 0.05;
 /// Smallest number of differences with a p-value below [`SIGNIFICANT`]: with five of one sign it is 2/32.
 const MIN_FOR_VERDICT: usize = 6;
-/// Difference that is found in four of five cases, as a multiple of half the width of the 95 % interval:
-/// 1.96 standard errors to be significant, and 0.84 more.
-const VISIBLE: f64 = (1.96 + 0.84) / 1.96;
+/// Half the width of the 95 % interval in standard errors: a larger difference is significant.
+const HALF_WIDTH: f64 = 1.96;
+/// Difference that is found in four of five cases, in standard errors.
+const SEEN: f64 = HALF_WIDTH + 0.84;
 
 /// Whether the second simulator is better or worse in a metric. There is no correction for several metrics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -72,7 +73,7 @@ pub struct PairedDifference {
     pub verdict: Verdict,
     /// Smallest difference of either sign that so many scenarios of this spread show in four of five cases,
     /// in the unit of the metric. `None` if they cannot tell: fewer than six scenarios or groups, or equal
-    /// values in all.
+    /// values in all, which of counts and shares only a share of 0 is.
     pub visible: Option<f64>,
     /// Ids of the scenarios in which the second simulator is better, largest change first, with the change.
     pub better: Vec<(String, f64)>,
@@ -244,7 +245,7 @@ impl PairedDifference {
             worsening if worsening > 0.0 => Verdict::Worse,
             _ => Verdict::Better,
         };
-        found.visible = found.smallest_visible();
+        found.visible = found.smallest_visible(values, group);
         Some(found)
     }
 
@@ -259,8 +260,9 @@ impl PairedDifference {
     /// `least`, a rise of `least` is meant.
     pub fn may_hide_doubling(&self, least: f64) -> bool {
         let rise = self.first.max(least);
-        let are_few = self.independent() < MIN_FOR_VERDICT;
-        let is_hidden = || self.visible.map_or(are_few, |visible| visible > rise);
+        // A share that is 0 in all scenarios does not tell how large one is.
+        let is_unknown = || self.independent() < MIN_FOR_VERDICT || self.metric.unit == Unit::Rate;
+        let is_hidden = || self.visible.map_or_else(is_unknown, |visible| visible > rise);
         self.metric.lower_is_better && rise > 0.0 && is_hidden()
     }
 
@@ -269,18 +271,42 @@ impl PairedDifference {
         self.groups.unwrap_or(self.difference.scenarios)
     }
 
-    fn smallest_visible(&self) -> Option<f64> {
-        let scenarios = self.difference.scenarios;
+    fn smallest_visible(
+        &self,
+        values: &[(&str, f64, f64)],
+        group: Option<&dyn Fn(&str) -> String>,
+    ) -> Option<f64> {
         let (low, high) = self.difference.low.zip(self.difference.high)?;
-        let changes = || self.better.iter().chain(&self.worse).map(|(_, change)| change.abs());
-        let size = match changes().count() {
-            // A count changes by one.
-            0 => (self.metric.unit == Unit::Count).then_some(1.0)?,
-            n => changes().sum::<f64>() / n as f64,
-        };
+        let changes = self.better.iter().chain(&self.worse).map(|(_, change)| change.abs());
+        let size = mean(changes).or_else(|| match self.metric.unit {
+            // A count changes by one, and a share by as much as it is where it is not 0.
+            Unit::Count => Some(1.0),
+            Unit::Rate => mean(values.iter().map(|v| v.1).filter(|value| *value != 0.0)),
+            _ => None,
+        })?;
         // The test needs six changes, of different groups, however narrow the interval of fewer is.
-        let least = size * MIN_FOR_VERDICT as f64 / scenarios as f64;
-        (self.independent() >= MIN_FOR_VERDICT).then(|| least.max(VISIBLE * (high - low) / 2.0))
+        let least = size * MIN_FOR_VERDICT as f64 / values.len() as f64;
+        // Rare events are nearly all missing before a rise d, and spread more after it: events of a size that
+        // come k at a time add d · size · k / n to the squared standard error. The smallest d that is seen
+        // solves d² = 2.8² (SE² + d · size · k / n).
+        let is_of_events = matches!(self.metric.unit, Unit::Count | Unit::Rate);
+        let together = group.map_or(1.0, |group| self.changes_together(group));
+        let added = if is_of_events { size * together / values.len() as f64 } else { 0.0 };
+        let half = SEEN * SEEN * added / 2.0;
+        let spread = SEEN / HALF_WIDTH * (high - low) / 2.0;
+        let visible = half + (half * half + spread * spread).sqrt();
+        (self.independent() >= MIN_FOR_VERDICT).then(|| least.max(visible))
+    }
+
+    /// Returns how many scenarios change in the group of a changed one, on average over these; 1 if none has
+    /// changed.
+    fn changes_together(&self, group: &dyn Fn(&str) -> String) -> f64 {
+        let mut of_group: BTreeMap<String, usize> = BTreeMap::new();
+        for (id, _) in self.better.iter().chain(&self.worse) {
+            *of_group.entry(group(id)).or_default() += 1;
+        }
+        let changes = of_group.values().flat_map(|&count| std::iter::repeat_n(count as f64, count));
+        mean(changes).unwrap_or(1.0)
     }
 }
 
@@ -453,26 +479,64 @@ mod tests {
         let found = judged("ade", &many);
         assert!((found.visible.unwrap() - 0.14).abs() < 0.01, "{:?}", found.visible);
         assert!(!found.may_hide_doubling(0.0));
-        // Six of twelve counts would have to change by one.
+        // Counts that are equal in all of twelve scenarios: d² = 2.8² d / 12.
         let none = judged("aav-collision", &[0.0; 12]);
-        assert_eq!((none.visible, none.may_hide_doubling(0.0)), (Some(0.5), false));
+        assert!((none.visible.unwrap() - 7.84 / 12.0).abs() < 1e-12, "{:?}", none.visible);
+        assert!(!none.may_hide_doubling(0.0));
         let few = judged("aav-collision", &[0.0; 5]);
         assert_eq!((few.visible, few.may_hide_doubling(0.0)), (None, true));
         // One change of 2 in twelve, of which six would be needed.
         let one = judged("aav-collision", &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert!(one.visible >= Some(1.0), "{:?}", one.visible);
-        // A doubling of little is little: six of twelve counts are a rise of 0.5, which is enough from there
-        // on.
+        // A doubling of little is little: a larger rise is enough from there on.
         let rare = PairedDifference { first: 0.2, ..none };
         assert_eq!(
-            [0.0, 0.4, 0.5, 0.6].map(|least| rare.may_hide_doubling(least)),
-            [true, true, false, false]
+            [0.0, 0.4, 0.6, 0.7].map(|least| rare.may_hide_doubling(least)),
+            [true, true, true, false]
         );
         // Equal results say nothing about how far others would be apart.
         let equal = judged("ade", &[0.0; 12]);
         assert_eq!((equal.visible, equal.may_hide_doubling(0.0)), (None, false));
         // Twice the progress would not be worse.
         assert!(!judged("progress", &[0.1; 3]).may_hide_doubling(0.0));
+    }
+
+    #[test]
+    fn rare_events_are_seen_with_the_spread_after_their_rise() {
+        // 4 % of 400 scenarios have a collision more: a standard error of √(0.04 · 0.96 / 400) = 0.0098, whose
+        // 2.8 fold is 0.027; d² = 2.8² (0.0098² + d / 400) has the root 0.0389.
+        let some: Vec<f64> = (0..400).map(|i| if i < 16 { 1.0 } else { 0.0 }).collect();
+        let visible = judged("aav-collision", &some).visible.unwrap();
+        assert!((visible - 0.0389).abs() < 0.002, "{visible}");
+        // Without any collision in 100 scenarios: after a rise by 0.0784 there are, by the distribution of
+        // Poisson, six or more of them, which have a verdict, with a probability of four fifths.
+        let visible = judged("aav-collision", &[0.0; 100]).visible.unwrap();
+        assert!((visible - 0.0784).abs() < 1e-12, "{visible}");
+        let expected = 100.0 * visible;
+        let terms = (1..MIN_FOR_VERDICT).scan(1.0, |term, k| {
+            *term *= expected / k as f64;
+            Some(*term)
+        });
+        let fewer = (1.0 + terms.sum::<f64>()) / reactsim_geometry::math::exp(expected);
+        assert!((1.0 - fewer - 0.8).abs() < 0.01, "{fewer}");
+    }
+
+    #[test]
+    fn a_share_of_zero_does_not_tell_how_large_one_is() {
+        let shares = |values: [f64; 12]| {
+            let ids: Vec<String> = (0..12).map(|i| format!("{i:02}")).collect();
+            let values: Vec<_> = ids.iter().zip(values).map(|(id, v)| (id.as_str(), v, v)).collect();
+            PairedDifference::of(metric("offroad").unwrap().spec(), &values, 0).unwrap()
+        };
+        let none = shares([0.0; 12]);
+        assert_eq!(
+            (none.visible, none.may_hide_doubling(0.0), none.may_hide_doubling(0.005)),
+            (None, false, true)
+        );
+        // Equal shares of 0.02 in some are as large as others would be: d² = 2.8² · 0.02 d / 12.
+        let some = shares([0.02, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!((some.visible.unwrap() - 7.84 * 0.02 / 12.0).abs() < 1e-12, "{:?}", some.visible);
+        assert!(some.may_hide_doubling(0.013) && !some.may_hide_doubling(0.0131));
     }
 
     #[test]
@@ -494,10 +558,14 @@ mod tests {
         // Four equal AVs are no more than one: the interval is that of twelve scenarios.
         assert!((1.5..2.5).contains(&(width(&grouped) / width(&alone))), "{grouped:?}");
         assert!(grouped.visible.unwrap() > 1.5 * alone.visible.unwrap());
-        // Six of 48 AVs would have to change by one.
+        // The four of a recording change together: d² = 2.8² (SE² + 4 d / 48).
+        let spread = width(&grouped) / 2.0 / 1.96;
+        let d = grouped.visible.unwrap();
+        assert!((d * d - 7.84 * (spread * spread + 4.0 * d / 48.0)).abs() < 1e-9, "{d}");
+        // One AV at a time would change by one, as far as is known: d² = 2.8² d / 48.
         let same: Vec<(&str, f64, f64)> = ids.iter().map(|id| (id.as_str(), 0.0, 0.0)).collect();
         let same = PairedDifference::of_groups(spec, &same, 0, Some(&recording)).unwrap();
-        assert_eq!(same.visible, Some(0.125));
+        assert!((same.visible.unwrap() - 7.84 / 48.0).abs() < 1e-12, "{:?}", same.visible);
         // Five recordings cannot tell, however many AVs they have.
         let five = PairedDifference::of_groups(spec, &values[..20], 0, Some(&recording)).unwrap();
         assert_eq!((five.visible, five.verdict), (None, Verdict::NoDifferenceSeen));

@@ -10,6 +10,7 @@ use super::choice::HASTE;
 use super::model::AdaptableModel;
 use crate::cli::output::count;
 use crate::evaluation::{self, Comparison, PairedDifference};
+use crate::metrics::metric;
 use crate::report::comparison;
 
 /// Metrics that a larger haste improves; a smaller one improves the others.
@@ -71,7 +72,8 @@ impl Group {
 pub(super) enum Verdict {
     /// A column is worse, with p below 0.05.
     Worse,
-    /// The logs with AVs that deviate are too few to see a doubling of a metric of safety.
+    /// The logs with AVs that deviate are too few to see a doubling of a metric of safety, or lack what it
+    /// needs.
     NotJudged,
     /// A column is better on logs, and none is worse.
     Better,
@@ -112,8 +114,8 @@ impl Judgement<'_> {
         })
     }
 
-    /// Returns which doublings the logs with deviated AVs could not show, in words; `None` if they could show
-    /// all.
+    /// Returns which doublings the logs with deviated AVs could not show, and which metrics of safety have no
+    /// value there, in words; `None` if they could show all.
     fn unseen(&self) -> Option<String> {
         let Some((group, found)) = self.groups.iter().find(|(group, _)| *group == Group::Reactive) else {
             return Some("no AV of the held-out logs could deviate: reactions are not judged".to_owned());
@@ -122,10 +124,16 @@ impl Judgement<'_> {
             .filter(|(paired, least)| paired.may_hide_doubling(*least))
             .map(|(p, _)| p.metric.title)
             .collect();
-        (!hidden.is_empty()).then(|| {
-            let (titles, scenarios) = (hidden.join(", "), group.scenarios(found));
-            format!("cannot see a doubling of {titles} with {scenarios} {}", group.place())
-        })
+        let missing = SAFETY.iter().filter(|(id, _)| !found.metrics.contains_key(id));
+        let missing: Vec<&str> = missing.filter_map(|(id, _)| Some(metric(id)?.spec().title)).collect();
+        let (scenarios, place) = (group.scenarios(found), group.place());
+        let parts = [("cannot see a doubling of", hidden), ("no value of", missing)];
+        let parts: Vec<String> = parts
+            .iter()
+            .filter(|(_, titles)| !titles.is_empty())
+            .map(|(text, titles)| format!("{text} {}", titles.join(", ")))
+            .collect();
+        (!parts.is_empty()).then(|| format!("{} with {scenarios} {place}", parts.join(" and ")))
     }
 
     /// Returns the verdict in words, with what led to it and what to do.
@@ -225,7 +233,6 @@ mod tests {
     use super::*;
     use crate::evaluation::Estimate;
     use crate::evaluation::Verdict::{self as Column, Better, NoDifferenceSeen, Worse};
-    use crate::metrics::metric;
 
     /// The difference of a metric in 24 scenarios of 8 recordings.
     fn paired(
@@ -254,16 +261,17 @@ mod tests {
         paired(id, if rises { [1.0, 2.0] } else { [2.0, 1.0] }, verdict, None)
     }
 
-    /// A judgement of `ntp-guarded` by these groups.
+    /// A judgement of `ntp-guarded` by these groups, in which the other metrics of safety are unchanged.
     fn judgement(
         haste: Option<&'static str>,
         groups: impl IntoIterator<Item = (Group, Vec<PairedDifference>)>,
     ) -> Judgement<'static> {
+        let safe = |(id, _): (&'static str, _)| (id, paired(id, [0.1; 2], NoDifferenceSeen, Some(0.1)));
         let comparison = |metrics: Vec<PairedDifference>| {
             let [first, second] = ["ntp-guarded", "ntp-guarded@mine"].map(str::to_owned);
-            let metrics: BTreeMap<_, _> =
-                metrics.into_iter().map(|paired| (paired.metric.id, paired)).collect();
-            Comparison { first, second, scenarios: 24, unpaired: 0, metrics }
+            let mut all: BTreeMap<_, _> = SAFETY.map(safe).into();
+            all.extend(metrics.into_iter().map(|paired| (paired.metric.id, paired)));
+            Comparison { first, second, scenarios: 24, unpaired: 0, metrics: all }
         };
         Judgement {
             model: AdaptableModel::find("ntp-guarded").unwrap(),
@@ -347,6 +355,12 @@ mod tests {
         // One more collision in 20 scenarios is seen, which is enough.
         assert_eq!(of(0.05).verdict(), Verdict::Better);
         assert_eq!(of(0.051).verdict(), Verdict::NotJudged);
+        // A metric of safety that nothing has a value of is not safe.
+        let mut without = of(0.05);
+        without.groups[0].1.metrics.remove("offroad");
+        assert_eq!(without.verdict(), Verdict::NotJudged);
+        let expected = "not judged: no value of Offroad with 24 scenarios of 8 recordings in the reactive";
+        assert!(without.text().starts_with(expected), "{}", without.text());
         // What is worse is said whatever else could not be seen.
         let worse = judgement(None, [(Group::Reactive, vec![collisions(0.14), changed("ade", Worse)])]);
         assert_eq!(worse.verdict(), Verdict::Worse);
