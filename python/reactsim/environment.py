@@ -43,7 +43,7 @@ import numpy as np
 from .client import STEPS, Array, Session, as_array
 from .display import Gif
 from .options import PathLike, Sources, whole
-from .pictures import drawing, save_drawing
+from .pictures import SavesMp4, drawing, save_drawing
 from .process import ProgramProcess, own_session
 from .program import ReactsimError, text_of
 from .scenarios import Scenario, reading_of
@@ -536,7 +536,7 @@ def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
     return entries
 
 
-class Env(gymnasium.Env[dict[str, Array], Array]):
+class Env(SavesMp4, gymnasium.Env[dict[str, Array], Array]):
     """An environment in which actions drive the AV and a simulator moves all other agents.
 
     An episode has the steps of its scenario, 80 of 0.1 s in the benchmark. It is truncated after
@@ -676,7 +676,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
 
     def save_gif(
         self,
-        path: PathLike,
+        path: PathLike | None,
         *,
         size: int = 480,
         radius: float | None = None,
@@ -686,7 +686,7 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         """Writes an animation of the episode so far and returns it; notebooks show it.
 
         Args:
-            path: File to write, such as "episode.gif".
+            path: File to write, such as "episode.gif"; None to return the animation only.
             size: Side of the picture, pixels, 100 to 1200.
             radius: Half of the side of the picture, metres; by default large enough for the path of
                 the AV, or 40 with `follow`.
@@ -696,10 +696,6 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         """
         options = {"size": size, "radius": radius, "every": every, "follow": follow}
         return self._core.save_gif(path, 0, **options)
-
-    def save_mp4(self, path: PathLike, **options: Any) -> None:
-        """Writes the animation as MP4; `options` are those of `save_gif`. Needs `ffmpeg`."""
-        self._core.save_gif(None, 0, **options).save_mp4(path)
 
     def close(self) -> None:
         """Ends the process of the program."""
@@ -713,7 +709,7 @@ def _first(observations: Any) -> Any:
     return observations[0]
 
 
-class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
+class VectorEnv(SavesMp4, gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
     """Many episodes in lockstep, shared among processes of the program.
 
     The interface follows gymnasium's vectorised environments with the mode NEXT_STEP: the first
@@ -859,7 +855,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[dict[str, Array], Array, Array]):
             return None
         return tuple(self._core.picture(index) for index in range(self.num_envs))
 
-    def save_gif(self, path: PathLike, index: int, **options: Any) -> Gif:
+    def save_gif(self, path: PathLike | None, index: int, **options: Any) -> Gif:
         """Writes an animation of an episode so far; `options` are those of `Env.save_gif`."""
         return self._core.save_gif(path, index, **options)
 

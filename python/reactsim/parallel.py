@@ -39,7 +39,7 @@ from .environment import (
     weighted,
 )
 from .options import PathLike, Sources, whole
-from .pictures import drawing, save_drawing
+from .pictures import SavesMp4, drawing, save_drawing
 from .process import ProgramProcess
 from .program import ReactsimError, text_of
 from .scenarios import Scenario
@@ -59,7 +59,7 @@ AGENT_REWARD: Mapping[str, float] = {"contact_av": -10.0, "contact_agents": -10.
 """Default weights of the reward of an agent."""
 
 
-class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
+class ParallelEnv(SavesMp4, pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
     """An environment in which actions move agents, and the AV follows a trajectory.
 
     Agents are `agent_1`, `agent_2`, ...: those that are present at the current frame, by their
@@ -308,7 +308,7 @@ class ParallelEnv(pettingzoo.ParallelEnv[str, dict[str, Array], Array]):
             return None
         return self._process.request("world-draw", drawing(follow=True))[1]["rgb"]
 
-    def save_gif(self, path: PathLike, **options: Any) -> Gif:
+    def save_gif(self, path: PathLike | None, **options: Any) -> Gif:
         """Writes an animation of the episode so far; `options` are those of `Env.save_gif`."""
         given = drawing(**{"every": 1, **options})
         return save_drawing(path, self._process.request("world-draw", given)[1])

@@ -13,7 +13,19 @@ from .display import Gif
 from .options import PathLike, of_keywords, paths, whole
 from .program import ReactsimError, arguments, invoke
 
-__all__ = ["drawing", "picture", "save_drawing"]
+__all__ = ["SavesMp4", "drawing", "picture", "save_drawing"]
+
+
+class SavesMp4:
+    """What environments have for videos, by their method `save_gif`."""
+
+    def save_gif(self, path: PathLike | None, *args: Any, **options: Any) -> Gif:
+        """Writes an animation of an episode so far, if there is a path, and returns it."""
+        raise NotImplementedError
+
+    def save_mp4(self, path: PathLike, *args: Any, **options: Any) -> None:
+        """Writes the animation as MP4, with the arguments of `save_gif`. Needs `ffmpeg`."""
+        self.save_gif(None, *args, **options).save_mp4(path)
 
 
 def picture(kind: str, source: PathLike | None, **options: Any) -> bytes:

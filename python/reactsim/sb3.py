@@ -15,8 +15,10 @@ from typing import Any, Union
 import numpy as np
 
 from .client import Array
+from .display import Gif
 from .environment import VectorEnv
-from .options import Sources
+from .options import PathLike, Sources
+from .pictures import SavesMp4
 from .scenarios import Scenario
 
 try:
@@ -31,7 +33,7 @@ __all__ = ["VecEnv"]
 Indices = Union[None, int, Iterable[int]]
 
 
-class VecEnv(BaseVecEnv):
+class VecEnv(SavesMp4, BaseVecEnv):
     """A `VectorEnv` with the interface of Stable-Baselines3.
 
     An episode that is over begins again within the same step; `infos` then has its last observation
@@ -110,7 +112,7 @@ class VecEnv(BaseVecEnv):
                     separate[slot][name] = value
         return separate
 
-    def save_gif(self, path: Any, index: int = 0, **options: Any) -> Any:
+    def save_gif(self, path: PathLike | None, index: int = 0, **options: Any) -> Gif:
         """Writes an animation of an episode so far, as `reactsim.VectorEnv.save_gif`."""
         return self.envs.save_gif(path, index, **options)
 

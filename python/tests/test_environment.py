@@ -23,7 +23,6 @@ from stop import Stop
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
 MINI = ROOT / "scenarios" / "mini"
-FFMPEG = "import sys; open(sys.argv[-1], 'wb').write(sys.stdin.buffer.read())"
 SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
 
 
@@ -268,6 +267,17 @@ class TestProcess:
 
 
 @pytest.fixture
+def ffmpeg(tmp_path: Path) -> str:
+    """A folder with a stand-in for `ffmpeg`, which writes what it is given."""
+    tool = tmp_path / "tools" / "ffmpeg"
+    tool.parent.mkdir()
+    write = "import sys; open(sys.argv[-1], 'wb').write(sys.stdin.buffer.read())"
+    tool.write_text(f"#!{sys.executable}\n{write}\n")
+    tool.chmod(0o755)
+    return str(tool.parent)
+
+
+@pytest.fixture
 def closing() -> Any:
     """Closes environments after the test."""
     opened: List[Any] = []
@@ -385,7 +395,7 @@ class TestEnv:
         checker.check_env(env)
         assert [str(warning.message) for warning in recwarn] == []
 
-    def test_pictures_show_the_episode(self, closing: Any, tmp_path: Path) -> None:
+    def test_pictures_show_the_episode(self, closing: Any, ffmpeg: str, tmp_path: Path) -> None:
         env = closing(reactsim.Env(MINI, render_mode="rgb_array", **SMALL))
         env.reset(seed=1)
         first = env.render()
@@ -398,10 +408,7 @@ class TestEnv:
             path.setenv("PATH", str(tmp_path))
             with pytest.raises(reactsim.ReactsimError, match="need the program `ffmpeg`"):
                 env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
-            # A stand-in that writes what it is given.
-            tool = tmp_path / "ffmpeg"
-            tool.write_text(f"#!{sys.executable}\n{FFMPEG}\n")
-            tool.chmod(0o755)
+            path.setenv("PATH", ffmpeg)
             env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
             assert (tmp_path / "episode.mp4").read_bytes() == gif
         several = closing(
@@ -410,7 +417,12 @@ class TestEnv:
         several.reset(seed=1, options={"scenarios": [0, 1]})
         pictures = several.render()
         assert len(pictures) == 2 and not np.array_equal(*pictures)
-        assert several.save_gif(tmp_path / "second.gif", 1)[:6] == b"GIF89a"
+        gif = several.save_gif(tmp_path / "second.gif", 1)
+        assert gif[:6] == b"GIF89a"
+        with pytest.MonkeyPatch.context() as path:
+            path.setenv("PATH", ffmpeg)
+            several.save_mp4(tmp_path / "second.mp4", 1)
+        assert (tmp_path / "second.mp4").read_bytes() == gif
         silent = closing(reactsim.Env(MINI, **SMALL))
         assert silent.render() is None
         with pytest.raises(ValueError, match="expected None or 'rgb_array'"):
@@ -850,11 +862,16 @@ class TestParallelEnv:
         env = closing(reactsim.ParallelEnv(MINI, **self.SIZES))
         parallel_api_test(env, num_cycles=100)
 
-    def test_pictures_show_the_episode(self, closing: Any, tmp_path: Path) -> None:
+    def test_pictures_show_the_episode(self, closing: Any, ffmpeg: str, tmp_path: Path) -> None:
         env = closing(reactsim.ParallelEnv(MINI, render_mode="rgb_array", **self.SIZES))
         env.reset(seed=1)
         assert env.render().shape == (480 + 46, 480, 3)
-        assert env.save_gif(tmp_path / "episode.gif", size=100)[:6] == b"GIF89a"
+        gif = env.save_gif(tmp_path / "episode.gif", size=100)
+        assert gif[:6] == b"GIF89a"
+        with pytest.MonkeyPatch.context() as path:
+            path.setenv("PATH", ffmpeg)
+            env.save_mp4(tmp_path / "episode.mp4", size=100)
+        assert (tmp_path / "episode.mp4").read_bytes() == gif
 
     def test_agents_that_repeat_a_run_have_its_states_and_metrics(
         self, results: Any, closing: Any

@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Dict, List
+from typing import Any, Dict, List
 
 import pytest
 import reactsim
@@ -156,7 +156,7 @@ def logs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Files that documents name."""
     folder = tmp_path_factory.mktemp("logs")
 
-    def generate(path: Path, **options: object) -> None:
+    def generate(path: Path, **options: Any) -> None:
         options = {"preset": "train", "seed": 1, "progress": False, "out": path, **options}
         reactsim.command("generate", **options)
 
