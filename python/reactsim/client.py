@@ -260,14 +260,13 @@ def _json_of(text: bytes) -> Any:
 def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
     """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
 
-    Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
+    Tensors are in the order of their offsets. Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
     """
     header = _json_of(text)
     if not isinstance(header, dict):
         raise ProtocolError("safetensors: the header is not a JSON object")
     metadata = [header.pop("__metadata__")] if "__metadata__" in header else []
     layout: _Layout = []
-    spans: List[Tuple[int, int, str]] = []
     for name, entry in header.items():
         if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
             raise ProtocolError("safetensors: tensor `%s` has an incomplete entry" % name)
@@ -292,13 +291,13 @@ def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
             )
         if offsets[1] > size:
             raise ProtocolError("safetensors: tensor `%s` ends after the document" % name)
-        spans.append((offsets[0], offsets[1], name))
         layout.append((name, dtype, shape, offsets[0], count))
+    layout.sort(key=lambda entry: (entry[3], entry[4]))
     end = 0
-    for first, last, name in sorted(spans):
+    for name, dtype, _, first, count in layout:
         if first != end:
             raise ProtocolError("safetensors: gap or overlap before tensor `%s`" % name)
-        end = last
+        end = first + count * dtype.itemsize
     if end != size:
         raise ProtocolError("safetensors: %d bytes after the last tensor" % (size - end))
     return metadata, layout
@@ -384,7 +383,7 @@ def _read_into(stream: IO[bytes], length: int, room: Mapping[str, Array]) -> _Fr
         raise ProtocolError(_CUT)
     metadata, layout = _header(text.tobytes(), length - 8 - size)
     tensors: Dict[str, Array] = {}
-    for name, dtype, shape, _, _ in sorted(layout, key=lambda entry: entry[3]):
+    for name, dtype, shape, _, _ in layout:
         array = room.get(name)
         is_fit = array is not None and array.dtype == dtype and array.shape == tuple(shape)
         if array is None or not is_fit or not array.flags.c_contiguous:
