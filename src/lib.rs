@@ -69,3 +69,8 @@ const COMMIT: &str = match option_env!("REACTSIM_COMMIT") {
 
 #[cfg(feature = "report")]
 pub use benchmark::{Benchmark, BenchmarkError, Results};
+
+/// The examples of the README, which run as tests.
+#[cfg(all(doctest, feature = "report"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
