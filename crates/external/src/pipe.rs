@@ -61,22 +61,35 @@ impl Pipe {
     /// Creates the threads that read and write the streams from now on, unless there are any.
     ///
     /// # Errors
-    /// If a thread cannot be started; the streams are closed then.
+    /// If a thread cannot be started; the streams are used directly then, as before.
     pub(super) fn start_threads(&mut self) -> io::Result<()> {
-        let Streams::Direct { input, output } = &mut self.streams else { return Ok(()) };
-        let input = std::mem::replace(input, Box::new(io::empty()));
-        let output = std::mem::replace(output, Box::new(io::sink()));
+        if matches!(self.streams, Streams::Threads { .. }) {
+            return Ok(());
+        }
         let (outgoing, to_write) = mpsc::channel::<Vec<u8>>();
         // More than one frame in the queue is an answer that nobody asked for; the reader then waits.
         let (send, incoming) = mpsc::sync_channel(2);
         let (writing, written) = mpsc::channel();
         let (limit, failed) = (Arc::clone(&self.most), send.clone());
-        spawn("reader", move || read_frames(input, &limit, &send))?;
+        // The threads receive the streams once both run.
+        let (to_reader, input) = mpsc::channel::<Box<dyn Read + Send>>();
+        let (to_writer, output) = mpsc::channel::<Box<dyn Write + Send>>();
+        spawn("reader", move || {
+            if let Ok(input) = input.recv() {
+                read_frames(input, &limit, &send);
+            }
+        })?;
         spawn("writer", move || {
-            write_frames(output, &to_write, &failed);
+            if let Ok(output) = output.recv() {
+                write_frames(output, &to_write, &failed);
+            }
             drop(writing);
         })?;
-        self.streams = Streams::Threads { outgoing: Some(outgoing), incoming, written };
+        let threads = Streams::Threads { outgoing: Some(outgoing), incoming, written };
+        if let Streams::Direct { input, output } = std::mem::replace(&mut self.streams, threads) {
+            to_reader.send(input).ok();
+            to_writer.send(output).ok();
+        }
         Ok(())
     }
 
