@@ -24,9 +24,7 @@ use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::models::nn::device;
 use reactsim::rollout::{self, PlanError, Planning, SingleEpisode};
 use reactsim::scene::{AgentState, CURRENT, DT, FRAMES, Frame, Scenario, Start};
-use reactsim::training::{
-    Execution, Learner, Output, Settings, Source, Stream, Sums, Task, View, draw_parameters,
-};
+use reactsim::training::{Execution, Learner, Output, Settings, Source, Stream, Sums, Task, draw_parameters};
 
 /// Largest gap that an agent reacts to, metres.
 const RANGE: f64 = 50.0;
@@ -115,7 +113,7 @@ impl Task for Imitation {
         draw_parameters(Follower { hidden: linear(3, 32), output: linear(32, 1) }, seed, 1.0)
     }
 
-    fn prepare(&self, scenario: &Arc<Scenario>, _: View<'_>) -> Option<Self::Sample> {
+    fn prepare(&self, scenario: &Arc<Scenario>, _: Option<&mut Stream>) -> Option<Self::Sample> {
         let logs: Vec<_> = (0..scenario.start.agents.len()).map(|agent| scenario.logged(agent)).collect();
         let mut sample = Vec::new();
         for frame in (CURRENT..FRAMES - AHEAD).step_by(AHEAD) {

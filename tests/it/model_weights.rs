@@ -12,7 +12,7 @@ use reactsim::models::nn::{Initializer, save};
 use reactsim::models::pufferdrive::network::Network;
 use reactsim::models::{MODELS, WeightsFile, find};
 use reactsim::scene::Scenario;
-use reactsim::training::{Output, Stream, Task, View};
+use reactsim::training::{Output, Stream, Task};
 
 use crate::program::{self, json_of, said};
 use crate::qp_regression::without_gradient;
@@ -84,7 +84,7 @@ pub(crate) fn loss(output: &Output) -> f64 {
 pub(crate) fn check_learning<T: Task<Example = Scenario>>(task: &T) -> Vec<String> {
     let model = task.init(3);
     let scenarios = crate::ntp_reactive::scenarios(3);
-    let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, View::Plain)).collect();
+    let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, None)).collect();
     assert!(samples.len() >= 2);
     let output = task.loss(&model, &samples, Some(&mut Stream::seed_from_u64(0)));
     let learning = loss(&output);

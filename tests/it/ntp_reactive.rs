@@ -19,7 +19,7 @@ use reactsim::rollout::{
     Settings, roll_out, stream,
 };
 use reactsim::scene::{AgentKind, CURRENT, FRAMES, Frame, Scenario};
-use reactsim::training::{Task, View};
+use reactsim::training::Task;
 
 use crate::model_weights::{check_cut, replaced};
 use crate::program::BENCH;
@@ -339,7 +339,7 @@ fn samples_teach_the_nearest_token_and_only_where_there_is_one() {
     let device = device();
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), &device);
     for scenario in scenarios(2) {
-        let sample = task.prepare(&scenario, View::Plain).unwrap();
+        let sample = task.prepare(&scenario, None).unwrap();
         let output = task.loss(&task.init(0), &[sample], None);
         let loss = f64::from(output.loss.into_scalar::<f32>()) / output.items;
         // The loss is about that of a uniform guess among a thousand tokens.

@@ -18,7 +18,7 @@ use reactsim::models::qp_regression::{
 };
 use reactsim::rollout::{Controller, NOT_FINITE, Settings, roll_out};
 use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
-use reactsim::training::{Task, View};
+use reactsim::training::Task;
 
 use crate::model_weights::{check_refusals, replaced};
 use crate::ntp_reactive::{lights, moved, scenarios, tracks};
@@ -543,7 +543,7 @@ fn check_learning(config: Config) {
     let task = task(config);
     let model = task.init(3);
     let scenarios = scenarios(2);
-    let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, View::Plain)).collect();
+    let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, None)).collect();
     let mut stream = <reactsim::training::Stream as rand_chacha::rand_core::SeedableRng>::seed_from_u64(1);
     let output = task.loss(&model, &samples, Some(&mut stream));
     let loss = f64::from(output.loss.clone().into_scalar::<f32>()) / output.items;
@@ -572,7 +572,7 @@ fn only_predictions_that_are_executed_decide_which_network_is_the_best() {
     let task = Regression::new(recipe, Intentions::fan(), &device());
     let model = task.init(3);
     let losses = |scenario: &Scenario| {
-        let samples = [task.prepare(scenario, View::Plain).unwrap()];
+        let samples = [task.prepare(scenario, None).unwrap()];
         let mut stream =
             <reactsim::training::Stream as rand_chacha::rand_core::SeedableRng>::seed_from_u64(1);
         let (trained, judged) =

@@ -9,7 +9,7 @@ use reactsim::models::ntp::smart::learn::Excerpt;
 use reactsim::models::ntp::smart::learn::grpo::{GroupRelative, GrpoRecipe, Rewards};
 use reactsim::models::ntp::smart::{Smart, SmartPolicy};
 use reactsim::scene::Scenario;
-use reactsim::training::{Execution, Learner, Settings, Source, Stream, Task, View};
+use reactsim::training::{Execution, Learner, Settings, Source, Stream, Task};
 
 use crate::small_scenarios::scenario;
 use crate::smart_simulator::untrained;
@@ -33,7 +33,7 @@ fn rewards_alone(top_k: usize, distance: f64) -> GrpoRecipe {
 /// Returns the loss of an untrained network by draws of this seed.
 fn loss(recipe: GrpoRecipe, seed: u64) -> f32 {
     let task = task(recipe);
-    let sample = task.prepare(&scenario(3), View::Plain).unwrap();
+    let sample = task.prepare(&scenario(3), None).unwrap();
     let output = task.loss(&task.init(0), &[sample], Some(&mut Stream::seed_from_u64(seed)));
     assert!(output.items > 0.0);
     output.loss.into_scalar::<f32>()
@@ -78,7 +78,7 @@ impl Source for Same {
 fn agents_learn_to_do_what_is_rewarded() {
     let task = task(rewards_alone(0, 1.0));
     let source = Same(std::array::from_fn(|i| i.to_string()));
-    let sample = task.prepare(&scenario(3), View::Plain).unwrap();
+    let sample = task.prepare(&scenario(3), None).unwrap();
     let reward =
         |model: &Smart| -task.loss(model, std::slice::from_ref(&sample), None).loss.into_scalar::<f32>();
     let folder = tempfile::tempdir().unwrap();

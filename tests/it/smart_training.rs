@@ -7,7 +7,7 @@ use reactsim::models::ntp::smart::learn::catk::{CatkRecipe, ClosestAmongTopK};
 use reactsim::models::ntp::smart::learn::{Excerpt, NextSmartToken, Recipe};
 use reactsim::models::ntp::smart::{Scene, SmartPolicy};
 use reactsim::scene::{CURRENT, Frame, Scenario};
-use reactsim::training::{Stream, Task, View, parameter_paths};
+use reactsim::training::{Stream, Task, parameter_paths};
 
 use crate::small_scenarios::scenario;
 use crate::smart_simulator::{policy, untrained};
@@ -36,7 +36,7 @@ fn driven(recipe: &CatkRecipe, scenario: &Scenario) -> Scene {
 /// The same with the noise of a seed.
 fn driven_with(recipe: &CatkRecipe, scenario: &Scenario, seed: Option<u64>) -> Scene {
     let task = catk(recipe.clone());
-    let sample = task.prepare(scenario, View::Plain).unwrap();
+    let sample = task.prepare(scenario, None).unwrap();
     let mut stream = seed.map(Stream::seed_from_u64);
     task.roll_out(&policy(&device()).network, &sample, stream.as_mut()).unwrap()
 }
@@ -61,7 +61,7 @@ fn logged(scenario: &Scenario) -> Scene {
     recipe.network.separate_heads = true;
     recipe.network.num_map_layers = config.num_map_layers;
     let task = NextSmartToken::new(recipe, vocabulary, map_vocabulary, &device()).unwrap();
-    task.prepare(scenario, View::Plain).unwrap().scene
+    task.prepare(scenario, None).unwrap().scene
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn an_external_av_follows_its_record_whatever_the_network_says() {
     // It has no labels: one less per step.
     let labels = |recipe: CatkRecipe| {
         let task = catk(recipe);
-        let sample = task.prepare(&scenario, View::Plain).unwrap();
+        let sample = task.prepare(&scenario, None).unwrap();
         task.loss(&policy(&device()).network, &[sample], None).items
     };
     let of_av = labels(own) - labels(recipe);
@@ -131,7 +131,7 @@ fn a_scenario_in_which_only_an_external_av_has_a_record_is_passed_over() {
     for slot in 1..scenario.start.agents.len() {
         scenario.log_future.tracks[slot].fill(None);
     }
-    let sample = |external_av| catk(with_av(external_av)).prepare(&scenario, View::Plain);
+    let sample = |external_av| catk(with_av(external_av)).prepare(&scenario, None);
     assert!(sample(false).is_some() && sample(true).is_none());
 }
 
@@ -140,7 +140,7 @@ fn fine_tuning_moves_the_attention_of_agents_and_the_heads_alone() {
     let excerpt = Excerpt { steps: 4, ..CatkRecipe::default().excerpt };
     let task = catk(CatkRecipe { excerpt, ..CatkRecipe::default() });
     let network = task.init(0);
-    let sample = task.prepare(&scenario(3), View::Plain).unwrap();
+    let sample = task.prepare(&scenario(3), None).unwrap();
     let mut stream = rand_chacha::rand_core::SeedableRng::seed_from_u64(1);
     let output = task.loss(&network, std::slice::from_ref(&sample), Some(&mut stream));
     assert!(output.items > 0.0);

@@ -58,8 +58,7 @@ impl<T: SimulatorTask> Trainable for T {
         let closed_loop =
             measure.map(|measure| move |network: &T::Model, _step: u64| measure(self.controller(network)?));
         let closed_loop = closed_loop.as_ref().map(|measure| measure as _);
-        let learner =
-            Learner { task: self, source: &source, settings, execution, about, closed_loop, observer };
+        let learner = Learner { task: self, source, settings, execution, about, closed_loop, observer };
         let Outcome { ending, steps, best, .. } = learner.learn(folder, resume, stop)?;
         Ok(Outcome { ending, model: (), steps, best })
     }

@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use super::averages::Observed;
 use super::parameters::{self, Layout};
 use super::stream::stream;
-use super::{Output, Settings, Source, Sums, Task, TrainingError, View};
+use super::{Output, Settings, Source, Sums, Task, TrainingError};
 
 /// Sums over the examples of a batch.
 #[derive(Debug, Default)]
@@ -72,7 +72,7 @@ impl<S> Default for Prepared<S> {
 type Ahead<S> = BTreeMap<u64, Result<Prepared<S>, TrainingError>>;
 
 /// Runs the network on batches.
-pub(super) struct Batches<'a, T: Task, S> {
+pub(super) struct Batches<'a, T: Task, S: ?Sized> {
     pub(super) task: &'a T,
     pub(super) source: &'a S,
     pub(super) settings: &'a Settings,
@@ -85,7 +85,7 @@ pub(super) struct Batches<'a, T: Task, S> {
 impl<'a, T, S> Batches<'a, T, S>
 where
     T: Task,
-    S: Source<Example = T::Example>,
+    S: Source<Example = T::Example> + ?Sized,
 {
     pub(super) fn new(
         task: &'a T,
@@ -162,7 +162,7 @@ where
         let mut parts: Result<Vec<Prepared<T::Sample>>, TrainingError> = Ok(Vec::new());
         let workers = vec![(); self.jobs.min(examples.len()).max(1)];
         let work = |(): &(), i: usize| -> Result<_, TrainingError> {
-            let sample = self.task.prepare(&self.read(examples[i])?, View::Plain);
+            let sample = self.task.prepare(&self.read(examples[i])?, None);
             Ok(sample.map(|sample| (sample, self.source.id(examples[i]).to_owned())))
         };
         share(
@@ -222,7 +222,7 @@ where
             let example = self.read(number)?;
             let id = self.source.id(number);
             let mut stream = stream(self.settings.seed, "vary", place, id);
-            match self.task.prepare(&example, View::Varied(&mut stream)) {
+            match self.task.prepare(&example, Some(&mut stream)) {
                 Some(sample) => {
                     prepared.samples.push(sample);
                     prepared.ids.push(id.to_owned());

@@ -21,7 +21,7 @@ use super::tensors::{NamedTensors, replace};
 use super::{Execution, Settings, Source, Task, TrainingError};
 
 /// A training: task, data and settings.
-pub struct Learner<'a, T: Task, S> {
+pub struct Learner<'a, T: Task, S: ?Sized> {
     /// The network and its loss.
     pub task: &'a T,
     /// Training data.
@@ -82,7 +82,7 @@ pub enum Ending {
 }
 
 /// State of a running training.
-struct Run<'a, T: Task, S> {
+struct Run<'a, T: Task, S: ?Sized> {
     batches: Batches<'a, T, S>,
     model: T::Model,
     held_out: Vec<Prepared<T::Sample>>,
@@ -100,7 +100,7 @@ struct Run<'a, T: Task, S> {
 impl<T, S> Learner<'_, T, S>
 where
     T: Task,
-    S: Source<Example = T::Example>,
+    S: Source<Example = T::Example> + ?Sized,
 {
     /// Trains in a folder until all epochs are done, validations stop improving, or `stop` is set.
     ///

@@ -46,5 +46,5 @@ pub use parameters::parameter_paths;
 pub use settings::{Execution, LOSS, Settings};
 pub use stream::Stream;
 pub use sums::Sums;
-pub use task::{Output, Source, Task, View};
+pub use task::{Output, Source, Task};
 pub use tensors::{NamedTensor, NamedTensors};

@@ -88,7 +88,7 @@ pub(super) struct Split {
 
 /// Holds examples out by a hash of their origins, independently of the rest of the data. If no hash is low
 /// enough, but there are at least two different origins, that with the lowest hash is held out.
-pub(super) fn split(source: &impl Source, settings: &Settings) -> Split {
+pub(super) fn split(source: &(impl Source + ?Sized), settings: &Settings) -> Split {
     let hash = |number: usize| leading_bits(&blake3::hash(source.origin(number).as_bytes()));
     let parts = source.parts();
     let (mut examples, mut names) = (BTreeMap::<u64, Vec<usize>>::new(), BTreeSet::new());

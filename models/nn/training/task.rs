@@ -46,54 +46,6 @@ pub trait Source: Sync {
     }
 }
 
-impl<S: Source + ?Sized> Source for &S {
-    type Example = S::Example;
-
-    fn len(&self) -> usize {
-        (**self).len()
-    }
-
-    fn id(&self, number: usize) -> &str {
-        (**self).id(number)
-    }
-
-    fn origin(&self, number: usize) -> &str {
-        (**self).origin(number)
-    }
-
-    fn read(&self, number: usize) -> Result<Self::Example, String> {
-        (**self).read(number)
-    }
-
-    fn digest(&self) -> String {
-        (**self).digest()
-    }
-
-    fn parts(&self) -> Vec<(Vec<usize>, f64)> {
-        (**self).parts()
-    }
-}
-
-/// Augmentation of an example.
-#[derive(Debug)]
-pub enum View<'a> {
-    /// For training: augmented with random numbers of this stream, which is named by the seed, the place
-    /// in the order and the example's name.
-    Varied(&'a mut Stream),
-    /// For validation: unchanged.
-    Plain,
-}
-
-impl<'a> View<'a> {
-    /// Returns the stream to augment by; `None` in validation.
-    pub fn stream(self) -> Option<&'a mut Stream> {
-        match self {
-            Self::Varied(stream) => Some(stream),
-            Self::Plain => None,
-        }
-    }
-}
-
 /// A network and its loss.
 ///
 /// All results must be functions of the arguments only, independent of the thread.
@@ -125,8 +77,10 @@ pub trait Task: Sync {
         Ok(())
     }
 
-    /// Prepares a sample of an example; `None` if there is nothing to learn from it.
-    fn prepare(&self, example: &Self::Example, view: View<'_>) -> Option<Self::Sample>;
+    /// Prepares a sample of an example; `None` if there is nothing to learn from it. In training the example
+    /// is augmented with random numbers of this stream, which is named by the seed, the place in the order
+    /// and the example's name. In validation there is no stream, and it stays unchanged.
+    fn prepare(&self, example: &Self::Example, stream: Option<&mut Stream>) -> Option<Self::Sample>;
 
     /// Runs the network on samples and computes the loss. The stream, for dropout for example, is named
     /// by the seed, the step and the part of the batch. In validation there is no stream, and the model

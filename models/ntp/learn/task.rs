@@ -8,7 +8,7 @@ use reactsim_nn::learning::{
     TrainingTask, Window, recipe_values,
 };
 use reactsim_nn::perception::{Class, KnownMap};
-use reactsim_nn::training::{Output, Settings, Stream, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 use serde::{Deserialize, Serialize};
@@ -137,8 +137,7 @@ impl Task for NextToken {
         self.origin.is_trained()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        let mut stream = view.stream();
+    fn prepare(&self, scenario: &Scenario, mut stream: Option<&mut Stream>) -> Option<Sample> {
         let window = Window::of(scenario, stream.as_deref_mut());
         let (config, most) = (&self.recipe.network, self.recipe.agents);
         let map = KnownMap::of(&window.start, config.map_radius);

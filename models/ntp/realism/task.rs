@@ -6,7 +6,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand::RngExt;
 use reactsim_nn::learning::{SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values};
-use reactsim_nn::training::{Output, Settings, Stream, Sums, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Sums, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
@@ -173,7 +173,7 @@ impl<D: Driven> Task for Realism<D> {
         check(scenario)
     }
 
-    fn prepare(&self, scenario: &Scenario, _view: View<'_>) -> Option<Prepared> {
+    fn prepare(&self, scenario: &Scenario, _stream: Option<&mut Stream>) -> Option<Prepared> {
         Prepared::new(scenario)
     }
 

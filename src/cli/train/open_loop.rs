@@ -16,7 +16,7 @@ use crate::models::nn::{Backend, check_backend, device_of};
 use crate::models::qp_regression::Policy;
 use crate::models::qp_regression::learn::{MEASURES, Recipe, Regression};
 use crate::models::weights;
-use crate::training::{Sums, Task, View};
+use crate::training::{Sums, Task};
 
 const AFTER: &str = "\
 All agents within 80 m of the AV that are not parked are predicted from the current frame on. \
@@ -71,7 +71,7 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
     let mut reader = Reader::new(&inputs, args.limit, &progress, &stop);
     let mut sums = Sums::new();
     let read = reader.each(usize::MAX, |scenario| {
-        if let Some(sample) = task.prepare(scenario, View::Plain) {
+        if let Some(sample) = task.prepare(scenario, None) {
             sums.extend(&task.validate(&policy.network, &[sample]).metrics);
         }
     });

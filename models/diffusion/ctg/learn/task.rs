@@ -7,7 +7,7 @@ use rand_chacha::rand_core::SeedableRng;
 use reactsim_nn::learning::{
     Origin, ShippedRecipe, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
 };
-use reactsim_nn::training::{Output, Settings, Stream, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
@@ -90,8 +90,8 @@ impl Task for CtgLearning {
         self.origin.is_trained()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        sample(scenario, &self.recipe, view.stream())
+    fn prepare(&self, scenario: &Scenario, stream: Option<&mut Stream>) -> Option<Sample> {
+        sample(scenario, &self.recipe, stream)
     }
 
     fn loss(&self, model: &Ctg, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

@@ -9,7 +9,7 @@ use reactsim_baseline::weights::PLANNER;
 use reactsim_nn::learning::{
     Origin, SimulatorTask, TaskError, TaskSetup, Trainable, TrainingTask, recipe_values,
 };
-use reactsim_nn::training::{Output, Settings, Stream, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
@@ -76,8 +76,8 @@ impl Task for Planning {
         self.origin.is_trained()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        sample(scenario, &self.recipe, view.stream())
+    fn prepare(&self, scenario: &Scenario, stream: Option<&mut Stream>) -> Option<Sample> {
+        sample(scenario, &self.recipe, stream)
     }
 
     fn loss(&self, model: &DiffusionPlanner, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

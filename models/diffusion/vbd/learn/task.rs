@@ -8,7 +8,7 @@ use reactsim_nn::learning::{
     Intentions, Origin, SimulatorTask, TaskError, TaskInput, TaskSetup, Trainable, TrainingTask,
     recipe_values,
 };
-use reactsim_nn::training::{Output, Settings, Stream, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
@@ -96,8 +96,8 @@ impl Task for Denoising {
         self.origin.is_trained()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
-        sample(scenario, &self.recipe, &self.anchors, view.stream())
+    fn prepare(&self, scenario: &Scenario, stream: Option<&mut Stream>) -> Option<Sample> {
+        sample(scenario, &self.recipe, &self.anchors, stream)
     }
 
     fn loss(&self, model: &Vbd, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

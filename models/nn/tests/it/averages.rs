@@ -6,7 +6,7 @@ use burn::module::Module;
 use burn::nn::{Linear, LinearConfig};
 use burn::tensor::{Device, Tensor, TensorData};
 use reactsim_nn::training::{
-    Average, Execution, Learner, Output, Settings, Stream, Sums, Task, View, draw_parameters,
+    Average, Execution, Learner, Output, Settings, Stream, Sums, Task, draw_parameters,
 };
 use serde_json::Map;
 
@@ -32,7 +32,7 @@ impl Task for Line {
         Net { linear, mean: Average::new(Tensor::zeros([1], &device)) }
     }
 
-    fn prepare(&self, example: &f32, _: View<'_>) -> Option<f32> {
+    fn prepare(&self, example: &f32, _: Option<&mut Stream>) -> Option<f32> {
         Some(*example)
     }
 

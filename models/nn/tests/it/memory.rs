@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use reactsim_nn::training::{Execution, Learner, Output, Settings, Source, Stream, Task, View};
+use reactsim_nn::training::{Execution, Learner, Output, Settings, Source, Stream, Task};
 use serde_json::Map;
 
 use super::toy::{Net, Toy, settings};
@@ -67,8 +67,8 @@ impl Task for Counting {
         Toy::default().init(seed)
     }
 
-    fn prepare(&self, example: &Self::Example, view: View<'_>) -> Option<Self::Sample> {
-        Some((Toy::default().prepare(&example.0, view)?, Counted::new(&self.0)))
+    fn prepare(&self, example: &Self::Example, stream: Option<&mut Stream>) -> Option<Self::Sample> {
+        Some((Toy::default().prepare(&example.0, stream)?, Counted::new(&self.0)))
     }
 
     fn loss(&self, model: &Net, samples: &[Self::Sample], stream: Option<&mut Stream>) -> Output {

@@ -10,7 +10,7 @@ use burn::tensor::{Device, Tensor, TensorData, activation};
 use rand_chacha::rand_core::Rng;
 use reactsim_nn::training::{
     ClosedLoop, Execution, LOG, Learner, NamedTensors, Observer, Outcome, Output, Row, Settings, Source,
-    Stream, Sums, Task, TrainingError, View, WEIGHTS, Wall, draw_parameters, read_log,
+    Stream, Sums, Task, TrainingError, WEIGHTS, Wall, draw_parameters, read_log,
 };
 use serde_json::Map;
 
@@ -87,11 +87,8 @@ impl Task for Toy {
         self.trained
     }
 
-    fn prepare(&self, example: &f32, view: View<'_>) -> Option<(f32, f32)> {
-        let shift = match view {
-            View::Varied(stream) => (stream.next_u32() as f32 / u32::MAX as f32 - 0.5) * 0.02,
-            View::Plain => 0.0,
-        };
+    fn prepare(&self, example: &f32, stream: Option<&mut Stream>) -> Option<(f32, f32)> {
+        let shift = stream.map_or(0.0, |stream| (stream.next_u32() as f32 / u32::MAX as f32 - 0.5) * 0.02);
         if *example < 0.0 {
             return None;
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use burn::module::Module;
 use burn::tensor::Device;
 use reactsim_nn::learning::{SimulatorTask, TaskError, TaskSetup, Trainable};
-use reactsim_nn::training::{Output, Stream, Task, View};
+use reactsim_nn::training::{Output, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 use serde::Serialize;
@@ -80,9 +80,9 @@ impl<R: ClosedLoopRecipe> Task for FineTuning<R> {
         true
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<ClosedLoopSample> {
+    fn prepare(&self, scenario: &Scenario, stream: Option<&mut Stream>) -> Option<ClosedLoopSample> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        sample(scenario, self.recipe.excerpt(), vocabulary, map_vocabulary, view.stream())
+        sample(scenario, self.recipe.excerpt(), vocabulary, map_vocabulary, stream)
     }
 
     fn loss(&self, model: &Smart, samples: &[ClosedLoopSample], stream: Option<&mut Stream>) -> Output {

@@ -11,7 +11,7 @@ use reactsim_nn::learning::{
     recipe_values,
 };
 use reactsim_nn::perception::Class;
-use reactsim_nn::training::{Output, Settings, Stream, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
@@ -131,9 +131,9 @@ impl Task for NextSmartToken {
         self.origin.is_trained()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
+    fn prepare(&self, scenario: &Scenario, stream: Option<&mut Stream>) -> Option<Sample> {
         let TokenLearning { vocabulary, map_vocabulary, .. } = &self.tokens;
-        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, view.stream())
+        sample(scenario, &self.recipe, &self.config, vocabulary, map_vocabulary, stream)
     }
 
     fn loss(&self, model: &Smart, samples: &[Sample], stream: Option<&mut Stream>) -> Output {

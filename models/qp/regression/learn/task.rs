@@ -7,7 +7,7 @@ use reactsim_nn::learning::{
     Intentions, LearningScene, Origin, SceneAugmentation, ShippedRecipe, SimulatorTask, TaskError, TaskInput,
     TaskSetup, Trainable, TrainingTask, Window, recipe_values,
 };
-use reactsim_nn::training::{Output, Settings, Stream, Task, View};
+use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 use serde::{Deserialize, Serialize};
@@ -131,9 +131,8 @@ impl Task for Regression {
         self.origin.is_trained()
     }
 
-    fn prepare(&self, scenario: &Scenario, view: View<'_>) -> Option<Sample> {
+    fn prepare(&self, scenario: &Scenario, mut stream: Option<&mut Stream>) -> Option<Sample> {
         let (config, most) = (&self.recipe.network, self.recipe.agents);
-        let mut stream = view.stream();
         let window = Window::of(scenario, stream.as_deref_mut());
         let survey = Survey::of(&window.start, config);
         let parked = self.parked && stream.is_none();

@@ -10,7 +10,7 @@ use clap::Parser;
 use super::*;
 use crate::models::learning::SimulatorTask;
 use crate::scene::Scenario;
-use crate::training::{LOG, Output, Stream, Sums, Task, View, draw_parameters, read_log};
+use crate::training::{LOG, Output, Stream, Sums, Task, draw_parameters, read_log};
 
 #[derive(Debug, Parser)]
 struct Line {
@@ -35,7 +35,7 @@ impl Task for Speeds {
         draw_parameters(Net { linear: LinearConfig::new(1, 1).init(&Device::flex().autodiff()) }, seed, 1.0)
     }
 
-    fn prepare(&self, scenario: &Scenario, _: View<'_>) -> Option<Self::Sample> {
+    fn prepare(&self, scenario: &Scenario, _: Option<&mut Stream>) -> Option<Self::Sample> {
         let pairs = (0..scenario.start.agents.len()).filter_map(|agent| {
             let speed = scenario.logged_velocity(agent, 10)?.norm();
             let (now, then) = (scenario.logged_at(agent, 10)?, scenario.logged_at(agent, 90)?);
