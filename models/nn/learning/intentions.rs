@@ -101,10 +101,7 @@ impl Intentions {
     /// # Errors
     /// As [`Self::read`].
     pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, WeightsError> {
-        let provenance = match tensors.metadata().get(PROVENANCE_KEY) {
-            Some(made) => serde_json::from_str(made).map_err(|error| wrong_provenance(&error))?,
-            None => Provenance { method: "foreign".to_owned(), ..Provenance::default() },
-        };
+        let provenance = Provenance::of(tensors, PROVENANCE_KEY)?.unwrap_or_else(Provenance::foreign);
         let mut points: [Vec<Vec2>; 3] = Default::default();
         for class in Class::ALL {
             let name = format!("{PREFIX}{class}");
@@ -123,12 +120,11 @@ impl Intentions {
     /// # Errors
     /// [`WeightsError`] if the provenance cannot be written as text.
     pub fn tables(&self) -> Result<(Tables, (String, String)), WeightsError> {
-        let made = serde_json::to_string(&self.provenance).map_err(|error| wrong_provenance(&error))?;
         let table = |class: Class| {
             let values = self.of(class).iter().flat_map(|p| [p.x as f32, p.y as f32]).collect();
             (format!("{PREFIX}{class}"), (vec![self.count(), 2], values))
         };
-        Ok((Class::ALL.into_iter().map(table).collect(), (PROVENANCE_KEY.to_owned(), made)))
+        Ok((Class::ALL.into_iter().map(table).collect(), self.provenance.entry(PROVENANCE_KEY)?))
     }
 
     /// Describes the points and how they were made, for the provenance of a training.
@@ -151,10 +147,6 @@ fn wrong_shape(tensor: &str, found: &[usize]) -> WeightsError {
     WeightsError::Refused(format!(
         "tensor `{tensor}` has the shape {found:?}, expected [points, 2] with 1 to 4096 points"
     ))
-}
-
-fn wrong_provenance(error: &serde_json::Error) -> WeightsError {
-    WeightsError::Refused(format!("cannot read or write the provenance of the intention points: {error}"))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
-use super::{Intentions, Provenance, Reservoir, for_each_track};
+use super::{Intentions, Reservoir, ScenarioDigest, for_each_track};
 use crate::WeightsError;
 use crate::perception::Class;
 
@@ -27,21 +27,19 @@ const MAX_ROUNDS: usize = 200;
 pub struct EndPoints {
     seed: u64,
     classes: [Reservoir<Vec2>; 3],
-    scenarios: u64,
-    digest: blake3::Hasher,
+    scenarios: ScenarioDigest,
 }
 
 impl EndPoints {
     /// Creates an empty collection that keeps at most `most` end points of every class.
     pub fn new(most: usize, seed: u64) -> Self {
         let sample = |class: Class| Reservoir::new(most, seed, &format!("intentions/ends/{class}"));
-        Self { seed, classes: Class::ALL.map(sample), scenarios: 0, digest: blake3::Hasher::new() }
+        Self { seed, classes: Class::ALL.map(sample), scenarios: ScenarioDigest::default() }
     }
 
     /// Adds the end points of all agents of a scenario, including those that are not simulated.
     pub fn add(&mut self, scenario: &Scenario) {
-        self.scenarios += 1;
-        self.digest.update(scenario.digest().as_bytes());
+        self.scenarios.add(scenario);
         for_each_track(scenario, |kind, track| self.add_track(kind, track));
     }
 
@@ -91,21 +89,13 @@ impl EndPoints {
             }
             points[class.index()] = self.means(class, places, count);
         }
-        let digest =
-            if self.scenarios == 0 { String::new() } else { self.digest.finalize().to_hex().to_string() };
-        let provenance = Provenance {
-            method: "k-means".to_owned(),
-            settings: json!({
-                "points": count,
-                "seconds": 8,
-                "straight": STRAIGHT_SHARE,
-                "stands": STANDSTILL_DISPLACEMENT,
-            }),
-            seed: self.seed,
-            scenarios: self.scenarios,
-            data: digest,
-        };
-        Intentions::new(points, provenance)
+        let settings = json!({
+            "points": count,
+            "seconds": 8,
+            "straight": STRAIGHT_SHARE,
+            "stands": STANDSTILL_DISPLACEMENT,
+        });
+        Intentions::new(points, self.scenarios.provenance("k-means", settings, self.seed))
     }
 
     fn means(&self, class: Class, places: &[Vec2], count: usize) -> Vec<Vec2> {

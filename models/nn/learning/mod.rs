@@ -3,7 +3,7 @@
 //! A [`Window`] is a part of a scenario, as long as those of the benchmark. A `LearningScene` is a window
 //! with map data of a network, which can be mirrored and stretched (`LearningMap`) and viewed from any frame.
 //! A `Reservoir` is a random sample of bounded size. [`Provenance`] describes what was computed from
-//! scenarios, such as [`Intentions`], the points that agents may head for, which [`EndPoints`] makes by
+//! scenarios ([`ScenarioDigest`]), such as [`Intentions`], the points that agents may head for, which [`EndPoints`] makes by
 //! k-means.
 //!
 //! A [`TrainingTask`] is an entry of the list of tasks: its recipe, and the function that builds a
@@ -27,7 +27,7 @@ pub use intentions::PREFIX as INTENTIONS_PREFIX;
 pub use k_means::EndPoints;
 pub use map::LearningMap;
 pub use origin::Origin;
-pub use provenance::Provenance;
+pub use provenance::{Provenance, ScenarioDigest};
 pub use recipe::recipe_values;
 pub use recipe::{LEARNING_RANGES, recipe_document};
 pub use reservoir::Reservoir;

@@ -16,27 +16,15 @@ use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses,
 pub struct KDisks {
     /// Number of tokens per class; fewer if the motions are exhausted.
     pub tokens: usize,
-    /// Distance measure of contours.
-    pub distance: CornerDistance,
-    /// Distance in metres below which motions are merged into one token, per class in the order of
-    /// [`Class::ALL`].
+    /// Mean distance of corresponding corners, metres, below which motions are merged into one token, per
+    /// class in the order of [`Class::ALL`].
     pub tolerance: [f64; 3],
     /// Whether token 0 is an exact standstill.
     pub stand_still: bool,
     /// Whether every token has its mirror image in the vocabulary.
     pub symmetric: bool,
     /// Bounds beyond which motions are discarded as implausible.
-    pub quality: Option<Quality>,
-}
-
-/// Distance measure of two contours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum CornerDistance {
-    /// Mean distance of corresponding corners (CATK).
-    Mean,
-    /// Root mean square of these distances (SMART).
-    RootMeanSquare,
+    pub quality: Quality,
 }
 
 /// Bounds of accepted motions.
@@ -56,27 +44,15 @@ impl Default for KDisks {
     fn default() -> Self {
         Self {
             tokens: 2048,
-            distance: CornerDistance::Mean,
             tolerance: [0.05, 0.025, 0.0125],
             stand_still: true,
             symmetric: false,
-            quality: Some(Quality { acceleration: 10.0, curvature: 0.5 }),
+            quality: Quality { acceleration: 10.0, curvature: 0.5 },
         }
     }
 }
 
 impl KDisks {
-    /// Returns the settings of SMART's script.
-    pub fn smart() -> Self {
-        Self {
-            distance: CornerDistance::RootMeanSquare,
-            tolerance: [0.05, 0.004, 0.004],
-            stand_still: false,
-            quality: None,
-            ..Self::default()
-        }
-    }
-
     fn check(&self) -> Result<(), BuildError> {
         let wrong =
             |name, value, expected| Err(BuildError::Setting { method: METHOD, name, value, expected });
@@ -100,8 +76,8 @@ impl Tokenizer for KDisks {
         METHOD
     }
 
-    fn settings(&self) -> Result<serde_json::Value, serde_json::Error> {
-        serde_json::to_value(self)
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn tokens(&self, class: Class, segments: &Segments) -> Result<Vec<TokenPoses>, BuildError> {
@@ -118,7 +94,7 @@ impl Tokenizer for KDisks {
             return Err(BuildError::NoData { class, segments, method: METHOD, needed });
         }
         let tolerance = self.tolerance[class.index()];
-        let mut pool = Pool::new(class, motions, self.distance, tolerance);
+        let mut pool = Pool::new(class, motions, tolerance);
         let name = format!("vocabulary/k-disks/{class}");
         let mut stream = stream(segments.seed(), &name, 0, Purpose::Begin);
         let mut tokens = Vec::new();
@@ -157,13 +133,13 @@ impl KDisks {
         if !(-10.0..=50.0).contains(&front.x) || front.y.abs() > 10.0 {
             return false;
         }
-        let Some(quality) = self.quality else { return true };
+        let Quality { acceleration, curvature } = self.quality;
         let steps: Vec<(f64, f64)> = motion
             .windows(2)
             .map(|w| ((w[1].position - w[0].position).norm(), wrap(w[1].heading - w[0].heading).abs()))
             .collect();
-        let accelerates = steps.windows(2).any(|w| (w[1].0 - w[0].0).abs() > quality.acceleration * DT * DT);
-        let turns = steps.iter().any(|s| s.0 > MIN_CURVATURE_SPEED * DT && s.1 > quality.curvature * s.0);
+        let accelerates = steps.windows(2).any(|w| (w[1].0 - w[0].0).abs() > acceleration * DT * DT);
+        let turns = steps.iter().any(|s| s.0 > MIN_CURVATURE_SPEED * DT && s.1 > curvature * s.0);
         !accelerates && (class == Class::Pedestrian || !turns)
     }
 }
@@ -175,15 +151,14 @@ struct Pool {
     contours: Vec<[Vec2; 4]>,
     /// End points and indices of the remaining motions.
     left: Vec<(Vec2, u32)>,
-    distance: CornerDistance,
     tolerance: f64,
 }
 
 impl Pool {
-    fn new(class: Class, motions: Vec<TokenPoses>, distance: CornerDistance, tolerance: f64) -> Self {
+    fn new(class: Class, motions: Vec<TokenPoses>, tolerance: f64) -> Self {
         let contours = motions.iter().map(|m| class.contour(m[TOKEN_FRAMES])).collect();
         let left = motions.iter().zip(0..).map(|(m, i)| (m[TOKEN_FRAMES].position, i)).collect();
-        Self { class, motions, contours, left, distance, tolerance }
+        Self { class, motions, contours, left, tolerance }
     }
 
     /// Returns one of the remaining motions.
@@ -197,12 +172,11 @@ impl Pool {
         let end = about[TOKEN_FRAMES];
         let contour = self.class.contour(end);
         let mut near = Vec::new();
-        // By either measure the distance of the centres is at most that of the corners, except for
-        // rounding.
+        // The distance of the centres is at most that of the corners, except for rounding.
         let reach = self.tolerance + 1e-9;
         left.retain(|&(at, i)| {
             let far = (at - end.position).norm_squared() > reach * reach;
-            if far || self.between(&self.contours[i as usize], &contour) > self.tolerance {
+            if far || corner_distance(&self.contours[i as usize], &contour) / 4.0 > self.tolerance {
                 return true;
             }
             near.push(self.motions[i as usize]);
@@ -214,16 +188,7 @@ impl Pool {
 
     fn are_near(&self, a: &TokenPoses, b: &TokenPoses) -> bool {
         let contour = |m: &TokenPoses| self.class.contour(m[TOKEN_FRAMES]);
-        self.between(&contour(a), &contour(b)) <= self.tolerance
-    }
-
-    fn between(&self, a: &[Vec2; 4], b: &[Vec2; 4]) -> f64 {
-        match self.distance {
-            CornerDistance::Mean => corner_distance(a, b) / 4.0,
-            CornerDistance::RootMeanSquare => {
-                (a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>() / 4.0).sqrt()
-            }
-        }
+        corner_distance(&contour(a), &contour(b)) / 4.0 <= self.tolerance
     }
 }
 

@@ -10,7 +10,6 @@ use reactsim_scene::DT;
 use reactsim_scene::dynamics::{Pose, REAR_AXLE};
 use serde::Serialize;
 
-use super::file::damaged_provenance;
 use super::{BuildError, ORIGIN, Segments, TOKEN_FRAMES, TOKEN_POSES, TokenPoses, Tokenizer, Vocabulary};
 
 /// A grid of motions at constant speed and curvature. Mirrored motions are mirrored tokens, and token 0
@@ -112,8 +111,8 @@ impl Kinematic {
     /// # Errors
     /// [`WeightsError`] if a setting is not finite.
     pub fn build(&self) -> Result<Vocabulary, WeightsError> {
-        let settings = serde_json::to_value(self).map_err(damaged_provenance)?;
-        let provenance = Provenance { method: "kinematic".to_owned(), settings, ..Provenance::default() };
+        let (method, settings) = (self.method().to_owned(), self.settings());
+        let provenance = Provenance { method, settings, ..Provenance::default() };
         Vocabulary::new(Class::ALL.map(|class| self.of(class)), provenance)
     }
 
@@ -131,8 +130,8 @@ impl Tokenizer for Kinematic {
         "kinematic"
     }
 
-    fn settings(&self) -> Result<serde_json::Value, serde_json::Error> {
-        serde_json::to_value(self)
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn tokens(&self, class: Class, _: &Segments) -> Result<Vec<TokenPoses>, BuildError> {

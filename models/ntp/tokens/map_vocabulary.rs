@@ -1,17 +1,14 @@
 //! Map vocabulary: curves of 5 m, the nearest of which represents a piece of a line.
 
-use std::collections::HashMap;
-
 use rand::RngExt;
 use reactsim_geometry::{Vec2, direction, into_frame};
-use reactsim_nn::learning::{Provenance, Reservoir};
-use reactsim_nn::{Tensors, WeightsError, weights::Tables};
+use reactsim_nn::learning::{Provenance, Reservoir, ScenarioDigest};
+use reactsim_nn::weights::{Tables, save_tables};
+use reactsim_nn::{Tensors, WeightsError};
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::Scenario;
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
 
-use super::file::{damaged_provenance, incomplete, no_vocabulary, refused, wrong_shape, wrong_type};
+use super::file::{no_vocabulary, refused, wrong_shape};
 use super::{CURVE_POINTS, CurvePiece, curve_pieces};
 
 /// Curve of a token: eleven points in the frame of the first, with the first chord along x.
@@ -28,10 +25,8 @@ pub struct MapVocabulary {
 const PROVENANCE_KEY: &str = "reactsim.map_vocabulary";
 /// Prefix of the name of the native tensor.
 pub(crate) const MAP_PREFIX: &str = "map_vocabulary.";
-/// Name of the native tensor, `[tokens, 11, 2]`.
-const NATIVE_TENSOR: &str = "map_vocabulary.curves";
-/// Names of the tensors of SMART, `[tokens, 11, 2]`, and CATK, `[tokens, 22]`.
-const FOREIGN_TENSORS: [&str; 2] = ["traj_src", "map_token_traj_src"];
+/// Names of the native tensor and that of SMART, `[tokens, 11, 2]`, and of that of CATK, `[tokens, 22]`.
+const TENSORS: [&str; 3] = ["map_vocabulary.curves", "traj_src", "map_token_traj_src"];
 
 impl MapVocabulary {
     /// Builds a vocabulary of these curves, rounded to the 32 bits of files.
@@ -98,26 +93,7 @@ impl MapVocabulary {
     /// # Errors
     /// [`WeightsError`] naming tensor and value.
     pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
-        let file = SafeTensors::deserialize(bytes).map_err(incomplete)?;
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(incomplete)?;
-        let names = file.names();
-        let Some(name) =
-            [NATIVE_TENSOR, FOREIGN_TENSORS[0], FOREIGN_TENSORS[1]].into_iter().find(|n| names.contains(n))
-        else {
-            let mut found: Vec<_> = names.iter().map(|n| format!("`{n}`")).collect();
-            found.sort_unstable();
-            found.truncate(8);
-            return Err(no_vocabulary(&format!("`{NATIVE_TENSOR}`"), &found.join(", ")));
-        };
-        let tensor = file.tensor(name).map_err(incomplete)?;
-        if tensor.dtype() != Dtype::F32 {
-            return Err(wrong_type(name, tensor.dtype()));
-        }
-        let shape = tensor.shape();
-        let number = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-        let values: Vec<f64> = tensor.data().chunks_exact(4).map(number).collect();
-        let made = header.metadata().as_ref().and_then(|m| m.get(PROVENANCE_KEY));
-        Self::new(&curves(name, shape, &values)?, provenance(made)?)
+        Self::from_tables(&Tensors::read(bytes)?)
     }
 
     /// Reads a vocabulary from a file that also holds other tensors: the tensor of [`Self::tables`], and
@@ -125,17 +101,15 @@ impl MapVocabulary {
     ///
     /// # Errors
     /// [`WeightsError`], as [`Self::read`].
-    pub fn from_tables(tensors: &Tensors<'_>) -> Result<Self, WeightsError> {
-        let found: Vec<&str> = tensors.shapes().map(|(name, _)| name).collect();
-        if found != [NATIVE_TENSOR] {
-            return Err(no_vocabulary(&format!("`{NATIVE_TENSOR}`"), &found.join(", ")));
-        }
-        let (shape, values) = tensors.floats(NATIVE_TENSOR)?;
+    pub fn from_tables(file: &Tensors<'_>) -> Result<Self, WeightsError> {
+        let found: Vec<&str> = file.shapes().map(|(name, _)| name).collect();
+        let Some(name) = TENSORS.into_iter().find(|name| found.contains(name)) else {
+            return Err(no_vocabulary(&TENSORS[..1], &found));
+        };
+        let (shape, values) = file.floats(name)?;
         let values: Vec<f64> = values.into_iter().map(f64::from).collect();
-        Self::new(
-            &curves(NATIVE_TENSOR, shape, &values)?,
-            provenance(tensors.metadata().get(PROVENANCE_KEY))?,
-        )
+        let provenance = Provenance::of(file, PROVENANCE_KEY)?.unwrap_or_else(Provenance::foreign);
+        Self::new(&curves(name, shape, &values)?, provenance)
     }
 
     /// Returns the curves as a tensor `[tokens, 11, 2]` by name, and the metadata entry with their
@@ -144,24 +118,18 @@ impl MapVocabulary {
     /// # Errors
     /// [`WeightsError`] if the provenance cannot be written as text.
     pub fn tables(&self) -> Result<(Tables, (String, String)), WeightsError> {
-        let made = serde_json::to_string(&self.provenance).map_err(damaged_provenance)?;
         let values = self.curves.iter().flatten().flat_map(|p| [p.x as f32, p.y as f32]).collect();
         let table = (vec![self.curves.len(), CURVE_POINTS, 2], values);
-        Ok((Tables::from([(NATIVE_TENSOR.to_owned(), table)]), (PROVENANCE_KEY.to_owned(), made)))
+        Ok((Tables::from([(TENSORS[0].to_owned(), table)]), self.provenance.entry(PROVENANCE_KEY)?))
     }
 
     /// Returns the bytes of a file that [`Self::read`] reads back as the same vocabulary.
     ///
     /// # Errors
-    /// [`WeightsError`] if the vocabulary is too large for such a file.
+    /// [`WeightsError`] if the provenance cannot be written as text.
     pub fn write(&self) -> Result<Vec<u8>, WeightsError> {
-        let made = serde_json::to_string(&self.provenance).map_err(damaged_provenance)?;
-        let values = self.curves.iter().flatten().flat_map(|p| [p.x, p.y]);
-        let data: Vec<u8> = values.flat_map(|v| (v as f32).to_le_bytes()).collect();
-        let view = TensorView::new(Dtype::F32, vec![self.curves.len(), CURVE_POINTS, 2], &data)
-            .map_err(incomplete)?;
-        let metadata = HashMap::from([(PROVENANCE_KEY.to_owned(), made)]);
-        safetensors::serialize([(NATIVE_TENSOR, view)], Some(metadata)).map_err(incomplete)
+        let (tables, entry) = self.tables()?;
+        Ok(save_tables(&tables, &[entry].into()))
     }
 }
 
@@ -179,22 +147,13 @@ fn curves(name: &str, shape: &[usize], values: &[f64]) -> Result<Vec<Curve>, Wei
     Ok(values.chunks_exact(2 * CURVE_POINTS).map(curve).collect())
 }
 
-/// Parses the provenance of a file.
-fn provenance(made: Option<&String>) -> Result<Provenance, WeightsError> {
-    match made {
-        Some(made) => serde_json::from_str(made).map_err(damaged_provenance),
-        None => Ok(Provenance { method: "foreign".to_owned(), ..Provenance::default() }),
-    }
-}
-
 /// Builder of a map vocabulary by k-disks on the curves of pieces: it repeatedly draws one, makes the
 /// mean of all near it a token, and removes them.
 #[derive(Debug)]
 pub struct MapVocabularyBuilder {
     sample: Reservoir<Curve>,
     seed: u64,
-    scenarios: u64,
-    digest: blake3::Hasher,
+    scenarios: ScenarioDigest,
 }
 
 /// Resolution of coordinates at which curves count as the same, metres.
@@ -206,15 +165,13 @@ impl MapVocabularyBuilder {
         Self {
             sample: Reservoir::new(most, seed, "vocabulary/map"),
             seed,
-            scenarios: 0,
-            digest: blake3::Hasher::new(),
+            scenarios: ScenarioDigest::default(),
         }
     }
 
     /// Adds the pieces of a scenario's map.
     pub fn add(&mut self, scenario: &Scenario) {
-        self.scenarios += 1;
-        self.digest.update(scenario.digest().as_bytes());
+        self.scenarios.add(scenario);
         for piece in curve_pieces(&scenario.start) {
             let curve = piece.curve();
             let values = curve.into_iter().flat_map(|p| [p.x, p.y]);
@@ -247,17 +204,7 @@ impl MapVocabularyBuilder {
             });
             curves.push(near.0.map(|sum| sum / near.1));
         }
-        let provenance = Provenance {
-            method: "k-disks".to_owned(),
-            settings: serde_json::json!({ "tokens": tokens, "tolerance": tolerance }),
-            seed: self.seed,
-            scenarios: self.scenarios,
-            data: if self.scenarios == 0 {
-                String::new()
-            } else {
-                self.digest.finalize().to_hex().to_string()
-            },
-        };
-        MapVocabulary::new(&curves, provenance)
+        let settings = serde_json::json!({ "tokens": tokens, "tolerance": tolerance });
+        MapVocabulary::new(&curves, self.scenarios.provenance("k-disks", settings, self.seed))
     }
 }

@@ -3,7 +3,6 @@
 //! A token is half a second of motion: six poses, 0.1 s apart, in the frame of the first one. Read
 //! [`Vocabulary`] first.
 
-mod build;
 mod build_error;
 mod errors;
 pub(crate) mod file;
@@ -19,10 +18,9 @@ mod tokenizer;
 mod trajtok;
 mod vocabulary;
 
-pub use build::BuildVocabulary;
 pub use build_error::BuildError;
 pub use errors::{ErrorSummary, MatchingErrors};
-pub use k_disks::{CornerDistance, KDisks, Quality};
+pub use k_disks::{KDisks, Quality};
 pub use kinematic::{ArcGrid, Band, Kinematic, PolarGrid};
 pub use map::{CURVE_POINTS, CurveKind, CurvePiece, LightCode, curve_pieces};
 pub use map_vocabulary::{MapVocabulary, MapVocabularyBuilder};

@@ -1,7 +1,7 @@
 //! Recorded motions of half a second, from which vocabularies are built.
 
 use reactsim_geometry::wrap;
-use reactsim_nn::learning::{Reservoir, for_each_track};
+use reactsim_nn::learning::{Reservoir, ScenarioDigest, for_each_track};
 use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{AgentKind, Frame, Scenario};
@@ -25,22 +25,20 @@ const MOTION_RESOLUTION: f64 = 1.0 / 512.0;
 pub struct Segments {
     seed: u64,
     classes: [Reservoir<TokenPoses>; 3],
-    scenarios: u64,
-    digest: blake3::Hasher,
+    pub(super) scenarios: ScenarioDigest,
 }
 
 impl Segments {
     /// Builds an empty collection that keeps at most `most` motions of every class. CATK keeps 204 800.
     pub fn new(most: usize, seed: u64) -> Self {
         let sample = |class: Class| Reservoir::new(most, seed, &format!("vocabulary/segments/{class}"));
-        Self { seed, classes: Class::ALL.map(sample), scenarios: 0, digest: blake3::Hasher::new() }
+        Self { seed, classes: Class::ALL.map(sample), scenarios: ScenarioDigest::default() }
     }
 
     /// Adds the motions of all agents of a scenario, including those that are not simulated: one from
     /// every fifth frame on, if all six frames are recorded.
     pub fn add(&mut self, scenario: &Scenario) {
-        self.scenarios += 1;
-        self.digest.update(scenario.digest().as_bytes());
+        self.scenarios.add(scenario);
         for_each_track(scenario, |kind, track| self.add_track(kind, track));
     }
 
@@ -71,17 +69,6 @@ impl Segments {
     /// Returns the number of distinct motions of a class that were seen, kept or not.
     pub fn seen(&self, class: Class) -> u64 {
         self.classes[class.index()].seen
-    }
-
-    /// Returns the number of scenarios added.
-    pub fn scenarios(&self) -> u64 {
-        self.scenarios
-    }
-
-    /// Returns the BLAKE3 digest of the digests of the scenarios in their order, as 64 hexadecimal
-    /// digits; empty if none was added.
-    pub fn digest(&self) -> String {
-        if self.scenarios == 0 { String::new() } else { self.digest.finalize().to_hex().to_string() }
     }
 
     /// Returns the seed of the samples.

@@ -119,8 +119,8 @@ impl Tokenizer for TrajTok {
         METHOD
     }
 
-    fn settings(&self) -> Result<serde_json::Value, serde_json::Error> {
-        serde_json::to_value(self)
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn tokens(&self, class: Class, segments: &Segments) -> Result<Vec<TokenPoses>, BuildError> {

@@ -14,7 +14,7 @@ use crate::cli::inputs::find_inputs;
 use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
 use crate::models::ntp::tokens::{
-    BuildVocabulary, KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
+    KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
 };
 
 const AFTER: &str = "\
