@@ -173,22 +173,17 @@ fn extrapolate_backwards(poses: &mut [Option<Pose>], first: usize, state: Option
 }
 
 impl TokenNoise {
-    /// Chooses one of the tokens near a motion.
+    /// Chooses one of the tokens near a motion; 0 if there are none.
     fn choose(self, vocabulary: &Vocabulary, class: Class, motion: Pose, stream: &mut Stream) -> usize {
         let (Self::Uniform { k } | Self::Weighted { k, .. }) = self;
-        self.choose_among(&vocabulary.nearest_k(class, motion, k.max(1)), stream)
-    }
-
-    /// Chooses one of these tokens, given with their distances (sums over four corners, metres), the nearest
-    /// first; 0 if there are none.
-    pub(crate) fn choose_among(self, near: &[(usize, f64)], stream: &mut Stream) -> usize {
+        let near = vocabulary.nearest_k(class, motion, k.max(1));
         let least = near.first().map_or(0.0, |t| t.1);
         let weight = |t: &(usize, f64)| match self {
             Self::Uniform { .. } => 1.0,
             Self::Weighted { temperature, .. } => math::exp((least - t.1) / (4.0 * temperature)),
         };
         let mut left = stream.random::<f64>() * near.iter().map(weight).sum::<f64>();
-        for token in near {
+        for token in &near {
             left -= weight(token);
             if left < 0.0 {
                 return token.0;

@@ -14,13 +14,6 @@ pub struct CatkRecipe {
     pub excerpt: Excerpt,
     /// Number of likeliest tokens of which the nearest to the record is executed.
     pub top_k: usize,
-    /// Mean corner distance, metres, by which a token loses preference to the nearest one by the factor e; 0:
-    /// the nearest one is executed.
-    pub temperature: f64,
-    /// Distance to the AV, metres, within which labels have another weight.
-    pub near_av: f64,
-    /// Factor on the weight of these labels.
-    pub near_av_weight: f64,
     /// Label smoothing.
     pub smoothing: Smoothing,
 }
@@ -39,9 +32,6 @@ impl Default for CatkRecipe {
                 stretch: 0.0,
             },
             top_k: 32,
-            temperature: 0.0,
-            near_av: 0.0,
-            near_av_weight: 1.0,
             smoothing: Smoothing { uniform: 0.0, spatial: 0.0 },
         }
     }

@@ -1,17 +1,15 @@
 //! The rollout: the network drives, kept near the record.
 
-use reactsim_nn::training::Stream;
 use reactsim_scene::dynamics::Pose;
 
 use super::super::super::super::token_loss::Target;
-use super::super::super::super::tokens::{ORIGIN, TokenNoise, Vocabulary, motion_between, moved};
+use super::super::super::super::tokens::{ORIGIN, Vocabulary, motion_between, moved};
 use super::super::super::{InputError, Smart, Step, TokenTables};
 use super::super::Sample;
 use super::super::closed_loop::{AV, ClosedLoopSample, HISTORY, RecordedAgent};
 use super::CatkRecipe;
 
 /// Rolls a sample out with a network without gradients. Returns the scene with all steps, and the labels.
-/// Without a stream, choices are without noise.
 ///
 /// # Errors
 /// [`InputError`] if the network cannot read the sample.
@@ -21,7 +19,6 @@ pub(super) fn roll_out(
     sample: &ClosedLoopSample,
     recipe: &CatkRecipe,
     vocabulary: &Vocabulary,
-    mut stream: Option<&mut Stream>,
 ) -> Result<Sample, InputError> {
     let mut cached = sample.begin(network, tables)?;
     let mut scene = sample.scene.clone();
@@ -33,7 +30,6 @@ pub(super) fn roll_out(
         let width = scores.dims()[1];
         let scores: Vec<f32> = scores.into_data().iter::<f32>().collect();
         let mut next = Step::default();
-        let av = poses.get(AV).copied().flatten();
         for (number, agent) in sample.agents.iter().enumerate() {
             let (pose, token) = match poses[number] {
                 None => (None, 0),
@@ -46,25 +42,14 @@ pub(super) fn roll_out(
                     if let Some(goal) = goal {
                         let token = vocabulary.nearest(agent.class, goal);
                         let row = number * steps + now;
-                        let is_near = |av: Pose| (av.position - pose.position).norm() < recipe.near_av;
-                        let factor = if av.is_some_and(is_near) { recipe.near_av_weight } else { 1.0 };
-                        let weight = agent.weight * factor as f32;
-                        targets.push(Target { row, class: agent.class, token, weight });
+                        targets.push(Target { row, class: agent.class, token, weight: agent.weight });
                     }
                     let own = &scores[number * width..][..vocabulary.tokens(agent.class)];
                     let token = match goal {
-                        Some(goal) => {
-                            let near = nearest_of_likeliest(own, goal, agent, recipe.top_k, vocabulary);
-                            match (&mut stream, recipe.temperature) {
-                                (Some(stream), temperature) if temperature > 0.0 => {
-                                    let noise = TokenNoise::Weighted { k: recipe.top_k, temperature };
-                                    noise.choose_among(&near, stream)
-                                }
-                                _ => near.first().map_or(0, |near| near.0),
-                            }
-                        }
-                        None => likeliest(own, 1).first().copied().unwrap_or(0),
+                        Some(goal) => nearest_of_likeliest(own, goal, agent, recipe.top_k, vocabulary),
+                        None => likeliest(own, 1).first().copied(),
                     };
+                    let token = token.unwrap_or(0);
                     (Some(moved(pose, vocabulary.end(agent.class, token))), token)
                 }
             };
@@ -88,17 +73,16 @@ fn likeliest(scores: &[f32], most: usize) -> Vec<usize> {
     order
 }
 
-/// Returns the likeliest tokens with the distances of their ends to the record (sums over four corners,
-/// metres), the nearest first. Of equal distances, the lower index comes first.
+/// Returns the token among the likeliest whose end is nearest to the record. Of equal distances, the lower
+/// index counts.
 fn nearest_of_likeliest(
     scores: &[f32],
     goal: Pose,
     agent: &RecordedAgent,
     top_k: usize,
     vocabulary: &Vocabulary,
-) -> Vec<(usize, f64)> {
+) -> Option<usize> {
     let distance = |token| (token, vocabulary.distance(agent.class, token, goal));
-    let mut near: Vec<(usize, f64)> = likeliest(scores, top_k).into_iter().map(distance).collect();
-    near.sort_by(|a, b| a.1.total_cmp(&b.1));
-    near
+    let near = likeliest(scores, top_k).into_iter().map(distance);
+    near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(token, _)| token)
 }

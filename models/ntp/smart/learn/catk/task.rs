@@ -41,31 +41,19 @@ pub type ClosestAmongTopK = FineTuning<CatkRecipe>;
 
 impl ClosestAmongTopK {
     /// Rolls a sample out with a network without gradients: the history, then the steps that it drives.
-    /// Without a stream, choices are without noise.
     ///
     /// # Errors
     /// [`InputError`] if the network cannot read the sample.
-    pub fn roll_out(
-        &self,
-        network: &Smart,
-        sample: &ClosedLoopSample,
-        stream: Option<&mut Stream>,
-    ) -> Result<Scene, InputError> {
+    pub fn roll_out(&self, network: &Smart, sample: &ClosedLoopSample) -> Result<Scene, InputError> {
         let tables = self.tokens.tables(network);
-        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary, stream)?.scene)
+        Ok(roll_out(network, &tables, sample, &self.recipe, &self.tokens.vocabulary)?.scene)
     }
 
     /// Returns samples as a network without gradients drives in them.
-    fn driven(
-        &self,
-        network: &Smart,
-        samples: &[ClosedLoopSample],
-        mut stream: Option<&mut Stream>,
-    ) -> Vec<Sample> {
+    fn driven(&self, network: &Smart, samples: &[ClosedLoopSample]) -> Vec<Sample> {
         let (tables, vocabulary) = (self.tokens.tables(network), &self.tokens.vocabulary);
         let drive = |sample| {
-            let stream = stream.as_deref_mut();
-            let mut driven = roll_out(network, &tables, sample, &self.recipe, vocabulary, stream)
+            let mut driven = roll_out(network, &tables, sample, &self.recipe, vocabulary)
                 .expect("samples are made for networks of this configuration");
             forget_unseen_pieces(&mut driven.scene, network.config());
             driven
@@ -92,11 +80,11 @@ impl ClosedLoopRecipe for CatkRecipe {
         stream: Option<&mut Stream>,
     ) -> Output {
         match stream {
-            Some(stream) => {
-                let driven = tuning.driven(&model.valid(), samples, Some(stream));
+            Some(_) => {
+                let driven = tuning.driven(&model.valid(), samples);
                 tuning.tokens.loss(model, &driven, &mut Noise::none())
             }
-            None => tuning.tokens.plain_loss(model, &tuning.driven(model, samples, None)),
+            None => tuning.tokens.plain_loss(model, &tuning.driven(model, samples)),
         }
     }
 }
