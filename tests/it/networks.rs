@@ -1,8 +1,7 @@
 //! The layers that networks share, and the published next-token network on made-up scenes.
 
 mod attention;
-mod literal;
-pub(crate) mod naive;
+mod naive;
 mod smart;
 mod weights;
 

@@ -3,17 +3,16 @@
 use std::fs;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim::dynamics::{MAX_ACCELERATION, MAX_CURVATURE};
-use reactsim::geometry::wrap;
 use reactsim::models::find;
 use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::pufferdrive::network::{HIDDEN, Network, ROAD, Recurrent};
-use reactsim::rollout::{Controller, Settings, roll_out};
-use reactsim::scene::{AgentKind, CURRENT, DT, Frame, Scenario};
+use reactsim::rollout::{Controller, Rollout, Settings, roll_out};
+use reactsim::scene::{AgentKind, CURRENT, Frame, Scenario};
 use serde_json::Value;
 
 use crate::model_weights::untrained;
 use crate::networks::devices;
+use crate::qp::check_limits;
 use crate::scenes::{coasting, mini, real, request};
 use crate::{shared, small_scenarios};
 
@@ -74,9 +73,13 @@ fn simulator(changes: &[(&str, &str)]) -> Controller {
     (model.make)(setup).unwrap()
 }
 
-fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
+fn rollout(scenario: &Scenario, controller: &Controller) -> Rollout {
     let batch = vec![request(scenario, coasting(scenario), 0)];
-    roll_out(batch, controller, &Settings::default()).remove(0).unwrap().tracks
+    roll_out(batch, controller, &Settings::default()).remove(0).unwrap()
+}
+
+fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
+    rollout(scenario, controller).tracks
 }
 
 fn scenarios() -> Vec<Scenario> {
@@ -90,21 +93,7 @@ fn scenarios() -> Vec<Scenario> {
 fn with_the_projection_no_choice_of_actions_breaks_the_limits() {
     let wild = simulator(&[("greedy", "false"), ("speed_limit", "40")]);
     for scenario in &scenarios() {
-        for (agent, track) in scenario.start.agents.iter().zip(tracks(scenario, &wild)).skip(1) {
-            if agent.kind != AgentKind::Vehicle {
-                continue;
-            }
-            for pair in track[CURRENT..].windows(2) {
-                let (Some(a), Some(b)) = (pair[0], pair[1]) else { panic!("{} is gone", agent.id) };
-                let (v0, v1) = (a.speed(), b.speed());
-                if v0.is_nan() {
-                    continue;
-                }
-                assert!((v1 - v0).abs() / DT <= MAX_ACCELERATION, "{}: {v0} to {v1} m/s", agent.id);
-                let bend = wrap(b.heading - a.heading).abs() / (0.5 * (v0 + v1) * DT);
-                assert!(v0 < 0.6 || v1 < 0.6 || bend <= MAX_CURVATURE, "{}: {bend} 1/m", agent.id);
-            }
-        }
+        check_limits(scenario, &rollout(scenario, &wild));
     }
 }
 

@@ -261,24 +261,7 @@ fn ids_say_which_stage_is_behind() {
 }
 
 #[test]
-fn what_is_asked_of_a_simulator_is_asked_of_it_with_a_stage_too() {
-    let ids = ["idm".to_owned(), "idm+qp".to_owned()];
-    let asked = |parameters: &[(&str, &str)]| Adjustments {
-        parameters: parameters
-            .iter()
-            .map(|(id, value)| (id.to_string(), "vehicle.headway".to_owned(), value.to_string()))
-            .collect(),
-        ..Adjustments::default()
-    };
-    let values = |asked: &Adjustments| {
-        let all = PlannedSimulator::adjusted(&ids, asked).unwrap();
-        all.iter().map(|s| s.parameters.get("vehicle.headway").cloned()).collect::<Vec<_>>()
-    };
-    let (some, other) = (Some("1.25".to_owned()), Some("2.5".to_owned()));
-    assert_eq!(values(&asked(&[("idm", "1.25")])), [some.clone(), some.clone()]);
-    assert_eq!(values(&asked(&[("idm+qp", "2.5")])), [None, other.clone()]);
-    assert_eq!(values(&asked(&[("idm", "1.25"), ("idm+qp", "2.5")])), [some, other]);
-
+fn weights_of_a_simulator_are_those_of_it_with_a_stage_too() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("some.safetensors");
     let weights = crate::model_weights::untrained("pufferdrive").unwrap();

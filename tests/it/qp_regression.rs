@@ -22,9 +22,7 @@ use reactsim::training::Task;
 
 use crate::model_weights::{check_refusals, replaced};
 use crate::ntp_reactive::{lights, moved, scenarios, tracks};
-use crate::scenes::{
-    agent, arc, bits, car, coasting, join, lane, line, mini, request, scene, state, straight,
-};
+use crate::scenes::{agent, arc, car, coasting, join, lane, line, mini, request, scene, state, straight};
 use reactsim::models::perception::KnownMotion;
 
 /// Returns small sizes that differ wherever they can.
@@ -403,22 +401,6 @@ fn modes_begin_with_the_present_velocity() {
     }
 }
 
-#[test]
-fn rollouts_are_the_same_every_time() {
-    let scenarios = scenarios(2);
-    let driving = Driving { agents: 4, sample: true };
-    let simulator = RegressionSimulator::new(policy(small()), driving, device());
-    let controller = Controller::Fair(Box::new(simulator));
-    let run = || {
-        let requests = scenarios.iter().map(|s| request(s, coasting(s), 0)).collect();
-        roll_out(requests, &controller, &Settings::default())
-            .into_iter()
-            .map(|r| bits(&r.unwrap().tracks))
-            .collect::<Vec<_>>()
-    };
-    assert!(run() == run());
-}
-
 /// Returns a simulator that plans along the modes of a policy.
 fn smoothed(policy: Policy, agents: usize, keep_clear: bool) -> Controller {
     let settings = qp::settings().unwrap();
@@ -440,23 +422,6 @@ fn vehicles_keep_their_limits_whatever_is_predicted() {
             assert_eq!(plans, 16 * vehicles as u64, "{:?}", rollout.outcomes);
         }
     }
-}
-
-#[test]
-fn batches_and_threads_change_no_plan() {
-    let scenarios = scenarios(3);
-    let controller = smoothed(policy(small()), 4, true);
-    let run = |some: &[Scenario]| {
-        let requests = some.iter().map(|s| request(s, coasting(s), 0)).collect();
-        let done = roll_out(requests, &controller, &Settings::default());
-        done.into_iter().map(|r| bits(&r.unwrap().tracks)).collect::<Vec<_>>()
-    };
-    let together = run(&scenarios);
-    let apart = std::thread::scope(|scope| {
-        let rest = scope.spawn(|| run(&scenarios[1..]));
-        [run(&scenarios[..1]), rest.join().unwrap()].concat()
-    });
-    assert!(together == apart);
 }
 
 #[test]

@@ -16,17 +16,20 @@ fn with_parameters(parameters: &[(&str, &str)]) -> Adjustments {
 
 #[test]
 fn parameters_belong_to_the_variant_they_name() {
-    let ids = ["idm", "idm@calm", "idm@calm+qp"].map(str::to_owned);
+    let ids = ["idm", "idm+qp", "idm@calm", "idm@calm+qp"].map(str::to_owned);
     let values = |asked: &[(&str, &str)]| {
         let all = PlannedSimulator::adjusted(&ids, &with_parameters(asked)).unwrap();
         all.into_iter().map(|s| s.parameters.get("vehicle.headway").cloned()).collect::<Vec<_>>()
     };
     let some = |value: &str| Some(value.to_owned());
-    assert_eq!(values(&[("idm", "1.25")]), [some("1.25"), None, None]);
-    assert_eq!(values(&[("idm@calm", "2.5")]), [None, some("2.5"), some("2.5")]);
-    assert_eq!(values(&[("idm@calm+qp", "2.5")]), [None, None, some("2.5")]);
+    // What is asked of a simulator is asked of it with a stage too, unless that has a value of its own.
+    assert_eq!(values(&[("idm", "1.25")]), [some("1.25"), some("1.25"), None, None]);
+    assert_eq!(values(&[("idm+qp", "2.5")]), [None, some("2.5"), None, None]);
+    assert_eq!(values(&[("idm", "1.25"), ("idm+qp", "2.5")]), [some("1.25"), some("2.5"), None, None]);
+    assert_eq!(values(&[("idm@calm", "2.5")]), [None, None, some("2.5"), some("2.5")]);
+    assert_eq!(values(&[("idm@calm+qp", "2.5")]), [None, None, None, some("2.5")]);
     let titles = PlannedSimulator::by_ids(&ids).unwrap().into_iter().map(|s| s.title);
-    assert_eq!(titles.collect::<Vec<_>>(), ["IDM", "IDM (calm)", "IDM (calm) + qp"]);
+    assert_eq!(titles.collect::<Vec<_>>(), ["IDM", "IDM + qp", "IDM (calm)", "IDM (calm) + qp"]);
 }
 
 #[test]

@@ -15,7 +15,7 @@ use super::naive::{Naive, Rows};
 use super::{devices, values, worst};
 
 /// Changes every weight, so that biases are not 0 and gains not 1.
-pub(crate) struct Shaken(pub(crate) ChaCha8Rng);
+pub(super) struct Shaken(pub(super) ChaCha8Rng);
 
 impl ModuleMapper for Shaken {
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {

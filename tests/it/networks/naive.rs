@@ -6,9 +6,9 @@ use reactsim::models::nn::Tensors;
 pub(crate) type Rows = Vec<Vec<f64>>;
 
 pub(crate) struct Naive<'a> {
-    pub(crate) weights: &'a Tensors<'a>,
+    weights: &'a Tensors<'a>,
     /// Prefix of the layer's names, without the dot.
-    pub(crate) at: String,
+    at: String,
 }
 
 impl<'a> Naive<'a> {
@@ -23,7 +23,7 @@ impl<'a> Naive<'a> {
     }
 
     /// y = x Wᵀ + b.
-    pub(crate) fn linear(&self, name: &str, x: &[f64]) -> Vec<f64> {
+    fn linear(&self, name: &str, x: &[f64]) -> Vec<f64> {
         let (shape, weight) = self.floats(&format!("{name}.weight")).unwrap();
         assert_eq!(x.len(), shape[1]);
         let bias = self.floats(&format!("{name}.bias")).map(|b| b.1);
@@ -34,7 +34,7 @@ impl<'a> Naive<'a> {
         (0..shape[0]).map(row).collect()
     }
 
-    pub(crate) fn norm(&self, name: &str, x: &[f64]) -> Vec<f64> {
+    fn norm(&self, name: &str, x: &[f64]) -> Vec<f64> {
         let gain = self.floats(&format!("{name}.weight")).unwrap().1;
         let bias = self.floats(&format!("{name}.bias")).unwrap().1;
         let mean = x.iter().sum::<f64>() / x.len() as f64;
@@ -44,13 +44,8 @@ impl<'a> Naive<'a> {
 
     /// Returns the Fourier embedding of some scalars.
     pub(crate) fn fourier(&self, scalars: &[f64]) -> Vec<f64> {
-        self.fourier_with(scalars, &[])
-    }
-
-    /// As [`Self::fourier`], with categorical vectors if there are any.
-    pub(crate) fn fourier_with(&self, scalars: &[f64], categorical: &[f64]) -> Vec<f64> {
         let (shape, frequencies) = self.floats("freqs.weight").unwrap();
-        let mut sum = categorical.to_vec();
+        let mut sum = Vec::new();
         for (d, u) in scalars.iter().enumerate() {
             let angles: Vec<f64> = frequencies[d * shape[1]..][..shape[1]]
                 .iter()
@@ -138,12 +133,12 @@ impl<'a> Naive<'a> {
     }
 }
 
-pub(crate) fn relu(x: Vec<f64>) -> Vec<f64> {
+fn relu(x: Vec<f64>) -> Vec<f64> {
     x.into_iter().map(|v| v.max(0.0)).collect()
 }
 
 /// Adds to a sum, which may be empty.
-pub(crate) fn add(sum: &mut Vec<f64>, x: &[f64]) {
+fn add(sum: &mut Vec<f64>, x: &[f64]) {
     sum.resize(x.len(), 0.0);
     sum.iter_mut().zip(x).for_each(|(a, b)| *a += b);
 }

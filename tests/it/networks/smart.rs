@@ -14,9 +14,9 @@ use reactsim::models::ntp::smart::{
 use super::attention::Shaken;
 use super::{devices, values, worst};
 
-pub(super) const TOKENS: usize = 12;
+const TOKENS: usize = 12;
 
-pub(super) fn config(more: &str) -> SmartConfig {
+fn config(more: &str) -> SmartConfig {
     let text = format!(
         r#"{{"hidden_dim": 24, "num_freq_bands": 6, "num_heads": 3, "head_dim": 6, "dropout": 0.1, "num_map_layers": 2,
         "num_agent_layers": 2, "pl2pl_radius": 12, "pl2a_radius": 15, "a2a_radius": 20, "time_span": 15,
@@ -25,7 +25,7 @@ pub(super) fn config(more: &str) -> SmartConfig {
     SmartConfig::from_json(&text).unwrap()
 }
 
-pub(super) fn shared_head() -> SmartConfig {
+fn shared_head() -> SmartConfig {
     config(r#", "n_token_agent": 12"#)
 }
 
@@ -33,12 +33,12 @@ fn trajtok() -> SmartConfig {
     config(r#", "n_token_agent": {"veh": 12, "ped": 5, "cyc": 7}, "feed_forward": "swiglu""#)
 }
 
-pub(super) fn network(config: &SmartConfig, device: &Device) -> Smart {
+fn network(config: &SmartConfig, device: &Device) -> Smart {
     let network = Smart::init(config, &mut Initializer::new(3, device)).unwrap();
     network.map(&mut Shaken(ChaCha8Rng::seed_from_u64(9)))
 }
 
-pub(super) fn token_shapes(config: &SmartConfig) -> TokenShapes {
+fn token_shapes(config: &SmartConfig) -> TokenShapes {
     let stream = &mut ChaCha8Rng::seed_from_u64(21);
     let counts = config.n_token_agent.of_classes();
     TokenShapes {
@@ -51,7 +51,7 @@ pub(super) fn token_shapes(config: &SmartConfig) -> TokenShapes {
 }
 
 /// Returns a scene of some agents on some pieces of map; with `gaps`, agents come and go.
-pub(super) fn scene(config: &SmartConfig, seed: u64, agents: usize, pieces: usize, gaps: bool) -> Scene {
+fn scene(config: &SmartConfig, seed: u64, agents: usize, pieces: usize, gaps: bool) -> Scene {
     let stream = &mut ChaCha8Rng::seed_from_u64(seed);
     let counts = config.n_token_agent.of_classes();
     let place = |stream: &mut ChaCha8Rng| [0, 1].map(|_| stream.random_range(-16.0f32..16.0));
@@ -90,7 +90,7 @@ pub(super) fn scene(config: &SmartConfig, seed: u64, agents: usize, pieces: usiz
 }
 
 /// Returns the scores of all nodes, [agents · steps, tokens].
-pub(super) fn forward(network: &Smart, tables: &TokenTables, scenes: &[&Scene]) -> Vec<f32> {
+fn forward(network: &Smart, tables: &TokenTables, scenes: &[&Scene]) -> Vec<f32> {
     let batch = Batch::new(network.config(), scenes.iter().copied(), &mut Noise::none()).unwrap();
     values(network.forward(tables, &batch, &mut Noise::none()))
 }
