@@ -6,7 +6,8 @@ use reactsim_scene::{AgentState, DT, Start};
 use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
-pub const ENTRY: Baseline = Baseline::of_rules("constant-velocity", include_str!("card.toml"), "", make);
+pub const ENTRY: Baseline =
+    Baseline::of_rules("constant-velocity", include_str!("constant_velocity/card.toml"), "", make);
 
 fn make(_: Setup) -> Result<Controller, ModelError> {
     Ok(Controller::Fair(Box::new(ConstantVelocity)))

@@ -10,7 +10,7 @@ use crate::{Baseline, ModelError, Setup};
 pub const ENTRY: Baseline = Baseline {
     oracle: true,
     takes_stage: false,
-    ..Baseline::of_rules("log-replay", include_str!("card.toml"), "", make)
+    ..Baseline::of_rules("log-replay", include_str!("log_replay/card.toml"), "", make)
 };
 
 fn make(_: Setup) -> Result<Controller, ModelError> {

@@ -8,7 +8,7 @@ use crate::{Baseline, ModelError, Setup};
 
 /// Its entry in the list of baselines.
 pub const ENTRY: Baseline =
-    Baseline::of_rules("stop", include_str!("card.toml"), include_str!("ranges.toml"), make);
+    Baseline::of_rules("stop", include_str!("stop/card.toml"), include_str!("stop/ranges.toml"), make);
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
