@@ -5,15 +5,11 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::program::{MINI, said, text};
+use crate::program::{MINI, copy, said, text};
 
 /// Writes a copy of a run folder with changed rows.
 fn changed(run: &Path, to: &Path, mut change: impl FnMut(&mut Value)) {
-    fs::create_dir(to).unwrap();
-    for entry in fs::read_dir(run).unwrap() {
-        let path = entry.unwrap().path();
-        fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
-    }
+    copy(run, to);
     let rows = fs::read_to_string(run.join("rows.jsonl")).unwrap();
     let changed = rows.lines().map(|line| {
         let mut row: Value = serde_json::from_str(line).unwrap();

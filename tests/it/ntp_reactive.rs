@@ -307,15 +307,6 @@ fn the_order_of_agents_does_not_matter() {
 }
 
 #[test]
-#[expect(deprecated, reason = "ndarray is deprecated by its authors; here it is what flex is compared with")]
-fn the_other_backend_agrees() {
-    let scenario = scenarios(1).remove(0);
-    let run = |device: &Device| logits_of(&policy(device), &scenario, &tracks(&scenario), device);
-    let largest = largest_difference(&run(&Device::flex()), &run(&Device::ndarray()));
-    assert!(largest < 1e-4, "{largest}");
-}
-
-#[test]
 fn foreign_and_damaged_policies_are_refused() {
     let device = device();
     let task = NextToken::new(Recipe::default(), Kinematic::default().build().unwrap(), &device);

@@ -9,40 +9,12 @@ use std::time::Duration;
 use reactsim::models::learning::{Trainable, Training};
 use reactsim::models::nn::device;
 use reactsim::models::ntp::realism::{Features, RealismRecipe, Weights, realism};
-use reactsim::scene::{Length, Scenario};
-use reactsim::training::{Ending, Execution, Observer, Row, Settings, Source, read_log};
+use reactsim::scene::Length;
+use reactsim::training::{Ending, Execution, Observer, Row, Settings, read_log};
 
 use crate::small_scenarios::scenario;
+use crate::smart_rewards::Same;
 use crate::{ntp_reactive, smart_simulator};
-
-/// The same scenario under several names.
-struct Same(Scenario, [String; 12]);
-
-impl Same {
-    fn of(scenario: Scenario) -> Self {
-        Self(scenario, std::array::from_fn(|i| i.to_string()))
-    }
-}
-
-impl Source for Same {
-    type Example = Scenario;
-
-    fn len(&self) -> usize {
-        self.1.len()
-    }
-
-    fn id(&self, number: usize) -> &str {
-        &self.1[number]
-    }
-
-    fn read(&self, _number: usize) -> Result<Scenario, String> {
-        Ok(self.0.clone())
-    }
-
-    fn digest(&self) -> String {
-        String::new()
-    }
-}
 
 /// Sets a flag after a number of steps.
 struct StopsAfter<'a>(u64, &'a AtomicBool);
@@ -120,7 +92,7 @@ fn first_step(folder: &Path) -> BTreeMap<String, f64> {
 
 #[test]
 fn what_is_realistic_becomes_likelier() {
-    let source = Same::of(scenario(3));
+    let source = Same::of(scenario(3), 12);
     for (weights, reactions) in [(ntp_reactive::untrained(), 0.0), (smart_simulator::untrained(), 1.0)] {
         let folder = tempfile::tempdir().unwrap();
         let task = task(&weights, reactions, 12);
@@ -137,7 +109,7 @@ fn what_is_realistic_becomes_likelier() {
 
 #[test]
 fn an_interrupted_training_ends_as_another_one() {
-    let source = Same::of(scenario(3));
+    let source = Same::of(scenario(3), 12);
     let task = task(&ntp_reactive::untrained(), 1.0, 4);
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let (whole, parts) = (one.path(), two.path());
@@ -159,7 +131,7 @@ fn other_lengths_and_other_weights_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let task = task(&ntp_reactive::untrained(), 1.0, 4);
     let refused =
-        learn(task.as_ref(), &Same::of(short), (folder.path(), 1.0, 0.0), (1, false, 1)).unwrap_err();
+        learn(task.as_ref(), &Same::of(short, 12), (folder.path(), 1.0, 0.0), (1, false, 1)).unwrap_err();
     assert!(refused.contains("road-003") && refused.contains("no other length"), "{refused}");
 
     let recipe = RealismRecipe::default();

@@ -354,11 +354,7 @@ fn sets_of_recordings_have_aggregates_only() {
             .1
             .contains("`number of inputs` is 12 in the reference and 1 here")
     );
-    let lesser = at("lesser");
-    fs::create_dir(&lesser).unwrap();
-    for entry in fs::read_dir(MINI).unwrap().map(|e| e.unwrap().path()) {
-        fs::copy(&entry, lesser.join(entry.file_name().unwrap())).unwrap();
-    }
+    let lesser = copy(Path::new(MINI), &at("lesser"));
     let crossing = lesser.join("crossing.json");
     fs::write(&crossing, fs::read_to_string(&crossing).unwrap() + "\n").unwrap();
     let refused = said(&["verify", text(&reference), "--scenarios", text(&lesser)], 2).1;
@@ -374,7 +370,6 @@ fn sets_of_recordings_have_aggregates_only() {
     assert!(line.starts_with("| stop ") && line.contains("| all ") && line.contains(" 0.25 |"), "{table}");
 }
 
-/// Makes a reference of a network on small scenarios, with rows.
 /// Files of curations contain the program that made them; another one may make the same deviated AVs.
 #[test]
 fn deviated_avs_are_recognised_by_their_trajectories() {
@@ -402,6 +397,7 @@ fn deviated_avs_are_recognised_by_their_trajectories() {
     assert!(refusal.contains("digest of d.json"), "{refusal}");
 }
 
+/// Makes a reference of a network on small scenarios, with rows.
 fn of_network(home: &Path) -> (Reference, PathBuf) {
     let (input, out) = (home.join("roads.parquet"), home.join("run"));
     small_scenarios::write(&input, (0..6).map(small_scenarios::scenario));

@@ -52,21 +52,27 @@ fn rollouts_that_are_alike_teach_nothing() {
 }
 
 /// The same scenario under several names.
-struct Same([String; 16]);
+pub(crate) struct Same(Scenario, Vec<String>);
+
+impl Same {
+    pub(crate) fn of(scenario: Scenario, names: usize) -> Self {
+        Self(scenario, (0..names).map(|i| i.to_string()).collect())
+    }
+}
 
 impl Source for Same {
     type Example = Scenario;
 
     fn len(&self) -> usize {
-        self.0.len()
+        self.1.len()
     }
 
     fn id(&self, number: usize) -> &str {
-        &self.0[number]
+        &self.1[number]
     }
 
     fn read(&self, _number: usize) -> Result<Scenario, String> {
-        Ok(scenario(3))
+        Ok(self.0.clone())
     }
 
     fn digest(&self) -> String {
@@ -77,7 +83,7 @@ impl Source for Same {
 #[test]
 fn agents_learn_to_do_what_is_rewarded() {
     let task = task(rewards_alone(0, 1.0));
-    let source = Same(std::array::from_fn(|i| i.to_string()));
+    let source = Same::of(scenario(3), 16);
     let sample = task.prepare(&scenario(3), None).unwrap();
     let reward =
         |model: &Smart| -task.loss(model, std::slice::from_ref(&sample), None).loss.into_scalar::<f32>();

@@ -246,21 +246,3 @@ fn a_folder_that_can_not_be_written_is_refused_at_once() {
     assert!(fs::read_to_string(out.join("log.jsonl")).unwrap().ends_with("\nmore\n"));
     drop(held);
 }
-
-#[test]
-fn of_two_new_trainings_in_one_folder_one_is_refused() {
-    let uninterrupted = uninterrupted();
-    for _ in 0..5 {
-        let home = tempfile::tempdir().unwrap();
-        let out = home.path().join("out");
-        let both = std::thread::scope(|scope| {
-            let begin = || scope.spawn(|| Trial::default().learn(&out, false));
-            [begin(), begin()].map(|training| training.join().unwrap())
-        });
-        let refused = both.iter().filter(|result| {
-            matches!(result, Err(TrainingError::Busy { .. } | TrainingError::Exists { .. }))
-        });
-        assert_eq!((refused.count(), both.iter().filter(|result| result.is_ok()).count()), (1, 1));
-        assert!(left(&out) == uninterrupted);
-    }
-}
