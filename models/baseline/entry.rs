@@ -1,6 +1,7 @@
 //! Entries of the list of baselines.
 
 use reactsim_rollout::Controller;
+use serde::de::DeserializeOwned;
 
 use super::{ModelError, Setup, weights};
 
@@ -50,6 +51,14 @@ impl Baseline {
     pub fn setup(&self) -> Result<Setup, ModelError> {
         let weights = if self.needs_weights { weights::shipped(self.id)? } else { None };
         Setup::new(self.id, self.card, self.ranges, weights)
+    }
+
+    /// Returns the parameters of the card.
+    ///
+    /// # Errors
+    /// [`ModelError`] if the card or its ranges cannot be read; a test rules it out.
+    pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, ModelError> {
+        Setup::new(self.id, self.card, self.ranges, None)?.parameters()
     }
 
     /// Returns whether it can be built without weights from elsewhere.

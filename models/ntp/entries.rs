@@ -4,9 +4,8 @@ use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_nn::device_of;
 use reactsim_rollout::Controller;
 
-use super::Driving;
 use super::reactive::{Policy, ReactiveSimulator};
-use super::smart::{SmartParameters, SmartPolicy, SmartSimulator};
+use super::smart::{SmartPolicy, SmartSimulator};
 
 /// Units and ranges of the parameters of our network.
 const REACTIVE_RANGES: &str = include_str!("ranges/reactive.toml");
@@ -51,22 +50,6 @@ pub const SMART_REACTIVE: Baseline = smart_body("smart-reactive", include_str!("
 
 const fn smart_body(id: &'static str, card: &'static str) -> Baseline {
     Baseline::of_network(id, card, SMART_RANGES, smart)
-}
-
-/// Returns the parameters on the card of our network.
-///
-/// # Errors
-/// [`ModelError`] if the card cannot be read; a test rules it out.
-pub(super) fn reactive_driving() -> Result<Driving, ModelError> {
-    Setup::new(REACTIVE.id, REACTIVE.card, REACTIVE.ranges, None)?.parameters()
-}
-
-/// Returns the parameters on the card of the published network.
-///
-/// # Errors
-/// [`ModelError`] if the card cannot be read; a test rules it out.
-pub(super) fn smart_parameters() -> Result<SmartParameters, ModelError> {
-    Setup::new(SMART.id, SMART.card, SMART.ranges, None)?.parameters()
 }
 
 fn reactive(setup: Setup) -> Result<Controller, ModelError> {

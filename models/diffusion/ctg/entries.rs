@@ -43,15 +43,11 @@ struct CloningParameters {
 pub(super) fn plain(decoding: Decoding) -> Result<(&'static str, CtgParameters), ModelError> {
     match decoding {
         Decoding::Cloning => {
-            let CloningParameters { agents } = card_of(&CTG_CLONING)?.parameters()?;
+            let CloningParameters { agents } = CTG_CLONING.parameters()?;
             Ok((CTG_CLONING.id, CtgParameters::cloning(agents)))
         }
-        Decoding::Diffusion => Ok((CTG_DIFFUSION.id, card_of(&CTG_DIFFUSION)?.parameters()?)),
+        Decoding::Diffusion => Ok((CTG_DIFFUSION.id, CTG_DIFFUSION.parameters()?)),
     }
-}
-
-fn card_of(baseline: &Baseline) -> Result<Setup, ModelError> {
-    Setup::new(baseline.id, baseline.card, baseline.ranges, None)
 }
 
 fn cloning(setup: Setup) -> Result<Controller, ModelError> {

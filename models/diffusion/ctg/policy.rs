@@ -71,6 +71,6 @@ impl CtgPolicy {
     /// [`WeightsError`] if the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
-        save_with(&self.network, &stored, BTreeMap::new(), made)
+        save_with(&self.network, &stored, [], made)
     }
 }

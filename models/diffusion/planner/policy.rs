@@ -72,6 +72,6 @@ impl PlannerPolicy {
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
         let network = Sizes::Explicit(self.config);
         let stored = StoredConfig { kind: PLANNER.to_owned(), network, sight: Some(self.sight) };
-        save_with(&self.network, &stored, BTreeMap::new(), made)
+        save_with(&self.network, &stored, [], made)
     }
 }

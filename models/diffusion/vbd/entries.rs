@@ -4,7 +4,7 @@ use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_nn::device_of;
 use reactsim_rollout::Controller;
 
-use super::{VbdParameters, VbdPolicy, VbdSimulator};
+use super::{VbdPolicy, VbdSimulator};
 
 /// Baseline that samples joint plans.
 pub const VBD: Baseline =
@@ -13,14 +13,6 @@ pub const VBD: Baseline =
 /// The same with the AV's plan fixed to the continuation of its executed motion.
 pub const VBD_INPAINTING: Baseline =
     Baseline { id: "vbd-inpainting", card: include_str!("cards/vbd_inpainting.toml"), ..VBD };
-
-/// Returns the parameters on the card.
-///
-/// # Errors
-/// [`ModelError`] if the card cannot be read; a test rules it out.
-pub(super) fn parameters() -> Result<VbdParameters, ModelError> {
-    Setup::new(VBD.id, VBD.card, VBD.ranges, None)?.parameters()
-}
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;

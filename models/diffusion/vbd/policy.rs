@@ -57,10 +57,7 @@ impl VbdPolicy {
     /// # Errors
     /// [`WeightsError`] if the provenance or the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
-        let (tables, entry) = self.anchors.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config, sight: self.sight };
-        let mut metadata = made.clone();
-        metadata.extend([entry]);
-        save_with(&self.network, &stored, tables, &metadata)
+        save_with(&self.network, &stored, [self.anchors.tables()?], made)
     }
 }

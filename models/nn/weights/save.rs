@@ -19,20 +19,26 @@ pub fn save<M: Module>(network: &M, metadata: &BTreeMap<String, String>) -> Vec<
 /// Tensors by name: shape, and values row by row.
 pub type Tables = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 
-/// Returns a network that a program reads by its configuration: weights, further `tables`, whose names must
-/// differ from those of weights, and metadata, to which the configuration is added as [`CONFIG`].
+/// Returns a network that a program reads by its configuration: weights, what is `stored` with them (tensors,
+/// whose names must differ from those of weights, each with a metadata entry), and metadata, to which the
+/// configuration is added as [`CONFIG`].
 ///
 /// # Errors
 /// [`WeightsError::Config`] if the configuration cannot be written as text.
 pub fn save_with<M: Module>(
     network: &M,
     config: &impl Serialize,
-    tables: Tables,
+    stored: impl IntoIterator<Item = (Tables, (String, String))>,
     metadata: &BTreeMap<String, String>,
 ) -> Result<Vec<u8>, WeightsError> {
     let config = serde_json::to_string(config).map_err(|e| WeightsError::Config(e.to_string()))?;
     let mut metadata = metadata.clone();
     metadata.insert(CONFIG.to_owned(), config);
+    let mut tables = Tables::new();
+    for (more, entry) in stored {
+        tables.extend(more);
+        metadata.extend([entry]);
+    }
     Ok(collected(network, tables, &metadata))
 }
 

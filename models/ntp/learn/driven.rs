@@ -8,7 +8,7 @@ use reactsim_nn::training::{Output, Sums};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
-use super::super::entries::reactive_driving;
+use super::super::entries::REACTIVE;
 use super::super::policy_loss::{Choice, policy_loss};
 use super::super::reactive::notes::{Drawn, NotedStep, Notes};
 use super::super::reactive::{Network, Policy, ReactiveSimulator};
@@ -33,7 +33,7 @@ pub(crate) struct DrivenReactive {
 impl DrivenReactive {
     /// Begins with a policy on this device with autodiff. The error is a message.
     pub(crate) fn new(first: Policy, agents: usize, device: &Device) -> Result<Self, String> {
-        let driving = reactive_driving().map_err(|error| error.to_string())?;
+        let driving = REACTIVE.parameters().map_err(|error| error.to_string())?;
         Ok(Self { first, driving, agents, device: device.clone() })
     }
 

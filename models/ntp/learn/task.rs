@@ -14,7 +14,7 @@ use reactsim_scene::Scenario;
 use serde::{Deserialize, Serialize};
 
 use super::super::drive::Perturbation;
-use super::super::entries::reactive_driving;
+use super::super::entries::REACTIVE;
 use super::super::reactive::{Config, Network, Policy, ReactiveSimulator};
 use super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::tokens::{Kinematic, Vocabulary};
@@ -166,7 +166,7 @@ impl Task for NextToken {
 
 impl SimulatorTask for NextToken {
     fn controller(&self, network: &Network) -> Result<Controller, String> {
-        let driving = reactive_driving().map_err(|e| e.to_string())?;
+        let driving = REACTIVE.parameters().map_err(|e| e.to_string())?;
         let simulator = ReactiveSimulator::new(self.policy(network), driving, self.origin.device(false));
         Ok(Controller::Fair(Box::new(simulator)))
     }

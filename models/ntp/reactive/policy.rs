@@ -56,10 +56,7 @@ impl Policy {
     /// # Errors
     /// [`WeightsError`] if the provenance cannot be serialized.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
-        let (tables, entry) = self.vocabulary.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
-        let mut metadata = made.clone();
-        metadata.extend([entry]);
-        save_with(&self.network, &stored, tables, &metadata)
+        save_with(&self.network, &stored, [self.vocabulary.tables()?], made)
     }
 }

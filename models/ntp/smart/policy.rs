@@ -80,15 +80,11 @@ impl SmartPolicy {
     /// # Errors
     /// [`WeightsError`] if the provenance cannot be serialized.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
-        let (mut tables, entry) = self.vocabulary.tables()?;
-        let (map_tables, map_entry) = self.map_vocabulary.tables()?;
-        tables.extend(map_tables);
         let network = serde_json::to_value(self.network.config());
         let network = network.map_err(|e| WeightsError::Config(e.to_string()))?;
         let stored = StoredConfig { kind: KIND.to_owned(), network };
-        let mut metadata = made.clone();
-        metadata.extend([entry, map_entry]);
-        save_with(&self.network, &stored, tables, &metadata)
+        let vocabularies = [self.vocabulary.tables()?, self.map_vocabulary.tables()?];
+        save_with(&self.network, &stored, vocabularies, made)
     }
 }
 

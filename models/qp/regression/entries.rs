@@ -4,7 +4,7 @@ use reactsim_baseline::{Baseline, ModelError, Setup};
 use reactsim_nn::device_of;
 use reactsim_rollout::Controller;
 
-use super::{Driving, Policy, QpRegressionSimulator, RegressionSimulator};
+use super::{Policy, QpRegressionSimulator, RegressionSimulator};
 
 /// Baseline that plans along predictions.
 pub const QP_REGRESSION: Baseline = Baseline {
@@ -28,14 +28,6 @@ pub const REGRESSION: Baseline = Baseline::of_network(
 
 /// The same with the published structure, without the lane outlook.
 pub const MTR: Baseline = Baseline { id: "mtr", card: include_str!("cards/mtr.toml"), ..REGRESSION };
-
-/// Returns the parameters on the card of the baseline that executes predictions as they are.
-///
-/// # Errors
-/// [`ModelError`] if the card cannot be read; a test rules it out.
-pub(super) fn regression_driving() -> Result<Driving, ModelError> {
-    Setup::new(REGRESSION.id, REGRESSION.card, REGRESSION.ranges, None)?.parameters()
-}
 
 fn qp_regression(setup: Setup) -> Result<Controller, ModelError> {
     let smooth = setup.parameters()?;

@@ -100,11 +100,8 @@ impl Policy {
     /// # Errors
     /// [`WeightsError`] if the provenance or the configuration cannot be written as text.
     pub fn write(&self, made: &BTreeMap<String, String>) -> Result<Vec<u8>, WeightsError> {
-        let (tables, entry) = self.intentions.tables()?;
         let stored = StoredConfig { kind: KIND.to_owned(), network: self.config };
-        let mut metadata = made.clone();
-        metadata.extend([entry]);
-        save_with(&self.network, &stored, tables, &metadata)
+        save_with(&self.network, &stored, [self.intentions.tables()?], made)
     }
 
     /// Returns the map features of a scenario, for [`Self::predict`]; they are the same for the whole

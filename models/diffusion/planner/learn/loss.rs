@@ -37,8 +37,8 @@ pub(super) fn loss(
             let noisy = Tensor::cat(vec![truth.clone().narrow(2, 0, 4), noisy], 2);
             let apart = network.denoise(&scene, noisy, time) - truth.clone();
             let errors = apart.clone() * apart * weights.clone();
-            let of_av = errors.clone().narrow(1, 0, 1).sum().into_data().iter::<f32>().next();
-            metrics.add("av", f64::from(of_av.unwrap_or(f32::NAN)), 1.0);
+            let of_av = errors.clone().narrow(1, 0, 1).sum().into_scalar::<f32>();
+            metrics.add("av", f64::from(of_av), 1.0);
             total = total + errors.sum();
         }
     }

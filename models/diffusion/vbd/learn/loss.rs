@@ -103,8 +103,7 @@ fn predictor_loss(
 
 /// Adds a part of the loss to the metrics.
 fn add(metrics: &mut Sums, name: &'static str, value: &Tensor<1>, weight: f64) {
-    let value = value.clone().into_data().iter::<f32>().next().unwrap_or(f32::NAN);
-    metrics.add(name, f64::from(value), weight);
+    metrics.add(name, f64::from(value.clone().into_scalar::<f32>()), weight);
 }
 
 /// Returns the weighted sum of the errors of motion, `[agents, states, 5]`: smooth absolute differences of

@@ -12,7 +12,7 @@ use reactsim_nn::training::{Output, Settings, Stream, Task};
 use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 
-use super::super::entries::parameters;
+use super::super::entries::VBD;
 use super::super::network::Vbd;
 use super::super::{VbdPolicy, VbdSimulator};
 use super::loss::{LossSettings, loss};
@@ -125,10 +125,10 @@ impl Task for Denoising {
 
 impl SimulatorTask for Denoising {
     fn controller(&self, network: &Vbd) -> Result<Controller, String> {
-        let parameters = parameters().map_err(|e| e.to_string())?;
+        let parameters = VBD.parameters().map_err(|e| e.to_string())?;
         let policy = self.policy(network);
         Ok(Controller::Fair(Box::new(VbdSimulator::new(
-            "vbd",
+            VBD.id,
             policy,
             parameters,
             self.origin.device(false),

@@ -8,7 +8,7 @@ use reactsim_nn::perception::Class;
 use reactsim_nn::training::Output;
 use reactsim_rollout::Controller;
 
-use super::super::super::entries::smart_parameters;
+use super::super::super::entries::SMART;
 use super::super::super::policy_loss::{Choice, in_batch, policy_loss};
 use super::super::super::smoothing::{Smoothing, TargetDistributions};
 use super::super::super::token_loss::{Target, token_loss};
@@ -136,13 +136,13 @@ impl TokenLearning {
 
     /// Returns the simulator that executes the tokens of a network as they are. The error is a message.
     pub(super) fn controller(&self, network: &Smart) -> Result<Controller, String> {
-        let SmartParameters { map_radius, .. } = smart_parameters().map_err(|e| e.to_string())?;
+        let SmartParameters { map_radius, .. } = SMART.parameters().map_err(|e| e.to_string())?;
         self.controller_within(network, map_radius)
     }
 
     /// As [`Self::controller`], with a map of this radius in metres.
     pub(super) fn controller_within(&self, network: &Smart, map_radius: f64) -> Result<Controller, String> {
-        let parameters = smart_parameters().map_err(|e| e.to_string())?;
+        let parameters: SmartParameters = SMART.parameters().map_err(|e| e.to_string())?;
         let parameters = SmartParameters { map_radius, ..parameters };
         Ok(Controller::Fair(Box::new(SmartSimulator::new("smart", self.policy(network)?, parameters))))
     }

@@ -86,7 +86,7 @@ fn dense_loss(predicted: Tensor<3>, targets: &[&Target], config: &Config, device
 }
 
 fn scalar(value: Tensor<1>) -> f64 {
-    f64::from(value.into_data().iter::<f32>().next().unwrap_or(f32::NAN))
+    f64::from(value.into_scalar::<f32>())
 }
 
 fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {

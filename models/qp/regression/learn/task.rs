@@ -12,7 +12,7 @@ use reactsim_rollout::Controller;
 use reactsim_scene::Scenario;
 use serde::{Deserialize, Serialize};
 
-use super::super::entries::regression_driving;
+use super::super::entries::REGRESSION;
 use super::super::inputs::Survey;
 use super::super::network::{Config, LayerOutput, Network};
 use super::super::{Policy, RegressionSimulator};
@@ -165,7 +165,7 @@ impl Task for Regression {
 
 impl SimulatorTask for Regression {
     fn controller(&self, network: &Network) -> Result<Controller, String> {
-        let driving = regression_driving().map_err(|e| e.to_string())?;
+        let driving = REGRESSION.parameters().map_err(|e| e.to_string())?;
         let simulator = RegressionSimulator::new(self.policy(network), driving, self.origin.device(false));
         Ok(Controller::Fair(Box::new(simulator)))
     }
