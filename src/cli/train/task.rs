@@ -102,6 +102,12 @@ pub(super) fn build(
     from: Option<&Path>,
     backend: Backend,
 ) -> anyhow::Result<Box<dyn Trainable>> {
+    if backend.name() == "cuda" {
+        bail!(
+            "--backend cuda: training fills the memory of the card step by step until it fails; leave --backend \
+             out to train on processors, and use the card in `run`"
+        );
+    }
     check_backend(backend)?;
     let mut files = BTreeMap::new();
     for text in inputs {
