@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
 use std::path::Path;
 use std::sync::{Mutex, Once, PoisonError};
 
-use crate::formats::{FORMATS, FormatError, UndecodedScenario, survey};
+use crate::formats::{FORMATS, FormatError, Input, survey};
 use crate::geometry::Vec2;
 use crate::scene::{FRAMES, Frame, LaneArea, Scenario};
 
@@ -44,7 +44,7 @@ fn read(path: &Path, id: &str) {
     let mut formats = vec![forced];
     formats.extend(found.iter().flat_map(|s| &s.inputs).map(|i| i.format).filter(|f| f.id() != id));
     for format in formats {
-        match format.open(path) {
+        match Input::new(path.to_owned(), format).open() {
             Err(error) => shown(&error),
             Ok(scenarios) => {
                 for scenario in scenarios.take(MOST) {
@@ -53,18 +53,6 @@ fn read(path: &Path, id: &str) {
                         Ok(scenario) => holds(&scenario),
                     }
                 }
-            }
-        }
-        let records = match format.open_undecoded(path) {
-            Err(error) => {
-                shown(&error);
-                continue;
-            }
-            Ok(records) => records,
-        };
-        for record in records.take(MOST) {
-            if let Err(error) = record.and_then(UndecodedScenario::decode) {
-                shown(&error);
             }
         }
     }

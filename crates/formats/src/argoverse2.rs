@@ -15,7 +15,7 @@ use reactsim_scene::{EARLIER_FRAME, LATER_FRAME, Scenario};
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
 use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UNRECORDED_FRAMES, is_parquet, named, read_whole, single,
+    PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, is_parquet, named, read_whole, single,
 };
 use super::frames::{CurrentFrames, LengthChoice};
 use super::table::TableReader;
@@ -52,11 +52,6 @@ impl ScenarioFormat for Argoverse2 {
 
     fn reads_urls(&self) -> bool {
         false
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path, None, LengthChoice::default())?;
-        Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
     fn open_at(

@@ -90,38 +90,26 @@ pub trait ScenarioFormat: Sync {
     fn reads_urls(&self) -> bool {
         true
     }
-    /// Opens one file.
-    ///
-    /// # Errors
-    /// [`FormatError`] if the file cannot be read at all.
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        Ok(Box::new(self.open_undecoded(path)?.map(|record| record.and_then(UndecodedScenario::decode))))
-    }
     /// Opens one file for reading by several threads, with these current frames and this length. Formats that
     /// are slow to decode leave decoding to the threads.
     ///
     /// # Errors
-    /// Same as [`ScenarioFormat::open`], and if the format has other current frames.
+    /// [`FormatError`] if the file cannot be read at all, or not with these current frames or this length.
+    /// Errors of files with one scenario may appear when it is decoded.
     fn open_at(
         &self,
         path: &Path,
         frames: CurrentFrames,
         length: LengthChoice,
     ) -> Result<PendingScenarios, FormatError>;
-    /// Opens one file for reading by several threads.
+    /// Opens one file as [`ScenarioFormat::open_at`] does without choices, from the record with this index on.
+    /// Earlier records need not be read, nor be readable.
     ///
     /// # Errors
-    /// Same as [`ScenarioFormat::open`].
-    fn open_undecoded(&self, path: &Path) -> Result<PendingScenarios, FormatError> {
-        self.open_at(path, CurrentFrames::Stated, LengthChoice::default())
-    }
-    /// Opens one file as [`ScenarioFormat::open_undecoded`] does, from the record with this index on. Earlier
-    /// records need not be read, nor be readable.
-    ///
-    /// # Errors
-    /// Same as [`ScenarioFormat::open`].
+    /// [`FormatError`] if the file cannot be read at all.
     fn open_from(&self, path: &Path, first: usize) -> Result<PendingScenarios, FormatError> {
-        Ok(Box::new(self.open_undecoded(path)?.skip(first)))
+        let whole = self.open_at(path, CurrentFrames::Stated, LengthChoice::default())?;
+        Ok(Box::new(whole.skip(first)))
     }
     /// Returns the number of records of a file if it can be found without reading them; for progress.
     fn count(&self, _path: &Path) -> Option<usize> {

@@ -15,7 +15,7 @@ use reactsim_scene::Scenario;
 use self::raw::RawScenario;
 use super::document::values::quote_not_finite;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single};
+use super::format::{PendingScenarios, ScenarioFormat, head, read_whole, refused_frames, single};
 use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; the largest scenarios have about ten megabytes.
@@ -42,11 +42,6 @@ impl ScenarioFormat for GpuDrive {
                 && (contains("\"objects\"") || contains("\"roads\""))
                 && (contains("\"position\"") || contains("\"geometry\""))
         })
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path, LengthChoice::default())?;
-        Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
     fn open_at(

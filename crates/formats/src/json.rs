@@ -12,7 +12,7 @@ use reactsim_scene::Scenario;
 use self::raw::RawScenario;
 use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, Scenarios, head, read_whole, refused_frames, single};
+use super::format::{PendingScenarios, ScenarioFormat, head, read_whole, refused_frames, single};
 use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; a scenario with full tracks has a few megabytes.
@@ -34,11 +34,6 @@ impl ScenarioFormat for Json {
             let text = head.trim_ascii_start();
             text.starts_with(b"{") && text.windows(raw::FORMAT.len()).any(|w| w == raw::FORMAT.as_bytes())
         })
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path)?;
-        Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
     fn open_at(

@@ -54,16 +54,9 @@ impl Input {
     ///
     /// # Errors
     /// [`FormatError`] if the file cannot be read at all, or not with these current frames or this length.
+    /// Errors of files with one scenario may be those of the scenario.
     pub fn open(&self) -> Result<Scenarios, FormatError> {
-        let scenarios: Scenarios = if self.is_plain() {
-            self.format.open(&self.path)?
-        } else {
-            Box::new(self.open_at()?.map(|record| record.and_then(UndecodedScenario::decode)))
-        };
-        if !self.all_agents {
-            return Ok(scenarios);
-        }
-        Ok(Box::new(scenarios.map(|scenario| scenario.map(Scenario::with_all_agents))))
+        Ok(Box::new(self.open_undecoded()?.map(|record| record.and_then(UndecodedScenario::decode))))
     }
 
     /// Returns whether the file is a recording of the Waymo Open Motion Dataset, which has more than
@@ -72,7 +65,7 @@ impl Input {
         self.format.id() == Womd.id()
     }
 
-    /// Opens the file for reading by several threads: [`ScenarioFormat::open_undecoded`].
+    /// Opens the file for reading by several threads.
     ///
     /// # Errors
     /// Same as [`Input::open`]; errors of given current frames may appear when a record is decoded.
@@ -85,10 +78,12 @@ impl Input {
     /// # Errors
     /// Same as [`Self::open_undecoded`].
     pub fn open_from(&self, first: usize) -> Result<PendingScenarios, FormatError> {
-        let scenarios: PendingScenarios = if self.is_plain() {
+        let is_plain = self.frames == CurrentFrames::Stated && self.length.is_default();
+        let scenarios: PendingScenarios = if is_plain {
             self.format.open_from(&self.path, first)?
         } else {
-            Box::new(self.open_at()?.skip(first))
+            self.length.check().map_err(|cause| FormatError::file(&self.path, cause))?;
+            Box::new(self.format.open_at(&self.path, self.frames, self.length)?.skip(first))
         };
         if !self.all_agents {
             return Ok(scenarios);
@@ -97,16 +92,6 @@ impl Input {
             UndecodedScenario::new(move || record.decode().map(Scenario::with_all_agents))
         };
         Ok(Box::new(scenarios.map(move |record| record.map(with_all))))
-    }
-
-    /// Returns whether the scenarios have the current frames and the length that the format defines.
-    fn is_plain(&self) -> bool {
-        self.frames == CurrentFrames::Stated && self.length.is_default()
-    }
-
-    fn open_at(&self) -> Result<PendingScenarios, FormatError> {
-        self.length.check().map_err(|cause| FormatError::file(&self.path, cause))?;
-        self.format.open_at(&self.path, self.frames, self.length)
     }
 
     /// Returns the other files that the scenarios are read from: [`ScenarioFormat::companions`].

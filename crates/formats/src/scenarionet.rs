@@ -14,9 +14,7 @@ use std::path::Path;
 use reactsim_scene::Scenario;
 
 use super::error::{Cause, FormatError};
-use super::format::{
-    PendingScenarios, ScenarioFormat, Scenarios, UndecodedScenario, head, named, read_whole, single,
-};
+use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, head, named, read_whole, single};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::pickle::Pickle;
 
@@ -54,11 +52,6 @@ impl ScenarioFormat for ScenarioNet {
 
     fn accompanies(&self, path: &Path) -> bool {
         INDEX_FILES.iter().any(|file| named(path, file))
-    }
-
-    fn open(&self, path: &Path) -> Result<Scenarios, FormatError> {
-        let scenario = read(path, None, LengthChoice::default())?;
-        Ok(Box::new(std::iter::once(Ok(scenario))))
     }
 
     fn open_at(

@@ -185,8 +185,8 @@ fn real_files() -> Vec<(&'static dyn ScenarioFormat, PathBuf)> {
     FORMATS.iter().filter_map(|&f| Some((f, crate::shared(path(f)?)?))).collect()
 }
 
-fn read(format: &dyn ScenarioFormat, path: &Path) -> Vec<Result<Scenario, FormatError>> {
-    match format.open(path) {
+fn read(format: &'static dyn ScenarioFormat, path: &Path) -> Vec<Result<Scenario, FormatError>> {
+    match Input::new(path.to_owned(), format).open() {
         Ok(scenarios) => scenarios.collect(),
         Err(error) => vec![Err(error)],
     }
