@@ -224,14 +224,9 @@ fn a_conflict_before_anybody_can_react_is_refused() {
 fn a_nudge_saves_where_braking_can_not() {
     // The oncoming AV protrudes half a metre into the lane of the other car, all the way: stopping does not
     // help.
-    let agents = vec![car("av", 80.0, 3.2, PI, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
     let mut map = straight();
     map.lanes.push(lane("right", line((-150.0, -3.5), (350.0, -3.5)), Some(15.0)));
-    let scenario = scene("narrow", agents, map);
-    let av = candidate(&scenario, |k, s| {
-        let share = (k as f64 * DT / 1.5).min(1.0);
-        AgentState { y: 3.2 - 1.6 * share * share * (3.0 - 2.0 * share), ..s }
-    });
+    let (scenario, av) = narrow(map, Vec::new());
     let certificate = found(&scenario, &av);
     let own = response(&certificate, "own");
     assert!(own.nudge < 0.0 && own.nudge >= -1.0, "{}", own.nudge);
@@ -369,7 +364,7 @@ fn one_frame_of_overlap_in_the_log_excuses_that_frame_only() {
     response(&certificate, "behind");
 }
 
-/// As in [`a_nudge_saves_where_braking_can_not`], with more on the map or next to the road.
+/// Returns a road on which the oncoming AV moves over into the lane of `own`, and agents beside it.
 fn narrow(map: MapParts, beside: Vec<LoggedAgent>) -> (Scenario, Vec<AgentState>) {
     let mut agents = vec![car("av", 80.0, 3.2, PI, 10.0), car("own", 0.0, 0.0, 0.0, 10.0)];
     agents.extend(beside);
