@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use reactsim::formats::{CurrentFrames, FutureChoice, Input, find_inputs, open, survey};
 use reactsim::geometry::Vec2;
 use reactsim::scene::{AgentKind, Lane, LaneArea, LaneClass, LaneKind, LightState, RoadEdgeKind, Scenario};
+use reactsim_test_support::pickle::{Py, pickle};
 use serde_json::{Value, json};
 
 use super::{Case, check_cases, first, good, logs_agree, maps_agree, moving, read_at, read_length, refusal};
@@ -21,61 +22,28 @@ fn numbers(frames: usize, of: impl Fn(usize) -> f64) -> Value {
     array((0..frames).map(|f| vec![of(f)]).collect())
 }
 
-/// Writes the value as Python's pickle does, in protocol 4 with names spelled in one line.
-fn pickle(value: &Value, out: &mut Vec<u8>) {
-    let text = |text: &str, out: &mut Vec<u8>| {
-        out.push(b'X');
-        out.extend((text.len() as u32).to_le_bytes());
-        out.extend(text.as_bytes());
-    };
+/// Returns the value of Python.
+fn python(value: &Value) -> Py {
     match value {
-        Value::Null => out.push(b'N'),
-        Value::Bool(b) => out.push(if *b { 0x88 } else { 0x89 }),
-        Value::Number(n) if n.is_i64() => {
-            out.extend([0x8a, 8]);
-            out.extend(n.as_i64().unwrap().to_le_bytes());
-        }
-        Value::Number(n) => {
-            out.push(b'G');
-            out.extend(n.as_f64().unwrap().to_be_bytes());
-        }
-        Value::String(t) => text(t, out),
-        Value::Array(items) => {
-            out.extend(b"](");
-            items.iter().for_each(|item| pickle(item, out));
-            out.push(b'e');
-        }
-        Value::Object(fields) if fields.contains_key("__array__") => {
-            let rows = fields["__array__"].as_array().unwrap();
-            let columns = rows.first().map_or(1, |r| r.as_array().unwrap().len());
-            out.extend(b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85C\x01b\x87R(K\x01");
-            for side in [rows.len(), columns] {
-                out.push(b'M');
-                out.extend((side as u16).to_le_bytes());
+        Value::Null => Py::None,
+        Value::Bool(b) => Py::Bool(*b),
+        Value::Number(n) => n.as_i64().map_or_else(|| Py::Num(n.as_f64().unwrap()), Py::Int),
+        Value::String(text) => Py::Text(text.clone()),
+        Value::Array(items) => Py::List(items.iter().map(python).collect()),
+        Value::Object(fields) => match fields.get("__array__").and_then(Value::as_array) {
+            Some(rows) => {
+                let rows: Vec<_> = rows.iter().map(|row| row.as_array().unwrap()).collect();
+                let shape = vec![rows.len(), rows.first().map_or(1, |row| row.len())];
+                Py::Array(shape, rows.into_iter().flatten().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect())
             }
-            out.extend(b"\x86cnumpy\ndtype\n");
-            text("f8", out);
-            out.extend(b"\x89\x88\x87R(K\x03");
-            text("<", out);
-            out.extend(b"NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb\x89B");
-            let all = rows.iter().flat_map(|r| r.as_array().unwrap());
-            let bytes: Vec<u8> = all.flat_map(|v| v.as_f64().unwrap_or(f64::NAN).to_le_bytes()).collect();
-            out.extend((bytes.len() as u32).to_le_bytes());
-            out.extend(bytes);
-            out.extend(b"tb");
-        }
-        Value::Object(fields) => {
-            out.extend(b"}(");
-            // The fields that identify the format are at the beginning.
-            let first = ["id", "version", "length"];
-            let (begin, rest): (Vec<_>, Vec<_>) =
-                fields.iter().partition(|(k, _)| first.contains(&k.as_str()));
-            for (key, value) in begin.into_iter().chain(rest) {
-                text(key, out);
-                pickle(value, out);
+            None => {
+                // The fields that identify the format are at the beginning.
+                let first = ["id", "version", "length"];
+                let (begin, rest): (Vec<_>, Vec<_>) =
+                    fields.iter().partition(|(k, _)| first.contains(&k.as_str()));
+                Py::Dict(begin.into_iter().chain(rest).map(|(k, v)| (k.clone(), python(v))).collect())
             }
-            out.push(b'u');
-        }
+        },
     }
 }
 
@@ -135,10 +103,7 @@ fn made(frames: usize) -> Value {
 
 fn write(folder: &Path, value: &Value) -> PathBuf {
     let path = folder.join("f.pkl");
-    let mut file = vec![0x80, 4];
-    pickle(value, &mut file);
-    file.push(b'.');
-    fs::write(&path, file).unwrap();
+    fs::write(&path, pickle(&python(value), 4, 1)).unwrap();
     path
 }
 

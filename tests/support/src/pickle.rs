@@ -4,9 +4,11 @@
 #[derive(Clone)]
 #[expect(missing_docs, reason = "values of Python")]
 pub enum Py {
+    None,
+    Bool(bool),
     Num(f64),
-    Int(u32),
-    Text(&'static str),
+    Int(i64),
+    Text(String),
     List(Vec<Self>),
     Tuple(Vec<Self>),
     Dict(Vec<(String, Self)>),
@@ -138,12 +140,14 @@ impl Writer {
 
     fn value(&mut self, value: &Py) {
         match value {
+            Py::None => self.put(b"N"),
+            Py::Bool(is) => self.put(if *is { b"\x88" } else { b"\x89" }),
             Py::Num(number) => {
                 self.put(b"G");
                 self.put(&number.to_be_bytes());
             }
             Py::Int(number) => {
-                self.put(b"J");
+                self.put(b"\x8a\x08");
                 self.put(&number.to_le_bytes());
             }
             Py::Text(text) => self.text(text),

@@ -120,7 +120,7 @@ const FOUND: &[(&str, Make, &str)] = &[
             let agent = dict([
                 ("position", agents(&c, slot, |[x, y, _]| [*x, *y, 0.0])),
                 ("heading", Py::Array(vec![4, 91], headings)),
-                ("av_index", Py::Int(slot as u32)),
+                ("av_index", Py::Int(slot as i64)),
             ]);
             dict([("agent", agent)])
         },
@@ -171,7 +171,7 @@ const FOUND: &[(&str, Make, &str)] = &[
                 let state = dict([("x", Py::Num(p[0])), ("y", Py::Num(p[1])), ("_heading", Py::Num(p[2]))]);
                 Py::Object(Box::new(dict([("rear_axle", Py::Object(Box::new(state)))])))
             };
-            Py::Tuple(vec![Py::Text("plan"), Py::List(a[11..].iter().map(pose).collect())])
+            Py::Tuple(vec![Py::Text("plan".to_owned()), Py::List(a[11..].iter().map(pose).collect())])
         },
         "`[1].rear_axle.x,rear_axle.y`, global, rear axle",
     ),
@@ -280,7 +280,11 @@ const FOUND: &[(&str, Make, &str)] = &[
 
 /// Layouts that are not unique, or none.
 const REFUSED: &[(&str, Make, &str)] = &[
-    ("nothing", |_, i| dict([("n", Py::Int(i as u32)), ("name", Py::Text("lateral"))]), "no array continues"),
+    (
+        "nothing",
+        |_, i| dict([("n", Py::Int(i as i64)), ("name", Py::Text("lateral".to_owned()))]),
+        "no array continues",
+    ),
     (
         "noise",
         |a, i| array(&a[11..], |p| [p[0] * 1e-3, p[1] % 7.0, i as f64]),
