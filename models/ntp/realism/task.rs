@@ -29,6 +29,7 @@ pub const TASK: TrainingTask = TrainingTask {
             epochs: 1.0,
             batch: 4,
             learning_rate: 1e-4,
+            warm_up: 10,
             floor: 0.1,
             clip: 0.5,
             validate_every: 50,

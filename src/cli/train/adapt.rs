@@ -90,8 +90,8 @@ const AFTER: &str = "\
 3. Continues the training of the shipped weights on logs, reactions and certificates, for as long as \
    --minutes allow, and keeps the network with the lowest validation loss.
    With --reward realism, a fine-tuning by the task `realism` follows.
-4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the smallest one that is as \
-   safe and, beyond chance, no worse in progress, displacement and over-reaction.
+4. Chooses the haste of `ntp-guarded` on the scenarios that it learned from: the smallest one that \
+   keeps progress, if it is as safe and, beyond chance, no worse in displacement and over-reaction.
 5. Judges by the other part, with up to eight AVs of each log and in both protocols, and by the safety of \
    reactions on generated scenarios: prints whether the network is adapted, the paired differences \
    between before and after with their power, and the table with `idm` and constant velocity.

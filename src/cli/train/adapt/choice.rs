@@ -9,7 +9,9 @@ use super::ROLLOUTS;
 use super::model::AdaptableModel;
 use crate::cli::output::say;
 use crate::cli::train::closed_loop::{ClosedLoop, NETWORK};
-use crate::evaluation::{Adjustments, Comparison, PlannedSimulator, Tally, Verdict, weights_file};
+use crate::evaluation::{
+    Adjustments, Comparison, PairedDifference, PlannedSimulator, Tally, Verdict, weights_file,
+};
 
 /// Parameter that is chosen.
 pub(super) const HASTE: &str = "haste.weight";
@@ -20,9 +22,8 @@ const TRIED: [&str; 6] = ["0", "1", "2", "3", "4", "5"];
 struct Behavior {
     /// Mean number of contacts and of too short times to collision with the AV.
     danger: f64,
-    /// Whether progress is below that of the shipped one by more than the 95 % interval of the paired
-    /// difference.
-    lags: bool,
+    /// By how much mean progress is below that of the shipped one; negative if it is above.
+    lag: f64,
     /// Whether displacement or over-reaction is worse than that of the shipped one, by more than chance.
     is_worse: bool,
 }
@@ -35,7 +36,7 @@ impl Behavior {
         let is_worse = |metric: &str| of(metric).is_some_and(|paired| paired.verdict == Verdict::Worse);
         Self {
             danger: mean("aav-collision") + mean("aav-ttc"),
-            lags: of("progress").is_some_and(|paired| paired.difference.high.is_some_and(|high| high < 0.0)),
+            lag: of("progress").map_or(0.0, PairedDifference::worsening),
             is_worse: is_worse("ade") || is_worse("over-reaction"),
         }
     }
@@ -109,14 +110,14 @@ fn means(comparison: &Comparison) -> String {
     )
 }
 
-/// Returns the index of the first behaviour with as much progress as before, up to chance, among those that
-/// are as safe and, beyond chance, no worse in displacement and over-reaction: adaptation can cost progress,
-/// which a larger haste makes up for at the price of displacement. If none has as much, returns the index of
-/// the last of these; if there are none, that of the safest one.
+/// Returns the index of the first behaviour with as much progress as before, among those that are as safe
+/// and, beyond chance, no worse in displacement and over-reaction: adaptation can cost progress, which a
+/// larger haste makes up for at the price of displacement. If none has as much, returns the index of the last
+/// of these; if there are none, that of the safest one.
 fn smallest_that_keeps_progress(before: &Behavior, tried: &[Behavior], one: f64) -> usize {
     let fits = |b: &Behavior| b.is_as_safe_as(before, one) && !b.is_worse;
     let safest = || tried.iter().enumerate().min_by(|a, b| a.1.danger.total_cmp(&b.1.danger));
-    let keeping = tried.iter().position(|b| fits(b) && !b.lags);
+    let keeping = tried.iter().position(|b| fits(b) && b.lag <= 0.0);
     keeping.or_else(|| tried.iter().rposition(fits)).or_else(|| safest().map(|(i, _)| i)).unwrap_or(0)
 }
 
@@ -136,17 +137,17 @@ mod tests {
 
     #[test]
     fn the_smallest_haste_that_keeps_progress_is_chosen() {
-        let behavior = |(danger, lags, is_worse)| Behavior { danger, lags, is_worse };
-        let before = behavior((0.2, false, false));
+        let behavior = |(danger, lag, is_worse)| Behavior { danger, lag, is_worse };
+        let before = behavior((0.2, 0.0, false));
         let chosen =
-            |tried: [(f64, bool, bool); 3]| smallest_that_keeps_progress(&before, &tried.map(behavior), 0.1);
-        assert_eq!(chosen([(0.0, false, false), (0.0, false, false), (0.2, false, false)]), 0);
-        assert_eq!(chosen([(0.0, true, false), (0.3, false, false), (0.2, false, false)]), 1);
-        assert_eq!(chosen([(0.0, true, false), (0.4, false, false), (0.3, false, false)]), 2);
-        assert_eq!(chosen([(0.0, false, true), (0.1, false, false), (0.2, false, true)]), 1);
-        // None has as much progress: the last one that is no worse otherwise.
-        assert_eq!(chosen([(0.0, true, false), (0.1, true, false), (0.2, true, true)]), 1);
+            |tried: [(f64, f64, bool); 3]| smallest_that_keeps_progress(&before, &tried.map(behavior), 0.1);
+        assert_eq!(chosen([(0.0, -0.02, false), (0.0, -0.03, false), (0.2, -0.04, false)]), 0);
+        assert_eq!(chosen([(0.0, 0.05, false), (0.3, 0.0, false), (0.2, -0.02, false)]), 1);
+        assert_eq!(chosen([(0.0, 0.05, false), (0.4, 0.0, false), (0.3, -0.02, false)]), 2);
+        assert_eq!(chosen([(0.0, -0.02, true), (0.1, -0.03, false), (0.2, -0.04, true)]), 1);
+        // None has as much progress: the one with the most that is no worse otherwise.
+        assert_eq!(chosen([(0.0, 0.06, false), (0.1, 0.03, false), (0.2, 0.01, true)]), 1);
         // Nothing is as safe as before.
-        assert_eq!(chosen([(0.5, false, false), (0.4, false, false), (0.6, false, false)]), 1);
+        assert_eq!(chosen([(0.5, 0.0, false), (0.4, 0.0, false), (0.6, 0.0, false)]), 1);
     }
 }
