@@ -260,7 +260,8 @@ def _json_of(text: bytes) -> Any:
 def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
     """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
 
-    Tensors are in the order of their offsets. Raises ProtocolError unless the tensors have known types and fill `size` bytes without gaps.
+    Tensors are in the order of their offsets. Raises ProtocolError unless they have known types and
+    fill `size` bytes without gaps.
     """
     header = _json_of(text)
     if not isinstance(header, dict):
