@@ -68,7 +68,8 @@ def scenario(seed):
     return {
         "format": "reactsim-scenario-v1",
         "id": f"road-{seed:03}",
-        "intent": "A straight road with four lanes and 64 cars.",
+        "intent": f"A straight road with {LANES} lanes and {LANES * CARS_PER_LANE} cars.",
+        "future": STEPS,
         "av": f"car-{CARS_PER_LANE + CARS_PER_LANE // 2}",
         "agents": agents,
         "map": {"lanes": lanes, "road_edges": edges},
@@ -174,7 +175,12 @@ def main():
     parser.add_argument("--count", type=int, default=100, help="number of scenarios [default: 100]")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the scenarios and stop")
     parser.add_argument("--sumo-process", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--size", type=int, nargs=4, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if arguments.size:
+        globals().update(
+            zip(("LANES", "CARS_PER_LANE", "STEPS", "LENGTH"), arguments.size, strict=True)
+        )
     if arguments.write:
         return write(arguments.write, arguments.count)
     if arguments.sumo_process:
