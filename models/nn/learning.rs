@@ -3,8 +3,8 @@
 //! A [`Window`] is a part of a scenario, as long as those of the benchmark. A `LearningScene` is a window
 //! with map data of a network, which can be mirrored and stretched (`LearningMap`) and viewed from any frame.
 //! A `Reservoir` is a random sample of bounded size. [`Provenance`] describes what was computed from
-//! scenarios ([`ScenarioDigest`]), such as [`Intentions`], the points that agents may head for, which [`EndPoints`] makes by
-//! k-means.
+//! scenarios, which [`ScenarioDigest`] counts, such as [`Intentions`], the points that agents may head for,
+//! which [`EndPoints`] makes by k-means.
 //!
 //! A [`TrainingTask`] is an entry of the list of tasks: its recipe, and the function that builds a
 //! [`Trainable`] of it.

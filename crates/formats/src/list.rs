@@ -54,7 +54,7 @@ impl Input {
     ///
     /// # Errors
     /// [`FormatError`] if the file cannot be read at all, or not with these current frames or this length.
-    /// Errors of files with one scenario may be those of the scenario.
+    /// If a file has a single scenario, an error of reading it may come with the scenario instead.
     pub fn open(&self) -> Result<Scenarios, FormatError> {
         Ok(Box::new(self.open_undecoded()?.map(|record| record.and_then(UndecodedScenario::decode))))
     }
