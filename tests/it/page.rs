@@ -247,6 +247,7 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
     page.until("document.getElementById('time').textContent !== '0.0 s'");
     page.press("[");
     page.press("0");
+    page.until("document.getElementById('time').textContent === '0.0 s'");
     page.press(" ");
     page.until("parseFloat(document.getElementById('time').textContent) > 0.4");
     page.press(" ");
