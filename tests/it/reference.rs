@@ -66,7 +66,7 @@ pub(crate) fn edit_rows(run: &Path, edit: impl Fn(&mut Vec<Row>)) {
     edit(&mut rows);
     let lines = rows.iter().map(|row| serde_json::to_string(row).unwrap() + "\n");
     fs::write(run.join("rows.jsonl"), lines.collect::<String>()).unwrap();
-    let mut tally = Tally::of(&provenance);
+    let mut tally = provenance.tally();
     let mut pairs: BTreeMap<_, Vec<Row>> = BTreeMap::new();
     for row in rows {
         pairs.entry((row.place(), row.simulator.clone())).or_default().push(row);

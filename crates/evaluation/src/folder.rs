@@ -398,7 +398,7 @@ pub fn read_rows(folder: &Path) -> Result<Vec<Row>, EvaluationError> {
 /// Returns the tally of rows, and the first pair of scenario and simulator whose rows are incomplete or not
 /// of this run.
 pub(super) fn tally_of(run: &Provenance, rows: &[Row]) -> (Tally, Option<(String, String)>) {
-    let mut tally = Tally::of(run);
+    let mut tally = run.tally();
     let mut pairs = Pairs::new();
     for row in rows {
         pairs.entry((row.place(), row.simulator.clone())).or_default().push(row.clone());

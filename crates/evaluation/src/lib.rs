@@ -21,7 +21,6 @@
 //! simulators and rollouts, so that no byte depends on threads, batches or interruptions.
 
 mod av;
-mod case_study;
 mod driver;
 mod error;
 mod folder;
@@ -48,7 +47,6 @@ pub mod suggestion;
 mod summary;
 
 pub use av::{AvChoice, AvDriver, ParseAvError, PlannedAv};
-pub use case_study::{CASE_STUDIES, CaseStudy};
 pub use deviation::labels::DeviationLabels;
 pub use deviation::pose::{AxleDistance, Pose};
 pub use driver::Driver;
@@ -80,6 +78,7 @@ pub use simulators::access::{Access, Mark, TableMarks};
 pub use simulators::record::{ExternalRecord, SimulatorRecord, WeightsRecord};
 pub use simulators::{Adjustments, PlannedSimulator, weights_file};
 pub use source::benchmarks::{BenchmarkRecord, KnownBenchmark, known_benchmarks, shipped_benchmark};
+pub use source::case_study::{CASE_STUDIES, CaseStudy};
 pub use source::file_record::{CompanionRecord, FileRecord, Registrar};
 pub use source::scenario_files::ScenarioFiles;
 pub use source::selection::Selection;

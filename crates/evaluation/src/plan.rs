@@ -210,7 +210,7 @@ impl Plan {
         resume: bool,
     ) -> Result<(Option<RunFolder>, Tally), EvaluationError> {
         let provenance = self.provenance();
-        let mut tally = Tally::of(&provenance);
+        let mut tally = provenance.tally();
         let open = |path| match resume {
             true => RunFolder::resume(path, &provenance, &mut tally),
             false => RunFolder::create(path, &provenance),
@@ -221,7 +221,7 @@ impl Plan {
 
     /// Returns an empty tally for the values of the run.
     pub fn tally(&self) -> Tally {
-        Tally::of(&self.provenance())
+        self.provenance().tally()
     }
 
     /// Returns whether a scenario that has no AV for this reason is skipped rather than failed: a file of

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use reactsim_formats::Partition;
-use reactsim_metrics::Options;
+use reactsim_metrics::{METRICS, Options};
 use reactsim_rollout::Entering;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -19,6 +19,7 @@ use crate::simulators::record::SimulatorRecord;
 use crate::source::benchmarks::BenchmarkRecord;
 use crate::source::file_record::FileRecord;
 use crate::source::selection::Selection;
+use crate::statistics::tally::Tally;
 
 /// Everything that determines the numbers of a run: program, settings, inputs, simulators with their
 /// parameters and weights, and for networks the backend and the class of the processor.
@@ -149,6 +150,17 @@ pub fn program_commit() -> &'static str {
 }
 
 impl Provenance {
+    /// Returns an empty tally for the values of this run.
+    pub fn tally(&self) -> Tally {
+        let own = self.own_metrics.iter().map(MetricRecord::spec);
+        Tally {
+            metrics: METRICS.iter().map(|metric| metric.spec()).chain(own).collect(),
+            simulators: self.simulators.iter().map(|s| s.id.clone()).collect(),
+            rollouts: self.settings.rollouts,
+            entries: BTreeMap::new(),
+        }
+    }
+
     pub(super) fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).expect("provenance is text and numbers");
         text.push('\n');

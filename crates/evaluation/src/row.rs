@@ -78,6 +78,33 @@ impl RowLength {
     pub(super) fn stated(Length { history, future }: Length) -> Option<Self> {
         Some(Self { history, steps: future }).filter(|length| *length != Self::BENCHMARK)
     }
+
+    /// Returns the duration of scenarios of these lengths, such as `8 to 15 s (80 to 150 steps)`, and their
+    /// history if it is not that of the benchmark; `None` without any.
+    pub(crate) fn duration(lengths: impl IntoIterator<Item = Self>) -> Option<String> {
+        let lengths: Vec<Self> = lengths.into_iter().collect();
+        let range = |of: fn(&Self) -> usize| {
+            let all = || lengths.iter().map(of);
+            all().min().zip(all().max())
+        };
+        let ((least, most), (first, last)) =
+            range(|length| length.steps).zip(range(|length| length.history))?;
+        let seconds = |steps: usize| match steps % 10 {
+            0 => (steps / 10).to_string(),
+            tenth => format!("{}.{tenth}", steps / 10),
+        };
+        let mut text = if least == most {
+            format!("{} s ({most} step{})", seconds(most), if most == 1 { "" } else { "s" })
+        } else {
+            format!("{} to {} s ({least} to {most} steps)", seconds(least), seconds(most))
+        };
+        if first != last {
+            text += &format!(" after {first} to {last} frames of history");
+        } else if first != Self::BENCHMARK.history {
+            text += &format!(" after {first} frames of history");
+        }
+        Some(text)
+    }
 }
 
 /// A property of a scenario ([`Scenario::notes`]) as stored in files.
@@ -271,5 +298,24 @@ impl Failure {
     /// Returns the position of the record.
     pub fn place(&self) -> RecordPosition {
         RecordPosition { input: self.input, record: self.record }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_stated_with_a_history_that_is_not_the_benchmarks() {
+        let of = |lengths: &[(usize, usize)]| {
+            RowLength::duration(lengths.iter().map(|&(history, steps)| RowLength { history, steps }))
+        };
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[(11, 150)]).unwrap(), "15 s (150 steps)");
+        assert_eq!(of(&[(11, 1)]).unwrap(), "0.1 s (1 step)");
+        assert_eq!(of(&[(11, 80), (11, 155)]).unwrap(), "8 to 15.5 s (80 to 155 steps)");
+        assert_eq!(of(&[(21, 80)]).unwrap(), "8 s (80 steps) after 21 frames of history");
+        let mixed = "6 to 8 s (60 to 80 steps) after 2 to 11 frames of history";
+        assert_eq!(of(&[(2, 60), (11, 80)]).unwrap(), mixed);
     }
 }

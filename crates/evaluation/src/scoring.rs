@@ -28,7 +28,6 @@ use crate::scoring::recorded_rollouts::{RecordedRollouts, ScoredPair};
 use crate::simulators::record::SimulatorRecord;
 use crate::source::benchmarks::BenchmarkRecord;
 use crate::source::file_record::{FileRecord, Registrar};
-use crate::statistics::tally::Tally;
 use crate::summary::Summary;
 
 /// Rollout files to be scored against their scenarios, read and described before the first scenario.
@@ -125,7 +124,7 @@ impl Scoring {
         folder: Option<&RunFolder>,
         observer: &dyn RunObserver,
     ) -> Result<Summary, EvaluationError> {
-        let mut tally = Tally::of(&self.provenance);
+        let mut tally = self.provenance.tally();
         let first_scenarios = self.provenance.inputs.len() - self.scenarios.len();
         for (input, scenarios) in (first_scenarios..).zip(&self.scenarios) {
             let file = &self.provenance.inputs[input];

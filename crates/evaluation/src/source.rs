@@ -4,6 +4,7 @@ pub(crate) mod selection;
 pub(crate) mod file_record;
 pub(crate) mod shipped;
 pub(crate) mod benchmarks;
+pub(crate) mod case_study;
 pub(crate) mod scenario_files;
 
 use std::ops::Range;

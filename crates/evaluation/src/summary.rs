@@ -141,39 +141,15 @@ impl SummaryProvenance {
     /// Returns the duration of the scenarios, such as `15 s (150 steps)` or `8 to 15 s (80 to 150 steps)`,
     /// and their history if it is not that of the benchmark; `None` if all have the length of the benchmark.
     pub fn duration(&self) -> Option<String> {
-        duration(&self.lengths)
+        let lengths = self.lengths.iter();
+        RowLength::duration(lengths.map(|&LengthSummary { history, steps, .. }| RowLength { history, steps }))
     }
 
     /// As [`Self::duration`], also for the length of the benchmark.
     pub fn stated_duration(&self) -> String {
-        let RowLength { history, steps } = RowLength::BENCHMARK;
-        let benchmark = [LengthSummary { history, steps, scenarios: self.scenarios }];
-        self.duration().or_else(|| duration(&benchmark)).unwrap_or_default()
+        let benchmark = || RowLength::duration([RowLength::BENCHMARK]);
+        self.duration().or_else(benchmark).unwrap_or_default()
     }
-}
-
-/// Returns the duration of scenarios of these lengths; `None` without any.
-pub(crate) fn duration(lengths: &[LengthSummary]) -> Option<String> {
-    let range = |of: fn(&LengthSummary) -> usize| {
-        let all = || lengths.iter().map(of);
-        all().min().zip(all().max())
-    };
-    let ((least, most), (first, last)) = range(|length| length.steps).zip(range(|length| length.history))?;
-    let seconds = |steps: usize| match steps % 10 {
-        0 => (steps / 10).to_string(),
-        tenth => format!("{}.{tenth}", steps / 10),
-    };
-    let mut text = if least == most {
-        format!("{} s ({most} step{})", seconds(most), if most == 1 { "" } else { "s" })
-    } else {
-        format!("{} to {} s ({least} to {most} steps)", seconds(least), seconds(most))
-    };
-    if first != last {
-        text += &format!(" after {first} to {last} frames of history");
-    } else if first != RowLength::BENCHMARK.history {
-        text += &format!(" after {first} frames of history");
-    }
-    Some(text)
 }
 
 /// A property of scenarios.
@@ -257,25 +233,5 @@ impl Summary {
     pub fn order(&self) -> impl Iterator<Item = (&str, &str, &SimulatorSummary)> {
         let records = self.provenance.run.simulators.iter();
         records.filter_map(|s| Some((s.id.as_str(), s.title.as_str(), self.simulators.get(&s.id)?)))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn durations_are_stated_unless_they_are_those_of_the_benchmark() {
-        let of = |lengths: &[(usize, usize)]| {
-            let length = |&(history, steps): &_| LengthSummary { history, steps, scenarios: 1 };
-            duration(&lengths.iter().map(length).collect::<Vec<_>>())
-        };
-        assert_eq!(of(&[]), None);
-        assert_eq!(of(&[(11, 150)]).unwrap(), "15 s (150 steps)");
-        assert_eq!(of(&[(11, 1)]).unwrap(), "0.1 s (1 step)");
-        assert_eq!(of(&[(11, 80), (11, 155)]).unwrap(), "8 to 15.5 s (80 to 155 steps)");
-        assert_eq!(of(&[(21, 80)]).unwrap(), "8 s (80 steps) after 21 frames of history");
-        let mixed = "6 to 8 s (60 to 80 steps) after 2 to 11 frames of history";
-        assert_eq!(of(&[(2, 60), (11, 80)]).unwrap(), mixed);
     }
 }

@@ -14,7 +14,7 @@ use crate::cli::progress::Progress;
 use crate::cli::subject::log_sources;
 use crate::evaluation::{
     self, LogErrors, Outcome, PlannerRanks, RunFolder, STUDY_TABLE, StudyFolder, StudyKind, StudyResults,
-    Summary, Tally,
+    Summary,
 };
 use crate::report::{TableStyle, study_tables, training_paths};
 
@@ -45,7 +45,7 @@ pub(super) fn carry_out(
             continue;
         }
         say(format_args!("{which}"));
-        let mut tally = Tally::of(&provenance);
+        let mut tally = provenance.tally();
         let run = RunFolder::resume(&folder.member(member), &provenance, &mut tally)?;
         plan.spec.write(run.path())?;
         let progress = Progress::new();

@@ -37,7 +37,7 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
         }
         tallies.push(tally);
     }
-    let mut tally = Tally::of(&provenance);
+    let mut tally = provenance.tally();
     tally.entries.extend(tallies.iter().flat_map(|of| of.entries.clone()));
     let spec = RunSpec::of_run(&partitions[0])?;
     spec.iter().try_for_each(|spec| spec.to_toml_in(out).map(drop))?;

@@ -1,6 +1,6 @@
 //! Comparison of two results on the same scenarios, scenario by scenario.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use rand_chacha::rand_core::Rng;
 use reactsim_metrics::{MetricSpec, Unit};
@@ -11,7 +11,6 @@ use crate::error::EvaluationError;
 use crate::row::RowLength;
 use crate::statistics::tally::{Entry, Tally};
 use crate::statistics::{Estimate, mean};
-use crate::summary::{LengthSummary, duration};
 
 /// Number of random sign assignments in a permutation test.
 const PERMUTATIONS: u32 = 20_000;
@@ -181,9 +180,7 @@ impl Comparison {
 
 /// Returns the durations of the scenarios of a run.
 fn durations(tally: &Tally) -> String {
-    let lengths: BTreeSet<RowLength> = tally.entries.values().map(|entry| entry.length).collect();
-    let length = |RowLength { history, steps }| LengthSummary { history, steps, scenarios: 1 };
-    duration(&lengths.into_iter().map(length).collect::<Vec<_>>()).unwrap_or_default()
+    RowLength::duration(tally.entries.values().map(|entry| entry.length)).unwrap_or_default()
 }
 
 /// Returns the scenarios for which a simulator has a result, with its values, by id.

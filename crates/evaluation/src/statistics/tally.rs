@@ -2,11 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use reactsim_metrics::{METRICS, MetricSpec, Score};
+use reactsim_metrics::{MetricSpec, Score};
 
 use crate::error::EvaluationError;
-use crate::metric_record::MetricRecord;
-use crate::provenance::Provenance;
 use crate::row::{RecordPosition, Row, RowLength, RowNote};
 use crate::statistics::mean;
 
@@ -62,17 +60,6 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Creates an empty tally for the values of a run.
-    pub fn of(run: &Provenance) -> Self {
-        let own = run.own_metrics.iter().map(MetricRecord::spec);
-        Self {
-            metrics: METRICS.iter().map(|metric| metric.spec()).chain(own).collect(),
-            simulators: run.simulators.iter().map(|s| s.id.clone()).collect(),
-            rollouts: run.settings.rollouts,
-            entries: BTreeMap::new(),
-        }
-    }
-
     /// Returns the index of the metric with this id.
     pub fn metric(&self, id: &str) -> Option<usize> {
         self.metrics.iter().position(|spec| spec.id == id)
