@@ -196,6 +196,9 @@ fn networks_along_a_training_are_a_path() {
     let networks: Vec<_> = rows.iter().filter(|row| row[0].starts_with("NTP-reactive (both-")).collect();
     assert_eq!(networks[0][0], "NTP-reactive (both-5)");
     assert_eq!(networks[0][1..], networks[1][1..], "the same weights");
+    let rollouts = ["reactive", "realism"]
+        .map(|member| read_summary(&out.join(member)).unwrap().provenance.run.settings.rollouts);
+    assert_eq!(rollouts, [2, 2]);
     let picture = fs::read_to_string(out.join("paths.svg")).unwrap();
     for label in ["both, step 20", "Stop", "A-AV Coll. ↓", "Realism (Sim Agents) ↑"] {
         assert!(picture.contains(label), "{label}: {picture}");

@@ -22,7 +22,8 @@ the study also computes the realism metrics of the Sim Agents challenge.";
 const REALISM_REACTIVITY: &str = "\
 Simulators along trainings, as `train --keep-every` keeps them, in both protocols: the tables of \
 `study realism`, and paths.svg, which has a line per training with realism on one axis and \
-collisions with the AV and over-reaction on the other. --models adds others as points.
+collisions with the AV and over-reaction on the other. --models adds others as points. --rollouts is \
+the number of rollouts in each protocol, by default 32.
 
 Example:
   reactsim train realism sensed.parquet --from ntp-reactive --keep-every 20 --out both
@@ -180,12 +181,12 @@ impl NamedStudy {
                 design.axes.push(Axis::new("replan", intervals));
             }
             Self::Realism { reactive_rollouts, .. } => {
-                design.both_protocols(given, *reactive_rollouts)?;
+                design.both_protocols(given, Some(*reactive_rollouts))?;
             }
             Self::RealismReactivity { training, simulator, .. } => {
                 add_networks(subject, training, simulator)?;
                 design.spec.keep_rollouts = Some(true);
-                design.both_protocols(given, 1)?;
+                design.both_protocols(given, None)?;
             }
             // The axes are the variants of the simulators, and whether agents see the AV one step ahead.
             Self::Guards { .. } => {}
@@ -215,12 +216,13 @@ impl NamedStudy {
 
 impl Design {
     /// Varies the protocol. `given` are the keys that the user has set; the realism protocol has their
-    /// number of rollouts.
-    fn both_protocols(&mut self, given: &[String], reactive_rollouts: u32) -> anyhow::Result<()> {
+    /// number of rollouts, and so has the reactive one without a number of its own.
+    fn both_protocols(&mut self, given: &[String], reactive_rollouts: Option<u32>) -> anyhow::Result<()> {
         let rollouts = &mut self.spec.rollout.rollouts;
         let is_given = given.iter().any(|id| id == "rollouts") || *rollouts > 1;
-        self.realism_rollouts = Some(if is_given { *rollouts } else { REALISM_ROLLOUTS });
-        *rollouts = reactive_rollouts;
+        let realism_rollouts = if is_given { *rollouts } else { REALISM_ROLLOUTS };
+        self.realism_rollouts = Some(realism_rollouts);
+        *rollouts = reactive_rollouts.unwrap_or(realism_rollouts);
         if self.spec.keeps_rollouts() && self.spec.settings().entering == Entering::Log {
             bail!(
                 "realism metrics are of the agents at the start: leave --keep-rollouts or --entering log out"
