@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use reactsim_metrics::MetricSpec;
 
-use super::planners::values;
+use super::planners::{two, values};
 use super::{PlannerRanks, Study};
 use crate::av::PlannedAv;
 use crate::error::EvaluationError;
@@ -125,11 +125,6 @@ fn differences<'a>(planners: [&'a Tally; 2], simulator: &str, score: &str) -> BT
     };
     let [first, second] = planners.map(of);
     first.into_iter().filter_map(|(id, value)| Some((id, second.get(id)? - value))).collect()
-}
-
-/// Returns the pairs of numbers below `n`.
-pub(super) fn two(n: usize) -> impl Iterator<Item = [usize; 2]> {
-    (0..n).flat_map(move |i| (i + 1..n).map(move |j| [i, j]))
 }
 
 #[cfg(test)]

@@ -10,7 +10,6 @@ use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::Frame;
 use serde::{Deserialize, Serialize};
 
-use super::planner_pairs::two;
 use super::{Member, read_study};
 use crate::error::EvaluationError;
 use crate::folder::finished_run::FinishedRun;
@@ -290,6 +289,11 @@ impl<'a> Common<'a> {
             scenario: self.scenarios[scenario].to_owned(),
         })
     }
+}
+
+/// Returns the pairs of numbers below `n`.
+pub(super) fn two(n: usize) -> impl Iterator<Item = [usize; 2]> {
+    (0..n).flat_map(move |i| (i + 1..n).map(move |j| [i, j]))
 }
 
 /// Returns the values of a metric by scenario, averaged over rollouts.
