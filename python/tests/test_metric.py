@@ -91,6 +91,17 @@ def test_metrics_are_added_and_replaced(tmp_path: Path) -> None:
     assert [own["id"] for own in results.provenance["own_metrics"]] == [MINE, "fixed"]
 
 
+def test_a_metric_is_in_the_table_of_a_study(tmp_path: Path) -> None:
+    options: dict[str, Any] = {"axis": "replan=5,10", "models": "stop", "limit": 1}
+    out = tmp_path / "study"
+    reactsim.command("study", out=out, keep_rollouts=True, progress=False, **options)
+    for name in ("replan-5", "replan-10"):
+        reactsim.Results(out / name).add_metrics([Fixed(1.5)])
+    table = reactsim.command("report", out, progress=False).text
+    assert "Fixed (s) ↓" in table
+    assert table.count(" 1.500 |") == 2
+
+
 def test_a_case_has_the_rollout(tmp_path: Path) -> None:
     results = run(tmp_path / "run")
     rollouts = {(r.scenario, r.simulator, r.rollout): r for r in results.rollouts()}

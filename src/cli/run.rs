@@ -104,7 +104,7 @@ pub(super) fn finished_until(
     let spec = &args.spec.value;
     args.table.check(args.format.as_deref())?;
     if spec.keep_rollouts == Some(true) && args.out.is_none() {
-        bail!("--keep-rollouts: rollouts are kept in a run folder: give --out FOLDER");
+        bail!("`keep-rollouts`: rollouts are kept in a run folder: give --out FOLDER");
     }
     if args.check_batch.is_some() && spec.subject.external.external.is_empty() {
         bail!("--check-batch: no external simulator runs: give --external NAME=COMMAND");

@@ -6,14 +6,15 @@ mod realism;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
-use clap::Args;
+use anyhow::{anyhow, bail};
+use clap::{Args, Command, Subcommand};
 
 use super::inputs::sources;
 use super::output::ExitStatus;
 use super::partition::{PartitionArg, Partitions};
 use super::subject::{ExecutionArgs, drivers};
 use super::table_output::ColumnArgs;
+use crate::evaluation::suggestion::most_similar;
 use crate::evaluation::{
     Axis, ExternalPrograms, Opening, RunParts, RunSpec, Source, Specification, StudyKind, StudyPlan,
 };
@@ -50,14 +51,30 @@ pub(super) struct StudyArgs {
 /// Arguments of studies of any keys.
 // clap leaves the group of arguments with flattened ones empty, and would never find it.
 #[derive(Debug, Args)]
-#[group(args = ["axis"])]
+#[group(args = ["axis", "out"])]
 struct AxesArgs {
     /// Key of a specification, or parameter of a simulator, with several values, such as replan=1hz,2hz or
     /// idm.vehicle.headway=1,1.5; members of the study are all combinations of the axes; may be repeated
-    #[arg(long, value_name = "KEY=VALUES", required = true)]
+    #[arg(long, value_name = "KEY=VALUES")]
     axis: Vec<Axis>,
     #[command(flatten)]
     shared: SharedArgs,
+}
+
+impl AxesArgs {
+    /// Returns the refusal of arguments without an axis. The first one may be meant as the name of a study.
+    fn nothing_varied(&self) -> anyhow::Error {
+        let first = self.shared.spec.value.subject.input.scenarios.first();
+        let Some(name) = first.filter(|path| !path.exists()).and_then(|path| path.to_str()) else {
+            return anyhow!("nothing is varied: give --axis KEY=VALUES, or name a study first");
+        };
+        let named = named::NamedStudy::augment_subcommands(Command::new("study"));
+        let studies: Vec<&str> = named.get_subcommands().map(Command::get_name).collect();
+        match most_similar(name, &studies) {
+            Some(meant) => anyhow!("there is no study `{name}`; did you mean `{meant}`?"),
+            None => anyhow!("there is no study `{name}`: the studies are {}, and --axis", studies.join(", ")),
+        }
+    }
 }
 
 /// Arguments common to all studies.
@@ -108,6 +125,7 @@ impl StudyArgs {
     fn shared(&self) -> anyhow::Result<&SharedArgs> {
         match (&self.named, &self.of_axes) {
             (Some(named), _) => Ok(named.shared()),
+            (None, Some(args)) if args.axis.is_empty() => Err(args.nothing_varied()),
             (None, Some(args)) => Ok(&args.shared),
             (None, None) => bail!("no study is named: give --axis KEY=VALUES and --out FOLDER"),
         }

@@ -38,8 +38,8 @@ fn called_bare_it_runs_the_shipped_scenarios() {
     for part in ["| Log Replay † ", "| Constant Velocity ", "| Stop ", "A-AV Coll. ↓", &shipped] {
         assert!(table.contains(part), "{part} is not in\n{table}");
     }
-    // Where stderr is no terminal, a line now and then.
-    let is_progress = |line: &str| line.contains("/s, ") && line.ends_with(" left");
+    // Where stderr is no terminal, a line now and then, with the step of a scenario that takes long.
+    let is_progress = |line: &str| line.contains(" of 150 scenarios, ");
     assert!(stderr(bare()).lines().all(is_progress), "{}", stderr(bare()));
     let limited = ["--limit", "1", "--models", "stop"];
     assert_eq!(stdout(&reactsim(&limited)), "", "flags need a verb");

@@ -423,7 +423,7 @@ fn thousands_of_scenarios_are_listed_without_delay() {
     let (_, notes) = said(&["report", text(&large), "--format", "html", "--out", text(&path)], 0);
     assert!(
         notes.contains("no rollouts were kept of `large`: run with --keep-rollouts")
-            && notes.contains("give --scenarios"),
+            && notes.contains("give the files of the run as `scenarios`"),
         "{notes}"
     );
     assert!(fs::metadata(&path).unwrap().len() < 6_000_000, "{:?}", fs::metadata(&path));
@@ -723,7 +723,7 @@ fn what_can_not_be_shown_is_refused_or_said() {
     assert!(html(&[text(&run), "--case", "nobody"], 2).contains("no run has a scenario `nobody`"));
     assert_eq!(html(&[text(&run)], 0), "", "the specification names the scenarios");
     fs::remove_file(run.join("spec.toml")).unwrap();
-    assert!(html(&[text(&run)], 0).contains("give --scenarios"));
+    assert!(html(&[text(&run)], 0).contains("give the files of the run as `scenarios`"));
     assert_eq!(html(&[text(&run), "--scenarios", MINI], 0), "");
     let page = fs::read(at("page.html")).unwrap();
     html(&[text(&run), "--scenarios", MINI], 0);

@@ -374,8 +374,12 @@ fn axes_are_runs_of_all_combinations() {
     refused(&["--axis", "repln=1hz"], "`repln` is not a key; did you mean `replan`?");
     refused(&["--axis", "replan=2hz,3hz"], "axis replan=3hz: `3hz` is not a replan interval");
     refused(&["--axis", "seed=1,1"], "axis seed=1: its value is there twice");
-    refused(&["--axis", "limit=1"], "`limit` is not a key");
-    refused(&[], "--axis <KEY=VALUES>");
+    refused(&["--axis", "limit=1"], "axis limit: it is the same for all members of a study");
+    refused(&[], "nothing is varied: give --axis KEY=VALUES");
+    let (_, told) = said(&["study", "repln", MINI, "--out", "never"], 2);
+    assert!(told.contains("there is no study `repln`; did you mean `replan`?"), "{told}");
+    let (_, told) = said(&["study", "vocabulary", "--out", "never"], 2);
+    assert!(told.contains("there is no study `vocabulary`: the studies are replan, realism, "), "{told}");
 }
 
 #[test]

@@ -440,7 +440,9 @@ fn the_published_network_is_trained_and_drives() {
         fs::read(Path::new(out).join("weights.safetensors")).unwrap()
     };
     assert!(tune(&at("tuned"), "1") == tune(&at("again"), "2"), "weights depend on the number of threads");
-    assert!(said(&["train", "catk", text(&few), "--out", &at("no")], 2).1.contains("give --from FILE"));
+    assert!(
+        said(&["train", "catk", text(&few), "--out", &at("no")], 2).1.contains("give its file as `from`")
+    );
 
     let refused = |more: &[&str]| said(&[&base[..], more, &["--out", &at("no")]].concat(), 2).1;
     assert!(refused(&files[..2]).contains("needs a file `map-vocabulary`"));
@@ -473,7 +475,7 @@ fn networks_are_tuned_by_realism() {
         done(&["run", text(&few), "--models", reader, "--model-weights", &weights, "--limit", "1"]);
     }
     let refused = |more: &[&str]| said(&[&base[..], more, &["--out", &at("no")]].concat(), 2).1;
-    assert!(refused(&[]).contains("give --from FILE"));
+    assert!(refused(&[]).contains("give its file as `from`"));
     assert!(refused(&["--from", "regression"]).contains("weights neither of `ntp-reactive`"));
     assert!(refused(&["--from", "idm"]).contains("this program has no weights of it"));
     let nothing = ["--from", "ntp-reactive", "--set", "weights.realism=0", "--set", "weights.reactions=0"];

@@ -103,7 +103,7 @@ fn runs_become_submissions_with_the_same_scores() {
         ),
         ("slow", "32", &["--all-agents", "--limit", "1", "--replan", "20steps"], "at least 1 Hz"),
         ("some", "32", &["--id", &crowded], "run with `all-agents`"),
-        ("coming", "32", &["--all-agents", "--limit", "1", "--entering", "log"], "run with `--entering off`"),
+        ("coming", "32", &["--all-agents", "--limit", "1", "--entering", "log"], "run with `entering` off"),
     ] {
         let run = home.path().join(name);
         realism(rollouts, &run, more);
@@ -203,7 +203,7 @@ fn runs_on_shipped_scenarios_have_realism_scores() {
     let rest = ["--entering", "log", "--limit", "1", "--keep-rollouts", "--out", text(&coming)];
     said(&[&arguments[..], &rest].concat(), 0);
     let (_, error) = said(&["score", text(&coming), "--wosac", "--simulator", "log-replay"], 2);
-    assert!(error.contains("with `entering` log") && error.contains("`--entering off`"), "{error}");
+    assert!(error.contains("with `entering` log") && error.contains("`entering` off"), "{error}");
 }
 
 #[test]

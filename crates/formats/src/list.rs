@@ -301,7 +301,7 @@ fn describe_content(path: &Path) -> std::io::Result<&'static str> {
         _ if text.starts_with(b"{") => "a JSON file without `\"format\": \"reactsim-scenario-v1\"`",
         _ if text.starts_with(b"<") => "an XML file",
         _ if text.windows(15).any(|part| part == b"scenario_types:") => {
-            "a scenario filter of nuPlan (give it as --filter, and the logs as --nuplan)"
+            "a scenario filter of nuPlan (give it as `filter`, and the logs as `nuplan`)"
         }
         _ if text.starts_with(b"version https://git-lfs") => {
             "a pointer of Git LFS (run `git lfs pull` in its repository)"

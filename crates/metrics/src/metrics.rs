@@ -100,9 +100,7 @@ pub fn check_own(specs: &[&'static MetricSpec]) -> Result<(), MetricError> {
         }
         let is_taken = metric(spec.id).is_some() || specs[..i].iter().any(|earlier| earlier.id == spec.id);
         if is_taken || RESERVED.contains(&spec.id) || REMOVED_METRICS.contains(&spec.id) {
-            return refused(
-                "the id is taken; choose another one (`reactsim list metrics` lists those of the benchmark)",
-            );
+            return refused("the id is taken; choose one that the benchmark does not have");
         }
         let is_plain = |c: char| c.is_alphanumeric() || " -.,:()/+²³°·".contains(c);
         for (part, text, most) in [("title", spec.title, LONGEST), ("unit", spec.unit.name(), LONGEST_UNIT)] {

@@ -127,21 +127,28 @@ fn text_tables(results: &StudyResults) -> Vec<planners::TextTable> {
     tables
 }
 
-/// Returns the columns of a member of a study.
-fn columns(kind: StudyKind, member: &Member, style: TableStyle<'_>) -> Vec<Column> {
-    let of = |ids: &[&'static str]| ids.iter().map(|metric| Column::benchmark(metric)).collect();
-    let usual = match kind {
-        _ if !style.columns.is_empty() => style.columns.to_vec(),
+/// Returns the columns of a member of a study, with those of metrics that the benchmark does not have.
+fn columns(results: &StudyResults, member: &Member, style: TableStyle<'_>) -> Vec<Column> {
+    if !style.columns.is_empty() {
+        return Column::with(style.columns.to_vec(), style.also);
+    }
+    let of = |ids: &[&'static str]| -> Vec<Column> { ids.iter().map(|id| Column::benchmark(id)).collect() };
+    let usual = match results.study.kind {
         StudyKind::Replan | StudyKind::Realism if member.protocol.as_deref() == Some("realism") => {
             of(REALISM_METRICS)
         }
         StudyKind::Replan | StudyKind::Realism => of(REACTION_METRICS),
-        StudyKind::Guards | StudyKind::Axes => MAIN_COLUMNS.to_vec(),
+        StudyKind::Guards => MAIN_COLUMNS.to_vec(),
+        // A planner may drive the AV of some members.
+        StudyKind::Axes => {
+            let planners = of(PLANNER_METRICS).into_iter().filter(|c| c.has_numbers(&results.summaries));
+            Column::with(planners.collect(), MAIN_COLUMNS)
+        }
         StudyKind::Planners if member.planner.is_none() => of(FIXED_AV_METRICS),
         StudyKind::Planners => of(PLANNER_METRICS),
         StudyKind::Errors => of(LOG_METRICS),
     };
-    Column::with(usual, style.also)
+    Column::with(Column::with(usual, &Column::own(&results.summaries)), style.also)
 }
 
 /// Returns the members of a study with their results.
@@ -153,7 +160,7 @@ fn members(results: &StudyResults) -> impl Iterator<Item = (&Member, &Summary)> 
 fn by_interval<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
     let all: Vec<(&Member, &Summary)> = members(results).collect();
     let Some((member, _)) = all.first() else { return Vec::new() };
-    let columns = columns(results.study.kind, member, style).into_iter();
+    let columns = columns(results, member, style).into_iter();
     let head = |member: &Member| Head::Interval(member.replan_steps.unwrap_or_default());
     columns.map(|column| by_member(&all, column, Title::ByInterval(column), head)).collect()
 }
@@ -164,7 +171,7 @@ fn by_planner<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
     let planned: Vec<(&Member, &Summary)> =
         members(results).filter(|(member, _)| member.planner.is_some()).collect();
     let Some((member, _)) = planned.first() else { return Vec::new() };
-    let columns = columns(results.study.kind, member, style).into_iter();
+    let columns = columns(results, member, style).into_iter();
     let head = |member: &Member| Head::Planner(member.label.clone());
     let tables = columns.map(|column| by_member(&planned, column, Title::ByPlanner(column), head));
     let has_numbers = |table: &StudyTable<'_>| {
@@ -197,7 +204,7 @@ fn by_member<'a>(
 /// One table: simulators by metrics of both protocols.
 fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
     let Some(first) = results.summaries.first() else { return Vec::new() };
-    let columns_of = |member: &Member| columns(results.study.kind, member, style);
+    let columns_of = |member: &Member| columns(results, member, style);
     let heads = members(results).flat_map(|(member, _)| {
         columns_of(member)
             .into_iter()
@@ -220,7 +227,7 @@ fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
 /// Two tables: the metrics of all variants, and their differences from the unchanged simulators.
 fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
     let Some((member, first)) = members(results).next() else { return Vec::new() };
-    let columns = columns(results.study.kind, member, style);
+    let columns = columns(results, member, style);
     let (mut values, mut differences) = (Vec::new(), Vec::new());
     for (original, title, simulator) in first.order() {
         for (i, (member, summary)) in members(results).enumerate() {
@@ -257,7 +264,7 @@ fn by_variant<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
 /// anyway.
 fn by_value<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
     let Some((first, _)) = members(results).next() else { return Vec::new() };
-    let columns = columns(results.study.kind, first, style);
+    let columns = columns(results, first, style);
     let shown = |member: &'a Member| member.axes.iter().filter(|at| at.key != "models");
     let mut ids: Vec<&str> = Vec::new();
     for (id, ..) in members(results).flat_map(|(_, summary)| summary.order()) {

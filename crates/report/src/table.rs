@@ -67,7 +67,7 @@ impl Column {
     }
 
     /// Returns the columns of the metrics of runs that the benchmark does not have, each id once.
-    fn own<'a>(summaries: impl IntoIterator<Item = &'a Summary>) -> Vec<Self> {
+    pub(super) fn own<'a>(summaries: impl IntoIterator<Item = &'a Summary>) -> Vec<Self> {
         let records = summaries.into_iter().flat_map(|summary| &summary.provenance.run.own_metrics);
         let columns: Vec<Self> = records.map(|record| Self::of_spec(record.spec())).collect();
         Self::with(Vec::new(), &columns)
@@ -121,6 +121,12 @@ impl Column {
         }
     }
 
+    /// Returns whether at least one simulator has a number.
+    pub(super) fn has_numbers<'a>(&self, summaries: impl IntoIterator<Item = &'a Summary>) -> bool {
+        let simulators = summaries.into_iter().flat_map(|summary| summary.simulators.values());
+        simulators.flat_map(|s| s.metrics.get(self.metric)).any(|estimate| estimate.mean.is_some())
+    }
+
     /// Returns the columns of the metrics of the AV that the benchmark has.
     pub(super) fn av_of_benchmark() -> impl Iterator<Item = Self> {
         let all = METRICS.iter().map(|metric| Self::benchmark(metric.spec().id));
@@ -133,12 +139,9 @@ impl Column {
 
     /// Returns the columns of the metrics of the AV for which at least one simulator has a number.
     pub(super) fn of_av(runs: &[super::Run<'_>]) -> Vec<Self> {
-        let has = |column: &Self| {
-            let simulators = runs.iter().flat_map(|run| run.summary.simulators.values());
-            simulators.flat_map(|s| s.metrics.get(column.metric)).any(|e| e.mean.is_some())
-        };
-        let own = Self::own(runs.iter().map(|run| run.summary)).into_iter().filter(Self::is_of_av);
-        Self::av_of_benchmark().chain(own).filter(has).collect()
+        let summaries = || runs.iter().map(|run| run.summary);
+        let own = Self::own(summaries()).into_iter().filter(Self::is_of_av);
+        Self::av_of_benchmark().chain(own).filter(|column| column.has_numbers(summaries())).collect()
     }
 
     /// Returns the columns for which at least one simulator has a number, and those of `also`.
@@ -147,11 +150,7 @@ impl Column {
             |holds: fn(&SettingsRecord) -> bool| summaries.iter().any(|s| holds(&s.provenance.run.settings));
         let has = |c: &Self| {
             let applies = CONDITIONS.iter().filter(|(id, _)| *id == c.metric).all(|(_, holds)| any(*holds));
-            if !applies {
-                return false;
-            }
-            let simulators = summaries.iter().flat_map(|s| s.simulators.values());
-            simulators.flat_map(|s| s.metrics.get(c.metric)).any(|e| e.mean.is_some())
+            applies && c.has_numbers(summaries.iter().copied())
         };
         let own = Self::own(summaries.iter().copied()).into_iter().filter(|column| !column.is_of_av());
         Self::with(COLUMNS.iter().copied().chain(own).filter(has).collect(), also)

@@ -98,7 +98,7 @@ pub enum TaskError {
         source: Box<dyn Error + Send + Sync>,
     },
     /// The task needs an input file.
-    #[error("the task `{id}` needs a file `{name}`: give --input {name}=FILE")]
+    #[error("the task `{id}` needs a file `{name}`: give `input` {name}=FILE")]
     NoInput {
         /// Id of the task.
         id: &'static str,
@@ -106,7 +106,7 @@ pub enum TaskError {
         name: &'static str,
     },
     /// The task needs weights to start from.
-    #[error("the task `{id}` continues from the weights of another training: give --from FILE")]
+    #[error("the task `{id}` continues from the weights of another training: give its file as `from`")]
     NoWeights {
         /// Id of the task.
         id: &'static str,

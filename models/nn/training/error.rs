@@ -64,7 +64,7 @@ pub enum TrainingError {
     },
     /// The folder holds a training already.
     #[error(
-        "{} already holds a training; give --resume to continue it, or choose another folder", .path.display()
+        "{} already holds a training; continue it with `resume`, or choose another folder", .path.display()
     )]
     Exists {
         /// The folder.

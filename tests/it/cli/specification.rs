@@ -94,12 +94,14 @@ fn options_take_precedence_over_a_file() {
     let home = tempfile::tempdir().unwrap();
     let spec = file(
         home.path(),
-        "models = [\"idm\"]\nscenarios = [\"a.parquet\"]\nkeep-rollouts = true\nseed = 3\n",
+        "models = [\"idm\"]\nscenarios = [\"a.parquet\"]\nkeep-rollouts = true\nseed = 3\nreplan = 10\n",
     );
     let (printed, _) = said(&["run", &spec, "--models", "stop", "--keep-rollouts=false", "--print-spec"], 0);
     // Paths in a file are those of its folder.
     let scenarios = format!("scenarios = [{:?}]", home.path().join("a.parquet"));
-    for line in ["models = [\"stop\"]", &scenarios, "keep-rollouts = false", "seed = 3"] {
+    for line in
+        ["models = [\"stop\"]", &scenarios, "keep-rollouts = false", "seed = 3", "replan = \"10steps\""]
+    {
         assert!(printed.lines().any(|found| found == line), "{line}: {printed}");
     }
     let (printed, _) = said(&["run", &spec, "b.parquet", "--print-spec"], 0);
@@ -115,7 +117,10 @@ fn wrong_files_are_refused_by_name() {
     let home = tempfile::tempdir().unwrap();
     for (content, reason) in [
         ("modls = [\"idm\"]", "`modls` is not a key; did you mean `models`?"),
-        ("seed = \"x\"", "seed"),
+        ("models = \"idm\"", "models: invalid type: string \"idm\""),
+        ("limit = \"3\"", "limit: invalid type: string"),
+        ("replan = true", "replan: expected a text"),
+        ("seed = \"x\"", "seed: `x`: invalid digit"),
         ("replan = \"3hz\"", "is not a replan interval"),
         ("seed = ", "TOML parse error"),
         ("out = \"runs/a\"", "`out` is not a key"),

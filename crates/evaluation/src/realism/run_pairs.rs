@@ -138,7 +138,7 @@ impl RunPairs {
         if let Some(entering) = &summary.provenance.run.settings.entering {
             return Err(EvaluationError::Refused(format!(
                 "{} was run with `entering` {entering}, and the Sim Agents challenge has the same agents at all \
-                 steps: run with `--entering off`",
+                 steps: run with `entering` off",
                 folder.display()
             )));
         }

@@ -14,7 +14,7 @@ use crate::error::EvaluationError;
 
 /// Keys that can be axes, in addition to those of [`RolloutSpec`]. Members of a study share scenarios and
 /// external programs.
-const KEYS: [&str; 5] = ["models", "av", "backend", "seed", "metric-option"];
+const KEYS: [&str; 7] = ["models", "av", "backend", "seed", "metric-option", "allow", "pose"];
 
 /// A key of a specification, or a parameter of a simulator such as `idm.vehicle.headway`, with its values.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,16 +46,22 @@ impl FromStr for Axis {
     type Err = String;
 
     /// Reads a text such as `replan=1hz,2hz`. The settings of a planner belong to its value:
-    /// `av=planner:idm,tracker=perfect,log` has two.
+    /// `av=planner:idm,tracker=perfect,log` has two. `av.planner=idm` is `av=planner:idm`, and `simulators` are
+    /// `models`.
     fn from_str(text: &str) -> Result<Self, String> {
         let (key, texts) = text
             .split_once('=')
             .ok_or_else(|| "expected KEY=VALUE,VALUE, such as replan=1hz,2hz".to_owned())?;
-        let mut axis = Self::new(key.trim(), [""; 0]);
+        let (key, prefix) = match key.trim() {
+            "av.planner" => ("av", "planner:"),
+            "simulators" => ("models", ""),
+            key => (key, ""),
+        };
+        let mut axis = Self::new(key, [""; 0]);
         for value in texts.split(',').map(str::trim) {
             match axis.values.last_mut().filter(|_| axis.key == "av" && value.contains('=')) {
                 Some(last) => *last = format!("{last},{value}"),
-                None => axis.values.push(value.to_owned()),
+                None => axis.values.push(format!("{prefix}{value}")),
             }
         }
         Ok(axis)
@@ -113,6 +119,11 @@ impl RunSpec {
         if !known.iter().any(|name| name == key) {
             if !key.contains('.') {
                 let meant = format!("axes are {} and parameters of simulators", known.join(", "));
+                if names(&Self::augment_args(Command::new("keys"))).iter().any(|name| name == key) {
+                    let shared =
+                        "it is the same for all members of a study, as are the scenarios and what is kept";
+                    return Err(refuse(key, format!("{shared}; {meant}")));
+                }
                 return Err(refuse(key, unknown_key(key, &known, &meant)));
             }
             spec.subject.set.retain(|text| text.split_once('=').is_none_or(|(path, _)| path.trim() != key));
@@ -200,13 +211,17 @@ mod tests {
         let options: Axis = "metric-option=fault_order=nuplan,fault_order=waymax".parse().unwrap();
         assert_eq!(options.values, ["fault_order=nuplan", "fault_order=waymax"]);
         assert!("replan".parse::<Axis>().is_err());
+        let planners: Axis = "av.planner=idm,tracker=perfect,pdm-closed".parse().unwrap();
+        assert_eq!(planners, "av=planner:idm,tracker=perfect,planner:pdm-closed".parse().unwrap());
+        assert_eq!("simulators=idm,stop".parse(), "models=idm,stop".parse::<Axis>());
     }
 
     #[test]
     fn wrong_axes_are_named() {
         for (axes, message) in [
             (&["repln=1"][..], "axis repln: `repln` is not a key; did you mean `replan`?"),
-            (&["limit=1,2"], "axis limit: `limit` is not a key; axes are smooth, "),
+            (&["limt=1,2"], "axis limt: `limt` is not a key; axes are smooth, "),
+            (&["limit=1,2"], "axis limit: it is the same for all members of a study"),
             (&["replan=5,3hz"], "axis replan=3hz: `3hz` is not a replan interval"),
             (&["replan="], "axis replan=: "),
             (&["rollouts=0"], "axis rollouts=0: 0 is not in 1..=10000"),

@@ -104,6 +104,11 @@ pub(crate) fn read(path: &Path) -> Result<RunSpec, String> {
         let keys = "keys are the long names of the options that determine the results";
         return Err(invalid(&unknown_key(key, &names, keys)));
     }
+    // Each alone, because errors of flattened parts do not name the key.
+    for (key, value) in &table {
+        let alone = toml::Table::from_iter([(key.clone(), value.clone())]);
+        alone.try_into::<RunSpec>().map_err(|error| invalid(&format!("{key}: {}", error.message())))?;
+    }
     let mut specification: RunSpec = table.try_into().map_err(|error| invalid(&error))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     specification.change_paths(&|path| folder.join(path));

@@ -15,16 +15,29 @@ where
     T: FromStr<Err: Display>,
     D: Deserializer<'de>,
 {
-    parse(&String::deserialize(deserializer)?)
+    Text::deserialize(deserializer)?.parse()
 }
 
-fn parse<T: FromStr<Err: Display>, E: Error>(text: &str) -> Result<T, E> {
-    text.parse().map_err(E::custom)
+/// A text in a file. Where a number is a text of the command line, such as `replan = 5`, it is one here.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "expected a text")]
+enum Text {
+    Number(i64),
+    Text(String),
+}
+
+impl Text {
+    fn parse<T: FromStr<Err: Display>, E: Error>(&self) -> Result<T, E> {
+        match self {
+            Self::Number(number) => number.to_string().parse().map_err(E::custom),
+            Self::Text(text) => text.parse().map_err(E::custom),
+        }
+    }
 }
 
 /// Values that may be absent.
 pub(super) mod option {
-    use super::{Deserialize, Deserializer, Display, FromStr, Serialize, Serializer, parse};
+    use super::{Deserialize, Deserializer, Display, FromStr, Serialize, Serializer, Text};
 
     #[expect(clippy::ref_option, reason = "the signature that serde needs")]
     pub(in super::super) fn serialize<T: Display, S: Serializer>(
@@ -39,7 +52,7 @@ pub(super) mod option {
         T: FromStr<Err: Display>,
         D: Deserializer<'de>,
     {
-        Option::<String>::deserialize(deserializer)?.map(|text| parse(&text)).transpose()
+        Option::<Text>::deserialize(deserializer)?.map(|text| text.parse()).transpose()
     }
 }
 
@@ -49,7 +62,7 @@ pub(super) mod seed {
 
     /// A seed in a file.
     #[derive(Deserialize)]
-    #[serde(untagged, expecting = "seed: expected an integer from 0 to 18446744073709551615")]
+    #[serde(untagged, expecting = "expected an integer from 0 to 18446744073709551615")]
     enum Seed {
         Number(u64),
         Text(String),
@@ -70,7 +83,7 @@ pub(super) mod seed {
         match Seed::deserialize(deserializer)? {
             Seed::Number(number) => Ok(number),
             Seed::Text(text) => {
-                text.parse::<u64>().map_err(|error| D::Error::custom(format!("seed `{text}`: {error}")))
+                text.parse::<u64>().map_err(|error| D::Error::custom(format!("`{text}`: {error}")))
             }
         }
     }
@@ -78,7 +91,7 @@ pub(super) mod seed {
 
 /// Lists of values.
 pub(super) mod list {
-    use super::{Deserialize, Deserializer, Display, FromStr, Serializer, parse};
+    use super::{Deserialize, Deserializer, Display, FromStr, Serializer, Text};
 
     pub(in super::super) fn serialize<T: Display, S: Serializer>(
         values: &[T],
@@ -92,6 +105,6 @@ pub(super) mod list {
         T: FromStr<Err: Display>,
         D: Deserializer<'de>,
     {
-        Vec::<String>::deserialize(deserializer)?.iter().map(|text| parse(text)).collect()
+        Vec::<Text>::deserialize(deserializer)?.iter().map(Text::parse).collect()
     }
 }

@@ -157,7 +157,7 @@ impl Comparison {
                 true => String::new(),
                 false => format!(
                     ": those of the first last {first}, those of the second {second}; run both with the same \
-                     `--history` and `--future`"
+                     `history` and `future`"
                 ),
             };
             return Err(EvaluationError::NothingInCommon { lengths });
@@ -400,7 +400,7 @@ mod tests {
             compare(&usual, &tally_of("t", "y", 150)).unwrap_err(),
             format!(
                 "{nothing}: those of the first last 8 s (80 steps), those of the second 15 s (150 steps); run both \
-                 with the same `--history` and `--future`"
+                 with the same `history` and `future`"
             )
         );
     }

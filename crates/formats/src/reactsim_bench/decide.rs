@@ -154,6 +154,6 @@ fn options(path: &Path) -> String {
     for line in outline {
         writeln!(text, "  {line}").ok();
     }
-    text + "State what is meant with --array KEY, --columns x,y,heading, --frame global, --pose rear-axle \
-            or --sample current"
+    text + "State what is meant: `array` KEY, `columns` x,y,heading, `frame` global, `pose` rear-axle or `sample` \
+            current"
 }

@@ -402,7 +402,7 @@ fn layouts_that_are_not_unique_are_refused_with_what_decides() {
     for (layout, make, expected) in REFUSED {
         let text = import(&fixture, *make, [4, 2], &Choice::default()).unwrap_err();
         assert!(text.contains(expected), "{layout}: {text}");
-        assert!(text.contains("State what is meant with --array KEY"), "{layout}: {text}");
+        assert!(text.contains("State what is meant: `array` KEY"), "{layout}: {text}");
     }
     let make = |wanted: &str| REFUSED.iter().find(|(layout, ..)| *layout == wanted).unwrap().1;
     let array = Some("samples[0]".to_owned());

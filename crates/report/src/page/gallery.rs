@@ -127,7 +127,7 @@ impl Gallery {
         let bare: Vec<String> = bare.map(|run| format!("`{}`", run.name)).collect();
         if !bare.is_empty() {
             let names = bare.join(", ");
-            messages.push(format!("no rollouts were kept of {names}: run with --keep-rollouts to see them"));
+            messages.push(format!("no rollouts were kept of {names}: run with `keep-rollouts` to see them"));
         }
         let inputs = self.runs.iter().flat_map(|r| &r.finished.summary().provenance.run.inputs);
         let missing: BTreeSet<&str> =
@@ -135,8 +135,8 @@ impl Gallery {
         if !missing.is_empty() {
             let names: Vec<&str> = missing.into_iter().collect();
             messages.push(format!(
-                "the scenarios of {} are missing, so their scenes cannot be drawn: give --scenarios \
-                 with the files of the run",
+                "the scenarios of {} are missing, so their scenes cannot be drawn: give \
+                 the files of the run as `scenarios`",
                 names.join(", ")
             ));
         }

@@ -103,7 +103,7 @@ struct PairedEstimate {
 pub fn write_json(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
     let kind = results.study.kind;
     let members = members(results).enumerate().map(|(i, (member, summary))| {
-        let columns = columns(kind, member, style);
+        let columns = columns(results, member, style);
         let simulators = summary.order().map(|(id, title, simulator)| {
             let found = difference(results, i, id).and_then(|d| d.comparison.as_ref());
             SimulatorNumbers {

@@ -19,7 +19,7 @@ pub fn write_markdown(results: &StudyResults, style: TableStyle<'_>, out: &mut d
     write_tables(results, style, out)?;
     let runs: Vec<Run<'_>> =
         members(results).map(|(member, summary)| Run { name: &member.folder, summary }).collect();
-    let of_member = |(member, _)| columns(results.study.kind, member, style);
+    let of_member = |(member, _)| columns(results, member, style);
     let shown = members(results).flat_map(of_member).collect::<Vec<_>>();
     if let Some(note) = fewer(&runs, &Column::with(Vec::new(), &shown), None) {
         writeln!(out, "{note}.")?;

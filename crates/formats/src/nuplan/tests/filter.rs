@@ -160,7 +160,7 @@ fn selections_and_inputs_take_filters() {
     assert_eq!(input.companions(), files);
     let of_selection = crate::find_inputs(&selection).unwrap().remove(0);
     assert_eq!(of_selection.companions(), [from_ref(&filter), &files].concat());
-    assert!(refusal(&filter).contains("give it as --filter"), "{}", refusal(&filter));
+    assert!(refusal(&filter).contains("give it as `filter`"), "{}", refusal(&filter));
     for (key, value) in [("tokens", r#"["00"]"#), ("tags", r#"["a"]"#), ("every_seconds", "1")] {
         let text = fs::read_to_string(&selection).unwrap().replace('}', &format!(r#", "{key}": {value}}}"#));
         fs::write(home.join("both.json"), text).unwrap();
