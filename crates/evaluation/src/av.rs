@@ -97,7 +97,7 @@ pub struct ParseAvError(String);
 
 impl AvChoice {
     /// Returns whether the AV follows the deviated trajectories of scenarios that have one.
-    pub const fn follows_deviations(&self) -> bool {
+    pub(crate) const fn follows_deviations(&self) -> bool {
         matches!(self, Self::Deviated | Self::DeviatedOrLog | Self::File(_))
     }
 

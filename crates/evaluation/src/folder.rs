@@ -73,7 +73,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`EvaluationError`] if it contains anything else, or a run with other settings; names the setting.
-    pub fn is_of(path: &Path, provenance: &Provenance) -> Result<(), EvaluationError> {
+    pub(crate) fn is_of(path: &Path, provenance: &Provenance) -> Result<(), EvaluationError> {
         if is_unbegun(path) {
             return Ok(());
         }
@@ -124,7 +124,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`EvaluationError::Write`].
-    pub fn append_failure(&self, failure: &Failure) -> Result<(), EvaluationError> {
+    pub(crate) fn append_failure(&self, failure: &Failure) -> Result<(), EvaluationError> {
         write_to(&self.failures, &line(failure))
     }
 
@@ -142,7 +142,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`EvaluationError::Write`].
-    pub fn remove_parts(&self) -> Result<(), EvaluationError> {
+    pub(crate) fn remove_parts(&self) -> Result<(), EvaluationError> {
         let folder = self.path.join(PARTS);
         removed(fs::remove_dir_all(&folder), &folder)
     }

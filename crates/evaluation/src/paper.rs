@@ -24,7 +24,7 @@ pub const PAPER: &str = "reactsim-bench-paper";
 pub const PAPER_SCENARIOS: usize = 2636;
 
 /// Metrics of the paper's main table, in its order.
-pub const PAPER_METRICS: [&str; 7] =
+pub(crate) const PAPER_METRICS: [&str; 7] =
     ["aav-collision", "aav-ttc", "aa-collision", "offroad", "direction", "acceleration", "curvature"];
 
 /// The main table of ReactSim-Bench (arXiv 2606.14058, table 1) as printed: counts, then rates in percent.

@@ -182,7 +182,7 @@ impl Provenance {
     }
 
     /// Returns whether the program was built from a known commit without changes.
-    pub fn is_clean(&self) -> bool {
+    pub(crate) fn is_clean(&self) -> bool {
         self.commit != "unknown" && !self.commit.ends_with('+')
     }
 }

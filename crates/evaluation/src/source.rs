@@ -132,7 +132,10 @@ impl Source {
     ///
     /// # Errors
     /// [`EvaluationError::Read`] if a file cannot be read for its digest.
-    pub fn of_partition(inputs: Vec<Share>, partition: Partition) -> Result<Vec<Self>, EvaluationError> {
+    pub(crate) fn of_partition(
+        inputs: Vec<Share>,
+        partition: Partition,
+    ) -> Result<Vec<Self>, EvaluationError> {
         let mut sources = Self::unread(inputs.clone());
         if sources.len() < partition.count() {
             sources.par_iter_mut().for_each(|source| source.count = Some(count_records(&source.open)));

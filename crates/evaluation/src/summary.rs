@@ -199,7 +199,7 @@ impl SimulatorSummary {
 
 impl Summary {
     /// Returns whether this summary can be of the tally: both have the same number of results per simulator.
-    pub fn is_of(&self, tally: &Tally) -> bool {
+    pub(crate) fn is_of(&self, tally: &Tally) -> bool {
         let with_result = |i: usize| tally.entries.values().filter(|e| e.cells[i].is_some()).count();
         let mut counts = tally.simulators.iter().enumerate().map(|(i, id)| (id, with_result(i)));
         counts.all(|(id, n)| self.simulators.get(id).is_some_and(|s| s.scenarios == n))

@@ -11,7 +11,7 @@ use reactsim_scene::brief;
 use super::document::{DocumentError, Frame, FrameWriter};
 use super::pipe::{Parent, Pipe, spawn};
 use super::process::{Process, describe, is_interrupted, time_left};
-use super::settings::Command;
+use super::settings::{Command, STDIO};
 use super::stderr::{LastLines, Stderr};
 
 /// Bytes of an answer beyond its numbers: header, names, texts of errors.
@@ -190,15 +190,21 @@ impl Connection {
 
     /// Returns the error of a connection that closed: usually its process ended.
     fn closed(&mut self) -> RequestError {
-        let reason =
-            match self.process.as_mut().map(|process| (process.wait(time_left(TIME_TO_END)), process)) {
-                Some((Some(status), _)) => describe(status),
-                Some((None, process)) => {
-                    process.end();
-                    "it closed its standard input or output and was ended".to_owned()
-                }
-                None => "the parent process closed the connection".to_owned(),
-            };
+        let reason = match self
+            .process
+            .as_mut()
+            .map(|process| (process.wait(time_left(TIME_TO_END)), process))
+        {
+            Some((Some(status), _)) => describe(status),
+            Some((None, process)) => {
+                process.end();
+                "it closed its standard input or output and was ended".to_owned()
+            }
+            None => format!(
+                "the parent process closed the connection; a program with {STDIO} runs in the script that \
+                     starts this one"
+            ),
+        };
         RequestError::Broken(format!("{reason}{}", self.last_lines.text()))
     }
 

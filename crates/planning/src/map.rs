@@ -132,7 +132,7 @@ impl PlanningMap {
 
     /// Returns whether the map has no lanes between intersections, as the maps of Waymo: every lane is a
     /// connector, and lanes overlap.
-    pub fn has_connectors_only(&self) -> bool {
+    pub(crate) fn has_connectors_only(&self) -> bool {
         !self.lanes.is_empty() && self.lanes.iter().all(PlanningLane::is_connector)
     }
 
@@ -142,12 +142,12 @@ impl PlanningMap {
     }
 
     /// Returns the lanes and connectors whose bounds intersect `within`, in map order.
-    pub fn lanes_within(&self, within: &Bounds) -> Vec<usize> {
+    pub(crate) fn lanes_within(&self, within: &Bounds) -> Vec<usize> {
         self.areas.within(within)
     }
 
     /// Returns whether the ground of a lane strictly contains `p`; panics as [`Self::lane`].
-    pub fn lane_contains(&self, lane: usize, p: Vec2) -> bool {
+    pub(crate) fn lane_contains(&self, lane: usize, p: Vec2) -> bool {
         self.lane_area(lane).contains(p)
     }
 
@@ -168,7 +168,7 @@ impl PlanningMap {
     }
 
     /// Returns the index of the roadblock with this id.
-    pub fn find_roadblock(&self, id: &str) -> Option<usize> {
+    pub(crate) fn find_roadblock(&self, id: &str) -> Option<usize> {
         self.roadblocks.iter().position(|roadblock| roadblock.id == id)
     }
 
@@ -176,7 +176,7 @@ impl PlanningMap {
     ///
     /// # Panics
     /// If the map has no roadblock with this index.
-    pub fn lanes_of_roadblock(&self, roadblock: usize) -> &[usize] {
+    pub(crate) fn lanes_of_roadblock(&self, roadblock: usize) -> &[usize] {
         &self.lanes_of_roadblock[roadblock]
     }
 

@@ -35,7 +35,7 @@ impl EgoShape {
     }
 
     /// Returns the box with its centre at `center` (m) and this heading (rad).
-    pub fn footprint_at(&self, center: Vec2, heading: f64) -> OrientedBox {
+    pub(crate) fn footprint_at(&self, center: Vec2, heading: f64) -> OrientedBox {
         OrientedBox::new(center, heading, self.length, self.width)
     }
 }
@@ -116,7 +116,7 @@ impl EgoState {
     ///
     /// This is not the acceleration of a rigid body, `ax − d ω²` and `ay + d α`. The metrics of nuPlan depend
     /// on the rule.
-    pub fn center_acceleration_nuplan(&self, shape: &EgoShape) -> Vec2 {
+    pub(crate) fn center_acceleration_nuplan(&self, shape: &EgoShape) -> Vec2 {
         let turning = self.yaw_rate * self.yaw_rate + self.yaw_acceleration;
         Vec2::new(self.ax + shape.rear_axle_to_center * turning, self.ay)
     }

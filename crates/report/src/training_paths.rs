@@ -16,6 +16,8 @@ const REALISM: &str = "realism_meta_metric";
 const SIZE: (u32, u32) = (520, 420);
 /// Height of the title, pixels.
 const HEAD_HEIGHT: u32 = 60;
+/// Room of a label, pixels.
+const LABEL: (i32, i32) = (120, 15);
 
 /// Networks of a training in the order of their steps, or a simulator alone.
 struct Path<'a> {
@@ -112,6 +114,7 @@ fn chart(area: &Area<'_>, title: &str, i: usize, paths: &[Path<'_>]) -> DrawResu
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
         .draw()?;
+    let mut labels: Vec<(i32, i32)> = Vec::new();
     for (path, ink) in paths.iter().zip(palette::LINES.iter().cycle()) {
         let (points, ink) = (points(path), color(ink));
         let line: Vec<(f64, f64)> = points.iter().map(|(_, at)| *at).collect();
@@ -122,7 +125,12 @@ fn chart(area: &Area<'_>, title: &str, i: usize, paths: &[Path<'_>]) -> DrawResu
         // To the side that has room.
         let is_right = at.0 > (chart.x_range().start + chart.x_range().end) / 2.0;
         let (side, gap) = if is_right { (HPos::Right, -9) } else { (HPos::Left, 9) };
-        let (x, y) = chart.backend_coord(at);
+        let (x, mut y) = chart.backend_coord(at);
+        let begin = if is_right { x - LABEL.0 } else { x };
+        while labels.iter().any(|other| (other.0 - begin).abs() < LABEL.0 && (other.1 - y).abs() < LABEL.1) {
+            y += LABEL.1;
+        }
+        labels.push((begin, y));
         let (left, top) = area.get_base_pixel();
         styled(area, &label, (x - left + gap, y - top - 9), 13, side, ink)?;
     }

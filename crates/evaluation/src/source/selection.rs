@@ -20,7 +20,7 @@ pub struct Selection {
 
 impl Selection {
     /// Returns whether every scenario is selected.
-    pub fn is_all(&self) -> bool {
+    pub(crate) fn is_all(&self) -> bool {
         self.ids.is_empty() && self.categories.is_empty()
     }
 
@@ -55,7 +55,7 @@ impl Selection {
     }
 
     /// Returns whether scenarios of this category are selected, as far as the id allows.
-    pub fn has_category(&self, category: Option<Deviation>) -> bool {
+    pub(crate) fn has_category(&self, category: Option<Deviation>) -> bool {
         self.categories.is_empty() || category.is_some_and(|c| self.categories.contains(c.name()))
     }
 }

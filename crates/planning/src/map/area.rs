@@ -68,7 +68,7 @@ impl Area {
     }
 
     /// Returns whether this is a corridor around a centre line.
-    pub fn is_corridor(&self) -> bool {
+    pub(crate) fn is_corridor(&self) -> bool {
         matches!(self.shape, Shape::Corridor { .. })
     }
 

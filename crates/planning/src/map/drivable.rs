@@ -27,7 +27,7 @@ impl DrivableArea {
     }
 
     /// Returns the ground left of road edges, and on driveways.
-    pub fn of_road_edges<'a>(
+    pub(crate) fn of_road_edges<'a>(
         edges: impl IntoIterator<Item = &'a [Vec2], IntoIter: Clone>,
         driveways: Vec<Area>,
     ) -> Self {
