@@ -196,7 +196,7 @@ impl RunSpec {
     ///
     /// # Errors
     /// [`EvaluationError`] names the key.
-    pub(crate) fn check_values(&self) -> Result<(), EvaluationError> {
+    pub fn check_values(&self) -> Result<(), EvaluationError> {
         let (RolloutSpec { rollouts, av_lookahead, .. }, SubjectSpec { input, external, .. }) =
             (&self.rollout, &self.subject);
         if *rollouts == 0 {

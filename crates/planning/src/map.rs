@@ -176,7 +176,7 @@ impl PlanningMap {
     ///
     /// # Panics
     /// If the map has no roadblock with this index.
-    pub(crate) fn lanes_of_roadblock(&self, roadblock: usize) -> &[usize] {
+    pub fn lanes_of_roadblock(&self, roadblock: usize) -> &[usize] {
         &self.lanes_of_roadblock[roadblock]
     }
 
