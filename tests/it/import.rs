@@ -134,7 +134,7 @@ fn the_printed_line_runs_the_imported_deviations() {
     let maps = home.fixture.list.parent().unwrap().to_str().unwrap();
     // On a straight log, axle and centre continue it equally well.
     let refused = texts(&home.import("data", &["--maps", maps]));
-    assert!(refused.contains("several layouts fit") && refused.contains("--pose rear-axle"), "{refused}");
+    assert!(refused.contains("several layouts fit") && refused.contains("`pose` rear-axle"), "{refused}");
     let output = home.import("data", &["--maps", maps, "--pose", "rear-axle"]);
     let text = texts(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");

@@ -422,7 +422,7 @@ fn thousands_of_scenarios_are_listed_without_delay() {
     multiplied(&run, &large, 2636);
     let (_, notes) = said(&["report", text(&large), "--format", "html", "--out", text(&path)], 0);
     assert!(
-        notes.contains("no rollouts were kept of `large`: run with --keep-rollouts")
+        notes.contains("no rollouts were kept of `large`: run with `keep-rollouts`")
             && notes.contains("give the files of the run as `scenarios`"),
         "{notes}"
     );

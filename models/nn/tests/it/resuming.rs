@@ -139,7 +139,7 @@ fn other_settings_and_data_are_refused_by_name() {
     let other = refusal(Trial { source: Curve::of(63), ..Trial::default() });
     assert!(other.contains("`data.digest` is \"curve-64\" there and \"curve-63\" now"), "{other}");
     let text = Trial::default().learn(folder.path(), false).unwrap_err().to_string();
-    assert!(text.contains("already holds a training; give --resume"), "{text}");
+    assert!(text.contains("already holds a training; continue it with `resume`"), "{text}");
 }
 
 #[test]
