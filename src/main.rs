@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use mimalloc::MiMalloc;
 
-// The networks allocate tensors of megabytes at every layer, which the C library returns to the system each time.
+// Networks allocate tensors of megabytes at every layer; the C library returns each of them to the system.
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 

@@ -39,7 +39,9 @@ fn called_bare_it_runs_the_shipped_scenarios() {
         assert!(table.contains(part), "{part} is not in\n{table}");
     }
     // Where stderr is no terminal, a line now and then, with the step of a scenario that takes long.
-    let is_progress = |line: &str| line.contains(" of 150 scenarios, ");
+    let is_rate = |line: &str| line.contains("/s, ") && line.ends_with(" left");
+    let is_step = |line: &str| line.contains(" of 150 scenarios, step ") && line.ends_with(" of 80");
+    let is_progress = |line: &str| is_rate(line) || is_step(line);
     assert!(stderr(bare()).lines().all(is_progress), "{}", stderr(bare()));
     let limited = ["--limit", "1", "--models", "stop"];
     assert_eq!(stdout(&reactsim(&limited)), "", "flags need a verb");

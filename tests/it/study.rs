@@ -376,6 +376,10 @@ fn axes_are_runs_of_all_combinations() {
     refused(&["--axis", "seed=1,1"], "axis seed=1: its value is there twice");
     refused(&["--axis", "limit=1"], "axis limit: it is the same for all members of a study");
     refused(&[], "nothing is varied: give --axis KEY=VALUES");
+    let drivers = ["--models", "stop", "--limit", "1", "--axis", "av.planner=idm,pdm-closed"];
+    let driven = home.path().join("driven");
+    let (table, _) = said(&[&["study", MINI, "--out", text(&driven)], &drivers[..]].concat(), 0);
+    assert!(table.starts_with("| Method | av ") && table.contains("| AV score ↑ |"), "{table}");
     let (_, told) = said(&["study", "repln", MINI, "--out", "never"], 2);
     assert!(told.contains("there is no study `repln`; did you mean `replan`?"), "{told}");
     let (_, told) = said(&["study", "vocabulary", "--out", "never"], 2);

@@ -190,11 +190,8 @@ impl Connection {
 
     /// Returns the error of a connection that closed: usually its process ended.
     fn closed(&mut self) -> RequestError {
-        let reason = match self
-            .process
-            .as_mut()
-            .map(|process| (process.wait(time_left(TIME_TO_END)), process))
-        {
+        let ended = self.process.as_mut().map(|process| (process.wait(time_left(TIME_TO_END)), process));
+        let reason = match ended {
             Some((Some(status), _)) => describe(status),
             Some((None, process)) => {
                 process.end();
@@ -202,7 +199,7 @@ impl Connection {
             }
             None => format!(
                 "the parent process closed the connection; a program with {STDIO} runs in the script that \
-                     starts this one"
+                 starts this one"
             ),
         };
         RequestError::Broken(format!("{reason}{}", self.last_lines.text()))

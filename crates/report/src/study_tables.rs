@@ -127,10 +127,10 @@ fn text_tables(results: &StudyResults) -> Vec<planners::TextTable> {
     tables
 }
 
-/// Returns the columns of a member of a study, with those of metrics that the benchmark does not have.
+/// Returns the columns of a member of a study; the user's own metrics come last.
 fn columns(results: &StudyResults, member: &Member, style: TableStyle<'_>) -> Vec<Column> {
-    if !style.columns.is_empty() {
-        return Column::with(style.columns.to_vec(), style.also);
+    if let Some(chosen) = style.chosen() {
+        return chosen;
     }
     let of = |ids: &[&'static str]| -> Vec<Column> { ids.iter().map(|id| Column::benchmark(id)).collect() };
     let usual = match results.study.kind {

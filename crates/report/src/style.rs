@@ -21,10 +21,13 @@ pub struct TableStyle<'a> {
 impl TableStyle<'_> {
     /// Returns the columns of a table over these runs.
     pub(super) fn columns_of(&self, runs: &[Run<'_>]) -> Vec<Column> {
-        match self.columns {
-            [] => Column::used(&runs.iter().map(|run| run.summary).collect::<Vec<_>>(), self.also),
-            chosen => Column::with(chosen.to_vec(), self.also),
-        }
+        let used = || Column::used(&runs.iter().map(|run| run.summary).collect::<Vec<_>>(), self.also);
+        self.chosen().unwrap_or_else(used)
+    }
+
+    /// Returns the chosen columns and those in addition; `None` for the usual ones.
+    pub(super) fn chosen(&self) -> Option<Vec<Column>> {
+        (!self.columns.is_empty()).then(|| Column::with(self.columns.to_vec(), self.also))
     }
 
     /// Returns whether a metric was chosen, for formats that otherwise hold every metric.

@@ -8,7 +8,7 @@ use reactsim_external::RunOutline;
 use reactsim_rollout::Protocol;
 use serde::{Deserialize, Serialize};
 
-use super::file::{names, unknown_key};
+use super::file::{keys, names, unknown_key};
 use super::{RolloutSpec, RunSpec, split_metric_option};
 use crate::error::EvaluationError;
 
@@ -46,8 +46,8 @@ impl FromStr for Axis {
     type Err = String;
 
     /// Reads a text such as `replan=1hz,2hz`. The settings of a planner belong to its value:
-    /// `av=planner:idm,tracker=perfect,log` has two. `av.planner=idm` is `av=planner:idm`, and `simulators` are
-    /// `models`.
+    /// `av=planner:idm,tracker=perfect,log` has two. `av.planner=idm` is `av=planner:idm`, and `simulators`
+    /// are `models`.
     fn from_str(text: &str) -> Result<Self, String> {
         let (key, texts) = text
             .split_once('=')
@@ -119,7 +119,7 @@ impl RunSpec {
         if !known.iter().any(|name| name == key) {
             if !key.contains('.') {
                 let meant = format!("axes are {} and parameters of simulators", known.join(", "));
-                if names(&Self::augment_args(Command::new("keys"))).iter().any(|name| name == key) {
+                if keys().iter().any(|name| name == key) {
                     let shared =
                         "it is the same for all members of a study, as are the scenarios and what is kept";
                     return Err(refuse(key, format!("{shared}; {meant}")));

@@ -99,12 +99,12 @@ pub(crate) fn read(path: &Path) -> Result<RunSpec, String> {
     let invalid = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let text = fs::read_to_string(path).map_err(|error| invalid(&error))?;
     let table: toml::Table = toml::from_str(&text).map_err(|error| invalid(&error))?;
-    let names = names(&RunSpec::augment_args_for_update(Command::new("specification")));
+    let names = keys();
     if let Some(key) = table.keys().find(|key| !names.contains(key)) {
         let keys = "keys are the long names of the options that determine the results";
         return Err(invalid(&unknown_key(key, &names, keys)));
     }
-    // Each alone, because errors of flattened parts do not name the key.
+    // Errors of flattened structs do not name the key, so every key is first read by itself.
     for (key, value) in &table {
         let alone = toml::Table::from_iter([(key.clone(), value.clone())]);
         alone.try_into::<RunSpec>().map_err(|error| invalid(&format!("{key}: {}", error.message())))?;
@@ -113,6 +113,11 @@ pub(crate) fn read(path: &Path) -> Result<RunSpec, String> {
     let folder = path.parent().unwrap_or(Path::new(""));
     specification.change_paths(&|path| folder.join(path));
     Ok(specification)
+}
+
+/// Returns the keys of a specification.
+pub(super) fn keys() -> Vec<String> {
+    names(&RunSpec::augment_args_for_update(Command::new("specification")))
 }
 
 /// Returns the keys that the arguments of a command are.
