@@ -4,6 +4,7 @@
 mod batch;
 mod columns;
 mod compact;
+mod footer;
 mod group;
 mod pages;
 mod reader;

@@ -1,8 +1,10 @@
-//! The subset of the Apache Thrift compact protocol that headers of Parquet pages need.
+//! The subset of the Apache Thrift compact protocol that footers and headers of pages of Parquet need.
 
 /// Maximum nesting depth of structures.
 const MAX_DEPTH: u32 = 16;
 
+/// Field type of lists.
+pub(super) const LIST: u8 = 9;
 /// Field type of structures.
 pub(super) const STRUCTURE: u8 = 12;
 
@@ -41,6 +43,13 @@ impl<'a> CompactReader<'a> {
         Some((number >> 1) as i64 ^ -((number & 1) as i64))
     }
 
+    /// Reads the type of the elements of a list, and their number.
+    pub(super) fn list(&mut self) -> Option<(u8, u64)> {
+        let head = self.byte()?;
+        let count = if head >> 4 == 15 { self.unsigned()? } else { u64::from(head >> 4) };
+        Some((head & 15, count))
+    }
+
     /// Returns the value of a boolean field, which is part of its type.
     pub(super) fn flag(kind: u8) -> Option<bool> {
         match kind {
@@ -66,11 +75,10 @@ impl<'a> CompactReader<'a> {
                 let length = self.unsigned()?;
                 self.pass(length)?;
             }
-            9 | 10 => {
-                let head = self.byte()?;
-                let count = if head >> 4 == 15 { self.unsigned()? } else { u64::from(head >> 4) };
+            LIST | 10 => {
+                let (kind, count) = self.list()?;
                 for _ in 0..count {
-                    self.skip_element(head & 15, depth)?;
+                    self.skip_element(kind, depth)?;
                 }
             }
             STRUCTURE => {

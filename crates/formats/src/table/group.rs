@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use parquet::basic::{Compression, Encoding, Type};
 use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::errors::{ParquetError, Result};
-use parquet::file::metadata::ParquetMetaData;
+use parquet::file::metadata::RowGroupMetaData;
 use parquet::file::reader::ChunkReader;
 use parquet::file::serialized_reader::SerializedPageReader;
 use zstd::bulk::Decompressor;
@@ -17,8 +17,7 @@ use zstd::bulk::Decompressor;
 /// A row group in memory.
 pub(super) struct Group<'a, R> {
     pub(super) data: Arc<R>,
-    pub(super) metadata: &'a ParquetMetaData,
-    pub(super) index: usize,
+    pub(super) metadata: &'a RowGroupMetaData,
     /// For each column, the decompressed sizes of its pages in bytes; empty for columns that are not read.
     pub(super) sizes: Vec<Vec<usize>>,
     pub(super) zstd: Arc<Mutex<Decompressor<'static>>>,
@@ -27,15 +26,14 @@ pub(super) struct Group<'a, R> {
 impl<R: ChunkReader + 'static> Group<'_, R> {
     /// Returns the reader of the pages of a column.
     pub(super) fn pages(&self, column: usize) -> Result<Box<dyn PageReader>> {
-        let group = self.metadata.row_group(self.index);
-        let stored = group.column(column);
+        let stored = self.metadata.column(column);
         let zstd = matches!(stored.compression(), Compression::ZSTD(_)).then(|| Arc::clone(&self.zstd));
         let chunk = match &zstd {
             // The library passes pages on as they are stored.
             Some(_) => stored.clone().into_builder().set_compression(Compression::UNCOMPRESSED).build()?,
             None => stored.clone(),
         };
-        let rows = group.num_rows() as usize;
+        let rows = self.metadata.num_rows() as usize;
         let pages = SerializedPageReader::new(Arc::clone(&self.data), &chunk, rows, None)?;
         let (sizes, descriptor) = (self.sizes[column].clone().into_iter(), stored.column_descr());
         let has_levels = [descriptor.max_rep_level() > 0, descriptor.max_def_level() > 0];

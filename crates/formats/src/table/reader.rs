@@ -11,21 +11,19 @@ use parking_lot::Mutex;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
+use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::reader::{ChunkReader, Length};
 use reactsim_files::open_regular;
 use zstd::bulk::Decompressor;
 
 use super::batch::{Batch, Decoder};
-use super::compact::{CompactReader, STRUCTURE};
+use super::footer::Footer;
 use super::group::Group;
 use super::{GROUP_CHECKSUMS, KIND, MAX_GROUP_ROWS, METADATA_CHECKSUM, VERSION, pages};
 use crate::error::{Cause, FormatError};
 
 /// Number of rows that are decoded at a time.
 const BATCH_SIZE: usize = 64;
-/// Maximum size of the footer in bytes.
-const MAX_FOOTER_SIZE: u64 = 1 << 28;
 /// Maximum memory in bytes for the decompressed pages of a row group, summed over its columns.
 const MAX_GROUP_MEMORY: u64 = 1 << 30;
 
@@ -33,7 +31,9 @@ const MAX_GROUP_MEMORY: u64 = 1 << 30;
 pub struct TableReader {
     path: PathBuf,
     file: Box<dyn Input>,
+    /// Of the file, without row groups.
     metadata: ArrowReaderMetadata,
+    footer: Footer,
     groups: Vec<RowGroup>,
     /// Index of the next row group.
     next: usize,
@@ -71,13 +71,14 @@ impl TableReader {
 
     pub(super) fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
-        let (metadata, length) = footer(&mut *file).map_err(refuse)?;
-        let groups = groups(&metadata, length).map_err(refuse)?;
+        let (footer, length) = Footer::read(&mut *file).map_err(refuse)?;
+        let metadata = footer.file().map_err(refuse)?;
+        let groups = groups(&footer, &metadata, length).map_err(refuse)?;
         let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
         let metadata =
             guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
         let path = path.to_owned();
-        Ok(Self { path, file, metadata, groups, next: 0, columns: &[], decoder: None, rows: 0 })
+        Ok(Self { path, file, metadata, footer, groups, next: 0, columns: &[], decoder: None, rows: 0 })
     }
 
     /// Returns a value of the file's metadata.
@@ -180,7 +181,7 @@ impl TableReader {
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
         let data = load(&mut *self.file, group)?;
-        let mut decoder = data.decode(&self.metadata, index, columns)?;
+        let mut decoder = data.decode(&self.metadata, &self.footer.group(index)?, columns)?;
         guarded(|| decoder.read(group.rows))
     }
 
@@ -201,7 +202,8 @@ impl TableReader {
             self.decoder = None;
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
-            self.decoder = Some(data.decode(&self.metadata, self.next, self.columns)?);
+            let decoded = self.footer.group(self.next)?;
+            self.decoder = Some(data.decode(&self.metadata, &decoded, self.columns)?);
             self.rows = group.rows;
             self.next += 1;
         }
@@ -219,8 +221,8 @@ fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
 /// Returns the kind of a Parquet file from its metadata: `Ok(None)` if there is none, `Err` if the footer
 /// cannot be read.
 pub fn kind(path: &Path) -> Result<Option<String>, Cause> {
-    let (metadata, _) = footer(&mut open_regular(path).map_err(Cause::read)?)?;
-    Ok(find(&metadata, KIND).map(str::to_owned))
+    let (footer, _) = Footer::read(&mut open_regular(path).map_err(Cause::read)?)?;
+    Ok(find(&footer.file()?, KIND).map(str::to_owned))
 }
 
 fn find<'a>(metadata: &'a ParquetMetaData, key: &str) -> Option<&'a str> {
@@ -229,7 +231,7 @@ fn find<'a>(metadata: &'a ParquetMetaData, key: &str) -> Option<&'a str> {
 }
 
 /// Calls the Parquet library and turns panics into errors: the library does not check all of its input.
-fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause> {
+pub(super) fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause> {
     match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(Cause::Undecodable(error.to_string())),
@@ -237,38 +239,13 @@ fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, Cause>
     }
 }
 
-fn footer(file: &mut dyn Input) -> Result<(ParquetMetaData, u64), Cause> {
-    let length = file.seek(SeekFrom::End(0)).map_err(Cause::read)?;
-    if length < 12 {
-        return Err(Cause::Truncated { what: "the Parquet file", found: length, expected: 12 });
-    }
-    let mut tail = [0; 8];
-    file.seek(SeekFrom::End(-8)).and_then(|_| file.read_exact(&mut tail)).map_err(Cause::read)?;
-    let [a, b, c, d, magic @ ..] = tail;
-    if &magic != b"PAR1" {
-        let why = "it does not end with the Parquet mark `PAR1`; the file may be truncated";
-        return Err(Cause::Undecodable(why.into()));
-    }
-    let bytes = u64::from(u32::from_le_bytes([a, b, c, d]));
-    if bytes > MAX_FOOTER_SIZE || bytes + 12 > length {
-        return Err(Cause::value("the length of the Parquet footer", bytes, "less than the file holds"));
-    }
-    let mut data = Vec::new();
-    file.seek(SeekFrom::End(-8 - bytes as i64)).map_err(Cause::read)?;
-    Read::take(file, bytes).read_to_end(&mut data).map_err(Cause::read)?;
-    // The library trusts the stated lengths of lists that it skips.
-    let valid = CompactReader::new(&data).skip(STRUCTURE);
-    valid.ok_or_else(|| Cause::Undecodable("the Parquet footer is damaged; fetch the file again".into()))?;
-    let metadata = guarded(|| ParquetMetaDataReader::decode_metadata(&data))?;
-    Ok((metadata, length - 8 - bytes))
-}
-
 /// Returns the row groups; every number is checked against the length of the data.
-fn groups(metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
+fn groups(footer: &Footer, metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
     let wrong = |what: &str| Cause::Undecodable(format!("the footer is inconsistent: {what}"));
-    let mut groups = Vec::with_capacity(metadata.num_row_groups());
+    let mut groups = Vec::with_capacity(footer.groups());
     let mut total = 0i64;
-    for group in metadata.row_groups() {
+    for index in 0..footer.groups() {
+        let group = footer.group(index)?;
         let (mut first, mut last) = (u64::MAX, 0);
         for column in group.columns() {
             if column.file_path().is_some() {
@@ -341,35 +318,26 @@ struct RowGroupData {
 }
 
 impl RowGroupData {
-    /// Begins to decode these columns, or all if `columns` is empty. `index` is that of the row group.
+    /// Begins to decode these columns, or all if `columns` is empty, of a row group with these metadata.
     fn decode(
         self,
         metadata: &ArrowReaderMetadata,
-        index: usize,
+        group: &RowGroupMetaData,
         columns: &[&str],
     ) -> Result<Decoder, Cause> {
         let mask = mask(metadata, columns);
-        let sizes = self.check(metadata.metadata(), index, &mask)?;
+        let sizes = self.check(group, &mask)?;
         guarded(|| {
             let zstd = Arc::new(Mutex::new(Decompressor::new()?));
-            Decoder::new(
-                metadata,
-                &mask,
-                &Group { data: Arc::new(self), metadata: metadata.metadata(), index, sizes, zstd },
-            )
+            Decoder::new(metadata, &mask, &Group { data: Arc::new(self), metadata: group, sizes, zstd })
         })
     }
 
     /// Checks that the pages of these columns can be decompressed within bounds, and returns the sizes that
     /// the pages of each column state, in bytes.
-    fn check(
-        &self,
-        metadata: &ParquetMetaData,
-        index: usize,
-        mask: &ProjectionMask,
-    ) -> Result<Vec<Vec<usize>>, Cause> {
+    fn check(&self, group: &RowGroupMetaData, mask: &ProjectionMask) -> Result<Vec<Vec<usize>>, Cause> {
         let (mut total, mut sizes) = (0_u64, Vec::new());
-        for (leaf, column) in metadata.row_group(index).columns().iter().enumerate() {
+        for (leaf, column) in group.columns().iter().enumerate() {
             if !mask.leaf_included(leaf) {
                 sizes.push(Vec::new());
                 continue;
