@@ -11,12 +11,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use mimalloc::MiMalloc;
 use reactsim::evaluation::Source;
 use reactsim::formats;
 use reactsim::metrics::{self, Case, METRICS, Options};
 use reactsim::models::MODELS;
 use reactsim::rollout::{Av, Controller, DeviatedAv, Request, Rollout, ScriptedAv, Settings, roll_out};
 use reactsim::scene::Scenario;
+
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Number of scenarios.
 const SCENARIOS: usize = 24;

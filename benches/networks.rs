@@ -14,6 +14,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use burn::module::Module;
 use burn::tensor::{Device, Distribution, Tensor};
+use mimalloc::MiMalloc;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::formats;
@@ -37,6 +38,10 @@ use reactsim::models::vbd::{VbdParameters, VbdSimulator};
 use reactsim::rollout::{Controller, LogAv, Request, Rollout, Settings, Simulator, roll_out};
 use reactsim::scene::{CURRENT, Frame, LightState, Scenario};
 use reactsim::training::Task;
+
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Number of rounds of every measurement.
 const ROUNDS: usize = 15;

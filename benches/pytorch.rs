@@ -8,11 +8,16 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use mimalloc::MiMalloc;
 use reactsim::formats;
 use reactsim::models::nn::device;
 use reactsim::models::ntp::reactive::{CachedStep, Policy};
 use reactsim::models::perception::KnownMotion;
 use serde_json::{Value, json};
+
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Frame of the measured step, and the time between two steps.
 const FRAME: usize = 40;

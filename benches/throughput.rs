@@ -16,6 +16,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
+use mimalloc::MiMalloc;
 use reactsim::curation::{CurationOutcome, CurationSettings, SOURCES, curate_scenario};
 use reactsim::evaluation::{
     self, Execution, FileRecord, Outcome, PlannedSimulator, RunFolder, RunParts, RunSpec, Source,
@@ -26,6 +27,10 @@ use reactsim::metrics::{self, Case, Options};
 use reactsim::models;
 use reactsim::rollout::{Controller, Request, Rollout, ScriptedAv, Settings, roll_out};
 use reactsim::scene::{FUTURE, MAX_AGENTS, Scenario};
+
+// As in the program.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Number of rounds of every measurement on one thread, and of whole runs.
 const ROUNDS: usize = 5;
