@@ -202,6 +202,7 @@ mod tests {
     use reactsim_scene::levels::LEVEL_GAP;
 
     use super::*;
+    use crate::maps::build::cross;
     use crate::maps::validate::{Rule, validate};
 
     #[test]
@@ -226,7 +227,7 @@ mod tests {
             for (high, up) in lanes().filter(|(l, _)| l.id.starts_with("above")) {
                 for (i, a) in low.points.windows(2).enumerate() {
                     for (k, b) in high.points.windows(2).enumerate() {
-                        if super::super::validate::crossing::cross(a[0], a[1], b[0], b[1]).is_some() {
+                        if cross(a[0], a[1], b[0], b[1]).is_some() {
                             found.push((z[i], up[k]));
                         }
                     }

@@ -5,8 +5,7 @@ use reactsim_scene::LaneClass;
 
 use super::corner::{CROSSWALK_WIDTH, Corner, STOP_LINE_GAP};
 use super::street::Port;
-use crate::maps::build::{LaneRef, MARGIN, MapBuilder, Pose, Spec, Station, ribbon};
-use crate::maps::validate::crossing::cross;
+use crate::maps::build::{LaneRef, MARGIN, MapBuilder, Pose, Spec, Station, cross, ribbon};
 
 /// A junction of up to four streets. Arms are numbered counter-clockwise; opposite arms differ by two, and
 /// some may be missing.

@@ -2,24 +2,14 @@
 
 use reactsim_geometry::Vec2;
 
+use crate::maps::build::cross;
+
 /// A segment of a line, with the number of the line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub(super) a: Vec2,
     pub(super) b: Vec2,
     pub(super) id: usize,
-}
-
-/// Returns the intersection of two segments. A segment includes the border of its left side, so that a line
-/// through a corner crosses once.
-pub(in super::super) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2> {
-    let (ab, cd) = (b - a, d - c);
-    let (of_c, of_d) = (ab.perp(&(c - a)), ab.perp(&(d - a)));
-    let (of_a, of_b) = (cd.perp(&(a - c)), cd.perp(&(b - c)));
-    if (of_c >= 0.0) == (of_d >= 0.0) || (of_a >= 0.0) == (of_b >= 0.0) {
-        return None;
-    }
-    Some(c + cd * (of_c / (of_c - of_d)))
 }
 
 /// Returns the first crossing of two pieces that `apart` allows to be compared, found by a sweep along the

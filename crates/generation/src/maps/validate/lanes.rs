@@ -26,10 +26,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
 
 fn links(survey: &Survey<'_>, lane: &TracedLane<'_>, flaws: &mut Flaws) {
     for id in &lane.part.successors {
-        let Some(next) = survey.find(id).map(|i| &survey.lanes[i]) else {
-            flaws.add(Rule::Link, lane.id(), lane.end(), format!("successor `{id}` is no lane"));
-            continue;
-        };
+        let next = survey.lane(id);
         if !next.part.predecessors.contains(&lane.part.id) {
             flaws.add(Rule::Link, lane.id(), lane.end(), format!("successor `{id}` does not link back"));
         }
@@ -46,10 +43,8 @@ fn links(survey: &Survey<'_>, lane: &TracedLane<'_>, flaws: &mut Flaws) {
         }
     }
     for id in &lane.part.predecessors {
-        let back = survey.find(id).is_some_and(|i| survey.lanes[i].part.successors.contains(&lane.part.id));
-        if !back {
-            let found = format!("predecessor `{id}` does not exist or does not link to it");
-            flaws.add(Rule::Link, lane.id(), lane.start(), found);
+        if !survey.lane(id).part.successors.contains(&lane.part.id) {
+            flaws.add(Rule::Link, lane.id(), lane.start(), format!("predecessor `{id}` does not link to it"));
         }
     }
     let mut linked: Vec<&String> = lane.part.successors.iter().chain(&lane.part.predecessors).collect();
@@ -113,7 +108,7 @@ fn outline(lane: &TracedLane<'_>, flaws: &mut Flaws) {
     all.extend(within);
     if let Some(at) = first_crossing(&all, |a, b| (a < around) != (b < around)) {
         flaws.add(Rule::Outline, lane.id(), at, "the centre line leaves the outline");
-    } else if !lane.area.contains(middle) {
+    } else if !lane.contains(middle, 0.0) {
         flaws.add(Rule::Outline, lane.id(), middle, "the centre line is outside the outline");
     }
 }
