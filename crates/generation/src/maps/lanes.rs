@@ -10,14 +10,12 @@ use crate::{Draw, Layout, RightOfWay};
 
 /// Draws a road on which the rightmost lane ends.
 pub(super) fn dropped(rng: &mut Stream) -> Layout {
-    let wide = LaneCountChange::draw(rng);
-    wide.layout(rng, true)
+    LaneCountChange::draw(rng).layout(rng, true)
 }
 
 /// Draws a road on which a lane begins on the right.
 pub(super) fn added(rng: &mut Stream) -> Layout {
-    let wide = LaneCountChange::draw(rng);
-    wide.layout(rng, false)
+    LaneCountChange::draw(rng).layout(rng, false)
 }
 
 /// A road whose forward side has one additional lane before (or after) a taper.

@@ -20,7 +20,7 @@ pub enum Direction {
 
 impl Direction {
     /// Returns the sign of offsets on this side: negative to the right.
-    fn sign(self) -> f64 {
+    pub(in crate::maps) fn sign(self) -> f64 {
         match self {
             Self::Forward => -1.0,
             Self::Backward => 1.0,
@@ -170,7 +170,7 @@ impl Road {
         Self { path, section }
     }
 
-    fn side(&self, direction: Direction) -> Option<&Side> {
+    pub(in crate::maps) fn side(&self, direction: Direction) -> Option<&Side> {
         match direction {
             Direction::Forward => Some(&self.section.forward),
             Direction::Backward => self.section.backward.as_ref(),
