@@ -4,7 +4,6 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use reactsim::curation::benchmark::{ANY_GROUP, BenchmarkError, Entry, MISSING, Recipe};
-use reactsim::curation::driver::CurationObserver;
 use reactsim::curation::{CurationProvenance, CurationSettings, PROPORTIONS, SOURCES, in_proportion, store};
 use reactsim::formats::{self, FormatError, native};
 use reactsim::generation::GenerationError;
@@ -12,10 +11,6 @@ use reactsim::geometry::{Polygon, Vec2};
 use reactsim::scene::{CURRENT, MapParts, Scenario};
 
 use crate::scenes::{arc, car, join, lane, line, scene};
-
-struct Silent;
-
-impl CurationObserver for Silent {}
 
 fn groups() -> Vec<String> {
     ["fork", "road"].map(|g| format!("generated/{g}")).to_vec()
@@ -88,7 +83,8 @@ fn make(
         stop.store(entries.len() >= stop_after, Ordering::Relaxed);
         Ok::<_, FormatError>(())
     };
-    let done = recipe.run(scenario, CurationProvenance::default(), take, &Silent, &stop);
+    let tried = (0, std::iter::empty());
+    let done = recipe.run(tried, scenario, CurationProvenance::default(), take, &(), &stop);
     (entries, done)
 }
 
@@ -182,7 +178,8 @@ fn a_benchmark_ends_with_what_can_be_had() {
             Ok::<_, FormatError>(())
         };
         let stop = AtomicBool::new(false);
-        let done = recipe.run(scenario, CurationProvenance::default(), take, &Silent, &stop);
+        let tried = (0, std::iter::empty());
+        let done = recipe.run(tried, scenario, CurationProvenance::default(), take, &(), &stop);
         (taken, done)
     };
     let none = |number| Err(GenerationError(format!("{number}: no driver can be the AV")));
