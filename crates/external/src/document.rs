@@ -220,8 +220,7 @@ impl Frame {
     /// # Errors
     /// [`DocumentError`] if it is missing.
     pub fn shape(&self, name: &str) -> Result<&[usize], DocumentError> {
-        let missing = || DocumentError(format!("there is no tensor `{name}`"));
-        Ok(&self.header.info(name).ok_or_else(missing)?.shape)
+        Ok(&self.tensor(name)?.0.shape)
     }
 
     /// Returns the numbers of a tensor of `f64` or `f32` with this shape.

@@ -50,7 +50,7 @@ impl Worker {
 /// The workers of one simulator. Those that no thread uses wait here; a worker that broke is replaced when
 /// the next batch begins.
 pub(super) struct Workers {
-    settings: ExternalSettings,
+    pub(super) settings: ExternalSettings,
     outline: RunOutline,
     role: Role,
     pub(super) stderr: Stderr,
@@ -58,6 +58,7 @@ pub(super) struct Workers {
     returned: Condvar,
 }
 
+#[derive(Default)]
 struct State {
     /// Workers that are free; `None` is one that must be started.
     free: Vec<Option<Worker>>,
@@ -77,15 +78,7 @@ struct State {
 impl Workers {
     pub(super) fn new(settings: ExternalSettings, outline: RunOutline, role: Role) -> Self {
         let free = (0..settings.workers).map(|_| None).collect();
-        let state = State {
-            free,
-            description: None,
-            started: 0,
-            failed_starts: 0,
-            given_up: None,
-            failing: Vec::new(),
-            faults: None,
-        };
+        let state = State { free, ..State::default() };
         let (stderr, returned) = (Stderr::default(), Condvar::new());
         Self { settings, outline, role, stderr, state: Mutex::new(state), returned }
     }
