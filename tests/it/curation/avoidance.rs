@@ -461,12 +461,6 @@ fn an_agent_with_gaps_in_its_log_is_no_trouble() {
 }
 
 #[test]
-fn the_same_question_has_the_same_answer() {
-    let (scenario, av) = crossing(45.0);
-    assert_eq!(found(&scenario, &av), found(&scenario, &av));
-}
-
-#[test]
 fn certificates_of_real_logs_hold() {
     let scenarios = real(24);
     if scenarios.is_empty() {

@@ -7,9 +7,9 @@ use reactsim_rollout::Stream;
 use reactsim_scene::dynamics::{AxlePath, speeds};
 use reactsim_scene::{AgentState, DT};
 
+use super::Draft;
 use super::routes::{Branch, PathEntry};
 use super::survey::Survey;
-use super::{Draft, between};
 
 /// Slowest cruising speed, m/s.
 const MIN_CRUISE_SPEED: f64 = 2.5;
@@ -41,17 +41,17 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     let branch = &survey.branches[stream.random_range(0..survey.branches.len())];
     let speed = survey.speed();
     let wait = if speed < 1.0 {
-        between(stream, 0.0, 4.0)
+        stream.random_range(0.0..4.0)
     } else if stream.random_bool(0.3) {
-        between(stream, 0.5, 2.5)
+        stream.random_range(0.5..2.5)
     } else {
         0.0
     };
-    let mut plan = SpeedPlan { gain: between(stream, 1.2, 2.5), wait, halt: None };
+    let mut plan = SpeedPlan { gain: stream.random_range(1.2..2.5), wait, halt: None };
     let most = survey.limit.clamp(4.0, MAX_CRUISE_SPEED);
     // Cruise between walking speed and the limit, rather near the current speed; or so as to arrive
     // where another vehicle enters the path.
-    let free = (speed.max(4.0) * between(stream, 0.5, 1.5)).clamp(3.0, most);
+    let free = (speed.max(4.0) * stream.random_range(0.5..1.5)).clamp(3.0, most);
     let cruise = if !branch.path_entries.is_empty() && stream.random_bool(0.75) {
         let PathEntry { s, time } = branch.path_entries[stream.random_range(0..branch.path_entries.len())];
         if stream.random_bool(0.3) {
