@@ -171,7 +171,7 @@ impl Access {
         let Some(pavement) = street.side(self.direction).and_then(|s| s.pavement) else { return };
         let offset = street.pavement_offset(self.direction);
         let line: Vec<Vec2> = street.line(self.direction, offset, self.s - self.gap, self.s + self.gap);
-        let crossed = b.lanes_across(&line, 0.0);
+        let crossed = b.lanes_across(&line);
         b.crossing(line, pavement.width, &crossed, &[]);
     }
 }

@@ -75,7 +75,7 @@ impl LaneCountChange {
         }
         self.ground(&mut b, first, last, cuts);
         self.enter(&mut b, rng, &before, &after);
-        b.finish(if drop { "lane-drop" } else { "lane-addition" })
+        b.finish()
     }
 
     /// Lays the lane that merges into its neighbour, or emerges from it.

@@ -60,8 +60,8 @@ pub(super) fn overpass(rng: &mut Stream) -> Layout {
     let middle = 0.5 * path.length();
     let above = Road::new(path.placed(middle, Vec2::zeros(), heading), section);
 
-    let mut low = whole(rng, &below, "below").finish("overpass");
-    let mut high = whole(rng, &above, "above").finish("overpass");
+    let mut low = whole(rng, &below, "below").finish();
+    let mut high = whole(rng, &above, "above").finish();
     set_heights(&mut low, |_| 0.0);
     set_heights(&mut high, |p| bridge.height((above.path.nearest(p) - middle).abs()));
     append(&mut low, high);

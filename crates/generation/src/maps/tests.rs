@@ -53,7 +53,6 @@ fn maps_are_sound() {
 fn a_seed_is_a_map() {
     for kind in all() {
         let layout = draw(kind, 3);
-        assert_eq!(layout.kind, kind.id);
         assert_eq!(layout.map, draw(kind, 3).map);
         assert_ne!(layout.map.lanes, draw(kind, 4).map.lanes);
     }
@@ -61,12 +60,15 @@ fn a_seed_is_a_map() {
 
 #[test]
 fn roads_are_long() {
-    each(roads(), 30, |layout| {
-        let bounds = Bounds::of(layout.map.lanes.iter().flat_map(|l| l.points.iter().copied()));
-        let long = if layout.kind.contains("ramp") || layout.kind == "weaving" { 590.0 } else { 345.0 };
-        let reach = (bounds.max - bounds.min).norm();
-        if reach < long { Err(format!("{reach} m from corner to corner")) } else { Ok(()) }
-    });
+    for kind in roads() {
+        let long = if kind.id.contains("ramp") || kind.id == "weaving" { 590.0 } else { 345.0 };
+        for seed in 0..30 {
+            let layout = draw(kind, seed);
+            let bounds = Bounds::of(layout.map.lanes.iter().flat_map(|l| l.points.iter().copied()));
+            let reach = (bounds.max - bounds.min).norm();
+            assert!(reach >= long, "{} {seed}: {reach} m from corner to corner", kind.id);
+        }
+    }
 }
 
 #[test]

@@ -209,7 +209,7 @@ impl Junction {
             }
             if self.crosswalks[slot] {
                 let line = vec![nodes[k][1], nodes[k][0]];
-                let crossed = b.lanes_across(&line, 0.0);
+                let crossed = b.lanes_across(&line);
                 b.crossing(line, CROSSWALK_WIDTH, &crossed, &waits(slot));
             }
         }

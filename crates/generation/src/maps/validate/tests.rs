@@ -88,7 +88,6 @@ fn sound() -> Layout {
         waits_for: Vec::new(),
     };
     Layout {
-        kind: "test".into(),
         map: MapParts {
             lanes,
             road_edges: vec![
