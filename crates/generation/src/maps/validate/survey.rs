@@ -2,13 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_geometry::{Bounds, Grid, PolygonIndex, Polyline, RingIndex, Vec2};
+use reactsim_geometry::{Bounds, PolygonIndex, Polyline, RingIndex, Vec2};
 use reactsim_scene::{LaneArea, LaneKind, LaneParts};
 
 use super::Layout;
-use super::crossing::open_ring;
+use super::crossing::crossings;
 use crate::heights::{height_at, on_different_levels};
-use crate::maps::build::cross;
 
 /// A lane with its centre line and its area.
 pub(super) struct TracedLane<'a> {
@@ -61,6 +60,11 @@ impl TracedLane<'_> {
 
     pub(super) fn is_connector(&self) -> bool {
         self.part.kind == LaneKind::Connector
+    }
+
+    /// Returns the segments of the centre line.
+    pub(super) fn segments(&self) -> impl Iterator<Item = (Vec2, Vec2)> {
+        (0..self.line.segments()).map(|i| self.line.segment(i))
     }
 
     /// Returns the unit direction of segment `i`.
@@ -165,25 +169,18 @@ impl<'a> Survey<'a> {
     }
 
     fn find_meetings(&self) -> BTreeMap<(usize, usize), Vec2> {
-        let mut pieces: Vec<(usize, Vec2, Vec2)> = Vec::new();
+        let (mut pieces, mut lane_of) = (Vec::new(), Vec::new());
         for (i, lane) in self.lanes.iter().enumerate() {
-            pieces.extend(lane.line.points().windows(2).map(|w| (i, w[0], w[1])));
+            pieces.extend(lane.segments());
+            lane_of.resize(pieces.len(), i);
         }
-        let bounds: Vec<Bounds> = pieces.iter().map(|p| Bounds::of([p.1, p.2])).collect();
-        let grid = Grid::new(&bounds, 4.0);
         let mut met = BTreeMap::new();
-        for (k, &(i, a, b)) in pieces.iter().enumerate() {
-            grid.visit(&bounds[k], |m| {
-                let (j, c, d) = pieces[m as usize];
-                if i < j
-                    && bounds[k].intersects(&bounds[m as usize])
-                    && let Some(at) = cross(a, b, c, d).filter(|_| !self.related(i, j))
-                    && !self.lanes[i].is_apart(&self.lanes[j], at)
-                {
-                    met.entry((i, j)).or_insert(at);
-                }
-            });
-        }
+        crossings(&pieces, |k, m, at| {
+            let (i, j) = (lane_of[k], lane_of[m]);
+            if i != j && !self.related(i, j) && !self.lanes[i].is_apart(&self.lanes[j], at) {
+                met.entry((i, j)).or_insert(at);
+            }
+        });
         let mut into: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for (i, lane) in self.lanes.iter().enumerate() {
             for next in &lane.part.successors {
@@ -213,7 +210,14 @@ impl<'a> Survey<'a> {
 /// Returns the outline of a lane as an open ring.
 fn outline(part: &LaneParts, line: &Polyline) -> Vec<Vec2> {
     match &part.area {
-        LaneArea::Polygon(ring) => open_ring(ring),
+        LaneArea::Polygon(ring) => {
+            let mut ring = ring.clone();
+            ring.dedup();
+            if ring.len() > 1 && ring.first() == ring.last() {
+                ring.pop();
+            }
+            ring
+        }
         LaneArea::Corridor { half_width } => {
             let right = line.aside(-half_width);
             let left = line.aside(*half_width);
