@@ -103,10 +103,7 @@ fn leaving(end: usize) -> Direction {
 
 impl Street {
     pub(super) fn side(&self, direction: Direction) -> &Side {
-        match direction {
-            Direction::Forward => &self.road.section.forward,
-            Direction::Backward => self.road.section.backward.as_ref().unwrap_or(&self.road.section.forward),
-        }
+        self.road.side(direction).unwrap_or(&self.road.section.forward)
     }
 
     pub(super) fn pocket_width(&self, direction: Direction) -> f64 {
