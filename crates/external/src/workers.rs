@@ -173,37 +173,31 @@ impl Workers {
     }
 
     fn start(&self) -> Result<Worker, String> {
-        let started = self.greet();
+        let greeted = self.greet();
         let mut state = self.state.lock();
-        let result = match started {
-            Ok((connection, description)) => match &state.description {
-                Some(first) if *first != description => Err(format!(
+        let worker = greeted.and_then(|(connection, description)| {
+            let first = state.description.get_or_insert_with(|| description.clone());
+            if *first == description {
+                Ok(Worker { connection, has_planned: false, next_episode: 0 })
+            } else {
+                Err(format!(
                     "a new process states {description:?}, the first one stated {first:?}; \
                      all must be the same"
-                )),
-                _ => {
-                    state.description.get_or_insert(description);
-                    Ok(Worker { connection, has_planned: false, next_episode: 0 })
-                }
-            },
-            Err(reason) => Err(reason),
-        };
-        match result {
-            Ok(worker) => {
-                state.failed_starts = 0;
-                Ok(worker)
+                ))
             }
-            Err(reason) => {
-                state.failed_starts += 1;
-                if state.failed_starts >= MOST_FAILED_STARTS || self.is_parent() {
-                    state.given_up = Some(reason.clone());
-                }
-                state.free.push(None);
-                drop(state);
-                self.returned.notify_all();
-                Err(reason)
+        });
+        if let Err(reason) = &worker {
+            state.failed_starts += 1;
+            if state.failed_starts >= MOST_FAILED_STARTS || self.is_parent() {
+                state.given_up = Some(reason.clone());
             }
+            state.free.push(None);
+            drop(state);
+            self.returned.notify_all();
+        } else {
+            state.failed_starts = 0;
         }
+        worker
     }
 
     /// Opens a connection and exchanges greetings.
