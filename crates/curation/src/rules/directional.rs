@@ -8,7 +8,7 @@ use reactsim_scene::dynamics::{AxlePath, speeds};
 use reactsim_scene::{AgentState, DT};
 
 use super::Draft;
-use super::routes::{Branch, PathEntry};
+use super::routes::PathEntry;
 use super::survey::Survey;
 
 /// Slowest cruising speed, m/s.
@@ -65,7 +65,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
         free
     };
     let waits = if wait > 0.0 { format!(" after {wait:.1} s") } else { String::new() };
-    let future = drive(survey, branch, &plan, cruise);
+    let future = survey.follow(&branch.path, &desired_speeds(survey, &plan, cruise));
     let fastest = future.iter().map(AgentState::speed).fold(0.0, f64::max);
     let stops = if plan.halt.is_some() { " and stop" } else { "" };
     let maneuver = format!("{}{stops}, up to {fastest:.1} m/s{waits}", branch.name());
@@ -117,8 +117,4 @@ pub(super) fn desired_speeds(survey: &Survey<'_>, plan: &SpeedPlan, cruise: f64)
         }
     }
     desired
-}
-
-fn drive(survey: &Survey<'_>, branch: &Branch, plan: &SpeedPlan, cruise: f64) -> Vec<AgentState> {
-    survey.follow(&branch.path, &desired_speeds(survey, plan, cruise))
 }
