@@ -74,7 +74,7 @@ pub(super) fn check_batches(
         say(format_args!(
             "{}: {compared} scenarios together, at most {} per batch, and one at a time: positions differ by \
              at most {largest} m",
-            simulator.name(),
+            simulator.processes().name(),
             simulator.batch(),
         ));
     }

@@ -1,7 +1,6 @@
 //! `reactsim generate`: synthetic scenarios.
 
 mod bench;
-mod files;
 mod job;
 mod manifest;
 mod partition;
@@ -11,17 +10,12 @@ mod tried;
 pub(super) use job::GenerateArgs;
 pub(super) use partition::merge;
 
-use std::ops::ControlFlow;
-
 use self::bench::bench;
-use self::files::GeneratedFiles;
-use self::job::{Job, finish};
+use self::job::{GeneratedFiles, Job, finish, write_all};
 use super::output::{ExitStatus, stop_on_interrupt};
 use super::progress::Progress;
-use crate::curation::driver::CurationObserver;
-use crate::formats::FormatError;
 use crate::formats::native::Writer;
-use crate::generation::{Ending, Generator, Preset, in_order};
+use crate::generation::{Ending, Generator, Preset};
 
 pub(super) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
     if let Some(partition) = args.partition.partition {
@@ -39,33 +33,16 @@ pub(super) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
     finish(args, &generated?)
 }
 
-/// Writes scenarios 0 to below `wanted` as generated. Scenarios that cannot be generated are
-/// reported and left out.
+/// Writes scenarios 0 to below `wanted` as generated.
 fn train(job: Job<'_>) -> anyhow::Result<GeneratedFiles> {
-    let Job { settings, wanted, jobs, out, progress, stop } = job;
     // Report every input error before the first scenario.
-    let generator = Generator::new(settings.clone())?;
-    let mut writer = Writer::create(out)?;
-    progress.set_total(Some(wanted as usize));
-    let mut counts = (0, 0);
-    let generate = |_: &(usize, usize), number| generator.scenario(number);
-    let ending = in_order(u64::from(wanted), jobs, stop, &mut counts, generate, |counts, _, scenario| {
-        match scenario {
-            Ok(scenario) => {
-                writer.write(&scenario)?;
-                counts.0 += 1;
-            }
-            Err(error) => {
-                progress.failed(&error.to_string());
-                counts.1 += 1;
-            }
-        }
-        progress.scenario_done(counts.0 + counts.1);
-        Ok::<_, FormatError>(ControlFlow::Continue(()))
-    })?;
-    let (written, failed) = counts;
+    let generator = Generator::new(job.settings.clone())?;
+    let mut writer = Writer::create(job.out)?;
+    job.progress.set_total(Some(job.wanted as usize));
+    let numbers = 0..u64::from(job.wanted);
+    let (ending, written, failed) = write_all(job, &generator, numbers, |scenario| writer.write(scenario))?;
     let interrupted = ending == Ending::Stopped;
-    let mut file = out.to_owned();
+    let mut file = job.out.to_owned();
     if written > 0 && interrupted {
         file = writer.finish_part()?;
     } else if written > 0 {

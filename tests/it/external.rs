@@ -150,7 +150,8 @@ fn it_gives_the_rows_of_the_baseline_on_any_number_of_workers_and_threads() {
         for (batch, workers, jobs) in [(1, 1, 1), (4, 2, 3), (5, 3, 2), (100, 1, 2)] {
             let settings = ExternalSettings { batch: Some(batch), workers, ..child.settings("", LONG) };
             let simulator = ExternalSimulator::start(settings, outline(protocol)).unwrap();
-            assert_eq!((simulator.batch(), simulator.description().name.as_str()), (batch, "child"));
+            let name = simulator.processes().description().name.as_str();
+            assert_eq!((simulator.batch(), name), (batch, "child"));
             let plan = plan_of(vec![PlannedSimulator::external(simulator, None).unwrap()], protocol);
             let (rows, failures) = run(&plan, jobs);
             assert_eq!(failures, BTreeMap::new());

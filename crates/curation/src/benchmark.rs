@@ -96,25 +96,12 @@ impl Recipe<'_> {
     /// with what was taken, and the provenance states what is missing ([`MISSING`]). Scenarios of which
     /// nothing can be taken any more, whatever their candidates, are not counted in the funnel.
     ///
-    /// # Errors
-    /// [`BenchmarkError`] if not a single scenario can be taken, and the first error of `take`.
-    pub fn run(
-        &self,
-        scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
-        base: CurationProvenance,
-        take: impl FnMut(Entry) -> Result<(), FormatError>,
-        observer: &dyn CurationObserver,
-        stop: &AtomicBool,
-    ) -> Result<CurationProvenance, BenchmarkError> {
-        self.run_with((0, std::iter::empty()), scenario, base, take, observer, stop)
-    }
-
-    /// Like [`Self::run`], with scenarios that were tried before: their number, and the outcomes of scenarios
-    /// 0, 1, …, each one the scenario or the reason why it could not be generated.
+    /// `tried` has the scenarios that were tried before: their number, and the outcomes of scenarios 0, 1, …,
+    /// each one the scenario or the reason why it could not be generated.
     ///
     /// # Errors
-    /// As for [`Self::run`], and the first error of `tried`.
-    pub fn run_with(
+    /// [`BenchmarkError`] if not a single scenario can be taken, and the first error of `take` and of `tried`.
+    pub fn run(
         &self,
         (known, mut tried): (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>>),
         scenario: impl Fn(u64) -> Result<Scenario, GenerationError> + Sync,
@@ -129,13 +116,14 @@ impl Recipe<'_> {
         let make = |state: &State, number| {
             // The outcome is taken from those that are known.
             let is_new = number >= known;
-            is_new.then(|| {
+            let new = is_new.then(|| {
                 let scenario = scenario(number).map_err(|error| error.to_string())?;
                 let outcome = (!state.quota.refuses(&scenario.source)).then(|| curate(&scenario));
                 Ok(TriedScenario { source: scenario.source.clone(), scenario: Some(scenario), outcome })
-            })
+            });
+            (number, new)
         };
-        let ending = in_order(u64::MAX, self.jobs, stop, &mut state, make, |state, number, new| {
+        let ending = in_order(0.., self.jobs, stop, &mut state, make, |state, (number, new)| {
             let generated = match new {
                 Some(new) => new,
                 None => tried.next().ok_or_else(|| {
@@ -204,11 +192,8 @@ impl State {
             }
             CurationOutcome::Retained(record, unproposed) => (*record, unproposed),
         };
-        for (reason, n) in unproposed {
-            *funnel.unproposed.entry(reason).or_default() += n;
-        }
         let taken = self.quota.take(&source, &mut record);
-        count(funnel, &record);
+        count(funnel, &record, unproposed);
         if !taken {
             return None;
         }

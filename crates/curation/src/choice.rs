@@ -42,7 +42,7 @@ const VARIETY_WEIGHT: f64 = 4.0;
 /// High scores go to pressure that the log cannot answer, early enough to observe its outcome, from an
 /// AV that drives comfortably and well away from its log and leaves agents little time to react. The
 /// required deceleration does not count here: difficulties are balanced over the set.
-pub fn score(record: &CandidateRecord) -> f64 {
+pub(super) fn score(record: &CandidateRecord) -> f64 {
     let pressure = &record.pressure;
     let time_to_react = record.certificate.as_ref().and_then(Certificate::time_to_react);
     let steps = record.candidate.track.len().saturating_sub(1) as f64;
@@ -102,15 +102,9 @@ pub struct Chooser {
 }
 
 impl Default for Chooser {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Chooser {
     /// Creates a chooser without previous choices, with equal target shares for all categories,
     /// difficulties and paces.
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             categories: Shares::equal(Deviation::ALL.into_iter()),
             difficulties: Shares::equal(Difficulty::ALL.into_iter()),
@@ -118,13 +112,15 @@ impl Chooser {
             maneuvers: BTreeMap::new(),
         }
     }
+}
 
-    /// Like [`Chooser::new`], with the given target shares of categories and difficulties.
-    pub fn with_shares(
+impl Chooser {
+    /// Like the default, with the given target shares of categories and difficulties.
+    pub(super) fn with_shares(
         categories: BTreeMap<Deviation, f64>,
         difficulties: BTreeMap<Difficulty, f64>,
     ) -> Self {
-        let mut chooser = Self::new();
+        let mut chooser = Self::default();
         chooser.categories.targets = categories;
         chooser.difficulties.targets = difficulties;
         chooser
@@ -173,11 +169,6 @@ impl Chooser {
             + BALANCE_WEIGHT * candidate.difficulty().map_or(0.0, |d| self.difficulties.shortfall(d))
             + PACE_BALANCE_WEIGHT * self.paces.shortfall(pace(candidate))
             - VARIETY_WEIGHT * (same as f64 / total.max(1) as f64)
-    }
-
-    /// Returns the number of choices by category.
-    pub fn counts(&self) -> &BTreeMap<Deviation, u64> {
-        &self.categories.chosen
     }
 }
 

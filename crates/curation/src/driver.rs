@@ -1,12 +1,12 @@
 //! Runs the pipeline over files: scenarios in parallel, choice and writing in the order of the inputs.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use rayon::prelude::*;
-use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_formats::{FormatError, Opener, UndecodedScenario, sketch};
+use reactsim_generation::{Ending, in_order};
 
 use super::outcomes::RecordOutcome;
 use super::stats::{Collector, Statistics};
@@ -15,9 +15,6 @@ use super::{
     CandidateSource, Chooser, CurationOutcome, CurationProvenance, CurationSettings, Funnel, InputFile,
     ScenarioRecord, curate_scenario,
 };
-
-/// Scenarios per thread in memory at a time: enough that threads rarely wait for the slowest one.
-const SCENARIOS_PER_JOB: usize = 8;
 
 /// An input file of scenarios.
 pub struct Input {
@@ -34,6 +31,8 @@ pub trait CurationObserver: Sync {
     /// A record failed.
     fn failed(&self, _error: &str) {}
 }
+
+impl CurationObserver for () {}
 
 /// A curation run: inputs, source and settings.
 pub struct Curation<'a> {
@@ -90,23 +89,13 @@ impl Curation<'_> {
     /// Returns whether all are finished: `stop` ends the work before the first unfinished one.
     pub(super) fn each(
         &self,
-        mut records: impl Iterator<Item = PendingRecord>,
+        records: impl Iterator<Item = PendingRecord>,
         stop: &AtomicBool,
         mut take: impl FnMut(CuratedRecord) -> Result<(), FormatError>,
     ) -> Result<bool, FormatError> {
-        let jobs = self.jobs.clamp(1, MAX_THREADS);
-        let pool = Pool::new(jobs);
-        loop {
-            let chunk: Vec<PendingRecord> = records.by_ref().take(jobs * SCENARIOS_PER_JOB).collect();
-            if chunk.is_empty() {
-                return Ok(true);
-            }
-            let curate = || chunk.into_par_iter().map(|record| self.curate(record, stop)).collect::<Vec<_>>();
-            for result in pool.install(curate) {
-                let Some(result) = result else { return Ok(false) };
-                take(result)?;
-            }
-        }
+        let curate = |(): &(), record| self.curate(record);
+        let take = |(): &mut (), curated| take(curated).map(ControlFlow::Continue);
+        Ok(in_order(records, self.jobs, stop, &mut (), curate, take)? == Ending::Done)
     }
 
     /// Returns the records of a file from the one with this index on, or the error if the file cannot be
@@ -120,11 +109,8 @@ impl Curation<'_> {
         }
     }
 
-    /// Decodes and curates one record, on any thread. `None` if `stop` was set before it began.
-    fn curate(&self, record: PendingRecord, stop: &AtomicBool) -> Option<CuratedRecord> {
-        if stop.load(Ordering::Relaxed) {
-            return None;
-        }
+    /// Decodes and curates one record, on any thread.
+    fn curate(&self, record: PendingRecord) -> CuratedRecord {
         let PendingRecord { input, number, content } = record;
         let scenario = content.and_then(UndecodedScenario::decode);
         let curated = scenario.and_then(|scenario| {
@@ -143,7 +129,7 @@ impl Curation<'_> {
             error.path = PathBuf::from(&self.inputs[input].file.name);
             RecordOutcome::Failed { error: error.to_string(), scenario: error.scenario }
         });
-        Some(CuratedRecord { input, number, outcome })
+        CuratedRecord { input, number, outcome }
     }
 }
 
@@ -175,15 +161,14 @@ pub(super) struct ResultCollector<'a> {
 
 impl<'a> ResultCollector<'a> {
     pub(super) fn new(provenance: CurationProvenance, observer: &'a dyn CurationObserver) -> Self {
-        let (chooser, collector) = (Chooser::new(), Collector::default());
         Self {
             provenance,
             observer,
             done: 0,
             ids: BTreeSet::new(),
             failed: BTreeSet::new(),
-            chooser,
-            collector,
+            chooser: Chooser::default(),
+            collector: Collector::default(),
         }
     }
 
@@ -226,10 +211,7 @@ impl<'a> ResultCollector<'a> {
             CurationOutcome::Rejected { rule } => *funnel.preselection.entry(rule).or_default() += 1,
             CurationOutcome::Retained(mut record, unproposed) => {
                 self.chooser.choose(&mut record);
-                count(funnel, &record);
-                for (reason, n) in unproposed {
-                    *funnel.unproposed.entry(reason).or_default() += n;
-                }
+                count(funnel, &record, unproposed);
                 // The writer decides whether the file holds the record, so that statistics and file
                 // agree.
                 if writer.write(&record)? {
@@ -246,8 +228,11 @@ impl<'a> ResultCollector<'a> {
     }
 }
 
-/// Adds a scenario that passed step 1 to the funnel.
-pub(super) fn count(funnel: &mut Funnel, record: &ScenarioRecord) {
+/// Adds a scenario that passed step 1 to the funnel, and its numbers of streams without a proposal.
+pub(super) fn count(funnel: &mut Funnel, record: &ScenarioRecord, unproposed: BTreeMap<String, u64>) {
+    for (reason, n) in unproposed {
+        *funnel.unproposed.entry(reason).or_default() += n;
+    }
     funnel.preselected += 1;
     funnel.candidates += record.candidates.len() as u64;
     for candidate in &record.candidates {

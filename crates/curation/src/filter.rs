@@ -22,8 +22,6 @@ pub struct CandidateFilter {
     pub rule: fn(&FilterSettings) -> String,
     /// Verdict, with the figure that decided.
     pub judge: fn(&Trial<'_>) -> Verdict,
-    /// Whether the filter is so expensive that it judges only candidates that pass all others.
-    pub is_expensive: bool,
 }
 
 /// Verdict of a filter.

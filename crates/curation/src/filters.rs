@@ -8,8 +8,11 @@ mod rules_of_road;
 
 use super::CandidateFilter;
 
+/// Id of the filter that is so expensive that it judges only candidates that pass all others.
+pub(super) const EXPENSIVE: &str = pressure::AVOIDABLE.id;
+
 /// All filters. Every candidate goes through all of them, so that all figures are known, except for the
-/// expensive ones.
+/// expensive one.
 pub const FILTERS: &[CandidateFilter] = &[
     feasibility::LOG_DISTANCE,
     feasibility::DRIVABLE_AREA,

@@ -1,5 +1,4 @@
 //! Curation of scenarios of other lengths than the benchmark.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use reactsim_formats::deviations;
 use reactsim_generation::{GenerationSettings, Generator};

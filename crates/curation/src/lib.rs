@@ -31,7 +31,7 @@ mod taxonomy;
 pub use avoidance::{AvoidanceSettings, Unavoidable, certify, certify_case};
 pub use candidate::{Candidate, CandidateSource, NoProposal, Proposal};
 pub use candidate_file::{CandidateFile, MAX_CANDIDATES};
-pub use choice::{Chooser, score};
+pub use choice::Chooser;
 pub use decisions::candidate_digest;
 pub use filter::{CandidateFilter, FilterContext, FilterSettings, Trial, Verdict};
 pub use filters::FILTERS;

@@ -6,7 +6,7 @@ use reactsim_rollout::{AvError, Purpose, Stream, stream};
 use reactsim_scene::{AgentState, Scenario};
 
 use super::filter::{FilterContext, FilterSettings, Trial};
-use super::filters::FILTERS;
+use super::filters::{EXPENSIVE, FILTERS};
 use super::rules::Rules;
 use super::{
     Candidate, CandidateRecord, CandidateSource, Figure, Preselection, Proposal, ScenarioRecord, Taxonomy,
@@ -181,7 +181,7 @@ fn judge(context: &FilterContext<'_>, candidate: Candidate, settings: &CurationS
     let mut figures = Vec::with_capacity(FILTERS.len());
     let mut rejected: Option<(String, String)> = None;
     for filter in FILTERS {
-        if filter.is_expensive && rejected.is_some() {
+        if filter.id == EXPENSIVE && rejected.is_some() {
             figures.push(Figure { filter: filter.id.to_owned(), value: None, passed: None });
             continue;
         }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use reactsim_geometry::{OrientedBox, math, rounded_distance, signed_angle_between};
 use reactsim_metrics::{BEHIND_DEGREES, Options, STOPPED_SPEED};
-use reactsim_scene::{Agent, AgentKind, AgentState, Frame, Scenario, Start};
+use reactsim_scene::{Agent, AgentKind, AgentState, Scenario, Start};
 
 /// Largest angle from the AV's heading at which a touched body is ahead of the AV, radians.
 const AHEAD_ANGLE: f64 = 0.5;
@@ -12,7 +12,7 @@ const AHEAD_ANGLE: f64 = 0.5;
 const SAME_DIRECTION_ANGLE: f64 = 0.8;
 /// Largest angle from the AV's heading at which a touched body is straight ahead, radians.
 const STRAIGHT_AHEAD_ANGLE: f64 = 0.2;
-/// Speed below which a body is_crawling, m/s.
+/// Speed below which a body is crawling, m/s.
 const CRAWLING_SPEED: f64 = 1.0;
 /// Largest deviation from opposite headings that counts as head on, radians: less than in a turn across
 /// the oncoming lane.
@@ -102,8 +102,8 @@ impl<'a> LogReplay<'a> {
             let future = scenario.log_future.tracks[i].iter().enumerate();
             let steps = future.map(|(k, f)| f.map(|s| (s.footprint(agent), speed(k)))).collect();
             let radius = math::hypot(0.5 * agent.length, 0.5 * agent.width);
-            let track: Vec<Frame> = scenario.logged(i)[length.current()..].to_vec();
-            let heights = start.heights_along(i, &track).get(1..).unwrap_or_default().to_vec();
+            let heights = start.heights_along(i, &scenario.logged(i)[length.current()..]);
+            let heights = heights.get(1..).unwrap_or_default().to_vec();
             others.push(ReplayedBody { kind: Some(agent.kind), radius, steps, heights });
         }
         for (i, obstacle) in start.obstacles.iter().enumerate() {

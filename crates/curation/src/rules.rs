@@ -174,11 +174,6 @@ fn is_implausible(touch: &Touch) -> bool {
         || touch.is_driven_into(SLOW_SPEED)
 }
 
-/// Draws uniformly from a range.
-fn between(stream: &mut Stream, low: f64, high: f64) -> f64 {
-    stream.random_range(low..high)
-}
-
 /// Draws one of several choices, with weights.
 fn pick<'t, T>(stream: &mut Stream, choices: &'t [(f64, T)]) -> Option<&'t T> {
     let total: f64 = choices.iter().map(|c| c.0).sum();

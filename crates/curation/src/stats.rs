@@ -15,7 +15,7 @@ use reactsim_scene::{Deviation, Difficulty};
 pub use distribution::Distribution;
 
 /// Statistics of a set.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Statistics {
     /// Numbers of scenarios and candidates at each stage, steps 1 to 4.
     pub funnel: Funnel,
@@ -151,14 +151,8 @@ impl Statistics {
 /// Collects scenarios one by one, so that a file need not be in memory as a whole.
 #[derive(Default)]
 pub struct Collector {
-    scenarios: usize,
-    with_survivor: usize,
-    filters: Vec<String>,
+    statistics: Statistics,
     chosen: Vec<ChosenCandidate>,
-    agreement: Agreement,
-    reviewed: BTreeMap<&'static str, usize>,
-    although_rejected: BTreeMap<String, usize>,
-    certificates: Certificates,
     peaks: Vec<f64>,
     required: Vec<f64>,
     times: Vec<f64>,
@@ -175,18 +169,19 @@ struct ChosenCandidate {
 impl Collector {
     /// Adds a scenario of the file.
     pub fn add(&mut self, record: &ScenarioRecord) {
-        self.scenarios += 1;
-        self.with_survivor += usize::from(record.candidates.iter().any(|c| c.rejected_by.is_none()));
+        let Self { statistics, .. } = self;
+        statistics.scenarios += 1;
+        statistics.with_survivor += usize::from(record.candidates.iter().any(|c| c.rejected_by.is_none()));
         for candidate in &record.candidates {
-            self.agreement.candidates.add(candidate);
-            for figure in candidate.figures.iter() {
-                if !self.filters.contains(&figure.filter) {
-                    self.filters.push(figure.filter.clone());
+            statistics.agreement.candidates.add(candidate);
+            for figure in &candidate.figures {
+                if !statistics.filters.contains(&figure.filter) {
+                    statistics.filters.push(figure.filter.clone());
                 }
             }
         }
         let Some(chosen) = record.chosen() else { return };
-        self.agreement.chosen.add(chosen);
+        statistics.agreement.chosen.add(chosen);
         let CandidateRecord { taxonomy, offsets, pressure, review, certificate, .. } = chosen;
         self.chosen.push(ChosenCandidate {
             category: taxonomy.category,
@@ -195,15 +190,16 @@ impl Collector {
             pressure: [pressure.at_fault > 0, pressure.overlaps > 0, pressure.risky > 0],
         });
         if let Some(review) = review {
-            *self.reviewed.entry(review.decision.name()).or_default() += 1;
+            *statistics.reviewed.entry(review.decision.name()).or_default() += 1;
         }
         if let Some(filter) = &chosen.rejected_by {
-            *self.although_rejected.entry(filter.clone()).or_default() += 1;
+            *statistics.chosen_although_rejected.entry(filter.clone()).or_default() += 1;
         }
         if let Some(certificate) = certificate {
-            self.certificates.certified += 1;
-            self.certificates.responses += certificate.responses.len();
-            self.certificates.nudged += certificate.responses.iter().filter(|r| r.nudge != 0.0).count();
+            let certificates = &mut statistics.certificates;
+            certificates.certified += 1;
+            certificates.responses += certificate.responses.len();
+            certificates.nudged += certificate.responses.iter().filter(|r| r.nudge != 0.0).count();
             self.peaks.push(certificate.peak_deceleration());
             self.required.extend(certificate.required_deceleration());
             self.times.extend(certificate.time_to_react());
@@ -218,30 +214,27 @@ impl Collector {
         };
         let of_category = |c: Deviation| (c.name(), part(&|k| k.category == c));
         let of_difficulty = |d: Difficulty| (d.name(), part(&|k| k.difficulty == Some(d)));
+        let Statistics { agreement, certificates, .. } = self.statistics.clone();
         Statistics {
             funnel: provenance.funnel.clone(),
             interrupted: provenance.interrupted,
             failures: provenance.failures.len(),
-            filters: self.filters,
-            scenarios: self.scenarios,
-            with_survivor: self.with_survivor,
             chosen: self.chosen.len(),
+            chosen_without_certificate: self.chosen.len() - certificates.certified,
             overall: part(&|_| true),
             categories: Deviation::ALL.into_iter().map(of_category).collect(),
             difficulties: Difficulty::ALL.into_iter().map(of_difficulty).collect(),
             agreement: Agreement {
-                candidates: self.agreement.candidates.finish(),
-                chosen: self.agreement.chosen.finish(),
+                candidates: agreement.candidates.finish(),
+                chosen: agreement.chosen.finish(),
             },
             certificates: Certificates {
                 peak_deceleration: Distribution::of(&self.peaks),
                 required_deceleration: Distribution::of(&self.required),
                 time_to_react: Distribution::of(&self.times),
-                ..self.certificates
+                ..certificates
             },
-            reviewed: self.reviewed,
-            chosen_although_rejected: self.although_rejected,
-            chosen_without_certificate: self.chosen.len() - self.certificates.certified,
+            ..self.statistics
         }
     }
 }

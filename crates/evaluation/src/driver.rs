@@ -114,9 +114,8 @@ impl Driver {
 
     /// Creates the driver `external:NAME` from a running program.
     pub fn external(planner: ExternalPlanner) -> Self {
-        let name = planner.name().to_owned();
-        let (command, stated) = (planner.command(), planner.description());
-        let external = ExternalRecord::of(command, stated, 1, planner.reveals_ids());
+        let name = planner.processes().name().to_owned();
+        let external = ExternalRecord::of(planner.processes(), 1);
         let record = SimulatorRecord { external: Some(external), ..SimulatorRecord::named(&name, &name) };
         let kind = DriverKind::External(Box::new(planner));
         Self { driver: AvDriver::External(name), record: Some(record), backend: None, kind }
@@ -181,7 +180,7 @@ impl Driver {
                 let new_planner = move |rollout: u32| -> Box<dyn Planner> {
                     let seed = stream(seed, &id, rollout, Purpose::AvBegin).next_u64();
                     let names = || EpisodeNames { scenario: id.clone(), origin, rollout };
-                    let episode = planner.begin(seed, length, planner.reveals_ids().then(names));
+                    let episode = planner.begin(seed, length, planner.processes().reveals_ids().then(names));
                     let remote = RemotePlanner::new(episode, steps, length.future);
                     given.keep(Box::new(remote), controller, rollout)
                 };

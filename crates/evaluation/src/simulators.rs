@@ -221,13 +221,12 @@ impl PlannedSimulator {
         simulator: ExternalSimulator,
         smoothing: Option<Smoothing>,
     ) -> Result<Self, EvaluationError> {
-        let mut id = simulator.name().to_owned();
+        let mut id = simulator.processes().name().to_owned();
         if named(&id).is_ok() {
             return Err(EvaluationError::repeated(&id));
         }
         let (mut title, mut card) = (id.clone(), String::new());
-        let (command, stated) = (simulator.command(), simulator.description());
-        let external = ExternalRecord::of(command, stated, simulator.batch(), simulator.reveals_ids());
+        let external = ExternalRecord::of(simulator.processes(), simulator.batch());
         let processes = Some(simulator.processes().clone());
         let mut controller = Controller::Fair(Box::new(simulator));
         if let Some(smoothing) = smoothing {

@@ -7,7 +7,6 @@ use reactsim_scene::Length;
 
 use super::connection::RequestError;
 use super::document::{Frame, FrameWriter, Values};
-use super::settings::TimeLimits;
 use super::workers::{Worker, Workers};
 use super::{length, realised, replies, scenes};
 
@@ -16,7 +15,6 @@ pub(super) struct OpenBatch {
     workers: Arc<Workers>,
     /// `None` after the connection broke.
     worker: Option<Worker>,
-    limits: TimeLimits,
     /// Handles of the episodes.
     episodes: Vec<u64>,
     /// Seeds of the episodes.
@@ -39,7 +37,6 @@ impl OpenBatch {
     /// [`PlanError::BrokenOff`] if the process fails, or none can be started.
     pub(super) fn begin(
         workers: &Arc<Workers>,
-        limits: TimeLimits,
         batch: &[&Beginning<'_>],
         seeds: &[u64],
         waits: bool,
@@ -55,7 +52,6 @@ impl OpenBatch {
         let mut open = Self {
             workers: Arc::clone(workers),
             worker: Some(worker),
-            limits,
             agents: starts.iter().map(|s| s.agents.len()).max().unwrap_or(0),
             lights: starts.iter().map(|s| s.lights.len()).collect(),
             frames: length.history,
@@ -127,7 +123,8 @@ impl OpenBatch {
 
     fn request(&mut self, request: FrameWriter, wanted: &str, numbers: usize) -> Result<Frame, String> {
         let Some(worker) = &mut self.worker else { return Err("its process has ended".to_owned()) };
-        let limit = if worker.has_planned { self.limits.plan } else { self.limits.first };
+        let limits = self.workers.settings.limits;
+        let limit = if worker.has_planned { limits.plan } else { limits.first };
         worker.connection.request(request, wanted, numbers, limit).map_err(|error| {
             let is_broken = matches!(error, RequestError::Broken(_));
             if is_broken {

@@ -140,18 +140,14 @@ impl FrameWriter {
 /// # Errors
 /// If the stream ends inside a frame, or the frame has more than `most` bytes.
 pub fn read_frame(from: &mut dyn Read, most: impl Fn() -> u64) -> io::Result<Option<Vec<u8>>> {
-    let mut length = [0; 8];
-    let mut filled = 0;
-    while filled < length.len() {
-        match from.read(&mut length[filled..]) {
-            Ok(0) if filled == 0 => return Ok(None),
-            Ok(0) => return Err(io::Error::other("the output ends inside the length of a frame")),
-            Ok(n) => filled += n,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    let (length, most) = (u64::from_le_bytes(length), most());
+    let mut length = Vec::new();
+    Read::take(&mut *from, 8).read_to_end(&mut length)?;
+    let length = match length.try_into() {
+        Ok(length) => u64::from_le_bytes(length),
+        Err(length) if length.is_empty() => return Ok(None),
+        Err(_) => return Err(io::Error::other("the output ends inside the length of a frame")),
+    };
+    let most = most();
     if length > most {
         let text = if length.to_le_bytes().iter().all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace()) {
             let start = String::from_utf8_lossy(&length.to_le_bytes()).into_owned();
@@ -220,8 +216,7 @@ impl Frame {
     /// # Errors
     /// [`DocumentError`] if it is missing.
     pub fn shape(&self, name: &str) -> Result<&[usize], DocumentError> {
-        let missing = || DocumentError(format!("there is no tensor `{name}`"));
-        Ok(&self.header.info(name).ok_or_else(missing)?.shape)
+        Ok(&self.tensor(name)?.0.shape)
     }
 
     /// Returns the numbers of a tensor of `f64` or `f32` with this shape.

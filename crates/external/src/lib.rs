@@ -34,7 +34,6 @@ pub use process::{end_all, interrupt};
 pub use processes::Processes;
 pub use replies::{Description, PlannedPoses, Role};
 pub use scene_frame::{SceneExtras, scene_frame};
-pub use scenes::{LINE_TYPES, LINK_RELATIONS, add_scenes};
 pub use settings::{Command, ExternalSettings, RunOutline, STDIO, TimeLimits};
 pub use simulator::{BatchDifference, ExternalSimulator};
 pub use stderr::StderrTarget;

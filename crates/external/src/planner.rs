@@ -11,17 +11,15 @@ use reactsim_scene::{FUTURE, Length};
 use super::connection::RequestError;
 use super::document::{Frame, FrameWriter, Values};
 use super::processes::Processes;
-use super::replies::{self, Description, PlannedPoses, Role};
+use super::replies::{self, PlannedPoses, Role};
 use super::settings::{ExternalSettings, RunOutline};
 use super::workers::Worker;
-use super::{Command, ExternalError, length, realised, scenes};
+use super::{ExternalError, length, realised, scenes};
 
 /// A planner that runs as a program of its own, in one or several processes, each of which plans for many
 /// episodes at the same time. Clones share the processes, which end when the last clone is dropped.
 #[derive(Clone)]
 pub struct ExternalPlanner {
-    settings: ExternalSettings,
-    description: Description,
     processes: Processes,
     slots: Arc<[Mutex<Slot>]>,
     /// Number of episodes so far, which are distributed over the processes in turn.
@@ -116,34 +114,14 @@ impl ExternalPlanner {
     /// # Errors
     /// [`ExternalError`] for wrong settings, or if the process does not start or greet, or is no planner.
     pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
-        let (processes, description) = Processes::start(&settings, outline, Role::Planner)?;
         let slots = (0..settings.workers).map(|_| Mutex::default()).collect();
-        Ok(Self { settings, description, processes, slots, episodes: Arc::default() })
-    }
-
-    /// Returns its name.
-    pub fn name(&self) -> &str {
-        self.processes.name()
-    }
-
-    /// Returns how it is reached.
-    pub fn command(&self) -> &Command {
-        &self.settings.command
-    }
-
-    /// Returns what it states about itself.
-    pub fn description(&self) -> &Description {
-        &self.description
+        let processes = Processes::start(settings, outline, Role::Planner)?;
+        Ok(Self { processes, slots, episodes: Arc::default() })
     }
 
     /// Returns its processes.
     pub fn processes(&self) -> &Processes {
         &self.processes
-    }
-
-    /// Returns whether it receives the names of episodes.
-    pub fn reveals_ids(&self) -> bool {
-        self.settings.reveal_ids
     }
 
     /// Creates an episode in a scenario of this length. `seed`: seed of all random choices in it; `names`:
@@ -193,7 +171,7 @@ impl PlannerEpisode {
         route: &[usize],
         ego: EgoMotion,
     ) -> Result<PlannedPoses, String> {
-        length::check(&self.planner.description, self.length)?;
+        length::check(&self.planner.processes.description, self.length)?;
         let slots = Arc::clone(&self.planner.slots);
         let mut slot = slots[self.slot].lock();
         if self.changes != seen.changes() {
@@ -305,7 +283,7 @@ impl PlannerEpisode {
         let Some(worker) = &mut slot.worker else {
             return Err(RequestError::Broken("its process has ended".to_owned()));
         };
-        let limits = self.planner.settings.limits;
+        let limits = workers.settings.limits;
         let limit = if worker.has_planned { limits.plan } else { limits.first };
         worker.connection.request(request, wanted, numbers, limit).inspect_err(|error| {
             let is_broken = matches!(error, RequestError::Broken(_));
@@ -353,7 +331,7 @@ mod tests {
     use safetensors::SafeTensors;
 
     use super::*;
-    use crate::{Parent, read_frame};
+    use crate::{Command, Parent, read_frame};
 
     /// Starts a planner, which returns the documents that it received.
     fn program() -> (Parent, JoinHandle<Vec<Vec<u8>>>) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::ExternalError;
 use super::replies::{Description, Role};
-use super::settings::{ExternalSettings, RunOutline};
+use super::settings::{Command, ExternalSettings, RunOutline};
 use super::stderr::StderrTarget;
 use super::workers::Workers;
 
@@ -13,30 +13,44 @@ use super::workers::Workers;
 /// dropped.
 #[derive(Clone)]
 pub struct Processes {
-    name: String,
+    pub(super) description: Description,
     pub(super) workers: Arc<Workers>,
 }
 
 impl Processes {
     /// Starts one process, which states what it is.
     pub(super) fn start(
-        settings: &ExternalSettings,
+        settings: ExternalSettings,
         outline: RunOutline,
         role: Role,
-    ) -> Result<(Self, Description), ExternalError> {
+    ) -> Result<Self, ExternalError> {
         settings.check()?;
-        let name = settings.name.clone();
-        let workers = Arc::new(Workers::new(settings.clone(), outline, role));
-        let failed = |reason: String| ExternalError::no_start(&name, &reason);
+        let workers = Arc::new(Workers::new(settings, outline, role));
+        let failed = |reason: String| ExternalError::no_start(&workers.settings.name, &reason);
         let worker = workers.take(true).map_err(failed)?;
         workers.put_back(Some(worker));
         let description = workers.description().ok_or_else(|| failed("it stated nothing".to_owned()))?;
-        Ok((Self { name, workers }, description))
+        Ok(Self { description, workers })
     }
 
-    /// Returns the name of the simulator or planner.
+    /// Returns the name of the simulator or planner in tables.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.workers.settings.name
+    }
+
+    /// Returns how it is reached.
+    pub fn command(&self) -> &Command {
+        &self.workers.settings.command
+    }
+
+    /// Returns what it states about itself.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Returns whether it receives the ids of scenarios and agents.
+    pub fn reveals_ids(&self) -> bool {
+        self.workers.settings.reveal_ids
     }
 
     /// Returns the number of requests that failed and were repeated or given up, and the reason of the first;

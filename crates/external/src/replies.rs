@@ -158,28 +158,20 @@ pub(super) fn trajectory(
     let present = present.as_chunks::<3>().0.first().copied();
     let later = (1..).zip(&poses).map(|(step, pose)| (step, "trajectory", pose));
     for (step, tensor, pose) in present.iter().map(|pose| (0, "present", pose)).chain(later) {
-        for (axis, value) in ["x", "y", "heading"].into_iter().zip(*pose) {
-            if !is_possible(value) {
-                let expected = expected(axis);
-                let text = format!("`{tensor}`: {axis} of pose {step} is {value}, expected {expected}");
-                return Err(DocumentError(text));
-            }
+        if let Some((axis, value, expected)) = impossible(*pose) {
+            let text = format!("`{tensor}`: {axis} of pose {step} is {value}, expected {expected}");
+            return Err(DocumentError(text));
         }
     }
     Ok(Ok(PlannedPoses { poses, present }))
 }
 
-/// Returns whether a coordinate or heading is possible; NaN is not.
-fn is_possible(value: f64) -> bool {
-    value.abs() < FARTHEST
-}
-
-/// Returns what an impossible value of an axis should have been.
-fn expected(axis: &str) -> &'static str {
-    match axis {
-        "heading" => "radians, not degrees",
-        _ => "metres from the origin of the scenario",
-    }
+/// Returns the first impossible value of a pose with its axis and what it should have been; NaN is impossible.
+fn impossible(pose: [f64; 3]) -> Option<(&'static str, f64, &'static str)> {
+    let position = "metres from the origin of the scenario";
+    let axes = [("x", position), ("y", position), ("heading", "radians, not degrees")];
+    let mut values = axes.into_iter().zip(pose).map(|((axis, expected), value)| (axis, value, expected));
+    values.find(|(_, value, _)| value.is_nan() || value.abs() >= FARTHEST)
 }
 
 /// Puts the plans of `planned` into the episodes. `active` are the episodes of the request by their index in
@@ -215,14 +207,12 @@ fn take_plan(states: &[f64], steps: usize, episode: &mut Episode<'_>) -> Result<
         let Some(mut before) = episode.seen.state(slot) else { continue };
         for k in 0..steps {
             let at = (slot * steps + k) * 3;
-            let (x, y, heading) = (states[at], states[at + 1], states[at + 2]);
-            for (axis, value) in ["x", "y", "heading"].into_iter().zip([x, y, heading]) {
-                if !is_possible(value) {
-                    let (step, expected) = (episode.seen.step() + k + 1, expected(axis));
-                    return Err(format!(
-                        "`states`: {axis} of agent {slot} at step {step} is {value}, expected {expected}"
-                    ));
-                }
+            let pose @ [x, y, heading] = [states[at], states[at + 1], states[at + 2]];
+            if let Some((axis, value, expected)) = impossible(pose) {
+                let step = episode.seen.step() + k + 1;
+                return Err(format!(
+                    "`states`: {axis} of agent {slot} at step {step} is {value}, expected {expected}"
+                ));
             }
             let (vx, vy) = ((x - before.x) / DT, (y - before.y) / DT);
             before = AgentState { x, y, heading, vx, vy };

@@ -6,32 +6,13 @@ use reactsim_scene::{AgentKind, AgentState, Frame, HISTORY, LaneArea, LaneKind, 
 
 use super::document::{FrameWriter, Values};
 
-/// Types of lines in the order of their codes.
-pub const LINE_TYPES: [&str; 12] = [
-    "lane",
-    "connector",
-    "lane-outline",
-    "road-edge",
-    "road-line",
-    "stop-line",
-    "crosswalk",
-    "speed-bump",
-    "driveway",
-    "junction",
-    "drivable-area",
-    "drivable-area-hole",
-];
-
-/// Relations of lanes in the order of their codes.
-pub const LINK_RELATIONS: [&str; 4] = ["successor", "predecessor", "left", "right"];
-
 /// Code of a light that was not observed, and of padding in place of a kind.
 pub(super) const NONE: u8 = 255;
 
 /// Adds the tensors of a batch of scenes to a document. All coordinates are in the frames of the scenarios,
 /// whose histories have the same number of frames.
 /// Returns the height of each point, metres, NaN if unknown; simulators do not receive heights.
-pub fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
+pub(super) fn add_scenes(document: &mut FrameWriter, starts: &[&Start]) -> Vec<f64> {
     let history = starts.first().map_or(HISTORY, |start| start.current() + 1);
     add_agents(document, starts, history);
     let mut lines = Lines::default();
@@ -159,6 +140,7 @@ struct Obstacles {
 
 /// Properties of a line other than its points.
 struct Line {
+    /// Code of `line_type` in `docs/external-protocol.md`.
     kind: u8,
     class: u8,
     lane: i32,

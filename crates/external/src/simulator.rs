@@ -9,19 +9,17 @@ use reactsim_rollout::{
 };
 use reactsim_scene::Length;
 
+use super::ExternalError;
 use super::batch::OpenBatch;
 use super::length;
 use super::processes::Processes;
-use super::replies::{Description, Role};
+use super::replies::Role;
 use super::settings::{DEFAULT_BATCH, ExternalSettings, RunOutline};
-use super::{Command, ExternalError};
 
 /// A simulator that runs as a program of its own, in one or several processes. Clones share the processes,
 /// which end when the last clone is dropped.
 #[derive(Clone)]
 pub struct ExternalSimulator {
-    settings: ExternalSettings,
-    description: Description,
     processes: Processes,
 }
 
@@ -46,45 +44,26 @@ impl ExternalSimulator {
     /// replan intervals of the run.
     pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
         let intervals = outline.intervals.clone();
-        let (processes, description) = Processes::start(&settings, outline, Role::Simulator)?;
-        let is_supported = |steps: &usize| description.intervals.contains(steps);
-        let unsupported = intervals.iter().find(|steps| !is_supported(steps));
-        let nearest = |asked: usize| description.intervals.iter().min_by_key(|own| own.abs_diff(asked));
+        let processes = Processes::start(settings, outline, Role::Simulator)?;
+        let own = &processes.description.intervals;
+        let unsupported = intervals.iter().find(|steps| !own.contains(steps));
+        let nearest = |asked: usize| own.iter().min_by_key(|own| own.abs_diff(asked));
         if let Some((asked, hint)) = unsupported.and_then(|asked| Some((asked, nearest(*asked)?))) {
-            let supported = description.intervals.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+            let supported = own.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
             return Err(ExternalError(format!(
                 "external program `{}` plans every {supported} steps, this run every {asked}: give `replan` \
                  {hint}steps",
-                settings.name
+                processes.name()
             )));
         }
-        Ok(Self { settings, description, processes })
-    }
-
-    /// Returns its name in tables.
-    pub fn name(&self) -> &str {
-        &self.settings.name
-    }
-
-    /// Returns how it is reached.
-    pub fn command(&self) -> &Command {
-        &self.settings.command
-    }
-
-    /// Returns what it states about itself.
-    pub fn description(&self) -> &Description {
-        &self.description
-    }
-
-    /// Returns whether it receives ids.
-    pub fn reveals_ids(&self) -> bool {
-        self.settings.reveal_ids
+        Ok(Self { processes })
     }
 
     /// Returns the number of episodes per batch: that of the settings, else the one that it asks for, else
     /// 16.
     pub fn batch(&self) -> usize {
-        self.settings.batch.or(self.description.batch).unwrap_or(DEFAULT_BATCH)
+        let asked = self.processes.description.batch;
+        self.processes.workers.settings.batch.or(asked).unwrap_or(DEFAULT_BATCH)
     }
 
     /// Returns its processes.
@@ -131,7 +110,7 @@ impl ExternalSimulator {
         // Arrays of a message have one length.
         let mut lengths: Vec<Length> = Vec::new();
         for length in batch.iter().map(|episode| length::of(episode)) {
-            length::check(&self.description, length).map_err(PlanError::Failed)?;
+            length::check(&self.processes.description, length).map_err(PlanError::Failed)?;
             if !lengths.contains(&length) {
                 lengths.push(length);
             }
@@ -139,9 +118,8 @@ impl ExternalSimulator {
         for (opened, length) in lengths.into_iter().enumerate() {
             let members: Vec<usize> = (0..batch.len()).filter(|&i| length::of(&batch[i]) == length).collect();
             let (own, seeds): (Vec<_>, Vec<_>) = members.iter().map(|&i| (&batch[i], seeds[i])).unzip();
-            let (workers, limits) = (&self.processes.workers, self.settings.limits);
-            let open =
-                Arc::new(Mutex::new(OpenBatch::begin(workers, limits, &own, &seeds, waits && opened == 0)?));
+            let open = OpenBatch::begin(&self.processes.workers, &own, &seeds, waits && opened == 0)?;
+            let open = Arc::new(Mutex::new(open));
             for (index, member) in members.into_iter().enumerate() {
                 batch[member].memory = Memory::new(EpisodeMemory { batch: Arc::clone(&open), index });
             }
@@ -169,7 +147,7 @@ impl Simulator for ExternalSimulator {
     }
 
     fn wants_identity(&self) -> bool {
-        self.settings.reveal_ids
+        self.processes.reveals_ids()
     }
 
     fn history(&self) -> Option<usize> {

@@ -50,7 +50,7 @@ impl Worker {
 /// The workers of one simulator. Those that no thread uses wait here; a worker that broke is replaced when
 /// the next batch begins.
 pub(super) struct Workers {
-    settings: ExternalSettings,
+    pub(super) settings: ExternalSettings,
     outline: RunOutline,
     role: Role,
     pub(super) stderr: Stderr,
@@ -58,6 +58,7 @@ pub(super) struct Workers {
     returned: Condvar,
 }
 
+#[derive(Default)]
 struct State {
     /// Workers that are free; `None` is one that must be started.
     free: Vec<Option<Worker>>,
@@ -77,15 +78,7 @@ struct State {
 impl Workers {
     pub(super) fn new(settings: ExternalSettings, outline: RunOutline, role: Role) -> Self {
         let free = (0..settings.workers).map(|_| None).collect();
-        let state = State {
-            free,
-            description: None,
-            started: 0,
-            failed_starts: 0,
-            given_up: None,
-            failing: Vec::new(),
-            faults: None,
-        };
+        let state = State { free, ..State::default() };
         let (stderr, returned) = (Stderr::default(), Condvar::new());
         Self { settings, outline, role, stderr, state: Mutex::new(state), returned }
     }
@@ -180,37 +173,31 @@ impl Workers {
     }
 
     fn start(&self) -> Result<Worker, String> {
-        let started = self.greet();
+        let greeted = self.greet();
         let mut state = self.state.lock();
-        let result = match started {
-            Ok((connection, description)) => match &state.description {
-                Some(first) if *first != description => Err(format!(
+        let worker = greeted.and_then(|(connection, description)| {
+            let first = state.description.get_or_insert_with(|| description.clone());
+            if *first == description {
+                Ok(Worker { connection, has_planned: false, next_episode: 0 })
+            } else {
+                Err(format!(
                     "a new process states {description:?}, the first one stated {first:?}; \
                      all must be the same"
-                )),
-                _ => {
-                    state.description.get_or_insert(description);
-                    Ok(Worker { connection, has_planned: false, next_episode: 0 })
-                }
-            },
-            Err(reason) => Err(reason),
-        };
-        match result {
-            Ok(worker) => {
-                state.failed_starts = 0;
-                Ok(worker)
+                ))
             }
-            Err(reason) => {
-                state.failed_starts += 1;
-                if state.failed_starts >= MOST_FAILED_STARTS || self.is_parent() {
-                    state.given_up = Some(reason.clone());
-                }
-                state.free.push(None);
-                drop(state);
-                self.returned.notify_all();
-                Err(reason)
+        });
+        if let Err(reason) = &worker {
+            state.failed_starts += 1;
+            if state.failed_starts >= MOST_FAILED_STARTS || self.is_parent() {
+                state.given_up = Some(reason.clone());
             }
+            state.free.push(None);
+            drop(state);
+            self.returned.notify_all();
+        } else {
+            state.failed_starts = 0;
         }
+        worker
     }
 
     /// Opens a connection and exchanges greetings.

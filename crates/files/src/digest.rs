@@ -1,6 +1,6 @@
 //! Digests of files.
 
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 
 use super::open_regular;
@@ -19,17 +19,7 @@ pub struct FileDigest {
 /// # Errors
 /// The error of the system; also if the path is not a regular file.
 pub fn digest(path: &Path) -> io::Result<FileDigest> {
-    let mut file = open_regular(path)?;
     let mut hasher = blake3::Hasher::new();
-    let mut buffer = vec![0; 1 << 18];
-    let mut bytes = 0;
-    loop {
-        match file.read(&mut buffer)? {
-            0 => return Ok(FileDigest { bytes, blake3: hasher.finalize().to_hex().to_string() }),
-            n => {
-                bytes += n as u64;
-                hasher.update(&buffer[..n]);
-            }
-        }
-    }
+    hasher.update_reader(open_regular(path)?)?;
+    Ok(FileDigest { bytes: hasher.count(), blake3: hasher.finalize().to_hex().to_string() })
 }

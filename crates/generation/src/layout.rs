@@ -7,8 +7,6 @@ use reactsim_scene::{LightState, MapParts};
 /// Generated map with its traffic rules.
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
-    /// Id of the map type, such as `signalised-junction`.
-    pub kind: String,
     /// Lanes, edges, lines, stop lines, crosswalks and drivable area, in metres around (0, 0). Maps with
     /// roads above one another have heights of all of these; other maps have none.
     pub map: MapParts,

@@ -1,4 +1,4 @@
-//! Generated road maps: parametric, drawn within engineering ranges, and validated.
+//! Generated road maps: parametric, drawn within engineering ranges, and validated in tests.
 
 mod access;
 pub mod build;
@@ -12,7 +12,8 @@ mod plain;
 mod ranges;
 #[cfg(test)]
 mod tests;
-pub mod validate;
+#[cfg(test)]
+mod validate;
 mod yards;
 
 use reactsim_rollout::Stream;

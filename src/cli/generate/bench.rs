@@ -4,8 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::files::GeneratedFiles;
-use super::job::Job;
+use super::job::{GeneratedFiles, Job};
 use crate::cli::output::say;
 use crate::curation::benchmark::{
     ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe, TriedScenario,
@@ -51,7 +50,7 @@ pub(super) fn bench(
     };
     progress.set_total(Some(wanted as usize));
     let mut written = 0;
-    let provenance = recipe.run_with(
+    let provenance = recipe.run(
         tried,
         |number| generator.scenario(number),
         provenance(settings, wanted),

@@ -1,5 +1,6 @@
 //! What is generated, and how it ends.
 
+use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -7,14 +8,14 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::files::GeneratedFiles;
 use super::manifest::Manifest;
 use crate::cli::output::{ExitStatus, count, say, say_part, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
-use crate::formats::FutureChoice;
-use crate::generation::{GenerationSettings, Preset};
-use crate::scene::Length;
+use crate::curation::driver::CurationObserver;
+use crate::formats::{FormatError, FutureChoice};
+use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
+use crate::scene::{Length, Scenario};
 use crate::work::available_threads;
 
 const AFTER: &str = "\
@@ -102,6 +103,47 @@ pub(super) struct Job<'a> {
     pub(super) out: &'a Path,
     pub(super) progress: &'a Progress,
     pub(super) stop: &'a AtomicBool,
+}
+
+/// Files of one generation and how it went.
+pub(super) struct GeneratedFiles {
+    /// Paths; the first one is `--out`, or the part of it that an interrupted command has finished.
+    pub(super) files: Vec<PathBuf>,
+    /// Number of scenarios in them.
+    pub(super) written: usize,
+    /// Number of scenarios that could not be generated.
+    pub(super) failed: usize,
+    /// Whether quotas of a benchmark could not be filled.
+    pub(super) unfilled: bool,
+    /// Whether the user interrupted the generation.
+    pub(super) interrupted: bool,
+}
+
+/// Writes the scenarios of these numbers, in order. Those that cannot be generated are reported and left out.
+/// Returns how it ended, and how many were written and how many failed.
+pub(super) fn write_all(
+    job: Job<'_>,
+    generator: &Generator,
+    numbers: Range<u64>,
+    mut write: impl FnMut(&Scenario) -> Result<(), FormatError>,
+) -> Result<(Ending, usize, usize), FormatError> {
+    let (mut written, mut failed) = (0, 0);
+    let make = |(): &(), number| generator.scenario(number);
+    let ending = in_order(numbers, job.jobs, job.stop, &mut (), make, |(), scenario| {
+        match scenario {
+            Ok(scenario) => {
+                write(&scenario)?;
+                written += 1;
+            }
+            Err(error) => {
+                job.progress.failed(&error.to_string());
+                failed += 1;
+            }
+        }
+        job.progress.scenario_done(written + failed);
+        Ok::<_, FormatError>(ControlFlow::Continue(()))
+    })?;
+    Ok((ending, written, failed))
 }
 
 /// Prints the manifest entry of what was generated.

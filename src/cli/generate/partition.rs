@@ -6,16 +6,14 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use super::bench::{bench, provenance};
-use super::files::GeneratedFiles;
-use super::job::{GenerateArgs, Job, finish};
+use super::bench::{bench, curation_settings, provenance};
+use super::job::{GenerateArgs, GeneratedFiles, Job, finish, write_all};
 use super::scenario_file::{ScenarioFile, read_scenarios};
-use super::tried::{Trial, TriedWriter, read_tried};
+use super::tried::{TriedWriter, curated, read_tried};
 use crate::cli::output::{ExitStatus, stop_on_interrupt};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::curation::CurationProvenance;
-use crate::curation::driver::CurationObserver;
 use crate::evaluation::program_version;
 use crate::formats::native::Writer;
 use crate::formats::{FormatError, Partition};
@@ -93,20 +91,8 @@ pub(super) fn generate(args: &GenerateArgs, partition: Partition) -> anyhow::Res
 /// Writes scenarios as they are; returns the number of failures, or `None` if the work was interrupted.
 fn plain(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Option<usize>, FormatError> {
     let mut scenarios = ScenarioFile::new(job.out);
-    let (mut done, mut failed) = (0, 0);
-    let make = |_: &(), number| generator.scenario(range.start as u64 + number);
-    let ending = in_order(range.len() as u64, job.jobs, job.stop, &mut (), make, |(), _, scenario| {
-        done += 1;
-        match scenario {
-            Ok(scenario) => scenarios.write(&scenario)?,
-            Err(error) => {
-                job.progress.failed(&error.to_string());
-                failed += 1;
-            }
-        }
-        job.progress.set_done(done);
-        Ok::<_, FormatError>(ControlFlow::Continue(()))
-    })?;
+    let numbers = range.start as u64..range.end as u64;
+    let (ending, _, failed) = write_all(job, generator, numbers, |scenario| scenarios.write(scenario))?;
     if ending == Ending::Stopped {
         return Ok(None);
     }
@@ -117,10 +103,10 @@ fn plain(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Op
 /// Writes scenarios that are curated up to the choice; returns as [`plain`].
 fn tried(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Option<usize>, FormatError> {
     let mut writer = TriedWriter::create(job.out)?;
-    let trial = Trial::new(job.settings);
+    let curation = curation_settings(job.settings);
     let (mut done, mut failed) = (0, 0);
-    let make = |_: &(), number| trial.of(generator.scenario(range.start as u64 + number));
-    let ending = in_order(range.len() as u64, job.jobs, job.stop, &mut (), make, |(), _, tried| {
+    let make = |_: &(), number| curated(generator.scenario(number as u64), &curation);
+    let ending = in_order(range.clone(), job.jobs, job.stop, &mut (), make, |(), tried| {
         failed += usize::from(writer.write(done, tried)?);
         done += 1;
         job.progress.set_done(done);

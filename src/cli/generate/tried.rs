@@ -2,38 +2,27 @@
 
 use std::path::{Path, PathBuf};
 
-use super::bench::{SOURCE, curation_settings};
+use super::bench::SOURCE;
 use super::scenario_file::{ScenarioFile, read_scenarios};
 use crate::curation::benchmark::TriedScenario;
 use crate::curation::outcomes::{OutcomeReader, OutcomeWriter, RecordOutcome};
 use crate::curation::{CurationOutcome, CurationSettings, curate_scenario};
-use crate::formats::{FormatError, Scenarios};
-use crate::generation::{GenerationError, GenerationSettings};
+use crate::formats::FormatError;
+use crate::generation::GenerationError;
 use crate::scene::Scenario;
 
 /// A scenario with its candidates, or the reason why it could not be generated.
 pub(super) type Tried = (Option<Scenario>, RecordOutcome);
 
-/// Curates generated scenarios for a benchmark.
-pub(super) struct Trial {
-    curation: CurationSettings,
-}
-
-impl Trial {
-    pub(super) fn new(settings: &GenerationSettings) -> Self {
-        Self { curation: curation_settings(settings) }
-    }
-
-    /// Curates a scenario up to the choice. It is kept if any of its candidates can be chosen.
-    pub(super) fn of(&self, generated: Result<Scenario, GenerationError>) -> Tried {
-        match generated {
-            Err(error) => (None, RecordOutcome::Failed { error: error.to_string(), scenario: None }),
-            Ok(scenario) => {
-                let outcome = curate_scenario(&scenario, SOURCE, &self.curation);
-                let keep = can_be_chosen(&outcome);
-                let (id, source) = (scenario.id.clone(), scenario.source.clone());
-                (keep.then_some(scenario), RecordOutcome::Curated { scenario: id, source, outcome })
-            }
+/// Curates a generated scenario up to the choice. It is kept if any of its candidates can be chosen.
+pub(super) fn curated(generated: Result<Scenario, GenerationError>, curation: &CurationSettings) -> Tried {
+    match generated {
+        Err(error) => (None, RecordOutcome::Failed { error: error.to_string(), scenario: None }),
+        Ok(scenario) => {
+            let outcome = curate_scenario(&scenario, SOURCE, curation);
+            let keep = can_be_chosen(&outcome);
+            let (id, source) = (scenario.id.clone(), scenario.source.clone());
+            (keep.then_some(scenario), RecordOutcome::Curated { scenario: id, source, outcome })
         }
     }
 }
@@ -76,41 +65,26 @@ pub(super) fn read_tried(
     folders: &[PathBuf],
 ) -> impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>> {
     folders.iter().flat_map(|folder| -> Box<dyn Iterator<Item = _>> {
-        match TriedReader::open(folder) {
+        match tried(folder) {
             Ok(tried) => Box::new(tried),
             Err(error) => Box::new(std::iter::once(Err(error))),
         }
     })
 }
 
-/// Iterator over the scenarios of a partition.
-struct TriedReader {
-    scenarios: Scenarios,
-    outcomes: OutcomeReader,
-}
-
-impl TriedReader {
-    fn open(folder: &Path) -> Result<Self, FormatError> {
-        Ok(Self { scenarios: read_scenarios(folder)?, outcomes: OutcomeReader::open(folder)? })
-    }
-
-    fn tried(&mut self, outcome: RecordOutcome) -> Result<Result<TriedScenario, String>, FormatError> {
-        Ok(match outcome {
+/// Reads the scenarios of a partition.
+fn tried(
+    folder: &Path,
+) -> Result<impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>> + use<>, FormatError> {
+    let (mut scenarios, outcomes) = (read_scenarios(folder)?, OutcomeReader::open(folder)?);
+    Ok(outcomes.map(move |outcome| {
+        Ok(match outcome?.1 {
             RecordOutcome::Failed { error, .. } => Err(error),
             RecordOutcome::Repeated { scenario } => Err(format!("{scenario}: its id was generated before")),
             RecordOutcome::Curated { source, outcome, .. } => {
-                let kept = can_be_chosen(&outcome).then(|| self.scenarios.next()).flatten();
+                let kept = can_be_chosen(&outcome).then(|| scenarios.next()).flatten();
                 Ok(TriedScenario { source, scenario: kept.transpose()?, outcome: Some(outcome) })
             }
         })
-    }
-}
-
-impl Iterator for TriedReader {
-    type Item = Result<Result<TriedScenario, String>, FormatError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let outcome = self.outcomes.next()?;
-        Some(outcome.and_then(|(_, outcome)| self.tried(outcome)))
-    }
+    }))
 }

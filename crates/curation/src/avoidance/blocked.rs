@@ -81,18 +81,12 @@ impl<'p> FootprintSamples<'p> {
                         .take_while(|s| s.step + 1 >= step)
                         .any(|s| s.step + 1 == step && s.from <= interval.to && interval.from <= s.to)
                 };
-                let mut joined = BlockedRegion { by, intervals: Vec::new() };
-                let mut k = 0;
-                while k < regions.len() {
-                    if touches(&regions[k]) {
-                        joined.intervals.extend(regions.remove(k).intervals);
-                    } else {
-                        k += 1;
-                    }
-                }
-                joined.intervals.push(interval);
-                joined.intervals.sort_by_key(|s| s.step);
-                regions.push(joined);
+                let touched = regions.extract_if(.., |region| touches(region));
+                let mut intervals: Vec<BlockedInterval> =
+                    touched.flat_map(|region| region.intervals).collect();
+                intervals.push(interval);
+                intervals.sort_by_key(|s| s.step);
+                regions.push(BlockedRegion { by, intervals });
             }
         }
         regions

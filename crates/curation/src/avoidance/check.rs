@@ -1,20 +1,16 @@
 //! Conflicts as the metrics count them, before and after the responses.
 
-use reactsim_metrics::{Case, Options, metric};
+use reactsim_metrics::{Case, Event, Options, metric};
 use reactsim_scene::{AgentKind, Frame, Scenario};
 
 use super::Unavoidable;
-use super::traffic::{Boxes, Traffic, is_nearer};
+use super::traffic::{Traffic, is_nearer};
 
 /// Returns the agents in conflict with the AV and the first step of each conflict, ordered by step:
 /// vehicles that come within half a second of it or touch it, pedestrians and cyclists that touch it.
 pub(super) fn conflicts(traffic: &Traffic<'_>, case: &Case<'_>) -> Vec<(usize, usize)> {
     let mut found: Vec<(usize, usize)> = vehicles(traffic.scenario, case);
-    for i in (1..traffic.len()).filter(|&i| case.evaluated(i)) {
-        if traffic.scenario.start.agents[i].kind != AgentKind::Vehicle && !traffic.never_meet(0, i) {
-            found.extend(first_touch(traffic, traffic.boxes(i).0).map(|step| (i, step)));
-        }
-    }
+    found.extend(touches(traffic).filter(|&(i, _)| case.evaluated(i)));
     found.sort_by_key(|&(i, step)| (step, i));
     found
 }
@@ -40,17 +36,10 @@ pub(super) fn check_settled(
     if let Some(&(i, step)) = vehicles(traffic.scenario, &case).first() {
         return Err(fail(i, "aav-ttc", step));
     }
-    let on_foot = |i: &usize| agents[*i].kind != AgentKind::Vehicle && !traffic.never_meet(0, *i);
-    for i in (1..traffic.len()).filter(on_foot) {
-        if let Some(step) = first_touch(traffic, traffic.boxes(i).0) {
-            return Err(fail(i, "aav-overlap", step));
-        }
+    if let Some((i, step)) = touches(traffic).next() {
+        return Err(fail(i, "aav-overlap", step));
     }
-    let mut events = Vec::new();
-    if let Some(m) = metric("aa-collision") {
-        m.score(&case, &mut events);
-    }
-    for event in events {
+    for event in events("aa-collision", &case) {
         let slot = |id: &str| agents.iter().position(|a| a.id == id);
         let partner = event.partner.as_deref().and_then(slot);
         let Some((i, j)) = slot(&event.agent).zip(partner) else { continue };
@@ -74,16 +63,27 @@ pub(super) fn check_settled(
 
 /// Returns risky vehicles (including those that touch the AV) with the first such step.
 fn vehicles(scenario: &Scenario, case: &Case<'_>) -> Vec<(usize, usize)> {
-    let mut events = Vec::new();
-    if let Some(m) = metric("aav-ttc") {
-        m.score(case, &mut events);
-    }
     let slot = |id: &str| scenario.start.agents.iter().position(|a| a.id == id);
-    events.iter().filter_map(|e| Some((slot(&e.agent)?, e.step))).collect()
+    events("aav-ttc", case).iter().filter_map(|e| Some((slot(&e.agent)?, e.step))).collect()
 }
 
-fn first_touch(traffic: &Traffic<'_>, boxes: &Boxes) -> Option<usize> {
-    (1..boxes.len()).find(|&k| boxes[k].as_ref().is_some_and(|b| is_nearer(b, &traffic.av_box(k), 0.0)))
+/// Returns the events that a metric counts.
+fn events(id: &str, case: &Case<'_>) -> Vec<Event> {
+    let mut events = Vec::new();
+    if let Some(metric) = metric(id) {
+        metric.score(case, &mut events);
+    }
+    events
+}
+
+/// Returns the agents other than vehicles that touch the AV, with the first such step.
+fn touches(traffic: &Traffic<'_>) -> impl Iterator<Item = (usize, usize)> {
+    let is_other = |i: &usize| traffic.scenario.start.agents[*i].kind != AgentKind::Vehicle;
+    (1..traffic.len()).filter(is_other).filter(|&i| !traffic.never_meet(0, i)).filter_map(|i| {
+        let boxes = traffic.boxes(i).0;
+        let touch = |k: &usize| boxes[*k].as_ref().is_some_and(|b| is_nearer(b, &traffic.av_box(*k), 0.0));
+        Some((i, (1..boxes.len()).find(touch)?))
+    })
 }
 
 /// Returns the scene with all agents as they currently move.

@@ -203,13 +203,8 @@ fn never_moves(scenario: &Scenario, agent: usize) -> bool {
 
 /// Returns the bounds of the boxes of a track.
 pub(super) fn extent(boxes: &Boxes) -> Bounds {
-    let mut bounds = Bounds::EMPTY;
-    let mut radius = 0.0;
-    for b in boxes.iter().flatten() {
-        bounds = Bounds { min: bounds.min.inf(&b.center), max: bounds.max.sup(&b.center) };
-        radius = b.radius();
-    }
-    bounds.inflated(radius)
+    let radius = boxes.iter().flatten().next_back().map_or(0.0, OrientedBox::radius);
+    Bounds::of(boxes.iter().flatten().map(|b| b.center)).inflated(radius)
 }
 
 /// Returns the distance of two boxes with rounded corners, as in the metrics, metres.

@@ -85,21 +85,3 @@ pub enum Unavoidable {
         step: usize,
     },
 }
-
-impl Unavoidable {
-    /// Returns a short name for counts.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Malformed { .. } => "malformed",
-            Self::TooEarly { .. } => "too-early",
-            Self::TooClose { .. } => "too-close",
-            Self::HemmedIn { .. } => "hemmed-in",
-            Self::Absent { .. } => "absent",
-            Self::Standing { .. } => "standing",
-            Self::Follower { .. } => "follower",
-            Self::TooMany { .. } => "too-many",
-            Self::Unsettled { .. } => "unsettled",
-            Self::Check { .. } => "check",
-        }
-    }
-}

@@ -46,7 +46,6 @@ pub(super) const COMFORT: CandidateFilter = CandidateFilter {
             format!("{name}: {share:.2} of the bound")
         })
     },
-    is_expensive: false,
 };
 
 /// Returns the largest share of a bound that is used, and the name of the bound.

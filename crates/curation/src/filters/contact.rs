@@ -14,7 +14,6 @@ pub(super) const EARLY_CONTACT: CandidateFilter = CandidateFilter {
         let passes = first.is_none_or(|t| t > trial.settings.earliest_contact + 1e-9);
         Verdict::new(first, passes, || format!("contact after {:.1} s", first.unwrap_or_default()))
     },
-    is_expensive: false,
 };
 
 /// Requires that the AV does not hit bodies at rest or slow ones, pedestrians, cyclists, or the rear of
@@ -54,5 +53,4 @@ pub(super) const ACTIVE_COLLISION: CandidateFilter = CandidateFilter {
             }
         }
     },
-    is_expensive: false,
 };

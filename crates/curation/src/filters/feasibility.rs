@@ -15,7 +15,6 @@ pub(super) const LOG_DISTANCE: CandidateFilter = CandidateFilter {
             format!("only {ade:.2} m from the log on average")
         })
     },
-    is_expensive: false,
 };
 
 /// Requires that the AV stays on the drivable area.
@@ -36,7 +35,6 @@ pub(super) const DRIVABLE_AREA: CandidateFilter = CandidateFilter {
             _ => "the centre is off the road".to_owned(),
         })
     },
-    is_expensive: false,
 };
 
 /// Requires the bounds of acceleration and curvature that agents are judged by, at every transition.
@@ -51,7 +49,6 @@ pub(super) const KINEMATICS: CandidateFilter = CandidateFilter {
             format!("{a} infeasible accelerations, {c} infeasible curvatures")
         })
     },
-    is_expensive: false,
 };
 
 /// Requires a lateral acceleration that a driver would accept.
@@ -65,5 +62,4 @@ pub(super) const LATERAL_ACCELERATION: CandidateFilter = CandidateFilter {
         let passes = largest <= trial.settings.max_lateral_acceleration;
         Verdict::new(Some(largest), passes, || format!("lateral acceleration of {largest:.1} m/s²"))
     },
-    is_expensive: false,
 };

@@ -17,7 +17,6 @@ pub(super) const PRESSING: CandidateFilter = CandidateFilter {
             "nobody has to react".to_owned()
         })
     },
-    is_expensive: false,
 };
 
 /// Requires a certificate: every agent in conflict can avoid it.
@@ -35,5 +34,4 @@ pub(super) const AVOIDABLE: CandidateFilter = CandidateFilter {
         Ok(certificate) => Verdict { figure: Some(certificate.peak_deceleration()), rejected: None },
         Err(error) => Verdict { figure: None, rejected: Some(error.to_string()) },
     },
-    is_expensive: true,
 };

@@ -12,7 +12,6 @@ pub(super) const WRONG_WAY: CandidateFilter = CandidateFilter {
         let wrong = !trial.own.agent_scores(0).direction.intervals.is_empty();
         Verdict::new(Some(f64::from(u8::from(wrong))), !wrong, || "drives against its lane".to_owned())
     },
-    is_expensive: false,
 };
 
 /// Requires that the AV runs no red light, unless the logged AV runs it too.
@@ -26,5 +25,4 @@ pub(super) const RED_LIGHT: CandidateFilter = CandidateFilter {
             format!("runs a red light after {:.1} s", time.unwrap_or_default())
         })
     },
-    is_expensive: false,
 };

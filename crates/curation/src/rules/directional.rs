@@ -7,9 +7,9 @@ use reactsim_rollout::Stream;
 use reactsim_scene::dynamics::{AxlePath, speeds};
 use reactsim_scene::{AgentState, DT};
 
-use super::routes::{Branch, PathEntry};
+use super::Draft;
+use super::routes::PathEntry;
 use super::survey::Survey;
-use super::{Draft, between};
 
 /// Slowest cruising speed, m/s.
 const MIN_CRUISE_SPEED: f64 = 2.5;
@@ -41,17 +41,17 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     let branch = &survey.branches[stream.random_range(0..survey.branches.len())];
     let speed = survey.speed();
     let wait = if speed < 1.0 {
-        between(stream, 0.0, 4.0)
+        stream.random_range(0.0..4.0)
     } else if stream.random_bool(0.3) {
-        between(stream, 0.5, 2.5)
+        stream.random_range(0.5..2.5)
     } else {
         0.0
     };
-    let mut plan = SpeedPlan { gain: between(stream, 1.2, 2.5), wait, halt: None };
+    let mut plan = SpeedPlan { gain: stream.random_range(1.2..2.5), wait, halt: None };
     let most = survey.limit.clamp(4.0, MAX_CRUISE_SPEED);
     // Cruise between walking speed and the limit, rather near the current speed; or so as to arrive
     // where another vehicle enters the path.
-    let free = (speed.max(4.0) * between(stream, 0.5, 1.5)).clamp(3.0, most);
+    let free = (speed.max(4.0) * stream.random_range(0.5..1.5)).clamp(3.0, most);
     let cruise = if !branch.path_entries.is_empty() && stream.random_bool(0.75) {
         let PathEntry { s, time } = branch.path_entries[stream.random_range(0..branch.path_entries.len())];
         if stream.random_bool(0.3) {
@@ -65,7 +65,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
         free
     };
     let waits = if wait > 0.0 { format!(" after {wait:.1} s") } else { String::new() };
-    let future = drive(survey, branch, &plan, cruise);
+    let future = survey.follow(&branch.path, &desired_speeds(survey, &plan, cruise));
     let fastest = future.iter().map(AgentState::speed).fold(0.0, f64::max);
     let stops = if plan.halt.is_some() { " and stop" } else { "" };
     let maneuver = format!("{}{stops}, up to {fastest:.1} m/s{waits}", branch.name());
@@ -117,8 +117,4 @@ pub(super) fn desired_speeds(survey: &Survey<'_>, plan: &SpeedPlan, cruise: f64)
         }
     }
     desired
-}
-
-fn drive(survey: &Survey<'_>, branch: &Branch, plan: &SpeedPlan, cruise: f64) -> Vec<AgentState> {
-    survey.follow(&branch.path, &desired_speeds(survey, plan, cruise))
 }

@@ -9,8 +9,8 @@ use reactsim_rollout::Stream;
 use reactsim_scene::dynamics::speeds;
 use reactsim_scene::{AgentState, DT};
 
+use super::Draft;
 use super::survey::Survey;
-use super::{Draft, between};
 
 /// Gap between the AV and the vehicle behind it after a cut-in, metres.
 const CUT_IN_GAP: Range<f64> = 1.0..9.0;
@@ -70,7 +70,7 @@ pub(super) fn cut_in(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, 
         return Err("the gap in the next lane is out of reach".into());
     }
     let after = (follower.speed - stream.random_range(CUT_IN_SPEED_DIFFERENCE)).max(0.0);
-    let loss = between(stream, 1.5, 5.0);
+    let loss = stream.random_range(1.5..5.0);
     let target_speed = |t: f64| if t < time { (now + gain * t).max(0.0) } else { after };
     let mut desired: Vec<f64> = (1..=survey.steps()).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
     speeds::bound_ahead(now, &mut desired, 2.5, loss);
@@ -88,8 +88,8 @@ pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft
     let Some(stands) = (0..steps / 2).find(|&k| log[k] < 0.5) else {
         return Err("the AV does not stand".into());
     };
-    let go = stands as f64 * DT + between(stream, 0.0, 3.0);
-    let (gain, cruise) = (between(stream, 1.2, 2.5), between(stream, 3.0, 9.0).min(survey.limit));
+    let go = stands as f64 * DT + stream.random_range(0.0..3.0);
+    let (gain, cruise) = (stream.random_range(1.2..2.5), survey.limit.min(stream.random_range(3.0..9.0)));
     let logged = |t: f64| log[((t / DT) as usize).min(steps)];
     let target_speed = |t: f64| if t < go { logged(t) } else { cruise };
     let mut desired: Vec<f64> = (1..=survey.steps()).map(|k| target_speed((k as f64 - 0.5) * DT)).collect();
@@ -99,7 +99,7 @@ pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft
         survey.adjacent_lanes[stream.random_range(0..survey.adjacent_lanes.len())]
     } else {
         let side = if stream.random_bool(0.7) { 1.0 } else { -1.0 };
-        side * between(stream, 1.4, 3.2)
+        side * stream.random_range(1.4..3.2)
     };
     let (length, returns) = (stream.random_range(PULL_OUT_LENGTH), !lane && stream.random_bool(0.5));
     let travelled = |t: f64| desired.iter().take((t / DT) as usize).sum::<f64>() * DT;
@@ -107,7 +107,7 @@ pub(super) fn pull_out(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft
     if from + 0.7 * length > travelled(steps as f64 * DT) {
         return Err("no room to pull out".into());
     }
-    let stay = between(stream, 2.0, 12.0);
+    let stay = stream.random_range(2.0..12.0);
     let offset = |s: f64| {
         let back = if returns { smooth_step((s - from - length - stay) / length) } else { 0.0 };
         target * (smooth_step((s - from) / length) - back)

@@ -10,7 +10,7 @@ use reactsim_scene::DT;
 use reactsim_scene::dynamics::speeds;
 
 use super::survey::Survey;
-use super::{Draft, between, gaps};
+use super::{Draft, gaps};
 
 /// Duration of a sideways motion, s.
 const SHIFT_DURATION: Range<f64> = 2.2..5.0;
@@ -34,7 +34,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
         return gaps::cut_in(survey, stream);
     }
     let log = survey.drive.speeds();
-    let factor = if stream.random_bool(0.4) { 1.0 } else { between(stream, 0.55, 1.6) };
+    let factor = if stream.random_bool(0.4) { 1.0 } else { stream.random_range(0.55..1.6) };
     let mut desired = speeds::retime(log, factor, survey.steps());
     desired.iter_mut().for_each(|v| *v = v.min(survey.limit));
     let travel = desired.iter().sum::<f64>() * DT;
@@ -51,9 +51,9 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
         survey.adjacent_lanes[stream.random_range(0..survey.adjacent_lanes.len())]
     } else {
         let side = if stream.random_bool(0.5) { 1.0 } else { -1.0 };
-        side * between(stream, 0.8, 3.5)
+        side * stream.random_range(0.8..3.5)
     };
-    let (after, lasts) = (between(stream, 0.0, 3.0), stream.random_range(SHIFT_DURATION));
+    let (after, lasts) = (stream.random_range(0.0..3.0), stream.random_range(SHIFT_DURATION));
     let returns = !change && stream.random_bool(0.4);
     // Start of the shift, and the length that steering and tyres need at this speed: a fifth-order ramp of
     // length d and height h has a curvature of up to 5.8 h / d².
@@ -66,7 +66,7 @@ pub(super) fn draw(survey: &Survey<'_>, stream: &mut Stream) -> Result<Draft, St
     if from + 0.5 * length > travel {
         return Err("no room for a sideways motion".into());
     }
-    let (stay, back) = (between(stream, 0.0, 2.0) * speed, length);
+    let (stay, back) = (stream.random_range(0.0..2.0) * speed, length);
     let aside = |s: f64| {
         let out = smooth_step((s - from) / length);
         let home = if returns { smooth_step((s - from - length - stay) / back) } else { 0.0 };

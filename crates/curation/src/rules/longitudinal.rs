@@ -210,7 +210,7 @@ fn creep(log: &Log<'_>, stream: &mut Stream) -> Result<(String, Vec<f64>), Strin
     const CREEP: Range<f64> = 0.8..2.5;
     let (after, loss) = (stream.random_range(DELAY), stream.random_range(BRAKING));
     let creep = stream.random_range(CREEP);
-    let target_speed = log.until(after, |t| creep.min(log.at(t).max(creep)));
+    let target_speed = log.until(after, |_| creep);
     let speeds = log.unanticipated(target_speed, SLOWING_ACCELERATION, loss);
     Ok((format!("creep: {creep:.1} m/s after {after:.1} s"), speeds))
 }

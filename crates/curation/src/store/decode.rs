@@ -1,5 +1,6 @@
 //! Decodes columns into records.
 
+use std::mem::take;
 use std::ops::Range;
 
 use reactsim_formats::{
@@ -144,34 +145,34 @@ impl<'a> Rows<'a> {
     }
 
     fn candidates(&self) -> Result<Vec<CandidateRecord>, Cause> {
-        let mut sources = self.texts("source")?.into_iter();
-        let mut maneuvers = self.texts("maneuver")?.into_iter();
+        let mut sources = self.texts("source")?;
+        let mut maneuvers = self.texts("maneuver")?;
         let (numbers, seeds, intents) = (self.wholes("candidate")?, self.texts("seed")?, self.intents()?);
         let (categories, branches) = (self.categories()?, self.flags("cue_other_branch")?);
         let headings = self.numbers("cue_heading_change")?;
         let laterals = self.numbers("cue_lateral_offset")?;
         let longitudinals = self.numbers("cue_longitudinal_offset")?;
         let conflicts = self.plain("cue_conflict_step", Leaf::Whole, |v, row| Some(v.whole(row)))?;
-        let mut tracks = self.tracks()?.into_iter();
-        let mut figures = self.figures()?.into_iter();
-        let mut rejected = self.maybe_texts("rejected_by")?.into_iter();
-        let mut reasons = self.texts("reason")?.into_iter();
+        let mut tracks = self.tracks()?;
+        let mut figures = self.figures()?;
+        let mut rejected = self.maybe_texts("rejected_by")?;
+        let mut reasons = self.texts("reason")?;
         let (scores, chosen) = (self.scores()?, self.flags("chosen")?);
         let at_fault = self.wholes("pressure_at_fault")?;
         let (overlaps, risky) = (self.wholes("pressure_overlaps")?, self.wholes("pressure_risky")?);
         let ahead = self.numbers("endpoint_longitudinal")?;
         let aside = self.numbers("endpoint_lateral")?;
         let (ade, speed) = (self.numbers("ade")?, self.numbers("mean_speed_difference")?);
-        let mut reviews = self.reviews()?.into_iter();
-        let mut certificates = certificates::decode(self.batch)?.into_iter();
+        let mut reviews = self.reviews()?;
+        let mut certificates = certificates::decode(self.batch)?;
         let mut read = |row: usize| -> Result<CandidateRecord, Cause> {
             Ok(CandidateRecord {
                 candidate: Candidate {
-                    source: next(&mut sources)?,
+                    source: take(&mut sources[row]),
                     number: numbers[row],
                     intent: intents[row],
-                    maneuver: next(&mut maneuvers)?,
-                    track: next(&mut tracks)?,
+                    maneuver: take(&mut maneuvers[row]),
+                    track: take(&mut tracks[row]),
                 },
                 seed: seeds[row].parse().map_err(|_| {
                     Cause::value("`seed`", format!("`{}`", seeds[row]), "a whole number below 2^64")
@@ -184,9 +185,9 @@ impl<'a> Rows<'a> {
                     longitudinal_offset: longitudinals[row],
                     conflict_step: conflicts[row],
                 },
-                figures: next(&mut figures)?,
-                rejected_by: next(&mut rejected)?,
-                reason: next(&mut reasons)?,
+                figures: take(&mut figures[row]),
+                rejected_by: take(&mut rejected[row]),
+                reason: take(&mut reasons[row]),
                 score: scores[row],
                 chosen: chosen[row],
                 pressure: Pressure { at_fault: at_fault[row], overlaps: overlaps[row], risky: risky[row] },
@@ -196,8 +197,8 @@ impl<'a> Rows<'a> {
                     ade: ade[row],
                     mean_speed_difference: speed[row],
                 },
-                review: next(&mut reviews)?,
-                certificate: next(&mut certificates)?,
+                review: take(&mut reviews[row]),
+                certificate: take(&mut certificates[row]),
             })
         };
         let record = |row: usize| -> Result<CandidateRecord, Cause> {
@@ -213,18 +214,12 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Returns the cell of the next row. All columns of a batch have the same length.
-fn next<T>(cells: &mut impl Iterator<Item = T>) -> Result<T, Cause> {
-    cells.next().ok_or_else(|| Cause::Undecodable("columns are of different lengths".into()))
-}
-
 fn category(column: &str, name: &str) -> Result<Deviation, Cause> {
     let wrong = || Cause::value(column, format!("`{name}`"), "longitudinal, lateral or directional");
     Deviation::from_name(name).ok_or_else(wrong)
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use reactsim_formats::table::{Column, TableReader, TableWriter, Value};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use reactsim_baseline::WeightsFile;
-use reactsim_external::{self as external, Command, Description};
+use reactsim_external::{self as external, Processes};
 use serde::{Deserialize, Serialize};
 
 use crate::simulators::access::Access;
@@ -83,16 +83,17 @@ pub struct ExternalRecord {
 }
 
 impl ExternalRecord {
-    /// Creates the record of a simulator or planner from its command and what it states.
-    pub(crate) fn of(command: &Command, stated: &Description, batch: usize, reveals_ids: bool) -> Self {
+    /// Creates the record of a simulator or planner.
+    pub(crate) fn of(processes: &Processes, batch: usize) -> Self {
+        let stated = processes.description();
         Self {
-            command: command.text().to_owned(),
+            command: processes.command().text().to_owned(),
             protocol: external::PROTOCOL.to_owned(),
             name: stated.name.clone(),
             version: stated.version.clone(),
             weights_sha256: stated.weights_sha256.clone(),
             batch,
-            reveals_ids,
+            reveals_ids: processes.reveals_ids(),
         }
     }
 }

@@ -91,7 +91,7 @@ impl ExternalPrograms {
         let texts = &spec.subject.external.external;
         let is_named =
             |name: &str| texts.iter().filter_map(|t| t.split_once('=')).any(|(own, _)| own == name);
-        let named = self.simulators.iter().filter(|simulator| is_named(simulator.name()));
+        let named = self.simulators.iter().filter(|simulator| is_named(simulator.processes().name()));
         named.map(|simulator| PlannedSimulator::external(simulator.clone(), spec.rollout.smooth.0)).collect()
     }
 }

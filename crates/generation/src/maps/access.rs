@@ -50,7 +50,7 @@ impl Access {
             median: Median { width: 0.2, shoulder: 0.5, raised: false },
         };
         let skew = rng.uniform(-0.15, 0.15);
-        let sign = if direction == Direction::Forward { -1.0 } else { 1.0 };
+        let sign = direction.sign();
         let walk = street.pavement_offset(direction) - street.kerb(direction);
         // Vehicles wait behind the pavement.
         let mut setback = walk.abs() * 2.0 + 1.5;
@@ -80,10 +80,7 @@ impl Access {
             let pose = Pose { position: at.aside(road.lane_offset(direction, i)), heading: at.heading };
             if direction == Direction::Forward { pose } else { pose.reversed() }
         };
-        let lanes = match self.direction {
-            Direction::Forward => street.section.forward.lanes,
-            Direction::Backward => street.section.backward.map_or(1, |s| s.lanes),
-        };
+        let lanes = street.side(self.direction).map_or(1, |s| s.lanes);
         let ahead = if self.direction == Direction::Forward { self.reach } else { -self.reach };
         let from = pose(street, self.s - ahead, self.direction, lanes - 1);
         let to = pose(street, self.s + ahead, self.direction, lanes - 1);
@@ -96,7 +93,7 @@ impl Access {
     fn pavement_gap(&self, street: &Road, turns: &[(Vec<Vec2>, f64); 2]) -> f64 {
         let at = street.path.at(self.s);
         let axis = direction(at.heading);
-        let sign = if self.direction == Direction::Forward { -1.0 } else { 1.0 };
+        let sign = self.direction.sign();
         let kerb = street.kerb(self.direction).abs();
         let width =
             self.road.lane_half(Direction::Forward).max(street.lane_half(self.direction)) + MARGIN + 0.2;
@@ -171,14 +168,10 @@ impl Access {
 
     /// Continues the pavement across the driveway; people on it have priority.
     fn walk(&self, b: &mut MapBuilder, street: &Road) {
-        let side = match self.direction {
-            Direction::Forward => Some(street.section.forward),
-            Direction::Backward => street.section.backward,
-        };
-        let Some(pavement) = side.and_then(|s| s.pavement) else { return };
+        let Some(pavement) = street.side(self.direction).and_then(|s| s.pavement) else { return };
         let offset = street.pavement_offset(self.direction);
         let line: Vec<Vec2> = street.line(self.direction, offset, self.s - self.gap, self.s + self.gap);
-        let crossed = b.lanes_across(&line, 0.0);
+        let crossed = b.lanes_across(&line);
         b.crossing(line, pavement.width, &crossed, &[]);
     }
 }

@@ -25,6 +25,7 @@ pub use ground::{GRID_SPACING, area, edges, on_grid, union};
 pub use lanes::{LaneRef, Spec};
 pub use path::{Path, Piece, Station, sampling_step};
 pub use profile::Profile;
+pub(super) use ring::cross;
 pub use ring::{fillet, ribbon};
 pub use road::{
     BROKEN_WHITE, DOUBLE_YELLOW, Direction, Median, Pavement, Road, RoadLanes, SOLID_WHITE, SOLID_YELLOW,

@@ -53,7 +53,7 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
     let across: Vec<Vec2> = [Direction::Forward, Direction::Backward]
         .map(|direction| road.path.at(at).aside(road.pavement_offset(direction)))
         .into();
-    let crossed = b.lanes_across(&across, 0.0);
+    let crossed = b.lanes_across(&across);
     let lights = if rng.chance(0.4) { crossed.clone() } else { Vec::new() };
     b.crossing(across, width, &crossed, &lights);
     let phases = phases(rng, road.kerb(Direction::Backward) - road.kerb(Direction::Forward));
@@ -61,7 +61,7 @@ pub(super) fn mid_block(rng: &mut Stream) -> Layout {
         b.stop(StopKind::Light, lane);
         b.signal(lane, phases.clone());
     }
-    b.finish("mid-block-crosswalk")
+    b.finish()
 }
 
 /// Draws a straight path, or one with a bend somewhere before the crosswalk.

@@ -34,7 +34,7 @@ pub(super) fn driveways(rng: &mut Stream) -> Layout {
         b.entry(lanes.backward[0], flows::driveway(rng));
         access.road.surface(&mut b, -access.setback, access.road.path.length(), (false, true));
     }
-    b.finish("driveways")
+    b.finish()
 }
 
 /// Draws a street joined by the aisle of a car park, with cars parked on both sides of the aisle.
@@ -80,7 +80,7 @@ pub(super) fn car_park(rng: &mut Stream) -> Layout {
             s += pitch;
         }
     }
-    b.finish("car-park-exit")
+    b.finish()
 }
 
 /// Draws a street that is straight in its middle.

@@ -10,14 +10,12 @@ use crate::{Draw, Layout, RightOfWay};
 
 /// Draws a road on which the rightmost lane ends.
 pub(super) fn dropped(rng: &mut Stream) -> Layout {
-    let wide = LaneCountChange::draw(rng);
-    wide.layout(rng, true)
+    LaneCountChange::draw(rng).layout(rng, true)
 }
 
 /// Draws a road on which a lane begins on the right.
 pub(super) fn added(rng: &mut Stream) -> Layout {
-    let wide = LaneCountChange::draw(rng);
-    wide.layout(rng, false)
+    LaneCountChange::draw(rng).layout(rng, false)
 }
 
 /// A road whose forward side has one additional lane before (or after) a taper.
@@ -77,7 +75,7 @@ impl LaneCountChange {
         }
         self.ground(&mut b, first, last, cuts);
         self.enter(&mut b, rng, &before, &after);
-        b.finish(if drop { "lane-drop" } else { "lane-addition" })
+        b.finish()
     }
 
     /// Lays the lane that merges into its neighbour, or emerges from it.

@@ -97,11 +97,7 @@ impl Motorway {
         self.ground(&mut b, [cuts[1], start, cuts[3], cuts[4]]);
         enter(&mut b, rng, road, &stretches[0], Direction::Forward);
         enter(&mut b, rng, road, &stretches[stretches.len() - 1], Direction::Backward);
-        b.finish(match (on, off) {
-            (true, false) => "on-ramp",
-            (false, true) => "off-ramp",
-            _ => "weaving",
-        })
+        b.finish()
     }
 
     fn strip(

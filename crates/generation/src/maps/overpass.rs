@@ -60,8 +60,8 @@ pub(super) fn overpass(rng: &mut Stream) -> Layout {
     let middle = 0.5 * path.length();
     let above = Road::new(path.placed(middle, Vec2::zeros(), heading), section);
 
-    let mut low = whole(rng, &below, "below").finish("overpass");
-    let mut high = whole(rng, &above, "above").finish("overpass");
+    let mut low = whole(rng, &below, "below").finish();
+    let mut high = whole(rng, &above, "above").finish();
     set_heights(&mut low, |_| 0.0);
     set_heights(&mut high, |p| bridge.height((above.path.nearest(p) - middle).abs()));
     append(&mut low, high);
@@ -202,6 +202,7 @@ mod tests {
     use reactsim_scene::levels::LEVEL_GAP;
 
     use super::*;
+    use crate::maps::build::cross;
     use crate::maps::validate::{Rule, validate};
 
     #[test]
@@ -226,7 +227,7 @@ mod tests {
             for (high, up) in lanes().filter(|(l, _)| l.id.starts_with("above")) {
                 for (i, a) in low.points.windows(2).enumerate() {
                     for (k, b) in high.points.windows(2).enumerate() {
-                        if super::super::validate::crossing::cross(a[0], a[1], b[0], b[1]).is_some() {
+                        if cross(a[0], a[1], b[0], b[1]).is_some() {
                             found.push((z[i], up[k]));
                         }
                     }

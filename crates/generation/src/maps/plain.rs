@@ -12,7 +12,7 @@ pub(super) fn straight(rng: &mut Stream) -> Layout {
     let freeway = section.class == LaneClass::Freeway;
     let length = if freeway { rng.uniform(850.0, 1000.0) } else { rng.uniform(500.0, 620.0) };
     let path = centred(Path::straight(length), 0.5 * length, rng);
-    whole(rng, &Road::new(path, section), "road").finish("straight-road")
+    whole(rng, &Road::new(path, section), "road").finish()
 }
 
 pub(super) fn curved(rng: &mut Stream) -> Layout {
@@ -21,7 +21,7 @@ pub(super) fn curved(rng: &mut Stream) -> Layout {
     let path = winding(rng, length, speed);
     let middle = path.length() * rng.uniform(0.4, 0.6);
     let path = centred(path, middle, rng);
-    whole(rng, &Road::new(path, section), "road").finish("curved-road")
+    whole(rng, &Road::new(path, section), "road").finish()
 }
 
 /// Draws a narrow street of one lane per direction, with parked cars on both sides.
@@ -58,7 +58,7 @@ pub(super) fn narrow(rng: &mut Stream) -> Layout {
     for &lane in lanes.forward.iter().chain(&lanes.backward) {
         b.entry(lane, rng.uniform(150.0, 400.0));
     }
-    b.finish("narrow-street")
+    b.finish()
 }
 
 /// Draws a cross-section: mostly of a street, sometimes of a motorway.

@@ -1,8 +1,6 @@
 //! Tests of scenarios with two levels, and of other lengths.
 
-use reactsim_geometry::rounded_distance;
 use reactsim_rollout::{Purpose, stream};
-use reactsim_scene::levels::apart;
 use reactsim_scene::{AgentKind, CURRENT, DT, FRAMES, Frame, Length, Scenario};
 
 use crate::maps::{self, MAP_TYPES, ON_REQUEST};
@@ -30,7 +28,7 @@ fn height(scenario: &Scenario, agent: usize, frame: usize) -> Option<f64> {
 
 #[test]
 fn bridges_are_a_second_level_with_traffic_on_both() {
-    let (mut pairs, mut raised, mut low) = (0, 0, 0);
+    let (mut raised, mut low) = (0, 0);
     for scenario in overpasses() {
         assert_eq!(
             (scenario.levels(), scenario.source.as_str()),
@@ -39,8 +37,8 @@ fn bridges_are_a_second_level_with_traffic_on_both() {
             scenario.id
         );
         assert!(scenario.repairs.is_empty(), "{}: {:?}", scenario.id, scenario.repairs);
-        let agents = &scenario.start.agents;
-        for (i, a) in agents.iter().enumerate().filter(|(_, a)| a.kind == AgentKind::Vehicle) {
+        let agents = scenario.start.agents.iter().enumerate();
+        for (i, a) in agents.filter(|(_, a)| a.kind == AgentKind::Vehicle) {
             let moves = scenario.start.now(i).speed() > 1.0;
             match height(&scenario, i, CURRENT) {
                 Some(z) if z > 3.0 && moves => raised += 1,
@@ -49,30 +47,7 @@ fn bridges_are_a_second_level_with_traffic_on_both() {
                 None => panic!("{}: {} has no height", scenario.id, a.id),
             }
         }
-        for i in 0..agents.len() {
-            for j in 0..i {
-                let meet = |f: usize| {
-                    let (a, b) = (scenario.logged_at(i, f)?, scenario.logged_at(j, f)?);
-                    let (p, q) = (a.footprint(&agents[i]), b.footprint(&agents[j]));
-                    let near = (p.center - q.center).norm() < p.radius() + q.radius();
-                    (near && rounded_distance(&p, &q, 0.7) < 0.0).then_some(f)
-                };
-                // Only agents on different levels are ever at one place.
-                if let Some(f) = (0..FRAMES).find_map(meet) {
-                    let (a, b) = (height(&scenario, i, f).unwrap(), height(&scenario, j, f).unwrap());
-                    assert!(
-                        apart(a, b, 0.0),
-                        "{}: {} and {} touch at frame {f}",
-                        scenario.id,
-                        agents[i].id,
-                        agents[j].id
-                    );
-                    pairs += 1;
-                }
-            }
-        }
     }
-    assert!(pairs > 10, "only {pairs} pairs pass above one another");
     assert!(raised > 20 && low > 20, "{raised} vehicles on bridges, {low} below");
 }
 

@@ -1,9 +1,8 @@
 //! Pedestrians and vehicles at crossings, and what each perceives of the other.
 
 use super::network::Network;
-use super::people::{Approach, Crowd, Surroundings, Vehicle as CrossingVehicle, WalkLight};
+use super::people::{Approach, Crosser, Crowd, Surroundings, Vehicle as CrossingVehicle, WalkLight};
 use super::vehicle::Vehicle;
-use super::yielding::Walker;
 use crate::Layout;
 
 /// Distance from a crossing, metres, beyond which vehicles do not matter to pedestrians.
@@ -106,17 +105,8 @@ impl Encounters {
         self.crowd.step(dt, &surroundings);
     }
 
-    /// Lists the people who are on a crossing or about to step on it, as drivers see them.
-    pub(super) fn walkers(&self, into: &mut Vec<Walker>) {
-        into.clear();
-        for crossing in self.crowd.crossings() {
-            let footway = crossing.footway;
-            into.extend(crossing.people.iter().map(|p| Walker {
-                footway,
-                position: p.position,
-                velocity: p.velocity,
-                waits: p.intent == super::people::Intent::Waiting,
-            }));
-        }
+    /// Returns the people who are on the crossing of a footway or about to step on it.
+    pub(super) fn people_on(&self, footway: usize) -> &[Crosser] {
+        self.crossing_indices[footway].map_or(&[], |i| &self.crowd.crossings()[i].people)
     }
 }

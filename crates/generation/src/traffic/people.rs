@@ -185,14 +185,8 @@ impl Crowd {
             } else {
                 continue;
             };
-            self.crossings[place.which].people.push(Crosser {
-                person: w.id,
-                position: w.position,
-                velocity: w.velocity,
-                s: place.s,
-                direction: if place.forward { 1.0 } else { -1.0 },
-                intent,
-            });
+            let (position, velocity) = (w.position, w.velocity);
+            self.crossings[place.which].people.push(Crosser { position, velocity, intent });
         }
     }
 }

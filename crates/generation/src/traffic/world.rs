@@ -14,7 +14,7 @@ use super::occupancy::{self, LaneOccupancy};
 use super::people::Crowd;
 use super::routes::Routes;
 use super::vehicle::Vehicle;
-use super::yielding::{DriverMemory, Sight, Walker};
+use super::yielding::{DriverMemory, Sight};
 use crate::Layout;
 
 /// Interval between two decisions of a driver, s: one per recorded frame.
@@ -39,7 +39,6 @@ pub(super) struct World<'a> {
     /// Current states of the signal plans.
     pub(super) lights: Vec<LightState>,
     pub(super) encounters: Encounters,
-    walkers: Vec<Walker>,
     pub(super) time: f64,
     tick: u32,
     rng: Stream,
@@ -70,7 +69,6 @@ impl<'a> World<'a> {
             occupancy: LaneOccupancy::default(),
             lights: Vec::new(),
             encounters,
-            walkers: Vec::new(),
             time: 0.0,
             tick: 0,
             rng,
@@ -111,12 +109,11 @@ impl<'a> World<'a> {
         self.observe();
     }
 
-    /// Updates the lanes' vehicles, the lights, and the pedestrians that drivers see.
+    /// Updates the lanes' vehicles and the lights that drivers see.
     fn observe(&mut self) {
         let time = self.time;
         self.lights = self.layout.signals.iter().map(|s| s.at(time).unwrap_or(LightState::Unknown)).collect();
         self.occupancy.update(&self.network, &self.vehicles);
-        self.encounters.walkers(&mut self.walkers);
     }
 
     fn decide(&mut self, i: usize) -> Decision {
@@ -132,7 +129,7 @@ impl<'a> World<'a> {
             vehicles: &self.vehicles,
             occupancy: &self.occupancy,
             lights: &self.lights,
-            walkers: &self.walkers,
+            encounters: &self.encounters,
             time: self.time,
         };
         let (wait, memory) = sight.wait(i);

@@ -5,9 +5,9 @@ mod conflicts;
 mod people;
 mod zipping;
 
-use reactsim_geometry::Vec2;
 use reactsim_scene::LightState;
 
+use super::encounters::Encounters;
 use super::network::Network;
 use super::occupancy::LaneOccupancy;
 use super::vehicle::Vehicle;
@@ -48,17 +48,6 @@ const PULL_IN_DISTANCE_SIGNAL: f64 = 5.0;
 /// Minimum distance from the line to a conflict for waiting inside an unsignalised junction, metres.
 const PULL_IN_DISTANCE: f64 = 7.0;
 
-/// A pedestrian on a crossing or about to step on it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Walker {
-    /// Index of the footway.
-    pub(super) footway: usize,
-    pub(super) position: Vec2,
-    pub(super) velocity: Vec2,
-    /// Whether they stand at the kerb until drivers let them cross.
-    pub(super) waits: bool,
-}
-
 /// State of traffic that drivers can see at one moment.
 pub(super) struct Sight<'a> {
     pub(super) network: &'a Network,
@@ -66,7 +55,7 @@ pub(super) struct Sight<'a> {
     pub(super) occupancy: &'a LaneOccupancy,
     /// State of each signal plan.
     pub(super) lights: &'a [LightState],
-    pub(super) walkers: &'a [Walker],
+    pub(super) encounters: &'a Encounters,
     /// Time since the beginning, s.
     pub(super) time: f64,
 }

@@ -332,12 +332,12 @@ fn derive<const N: usize>(
     progress.set_total(Some(end));
     let mut writers = to.iter().map(Writer::create).collect::<Result<Vec<_>, _>>()?;
     let ending = in_order(
-        end as u64,
+        0..end as u64,
         logs.jobs,
         logs.stop,
         &mut (),
-        |(), number| make(number),
-        |(), number, made| {
+        |(), number| (number, make(number)),
+        |(), (number, made)| {
             for (writer, scenarios) in writers.iter_mut().zip(made?) {
                 scenarios.iter().try_for_each(|scenario| writer.write(scenario))?;
             }

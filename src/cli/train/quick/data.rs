@@ -67,12 +67,12 @@ fn write(
     progress.set_total(Some(end as usize));
     let mut writer = Writer::create(path)?;
     let ending = in_order(
-        end,
+        0..end,
         jobs,
         stop,
         &mut (),
-        |(), number| make(number),
-        |(), number, scenario| {
+        |(), number| (number, make(number)),
+        |(), (number, scenario)| {
             if let Some(scenario) = scenario? {
                 writer.write(&scenario)?;
             }

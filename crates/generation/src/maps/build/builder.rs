@@ -9,7 +9,7 @@ use reactsim_scene::{
 use super::connector::{Pose, connector};
 use super::ground::{edges, on_grid, union};
 use super::lanes::{Draft, LaneRef, Spec};
-use super::ring::ribbon;
+use super::ring::{cross, ribbon};
 use super::{Direction, MARGIN, Profile, Station};
 use crate::{Entry, Footway, Layout, ParkingSpot, Priority, RightOfWay, SignalPlan};
 
@@ -221,21 +221,16 @@ impl MapBuilder {
         (0..self.lanes.len()).map(LaneRef)
     }
 
-    /// Returns the lanes whose centre lines cross a line, or have points within `reach` metres of it: the
-    /// lanes that a crossing crosses.
-    pub fn lanes_across(&self, line: &[Vec2], reach: f64) -> Vec<LaneRef> {
-        let near = |p: Vec2| {
-            line.windows(2).any(|w| reactsim_geometry::point_segment(p, w[0], w[1]).0 < reach * reach)
-        };
-        let meets = |a: Vec2, b: Vec2| line.windows(2).any(|w| intersect(a, b, w[0], w[1]));
-        let hit =
-            |d: &Draft| d.points.iter().any(|&p| near(p)) || d.points.windows(2).any(|w| meets(w[0], w[1]));
+    /// Returns the lanes whose centre lines cross a line.
+    pub fn lanes_across(&self, line: &[Vec2]) -> Vec<LaneRef> {
+        let meets = |a: Vec2, b: Vec2| line.windows(2).any(|w| cross(a, b, w[0], w[1]).is_some());
+        let hit = |d: &Draft| d.points.windows(2).any(|w| meets(w[0], w[1]));
         self.lanes().filter(|l| hit(&self.lanes[l.0])).collect()
     }
 
     /// Converts the map to a layout: unites surfaces, cuts edges at the border, moves points to the grid,
     /// and links lanes by name.
-    pub fn finish(mut self, kind: &str) -> Layout {
+    pub fn finish(mut self) -> Layout {
         let grid = |points: &[Vec2]| -> Vec<Vec2> { points.iter().copied().map(on_grid).collect() };
         let ground = union(&self.surfaces, &self.islands);
         let road_edges = edges(&ground, &self.gates);
@@ -297,7 +292,6 @@ impl MapBuilder {
             })
         };
         Layout {
-            kind: kind.to_owned(),
             map,
             signals: self.signals.iter().map(plan).collect(),
             priorities: self
@@ -353,9 +347,4 @@ fn extended(points: &[Vec2]) -> Vec<Vec2> {
     out[0] -= first / first.norm() * 0.3;
     out[n - 1] += last / last.norm() * 0.3;
     out
-}
-
-fn intersect(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
-    let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).perp(&(r - p)) > 0.0;
-    side(a, b, c) != side(a, b, d) && side(c, d, a) != side(c, d, b)
 }

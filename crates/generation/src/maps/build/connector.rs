@@ -28,13 +28,6 @@ impl Pose {
     pub fn reversed(self) -> Self {
         Self { heading: self.heading + std::f64::consts::PI, ..self }
     }
-
-    /// Returns the pose moved ahead and to the left by these distances, metres.
-    #[must_use]
-    pub fn moved(self, ahead: f64, left: f64) -> Self {
-        let axis = direction(self.heading);
-        Self { position: self.position + axis * ahead + reactsim_geometry::left(axis) * left, ..self }
-    }
 }
 
 impl From<Station> for Pose {

@@ -33,13 +33,6 @@ impl Profile {
         value
     }
 
-    /// Returns the profile shifted by a constant.
-    #[must_use]
-    pub fn plus(&self, by: f64) -> Self {
-        let changes = self.changes.iter().map(|&(a, b, v)| (a, b, v + by)).collect();
-        Self { start: self.start + by, changes }
-    }
-
     /// Whether the value changes somewhere between the two arc lengths.
     pub fn changes_within(&self, from: f64, to: f64) -> bool {
         self.changes.iter().any(|&(a, b, _)| a < to && b > from)
@@ -60,7 +53,6 @@ mod tests {
     fn goes_from_value_to_value() {
         let p = Profile::flat(1.0).then(10.0, 20.0, 3.0).then(30.0, 40.0, 0.0);
         assert_eq!([p.at(0.0), p.at(10.0), p.at(15.0), p.at(25.0), p.at(50.0)], [1.0, 1.0, 2.0, 3.0, 0.0]);
-        assert_eq!(p.plus(1.0).at(25.0), 4.0);
         assert!(p.changes_within(5.0, 12.0) && !p.changes_within(20.0, 30.0));
     }
 }

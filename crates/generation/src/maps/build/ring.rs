@@ -1,4 +1,4 @@
-//! Outlines of lines and corners.
+//! Outlines of lines and corners, and crossings of segments.
 
 use reactsim_geometry::{Vec2, left};
 
@@ -54,6 +54,18 @@ pub fn fillet(corner: Vec2, along: Vec2, other: Vec2, radius: f64) -> Vec<Vec2> 
     }
     ring.push(corner + other * reach);
     ring
+}
+
+/// Returns the intersection of two segments. A segment includes the border of its left side, so that a line
+/// through a corner crosses once.
+pub(in crate::maps) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2> {
+    let (ab, cd) = (b - a, d - c);
+    let (of_c, of_d) = (ab.perp(&(c - a)), ab.perp(&(d - a)));
+    let (of_a, of_b) = (cd.perp(&(a - c)), cd.perp(&(b - c)));
+    if (of_c >= 0.0) == (of_d >= 0.0) || (of_a >= 0.0) == (of_b >= 0.0) {
+        return None;
+    }
+    Some(c + cd * (of_c / (of_c - of_d)))
 }
 
 #[cfg(test)]

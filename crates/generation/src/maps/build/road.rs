@@ -20,7 +20,7 @@ pub enum Direction {
 
 impl Direction {
     /// Returns the sign of offsets on this side: negative to the right.
-    fn sign(self) -> f64 {
+    pub(in crate::maps) fn sign(self) -> f64 {
         match self {
             Self::Forward => -1.0,
             Self::Backward => 1.0,
@@ -107,16 +107,12 @@ pub struct RoadLanes {
 impl RoadLanes {
     /// Links the lanes of successive stretches, by index from the middle outwards, where both exist.
     pub fn link(&self, b: &mut MapBuilder, next: &Self) {
-        for (&here, &there) in self.forward.iter().zip(&next.forward) {
+        let forward = self.forward.iter().zip(&next.forward);
+        for (&here, &there) in forward.chain(self.forward_bike.iter().zip(&next.forward_bike)) {
             b.link(here, there);
         }
-        for (&here, &there) in self.backward.iter().zip(&next.backward) {
-            b.link(there, here);
-        }
-        if let (Some(here), Some(there)) = (self.forward_bike, next.forward_bike) {
-            b.link(here, there);
-        }
-        if let (Some(here), Some(there)) = (self.backward_bike, next.backward_bike) {
+        let backward = self.backward.iter().zip(&next.backward);
+        for (&here, &there) in backward.chain(self.backward_bike.iter().zip(&next.backward_bike)) {
             b.link(there, here);
         }
     }
@@ -170,7 +166,7 @@ impl Road {
         Self { path, section }
     }
 
-    fn side(&self, direction: Direction) -> Option<&Side> {
+    pub(in crate::maps) fn side(&self, direction: Direction) -> Option<&Side> {
         match direction {
             Direction::Forward => Some(&self.section.forward),
             Direction::Backward => self.section.backward.as_ref(),

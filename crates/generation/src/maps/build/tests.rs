@@ -38,7 +38,7 @@ fn a_road_becomes_a_layout() {
     first.link(&mut b, &second);
     let mut rng = stream(0, "road", 0, Purpose::Map);
     road.parking(&mut b, &mut rng, Direction::Forward, 0.0, end);
-    let layout = b.finish("test");
+    let layout = b.finish();
     let map = &layout.map;
     assert_eq!(map.lanes.len(), 10);
     let ground = map.drivable_area.as_ref().unwrap();
@@ -71,7 +71,7 @@ fn a_raised_median_parts_the_ground() {
     road.section.median = Median { width: 3.0, shoulder: 0.5, raised: true };
     let mut b = MapBuilder::new();
     road.lay(&mut b, "a", 0.0, road.path.length(), (true, true));
-    assert_eq!(b.finish("test").map.drivable_area.unwrap().len(), 2);
+    assert_eq!(b.finish().map.drivable_area.unwrap().len(), 2);
 }
 
 #[test]
@@ -83,8 +83,8 @@ fn a_connector_joins_lanes() {
     let to = b.lane(spec("out"), vec![Vec2::new(12.0, 12.0), Vec2::new(12.0, 40.0)], 1.8, up, up);
     let (lane, radius) = b.connect(Spec::connector("turn", LaneClass::SurfaceStreet, 7.0), from, to);
     assert!(radius > MIN_TURN_RADIUS && b.half_width(lane) == 1.6);
-    assert_eq!(b.lanes_across(&[Vec2::new(4.0, 5.0), Vec2::new(4.0, -5.0)], 0.1), [lane]);
-    let map = b.finish("test").map;
+    assert_eq!(b.lanes_across(&[Vec2::new(4.0, 5.0), Vec2::new(4.0, -5.0)]), [lane]);
+    let map = b.finish().map;
     let turn = &map.lanes[2];
     assert_eq!(
         (turn.predecessors.as_slice(), turn.successors.as_slice()),

@@ -95,7 +95,7 @@ impl Plan {
                 yields.decide(i, j, rank(p) <= rank(q));
             }
         }
-        yields.apply(b, movements, |_| RightOfWay::Yield);
+        yields.apply(b, |_| RightOfWay::Yield);
     }
 
     /// Returns the lanes whose green means that people must not cross an arm: those from it, those straight
@@ -132,44 +132,40 @@ pub(super) fn signs(b: &mut MapBuilder, movements: &[Movement], major: usize, st
         let first = if p.from == q.from && p.bike != q.bike { p.bike } else { rank(p) <= rank(q) };
         yields.decide(i, j, first);
     }
-    yields.apply(b, movements, |m| if minor(m) { rule } else { RightOfWay::Yield });
+    yields.apply(b, |m| if minor(m) { rule } else { RightOfWay::Yield });
 }
 
 /// Adds stop signs on all arms.
 pub(super) fn all_way(b: &mut MapBuilder, movements: &[Movement]) {
     let mut yields = YieldRelations::new(movements);
     for (i, j) in conflicts(b, movements) {
-        yields.to[i].push(movements[j].lane);
-        yields.to[j].push(movements[i].lane);
+        yields.decide(i, j, true);
+        yields.decide(i, j, false);
     }
-    for (m, to) in movements.iter().zip(&yields.to) {
-        b.stop(StopKind::Sign, m.lane);
-        b.priority(m.lane, to, RightOfWay::AllWayStop);
-    }
+    movements.iter().for_each(|m| b.stop(StopKind::Sign, m.lane));
+    yields.apply(b, |_| RightOfWay::AllWayStop);
 }
 
-/// Yielding relations between movements.
-struct YieldRelations {
+/// The lanes to which each movement yields.
+struct YieldRelations<'m> {
+    movements: &'m [Movement],
     to: Vec<Vec<LaneRef>>,
-    pairs: Vec<(usize, usize)>,
 }
 
-impl YieldRelations {
-    fn new(movements: &[Movement]) -> Self {
-        Self { to: vec![Vec::new(); movements.len()], pairs: Vec::new() }
+impl<'m> YieldRelations<'m> {
+    fn new(movements: &'m [Movement]) -> Self {
+        Self { movements, to: vec![Vec::new(); movements.len()] }
     }
 
     fn decide(&mut self, i: usize, j: usize, first_goes: bool) {
-        self.pairs.push(if first_goes { (j, i) } else { (i, j) });
+        let (goes, yields) = if first_goes { (i, j) } else { (j, i) };
+        self.to[yields].push(self.movements[goes].lane);
     }
 
-    fn apply(mut self, b: &mut MapBuilder, movements: &[Movement], rule: impl Fn(&Movement) -> RightOfWay) {
-        for (yielding, to) in self.pairs {
-            self.to[yielding].push(movements[to].lane);
-        }
-        for (m, to) in movements.iter().zip(&self.to) {
+    fn apply(&self, b: &mut MapBuilder, rule: impl Fn(&Movement) -> RightOfWay) {
+        for (m, to) in self.movements.iter().zip(&self.to) {
             let rule = rule(m);
-            if !to.is_empty() || rule == RightOfWay::Stop {
+            if !to.is_empty() || rule != RightOfWay::Yield {
                 b.priority(m.lane, to, rule);
             }
         }

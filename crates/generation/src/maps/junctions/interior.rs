@@ -5,8 +5,7 @@ use reactsim_scene::LaneClass;
 
 use super::corner::{CROSSWALK_WIDTH, Corner, STOP_LINE_GAP};
 use super::street::Port;
-use crate::maps::build::{LaneRef, MARGIN, MapBuilder, Pose, Spec, Station, ribbon};
-use crate::maps::validate::crossing::cross;
+use crate::maps::build::{LaneRef, MARGIN, MapBuilder, Spec, cross, ribbon};
 
 /// A junction of up to four streets. Arms are numbered counter-clockwise; opposite arms differ by two, and
 /// some may be missing.
@@ -146,8 +145,7 @@ impl Junction {
         let path = corner.right_turn(s(from), s(to));
         let length = path.length();
         let path = path.placed(0.0, start.position, start.heading);
-        let mut points: Vec<Vec2> =
-            path.stations(0.0, length, 5.0).iter().map(|p: &Station| Pose::from(*p).position).collect();
+        let mut points: Vec<Vec2> = path.stations(0.0, length, 5.0).iter().map(|p| p.position).collect();
         let last = points.len() - 1;
         (points[0], points[last]) = (start.position, end.position);
         let half = b.half_width(before).min(b.half_width(after));
@@ -210,7 +208,7 @@ impl Junction {
             }
             if self.crosswalks[slot] {
                 let line = vec![nodes[k][1], nodes[k][0]];
-                let crossed = b.lanes_across(&line, 0.0);
+                let crossed = b.lanes_across(&line);
                 b.crossing(line, CROSSWALK_WIDTH, &crossed, &waits(slot));
             }
         }

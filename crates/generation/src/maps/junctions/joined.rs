@@ -40,7 +40,7 @@ pub(crate) fn signalised_pair(rng: &mut Stream) -> Layout {
         plan.apply(&mut b, movements);
         junction.walks(&mut b, |slot| plan.waits(movements, slot));
     }
-    b.finish("signalised-pair")
+    b.finish()
 }
 
 /// Draws a signalised junction, and near it a three-arm junction whose minor road stops.
@@ -61,7 +61,7 @@ pub(crate) fn signalised_and_t(rng: &mut Stream) -> Layout {
     first.walks(&mut b, |slot| plan.waits(controlled, slot));
     signs(&mut b, others, 0, true);
     second.walks(&mut b, |_| Vec::new());
-    b.finish("signalised-and-t")
+    b.finish()
 }
 
 /// Two junctions along a main road, which consists of arms 0 and 2 of both.

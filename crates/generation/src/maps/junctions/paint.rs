@@ -1,6 +1,6 @@
 //! Lines painted on streets.
 
-use super::street::{End, POCKET_TAPER, Street, sign};
+use super::street::{End, POCKET_TAPER, Street};
 use crate::maps::build::{BROKEN_WHITE, DOUBLE_YELLOW, Direction, MapBuilder, SOLID_WHITE, SOLID_YELLOW};
 
 impl Street {
@@ -26,11 +26,11 @@ impl Street {
         let median = road.section.median;
         if median.width > 0.8 {
             let inner = 0.5 * median.width;
-            line(SOLID_YELLOW, sign(direction) * inner, if left { split } else { 0.0 }, whole);
+            line(SOLID_YELLOW, direction.sign() * inner, if left { split } else { 0.0 }, whole);
             if left {
                 let width = self.pocket_width(direction);
-                line(SOLID_YELLOW, sign(direction) * (inner - width), 0.0, split - POCKET_TAPER);
-                line(SOLID_WHITE, sign(direction) * inner, 0.0, split - POCKET_TAPER);
+                line(SOLID_YELLOW, direction.sign() * (inner - width), 0.0, split - POCKET_TAPER);
+                line(SOLID_WHITE, direction.sign() * inner, 0.0, split - POCKET_TAPER);
             }
         } else if direction == Direction::Forward {
             line(DOUBLE_YELLOW, 0.0, 0.0, whole);

@@ -26,7 +26,7 @@ const SPREAD_SHARE: f64 = 0.42;
 /// Draws a roundabout with one circulating lane and four arms (sometimes three).
 pub(crate) fn roundabout_one_lane(rng: &mut Stream) -> Layout {
     let diameter = rng.uniform(38.0, 46.0);
-    draw(rng, &[1], diameter, "roundabout-1")
+    draw(rng, &[1], diameter)
 }
 
 /// Draws a roundabout with two circulating lanes; the arms of the major road have two lanes, those of the
@@ -34,7 +34,7 @@ pub(crate) fn roundabout_one_lane(rng: &mut Stream) -> Layout {
 pub(crate) fn roundabout_two_lanes(rng: &mut Stream) -> Layout {
     let diameter = rng.uniform(48.0, 58.0);
     let lanes: &[usize] = if rng.chance(0.5) { &[2, 2] } else { &[2, 1] };
-    draw(rng, lanes, diameter, "roundabout-2")
+    draw(rng, lanes, diameter)
 }
 
 /// A stretch of a circulating lane.
@@ -68,7 +68,7 @@ struct Circle {
     spread: f64,
 }
 
-fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout {
+fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64) -> Layout {
     let mut b = MapBuilder::new();
     let around = lanes[0];
     let four = around == 2 || rng.chance(0.75);
@@ -114,7 +114,7 @@ fn draw(rng: &mut Stream, lanes: &[usize], diameter: f64, name: &str) -> Layout 
     }
     circle.lay(&mut b, &headings, &ports);
     walks(&mut b, &circle, &headings, &ports, crossed);
-    b.finish(name)
+    b.finish()
 }
 
 /// Adds the splitter island of an arm, from `s` metres on; it tapers off.
@@ -289,7 +289,7 @@ fn walks(b: &mut MapBuilder, circle: &Circle, headings: &[f64], ports: &[Port], 
         if crossed {
             let u = direction(headings[i]) * 0.8;
             let line = vec![own[1] + u, own[0] + u];
-            let lanes = b.lanes_across(&line, 0.0);
+            let lanes = b.lanes_across(&line);
             b.crossing(line, CROSSWALK_WIDTH, &lanes, &[]);
         }
     }

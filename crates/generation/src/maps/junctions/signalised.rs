@@ -66,16 +66,16 @@ pub(super) fn end(rng: &mut Stream, kind: &Kind, right_turns: bool) -> End {
 /// Draws four arms whose left turns have their own phase, on both roads or on the first one.
 pub(crate) fn signalised_protected(rng: &mut Stream) -> Layout {
     let both = rng.chance(0.6);
-    four_way(rng, [true, both], [true, both], "signalised-protected")
+    four_way(rng, [true, both], [true, both])
 }
 
 /// Draws four arms whose left turns yield to oncoming traffic.
 pub(crate) fn signalised_permissive(rng: &mut Stream) -> Layout {
     let pocket = rng.chance(0.4);
-    four_way(rng, [pocket, false], [false; 2], "signalised-permissive")
+    four_way(rng, [pocket, false], [false; 2])
 }
 
-fn four_way(rng: &mut Stream, pockets: [bool; 2], protected: [bool; 2], name: &str) -> Layout {
+fn four_way(rng: &mut Stream, pockets: [bool; 2], protected: [bool; 2]) -> Layout {
     let mut b = MapBuilder::new();
     let kinds = pockets.map(|pocket| kind(rng, pocket));
     let paved = pavement(rng, 0.9);
@@ -98,7 +98,7 @@ fn four_way(rng: &mut Stream, pockets: [bool; 2], protected: [bool; 2], name: &s
     let plan = plan(rng, phases);
     plan.apply(&mut b, &movements);
     junction.walks(&mut b, |slot| plan.waits(&movements, slot));
-    b.finish(name)
+    b.finish()
 }
 
 /// Draws three arms: a road that continues (arms 0 and 2), and one that ends there.
@@ -134,5 +134,5 @@ pub(crate) fn signalised_t(rng: &mut Stream) -> Layout {
     let plan = plan(rng, phases);
     plan.apply(&mut b, &movements);
     junction.walks(&mut b, |slot| plan.waits(&movements, slot));
-    b.finish("signalised-t")
+    b.finish()
 }

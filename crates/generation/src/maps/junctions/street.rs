@@ -91,11 +91,6 @@ const PARKING_SETBACK: f64 = 16.0;
 /// begins.
 const PAVEMENT_GAP: f64 = 2.0;
 
-/// Returns the sign of the offsets of a direction's lanes.
-pub(super) fn sign(direction: Direction) -> f64 {
-    if direction == Direction::Forward { -1.0 } else { 1.0 }
-}
-
 /// Returns the direction in which vehicles arrive at an end.
 fn arriving(end: usize) -> Direction {
     if end == 0 { Direction::Backward } else { Direction::Forward }
@@ -108,10 +103,7 @@ fn leaving(end: usize) -> Direction {
 
 impl Street {
     pub(super) fn side(&self, direction: Direction) -> &Side {
-        match direction {
-            Direction::Forward => &self.road.section.forward,
-            Direction::Backward => self.road.section.backward.as_ref().unwrap_or(&self.road.section.forward),
-        }
+        self.road.side(direction).unwrap_or(&self.road.section.forward)
     }
 
     pub(super) fn pocket_width(&self, direction: Direction) -> f64 {
@@ -187,7 +179,7 @@ impl Street {
     fn pavement_offset(&self, direction: Direction) -> f64 {
         let end = if direction == Direction::Backward { 0 } else { 1 };
         let pavement = self.side(direction).pavement;
-        sign(direction) * (self.kerb_in(end) + pavement.map_or(0.0, |p| p.verge + 0.5 * p.width))
+        direction.sign() * (self.kerb_in(end) + pavement.map_or(0.0, |p| p.verge + 0.5 * p.width))
     }
 
     /// Lays the lanes of a direction, with parking and pavement next to them.
@@ -238,12 +230,12 @@ impl Street {
                 if on_left { inner - 0.5 * side.lane_width - 0.5 * width } else { outer + 0.5 * width };
             let name = if on_left { "left" } else { "right" };
             let stations = between(0.0, length);
-            let centre = Profile::flat(sign(direction) * offset);
+            let centre = Profile::flat(direction.sign() * offset);
             let lane = b.strip(lane(name), &stations, &centre, &Profile::flat(0.5 * width), direction);
             let (p, q) = (before(0.0), before(length));
             let edges = [
-                sign(direction) * (offset - 0.5 * width - MARGIN),
-                sign(direction) * (offset + 0.5 * width + 0.6),
+                direction.sign() * (offset - 0.5 * width - MARGIN),
+                direction.sign() * (offset + 0.5 * width + 0.6),
             ];
             let slab = (edges[0].min(edges[1]), edges[0].max(edges[1]));
             self.road.slab(b, slab, p.min(q), p.max(q), (false, false));

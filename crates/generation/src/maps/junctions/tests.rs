@@ -1,43 +1,9 @@
 //! Tests of all junctions over many seeds.
 
-use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::{LaneKind, LightState, StopKind};
 
-use super::super::tests::ROADS;
-use super::super::validate::validate;
-use super::super::{MAP_TYPES, MapType};
-use crate::{Layout, RightOfWay};
-
-fn types() -> impl Iterator<Item = &'static MapType> {
-    MAP_TYPES.iter().filter(|m| !ROADS.contains(&m.id))
-}
-
-fn draw(kind: &MapType, seed: u64) -> Layout {
-    (kind.draw)(&mut stream(seed, kind.id, 0, Purpose::Map))
-}
-
-#[test]
-fn junctions_are_sound() {
-    let mut report = String::new();
-    for kind in types() {
-        for seed in 0..200 {
-            let flaws = validate(&draw(kind, seed));
-            report.extend(flaws.iter().take(3).map(|flaw| format!("{} {seed}: {flaw}\n", kind.id)));
-        }
-    }
-    assert!(report.is_empty(), "{report}");
-}
-
-#[test]
-fn a_seed_is_a_map() {
-    for kind in types() {
-        let layout = draw(kind, 3);
-        assert_eq!(layout.kind, kind.id);
-        assert_eq!(layout.map, draw(kind, 3).map);
-        assert_ne!(layout.map.lanes, draw(kind, 4).map.lanes);
-        assert!(!layout.map.intersections.is_empty(), "{}", kind.id);
-    }
-}
+use super::super::tests::{draw, junctions};
+use crate::RightOfWay;
 
 /// Returns the smallest radius on a line, metres, over three points at a time.
 fn tightest(points: &[reactsim_geometry::Vec2]) -> f64 {
@@ -50,7 +16,7 @@ fn tightest(points: &[reactsim_geometry::Vec2]) -> f64 {
 
 #[test]
 fn turns_have_the_radii_of_turns() {
-    for kind in types() {
+    for kind in junctions() {
         for seed in 0..40 {
             let layout = draw(kind, seed);
             for lane in layout.map.lanes.iter().filter(|l| l.kind == LaneKind::Connector) {
@@ -66,7 +32,7 @@ fn turns_have_the_radii_of_turns() {
 
 #[test]
 fn lights_have_plausible_times() {
-    for kind in types().filter(|m| m.id.starts_with("signalised")) {
+    for kind in junctions().filter(|m| m.id.starts_with("signalised")) {
         for seed in 0..60 {
             let layout = draw(kind, seed);
             assert!(!layout.signals.is_empty());
@@ -98,8 +64,9 @@ fn lights_have_plausible_times() {
 
 #[test]
 fn each_type_has_its_rule() {
-    for kind in types() {
+    for kind in junctions() {
         let layout = draw(kind, 1);
+        assert!(!layout.map.intersections.is_empty(), "{}", kind.id);
         let stops = |kind: StopKind| layout.map.stop_lines.iter().filter(|s| s.kind == kind).count();
         let rules = |rule: RightOfWay| layout.priorities.iter().filter(|p| p.rule == rule).count();
         match kind.id {

@@ -45,15 +45,15 @@ fn end(rng: &mut Stream, kind: &Kind, left_turns: bool) -> End {
 
 /// Draws a three-arm junction: the road that ends there stops or yields.
 pub(crate) fn priority_t(rng: &mut Stream) -> Layout {
-    priority(rng, false, "priority-t")
+    priority(rng, false)
 }
 
 /// Draws a four-arm junction: the minor road stops or yields.
 pub(crate) fn priority_four_way(rng: &mut Stream) -> Layout {
-    priority(rng, true, "priority-four-way")
+    priority(rng, true)
 }
 
-fn priority(rng: &mut Stream, four: bool, name: &str) -> Layout {
+fn priority(rng: &mut Stream, four: bool) -> Layout {
     let mut b = MapBuilder::new();
     let kinds = [major(rng), minor(rng)];
     let paved = pavement(rng, 0.75);
@@ -70,7 +70,7 @@ fn priority(rng: &mut Stream, four: bool, name: &str) -> Layout {
     let stop = rng.chance(if four { 0.9 } else { 0.75 });
     signs(&mut b, &movements, 0, stop);
     junction.walks(&mut b, |_| Vec::new());
-    b.finish(name)
+    b.finish()
 }
 
 /// Draws a junction of four arms (sometimes three) at which everybody stops.
@@ -98,5 +98,5 @@ pub(crate) fn all_way_stop(rng: &mut Stream) -> Layout {
     let (junction, movements) = lay(&mut b, rng, streets, (6.0, 8.5), crosswalks);
     all_way(&mut b, &movements);
     junction.walks(&mut b, |_| Vec::new());
-    b.finish("all-way-stop")
+    b.finish()
 }

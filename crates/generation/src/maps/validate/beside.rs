@@ -1,6 +1,6 @@
 //! Checks of adjacent lanes: neighbours, and overlaps of lanes that are not connectors.
 
-use reactsim_geometry::Vec2;
+use reactsim_geometry::{Vec2, ring_distance};
 use reactsim_scene::NeighborParts;
 
 use super::survey::{Survey, TracedLane};
@@ -25,7 +25,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
     }
     for (i, a) in survey.lanes.iter().enumerate().filter(|(_, l)| !l.is_connector()) {
         for b in survey.lanes[i + 1..].iter().filter(|l| !l.is_connector()) {
-            if !a.area.bounds.intersects(&b.area.bounds) {
+            if !a.bounds.intersects(&b.bounds) {
                 continue;
             }
             if let Some(at) = overlap(a, b).or_else(|| overlap(b, a)) {
@@ -42,9 +42,7 @@ fn neighbour(
     on_left: bool,
 ) -> Result<(), (Vec2, String)> {
     let error = |place: Vec2, found: String| Err((place, found));
-    let Some(other) = survey.find(&n.lane).map(|i| &survey.lanes[i]) else {
-        return error(lane.start(), "is no lane".into());
-    };
+    let other = survey.lane(&n.lane);
     let (own, its) = (lane.line.points(), other.line.points());
     let (from, to) = (n.self_start as usize, n.self_end as usize);
     let (its_from, its_to) = (n.other_start as usize, n.other_end as usize);
@@ -82,7 +80,7 @@ fn neighbour(
             (l.start() - p).norm().min((l.end() - p).norm()) > 0.75 * hit.distance
         };
         if i > from && i + step < to && clear(lane, own[i]) && clear(other, on) {
-            let width = lane.area.border_distance(own[i]) + other.area.border_distance(on);
+            let width = ring_distance(own[i], &lane.ring) + ring_distance(on, &other.ring);
             if !(hit.distance > 0.75 * width && hit.distance < 1.3 * width + 0.3) {
                 return error(own[i], format!("is {:.2} m away, expected about {width:.2} m", hit.distance));
             }
@@ -101,7 +99,7 @@ fn overlap(a: &TracedLane<'_>, b: &TracedLane<'_>) -> Option<Vec2> {
         touch(a, b) || touch(b, a)
     };
     let inside = |p: &Vec2| {
-        b.area.bounds.contains(*p) && b.area.holds(*p, OVERLAP_TOLERANCE) && !linked(*p) && !a.is_apart(b, *p)
+        b.bounds.contains(*p) && b.holds(*p, OVERLAP_TOLERANCE) && !linked(*p) && !a.is_apart(b, *p)
     };
     let corners = a.ring.iter().zip(a.ring.iter().skip(1).chain(a.ring.first()));
     let border = corners.flat_map(|(&p, &q)| {
@@ -114,5 +112,5 @@ fn overlap(a: &TracedLane<'_>, b: &TracedLane<'_>) -> Option<Vec2> {
 /// Returns half of the width of a lane at its end, metres.
 fn half_width(lane: &TracedLane<'_>) -> f64 {
     let near = lane.line.at((lane.line.length() - 4.0).max(0.5 * lane.line.length()));
-    lane.area.border_distance(near)
+    ring_distance(near, &lane.ring)
 }

@@ -1,65 +1,32 @@
 //! Crossings of segments.
 
-use reactsim_geometry::Vec2;
+use reactsim_geometry::{Bounds, Grid, Vec2};
 
-/// A segment of a line, with the number of the line.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
-    pub(super) a: Vec2,
-    pub(super) b: Vec2,
-    pub(super) id: usize,
-}
+use crate::maps::build::cross;
 
-/// Returns the intersection of two segments. A segment includes the border of its left side, so that a line
-/// through a corner crosses once.
-pub(in super::super) fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> Option<Vec2> {
-    let (ab, cd) = (b - a, d - c);
-    let (of_c, of_d) = (ab.perp(&(c - a)), ab.perp(&(d - a)));
-    let (of_a, of_b) = (cd.perp(&(a - c)), cd.perp(&(b - c)));
-    if (of_c >= 0.0) == (of_d >= 0.0) || (of_a >= 0.0) == (of_b >= 0.0) {
-        return None;
+/// Reports every crossing of two segments by their indices, the lower one first.
+pub(super) fn crossings(pieces: &[(Vec2, Vec2)], mut report: impl FnMut(usize, usize, Vec2)) {
+    let bounds: Vec<Bounds> = pieces.iter().map(|&(a, b)| Bounds::of([a, b])).collect();
+    let grid = Grid::new(&bounds, 8.0);
+    for (i, &(a, b)) in pieces.iter().enumerate() {
+        grid.visit(&bounds[i], |j| {
+            let (c, d) = pieces[j as usize];
+            if i < j as usize
+                && let Some(at) = cross(a, b, c, d)
+            {
+                report(i, j as usize, at);
+            }
+        });
     }
-    Some(c + cd * (of_c / (of_c - of_d)))
 }
 
-/// Returns the first crossing of two pieces that `apart` allows to be compared, found by a sweep along the
-/// longer side.
-pub(super) fn first_crossing(pieces: &[Piece], apart: impl Fn(usize, usize) -> bool) -> Option<Vec2> {
-    let bounds = reactsim_geometry::Bounds::of(pieces.iter().flat_map(|p| [p.a, p.b]));
-    let extent = bounds.max - bounds.min;
-    let (main, other) = if extent.x >= extent.y { (0, 1) } else { (1, 0) };
-    let span = |p: &Piece, axis: usize| (p.a[axis].min(p.b[axis]), p.a[axis].max(p.b[axis]));
-    let mut order: Vec<(f64, usize)> = pieces.iter().enumerate().map(|(i, p)| (span(p, main).0, i)).collect();
-    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    for (k, &(_, i)) in order.iter().enumerate() {
-        let (end, (low, high)) = (span(&pieces[i], main).1, span(&pieces[i], other));
-        for &(start, j) in &order[k + 1..] {
-            if start > end {
-                break;
-            }
-            let (p, q) = (&pieces[i], &pieces[j]);
-            let (from, to) = span(q, other);
-            if from > high || to < low || !apart(p.id, q.id) {
-                continue;
-            }
-            if let Some(at) = cross(p.a, p.b, q.a, q.b) {
-                return Some(at);
-            }
+/// Returns a crossing of two segments that `apart` allows to be compared.
+pub(super) fn first_crossing(pieces: &[(Vec2, Vec2)], apart: impl Fn(usize, usize) -> bool) -> Option<Vec2> {
+    let mut first = None;
+    crossings(pieces, |i, j, at| {
+        if apart(i, j) {
+            first.get_or_insert(at);
         }
-    }
-    None
-}
-
-/// Returns the ring without a closing point and without repeated points.
-pub(super) fn open_ring(ring: &[Vec2]) -> Vec<Vec2> {
-    let mut points: Vec<Vec2> = Vec::with_capacity(ring.len());
-    for &p in ring {
-        if points.last() != Some(&p) {
-            points.push(p);
-        }
-    }
-    if points.len() > 1 && points.first() == points.last() {
-        points.pop();
-    }
-    points
+    });
+    first
 }

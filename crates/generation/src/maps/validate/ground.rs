@@ -67,10 +67,10 @@ fn parking(survey: &Survey<'_>, flaws: &mut Flaws) {
             .map(|(k, t)| corners[k] + (corners[(k + 1) % 4] - corners[k]) * t)
             .collect();
         let reach = reactsim_geometry::Bounds::of(around.iter().copied()).inflated(PARKING_CLEARANCE);
-        for lane in survey.lanes.iter().filter(|l| l.area.bounds.intersects(&reach)) {
+        for lane in survey.lanes.iter().filter(|l| l.bounds.intersects(&reach)) {
             let hit = around
                 .iter()
-                .find(|p| lane.area.contains(**p) || lane.area.border_within(**p, PARKING_CLEARANCE))
+                .find(|p| lane.contains(**p, PARKING_CLEARANCE))
                 .filter(|p| !on_different_levels(lane.height(**p), height, 0.0));
             if let Some(&p) = hit {
                 flaws.add(Rule::Parking, &name, p, format!("less than 0.2 m from lane `{}`", lane.id()));

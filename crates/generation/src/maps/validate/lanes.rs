@@ -1,8 +1,6 @@
 //! Checks of links, centre lines and outlines of lanes.
 
-use reactsim_geometry::Vec2;
-
-use super::crossing::{Piece, first_crossing};
+use super::crossing::first_crossing;
 use super::survey::{Survey, TracedLane};
 use super::{Flaws, Rule};
 
@@ -26,10 +24,7 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
 
 fn links(survey: &Survey<'_>, lane: &TracedLane<'_>, flaws: &mut Flaws) {
     for id in &lane.part.successors {
-        let Some(next) = survey.find(id).map(|i| &survey.lanes[i]) else {
-            flaws.add(Rule::Link, lane.id(), lane.end(), format!("successor `{id}` is no lane"));
-            continue;
-        };
+        let next = survey.lane(id);
         if !next.part.predecessors.contains(&lane.part.id) {
             flaws.add(Rule::Link, lane.id(), lane.end(), format!("successor `{id}` does not link back"));
         }
@@ -46,10 +41,8 @@ fn links(survey: &Survey<'_>, lane: &TracedLane<'_>, flaws: &mut Flaws) {
         }
     }
     for id in &lane.part.predecessors {
-        let back = survey.find(id).is_some_and(|i| survey.lanes[i].part.successors.contains(&lane.part.id));
-        if !back {
-            let found = format!("predecessor `{id}` does not exist or does not link to it");
-            flaws.add(Rule::Link, lane.id(), lane.start(), found);
+        if !survey.lane(id).part.successors.contains(&lane.part.id) {
+            flaws.add(Rule::Link, lane.id(), lane.start(), format!("predecessor `{id}` does not link to it"));
         }
     }
     let mut linked: Vec<&String> = lane.part.successors.iter().chain(&lane.part.predecessors).collect();
@@ -70,25 +63,14 @@ fn bends(lane: &TracedLane<'_>, flaws: &mut Flaws) {
         let found = format!("turns by {:.2} degrees within {over:.2} m", turn.to_degrees());
         flaws.add(Rule::CentreLine, lane.id(), lane.line.points()[i], found);
     }
-    let pieces = pieces(lane.line.points(), 0, false);
-    if !monotone(&pieces)
+    // A line of which every segment advances along the chord does not cross itself.
+    let chord = lane.end() - lane.start();
+    let pieces: Vec<_> = lane.segments().collect();
+    if !pieces.iter().all(|(a, b)| (b - a).dot(&chord) > 0.0)
         && let Some(at) = first_crossing(&pieces, |a, b| a.abs_diff(b) > 1)
     {
         flaws.add(Rule::CentreLine, lane.id(), at, "the centre line crosses itself");
     }
-}
-
-/// Returns the segments of a line or ring, numbered from `first` on.
-fn pieces(points: &[Vec2], first: usize, closed: bool) -> Vec<Piece> {
-    let closing = closed.then(|| points[0]);
-    let next = points.iter().skip(1).copied().chain(closing);
-    points.iter().zip(next).enumerate().map(|(i, (&a, b))| Piece { a, b, id: first + i }).collect()
-}
-
-/// Whether every piece advances along the chord, so that the line cannot cross itself.
-fn monotone(pieces: &[Piece]) -> bool {
-    let chord = pieces[pieces.len() - 1].b - pieces[0].a;
-    pieces.iter().all(|p| (p.b - p.a).dot(&chord) > 0.0)
 }
 
 fn outline(lane: &TracedLane<'_>, flaws: &mut Flaws) {
@@ -98,22 +80,21 @@ fn outline(lane: &TracedLane<'_>, flaws: &mut Flaws) {
         return;
     }
     let around = lane.ring.len();
-    let mut all = pieces(&lane.ring, 0, true);
+    let mut all: Vec<_> = lane.ring.iter().copied().zip(lane.ring.iter().copied().cycle().skip(1)).collect();
     let simple = first_crossing(&all, |a, b| a.abs_diff(b) > 1 && a.abs_diff(b) + 1 < around);
     if let Some(at) = simple {
         flaws.add(Rule::Outline, lane.id(), at, "the outline crosses itself");
         return;
     }
     // The ends of the centre line are on the outline.
-    let mut within = pieces(lane.line.points(), around, false);
-    let last = within.len() - 1;
-    let (lead, tail) = (within[0].b - within[0].a, within[last].b - within[last].a);
-    within[0].a += lead * 0.05;
-    within[last].b -= tail * 0.05;
-    all.extend(within);
+    all.extend(lane.segments());
+    let ((a, b), last) = (all[around], all.len() - 1);
+    all[around].0 += (b - a) * 0.05;
+    let (a, b) = all[last];
+    all[last].1 -= (b - a) * 0.05;
     if let Some(at) = first_crossing(&all, |a, b| (a < around) != (b < around)) {
         flaws.add(Rule::Outline, lane.id(), at, "the centre line leaves the outline");
-    } else if !lane.area.contains(middle) {
+    } else if !lane.contains(middle, 0.0) {
         flaws.add(Rule::Outline, lane.id(), middle, "the centre line is outside the outline");
     }
 }

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use reactsim_geometry::{Polyline, Vec2, left, point_in_ring};
 
-use super::crossing::cross;
 use super::survey::Survey;
 use super::{Flaws, Rule};
 use crate::heights::{height_at, on_different_levels};
+use crate::maps::build::cross;
 
 /// Distance, metres, within which ends of footways are joined.
 const JOIN_DISTANCE: f64 = 3.0;
@@ -65,17 +65,12 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
 fn crossed(survey: &Survey<'_>, i: usize, name: &str, flaws: &mut Flaws) {
     let footway = &survey.layout.footways[i];
     let first = footway.line.points()[0];
-    let named: BTreeSet<&str> = footway.crosses.iter().map(String::as_str).collect();
-    for id in &named {
-        if survey.find(id).is_none() {
-            flaws.add(Rule::Footway, name, first, format!("crosses `{id}`, which is no lane"));
-        }
-    }
-    for lane in &survey.lanes {
+    let named: BTreeSet<usize> = footway.crosses.iter().map(|id| survey.find(id)).collect();
+    for (i, lane) in survey.lanes.iter().enumerate() {
         let height = |p: Vec2| height_at(&footway.line, &footway.heights, footway.line.project(p).s);
         let at = meets(&footway.line, &lane.line)
             .filter(|&at| !on_different_levels(height(at), lane.height(at), 0.0));
-        match (at, named.contains(lane.id())) {
+        match (at, named.contains(&i)) {
             (Some(at), false) => {
                 flaws.add(Rule::Footway, name, at, format!("crosses lane `{}` without naming it", lane.id()));
             }

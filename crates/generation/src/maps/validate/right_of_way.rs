@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_geometry::Vec2;
 use reactsim_scene::{LightState, StopKind};
 
 use super::super::super::{RightOfWay, SignalPlan};
@@ -29,11 +28,8 @@ pub(super) fn check(survey: &Survey<'_>, flaws: &mut Flaws) {
 
 fn stop_lines(survey: &Survey<'_>, flaws: &mut Flaws) {
     for line in &survey.layout.map.stop_lines {
-        let Some(lane) = survey.find(&line.lane).map(|i| &survey.lanes[i]) else {
-            flaws.add(Rule::StopLine, &line.lane, line.at, "stop line on a lane that does not exist");
-            continue;
-        };
-        if !(lane.area.contains(line.at) || lane.area.border_within(line.at, 0.3)) {
+        let lane = survey.lane(&line.lane);
+        if !lane.contains(line.at, 0.3) {
             flaws.add(Rule::StopLine, lane.id(), line.at, "the stop line is not on the lane");
         }
     }
@@ -53,13 +49,13 @@ impl Precedence {
         let mut gives_way = BTreeSet::new();
         let mut all_way = BTreeSet::new();
         for priority in &survey.layout.priorities {
-            let Some(lane) = survey.find(&priority.lane) else { continue };
+            let lane = survey.find(&priority.lane);
             if priority.rule == RightOfWay::AllWayStop {
                 all_way.insert(lane);
             }
-            gives_way.extend(priority.to.iter().filter_map(|to| Some((lane, survey.find(to)?))));
+            gives_way.extend(priority.to.iter().map(|to| (lane, survey.find(to))));
         }
-        let signalised = survey.layout.signals.iter().filter_map(|s| survey.find(&s.lane)).collect();
+        let signalised = survey.layout.signals.iter().map(|s| survey.find(&s.lane)).collect();
         Self { gives_way, all_way, signalised }
     }
 
@@ -81,10 +77,7 @@ fn signals(survey: &Survey<'_>, precedence: &Precedence, flaws: &mut Flaws) {
     let mut plans: BTreeMap<usize, &SignalPlan> = BTreeMap::new();
     let mut cycle: Option<f64> = None;
     for plan in &survey.layout.signals {
-        let Some(lane) = survey.find(&plan.lane) else {
-            flaws.add(Rule::Signal, &plan.lane, plan.stop_point, "a light for a lane that does not exist");
-            continue;
-        };
+        let lane = survey.find(&plan.lane);
         if plans.insert(lane, plan).is_some() {
             flaws.add(Rule::Signal, &plan.lane, plan.stop_point, "a second light for the same lane");
         }
@@ -144,17 +137,10 @@ fn has_line(survey: &Survey<'_>, lane: usize, kind: StopKind) -> bool {
 
 fn priorities(survey: &Survey<'_>, precedence: &Precedence, flaws: &mut Flaws) {
     for priority in &survey.layout.priorities {
-        let Some(lane) = survey.find(&priority.lane) else {
-            flaws.add(Rule::Priority, &priority.lane, Vec2::zeros(), "gives way, but is no lane");
-            continue;
-        };
+        let lane = survey.find(&priority.lane);
         let start = survey.lanes[lane].start();
         for to in &priority.to {
-            let Some(other) = survey.find(to) else {
-                let found = format!("gives way to `{to}`, which is no lane");
-                flaws.add(Rule::Priority, &priority.lane, start, found);
-                continue;
-            };
+            let other = survey.find(to);
             if survey.meet(lane, other).is_none() && !too_near(survey, lane, other) {
                 let found = format!("gives way to `{to}`, which it does not meet");
                 flaws.add(Rule::Priority, &priority.lane, start, found);
@@ -187,10 +173,7 @@ fn too_near(survey: &Survey<'_>, a: usize, b: usize) -> bool {
 fn entries(survey: &Survey<'_>, flaws: &mut Flaws) {
     let mut entered = BTreeSet::new();
     for entry in &survey.layout.entries {
-        let Some(i) = survey.find(&entry.lane) else {
-            flaws.add(Rule::Entry, &entry.lane, Vec2::zeros(), "is entered, but is no lane");
-            continue;
-        };
+        let i = survey.find(&entry.lane);
         let start = survey.lanes[i].start();
         if !entered.insert(i) {
             flaws.add(Rule::Entry, &entry.lane, start, "is named twice");
@@ -232,7 +215,7 @@ fn reaches_exit(survey: &Survey<'_>, from: usize) -> bool {
         if next.is_empty() {
             return true;
         }
-        open.extend(next.iter().filter_map(|id| survey.find(id)).filter(|&j| seen.insert(j)));
+        open.extend(next.iter().map(|id| survey.find(id)).filter(|&j| seen.insert(j)));
     }
     false
 }

@@ -2,12 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reactsim_geometry::{Bounds, Grid, Polyline, Vec2};
+use reactsim_geometry::{Bounds, PolygonIndex, Polyline, RingIndex, Vec2};
 use reactsim_scene::{LaneArea, LaneKind, LaneParts};
 
-use super::crossing::{cross, open_ring};
-use super::region::Region;
-use super::{Flaws, Layout, Rule};
+use super::Layout;
+use super::crossing::crossings;
 use crate::heights::{height_at, on_different_levels};
 
 /// A lane with its centre line and its area.
@@ -16,7 +15,8 @@ pub(super) struct TracedLane<'a> {
     pub(super) line: Polyline,
     /// The outline as an open ring.
     pub(super) ring: Vec<Vec2>,
-    pub(super) area: Region,
+    area: RingIndex,
+    pub(super) bounds: Bounds,
     /// Height at each point of the line, metres; empty on maps without heights.
     pub(super) heights: &'a [f64],
 }
@@ -43,6 +43,16 @@ impl TracedLane<'_> {
         }
     }
 
+    /// Whether a point is inside the outline, or outside but within `margin` of it.
+    pub(super) fn contains(&self, p: Vec2, margin: f64) -> bool {
+        self.area.locate(p) == Some(true) || self.area.is_within(p, margin)
+    }
+
+    /// Whether a point is inside the outline and at least this far from it.
+    pub(super) fn holds(&self, p: Vec2, depth: f64) -> bool {
+        self.area.locate(p) == Some(true) && !self.area.is_within(p, depth)
+    }
+
     /// Whether two lanes that share a point of the plane are on different levels there.
     pub(super) fn is_apart(&self, other: &Self, p: Vec2) -> bool {
         on_different_levels(self.height(p), other.height(p), 0.0)
@@ -50,6 +60,11 @@ impl TracedLane<'_> {
 
     pub(super) fn is_connector(&self) -> bool {
         self.part.kind == LaneKind::Connector
+    }
+
+    /// Returns the segments of the centre line.
+    pub(super) fn segments(&self) -> impl Iterator<Item = (Vec2, Vec2)> {
+        (0..self.line.segments()).map(|i| self.line.segment(i))
     }
 
     /// Returns the unit direction of segment `i`.
@@ -72,7 +87,7 @@ pub(super) struct Survey<'a> {
 
 /// A polygon of drivable ground.
 struct Ground<'a> {
-    region: Region,
+    area: PolygonIndex,
     exterior: &'a [Vec2],
     /// Height at each point of the exterior, metres; empty on maps without heights.
     heights: &'a [f64],
@@ -92,33 +107,22 @@ impl Ground<'_> {
 }
 
 impl<'a> Survey<'a> {
-    pub(super) fn new(layout: &'a Layout, flaws: &mut Flaws) -> Self {
-        let mut lanes: Vec<TracedLane<'a>> = Vec::new();
+    pub(super) fn new(layout: &'a Layout) -> Self {
         let mut index = BTreeMap::new();
         let heights = &layout.map.heights;
         let of = |list: &'a [Vec<f64>], i: usize| list.get(i).map_or(&[][..], Vec::as_slice);
-        for (i, part) in layout.map.lanes.iter().enumerate() {
-            let first = part.points.first().copied().unwrap_or_default();
-            match Polyline::new(&part.points) {
-                _ if index.contains_key(part.id.as_str()) => {
-                    flaws.add(Rule::Id, &part.id, first, "another lane has this id");
-                }
-                Ok(line) if line.points().len() == part.points.len() => {
-                    let ring = outline(part, &line);
-                    let area = Region::new([&ring[..]]);
-                    index.insert(part.id.as_str(), lanes.len());
-                    lanes.push(TracedLane { part, line, ring, area, heights: of(&heights.lanes, i) });
-                }
-                Ok(_) => flaws.add(Rule::Id, &part.id, first, "points of the centre line repeat"),
-                Err(error) => flaws.add(Rule::Id, &part.id, first, error.to_string()),
-            }
-        }
-        let polygons = layout.map.drivable_area.iter().flatten();
-        let rings = |p: &'a reactsim_geometry::Polygon| {
-            Region::new(std::iter::once(&p.exterior[..]).chain(p.holes.iter().map(|h| &h[..])))
+        let trace = |(i, part): (usize, &'a LaneParts)| {
+            assert_eq!(index.insert(part.id.as_str(), i), None, "another lane has the id {}", part.id);
+            let line = Polyline::new(&part.points).unwrap();
+            assert_eq!(line.points().len(), part.points.len(), "points of {} repeat", part.id);
+            let ring = outline(part, &line);
+            let (area, bounds) = (RingIndex::new(&ring), Bounds::of(ring.iter().copied()));
+            TracedLane { part, line, ring, area, bounds, heights: of(&heights.lanes, i) }
         };
-        let ground = polygons.enumerate().map(|(i, p)| Ground {
-            region: rings(p),
+        let lanes = layout.map.lanes.iter().enumerate().map(trace).collect();
+        let polygons = layout.map.drivable_area.iter().flatten().enumerate();
+        let ground = polygons.map(|(i, p)| Ground {
+            area: PolygonIndex::new(p),
             exterior: &p.exterior,
             heights: of(&heights.drivable_area, i),
         });
@@ -128,8 +132,14 @@ impl<'a> Survey<'a> {
         survey
     }
 
-    pub(super) fn find(&self, id: &str) -> Option<usize> {
-        self.index.get(id).copied()
+    /// Returns the index of the lane with this id.
+    pub(super) fn find(&self, id: &str) -> usize {
+        self.index.get(id).copied().unwrap_or_else(|| panic!("no lane `{id}`"))
+    }
+
+    /// Returns the lane with this id.
+    pub(super) fn lane(&self, id: &str) -> &TracedLane<'a> {
+        &self.lanes[self.find(id)]
     }
 
     /// Returns the point where two lanes meet.
@@ -146,8 +156,7 @@ impl<'a> Survey<'a> {
     /// of its border.
     pub(super) fn drivable(&self, p: Vec2, height: Option<f64>, tolerance: f64) -> bool {
         let here = |g: &Ground<'_>| {
-            let near = g.region.contains(p) || tolerance > 0.0 && g.region.border_within(p, tolerance);
-            near && g.is_on_level(p, height)
+            (g.area.contains(p) || g.area.is_boundary_within(p, tolerance)) && g.is_on_level(p, height)
         };
         self.ground.iter().any(here)
     }
@@ -155,30 +164,23 @@ impl<'a> Survey<'a> {
     /// Whether a point at a height (unknown: any) is on drivable ground and at least this far from its
     /// border.
     pub(super) fn well_drivable(&self, p: Vec2, height: Option<f64>, depth: f64) -> bool {
-        let border = |g: &Ground<'_>| g.region.border_within(p, depth) && g.is_on_level(p, height);
+        let border = |g: &Ground<'_>| g.area.is_boundary_within(p, depth) && g.is_on_level(p, height);
         self.drivable(p, height, 0.0) && !self.ground.iter().any(border)
     }
 
     fn find_meetings(&self) -> BTreeMap<(usize, usize), Vec2> {
-        let mut pieces: Vec<(usize, Vec2, Vec2)> = Vec::new();
+        let (mut pieces, mut lane_of) = (Vec::new(), Vec::new());
         for (i, lane) in self.lanes.iter().enumerate() {
-            pieces.extend(lane.line.points().windows(2).map(|w| (i, w[0], w[1])));
+            pieces.extend(lane.segments());
+            lane_of.resize(pieces.len(), i);
         }
-        let bounds: Vec<Bounds> = pieces.iter().map(|p| Bounds::of([p.1, p.2])).collect();
-        let grid = Grid::new(&bounds, 4.0);
         let mut met = BTreeMap::new();
-        for (k, &(i, a, b)) in pieces.iter().enumerate() {
-            grid.visit(&bounds[k], |m| {
-                let (j, c, d) = pieces[m as usize];
-                if i < j
-                    && bounds[k].intersects(&bounds[m as usize])
-                    && let Some(at) = cross(a, b, c, d).filter(|_| !self.related(i, j))
-                    && !self.lanes[i].is_apart(&self.lanes[j], at)
-                {
-                    met.entry((i, j)).or_insert(at);
-                }
-            });
-        }
+        crossings(&pieces, |k, m, at| {
+            let (i, j) = (lane_of[k], lane_of[m]);
+            if i != j && !self.related(i, j) && !self.lanes[i].is_apart(&self.lanes[j], at) {
+                met.entry((i, j)).or_insert(at);
+            }
+        });
         let mut into: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for (i, lane) in self.lanes.iter().enumerate() {
             for next in &lane.part.successors {
@@ -208,7 +210,14 @@ impl<'a> Survey<'a> {
 /// Returns the outline of a lane as an open ring.
 fn outline(part: &LaneParts, line: &Polyline) -> Vec<Vec2> {
     match &part.area {
-        LaneArea::Polygon(ring) => open_ring(ring),
+        LaneArea::Polygon(ring) => {
+            let mut ring = ring.clone();
+            ring.dedup();
+            if ring.len() > 1 && ring.first() == ring.last() {
+                ring.pop();
+            }
+            ring
+        }
         LaneArea::Corridor { half_width } => {
             let right = line.aside(-half_width);
             let left = line.aside(*half_width);

@@ -72,14 +72,9 @@ pub(super) struct CrossingPosition {
 impl Crowd {
     /// Returns the stretch after the current one, and whether it is walked along its line.
     pub(super) fn onward(&self, w: &Walker) -> Option<(usize, bool)> {
-        let node = self.network.stretches[w.stretch].ends[usize::from(w.forward)];
+        let (_, node) = self.network.ahead(w);
         let next = self.network.next(w.goal, node)?;
         Some((next, self.network.stretches[next].ends[0] == node))
-    }
-
-    /// Returns the remaining length of the current stretch, metres.
-    pub(super) fn remaining(&self, w: &Walker) -> f64 {
-        if w.forward { self.network.stretches[w.stretch].line.length() - w.s } else { w.s }
     }
 
     /// Returns the crossing that a pedestrian is on or approaches.
@@ -98,7 +93,7 @@ impl Crowd {
                 return Some(here);
             }
         }
-        let remaining = self.remaining(w);
+        let (remaining, _) = self.network.ahead(w);
         if remaining > CROSSING_RANGE {
             return None;
         }
@@ -248,14 +243,13 @@ impl Crowd {
             return speed;
         }
         let behind = (lead.s - w.s) * w.sign();
-        let wanted = if w.abreast(half) { 0.0 } else { 1.15 * w.rank as f64 };
-        speed * (1.0 + 0.25 * (behind - wanted)).clamp(0.6, 1.2)
+        speed * (1.0 + 0.25 * (behind - w.lag(half))).clamp(0.6, 1.2)
     }
 
     /// Returns the point of the path `look` metres ahead.
     fn target(&self, w: &Walker, look: f64) -> Vec2 {
         let stretch = &self.network.stretches[w.stretch];
-        let remaining = self.remaining(w);
+        let (remaining, _) = self.network.ahead(w);
         let here =
             |ahead: f64| stretch.point(w.s + w.sign() * ahead, w.offset(stretch, w.forward), w.segment);
         if remaining > look {

@@ -40,16 +40,10 @@ pub struct Crossing {
 /// A person at a crossing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crosser {
-    /// Number of the person.
-    pub person: u64,
     /// Position, metres.
     pub position: Vec2,
     /// Velocity, m/s.
     pub velocity: Vec2,
-    /// Arc length along the footway's line, metres.
-    pub s: f64,
-    /// +1 for those who walk along the footway's line, -1 for those who walk against it.
-    pub direction: f64,
     /// Intention.
     pub intent: Intent,
 }

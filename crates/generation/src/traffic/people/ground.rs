@@ -74,7 +74,7 @@ impl Crowd {
         self.walkers[i].s = at.s;
         self.walkers[i].segment = at.segment;
         let w = &self.walkers[i];
-        let remaining = self.remaining(w);
+        let (remaining, _) = self.network.ahead(w);
         if remaining > LOOK_AHEAD {
             return;
         }

@@ -1,7 +1,8 @@
 //! The network of footways: stretches between nodes, and routes to the goals.
 
-use reactsim_geometry::{Polyline, Vec2, left};
+use reactsim_geometry::{Bounds, Polyline, Vec2, left};
 
+use super::walker::Walker;
 use crate::Layout;
 use crate::heights::height_at;
 
@@ -135,6 +136,13 @@ impl Network {
         }
     }
 
+    /// Returns the remaining length of the stretch of a pedestrian, metres, and the node at its end.
+    pub(super) fn ahead(&self, w: &Walker) -> (f64, usize) {
+        let stretch = &self.stretches[w.stretch];
+        let left = if w.forward { stretch.line.length() - w.s } else { w.s };
+        (left, stretch.ends[usize::from(w.forward)])
+    }
+
     /// Returns the next stretch from a node towards a goal (an index into the goals); `None` at the goal
     /// itself and without a route.
     pub(super) fn next(&self, goal: usize, node: usize) -> Option<usize> {
@@ -190,8 +198,7 @@ fn pieces(layout: &Layout, crossings: &mut Vec<usize>) -> Vec<(Polyline, Vec<f64
 /// Border of the map.
 struct Border {
     ends: Vec<Vec2>,
-    low: Vec2,
-    high: Vec2,
+    bounds: Bounds,
 }
 
 impl Border {
@@ -200,14 +207,12 @@ impl Border {
         let first = lanes.iter().filter(|l| l.predecessors.is_empty()).filter_map(|l| l.points.first());
         let last = lanes.iter().filter(|l| l.successors.is_empty()).filter_map(|l| l.points.last());
         let walks = layout.footways.iter().flat_map(|f| f.line.points());
-        let all = || lanes.iter().flat_map(|l| &l.points).chain(walks.clone());
-        let low = all().fold(Vec2::repeat(f64::INFINITY), |m, p| m.inf(p));
-        let high = all().fold(Vec2::repeat(f64::NEG_INFINITY), |m, p| m.sup(p));
-        Self { ends: first.chain(last).copied().collect(), low, high }
+        let bounds = Bounds::of(lanes.iter().flat_map(|l| &l.points).chain(walks).copied());
+        Self { ends: first.chain(last).copied().collect(), bounds }
     }
 
     fn near(&self, p: Vec2) -> bool {
-        let inside = (p - self.low).inf(&(self.high - p));
+        let inside = (p - self.bounds.min).inf(&(self.bounds.max - p));
         inside.x.min(inside.y) < 0.5 * BORDER_DISTANCE
             || self.ends.iter().any(|e| (e - p).norm() < BORDER_DISTANCE)
     }

@@ -147,10 +147,9 @@ impl Crowd {
     /// Places a pedestrian on a stretch, walking.
     fn place(&self, w: &mut Walker, stretch: usize, forward: bool, s: f64) {
         let on = &self.network.stretches[stretch];
-        let file = if w.abreast(on.half) { 0.0 } else { 1.15 * w.rank as f64 };
         let length = on.line.length();
         (w.stretch, w.forward) = (stretch, forward);
-        w.s = (s - w.sign() * file).clamp(0.0, length);
+        w.s = (s - w.sign() * w.lag(on.half)).clamp(0.0, length);
         w.segment = on.line.segment_at(w.s);
         w.position = on.point(w.s, w.offset(on, forward), w.segment);
         w.facing = on.along(w.segment) * w.sign();
@@ -223,20 +222,14 @@ impl Crowd {
     /// Removes people who have reached the border, and gives others who have reached their goal a new one.
     pub(super) fn leave(&mut self) {
         let network = &self.network;
+        let leaves_at = |goal: usize| network.exits.contains(&network.goals[goal]);
         self.walkers.retain(|w| {
-            let goal = network.goals[w.goal];
-            let stretch = &network.stretches[w.stretch];
-            let left = if w.forward { stretch.line.length() - w.s } else { w.s };
-            !(left < 0.05 && stretch.ends[usize::from(w.forward)] == goal && network.exits.contains(&goal))
+            let (left, node) = network.ahead(w);
+            !(left < 0.05 && node == network.goals[w.goal] && leaves_at(w.goal))
         });
         for w in &mut self.walkers {
-            let stretch = &network.stretches[w.stretch];
-            let left = if w.forward { stretch.line.length() - w.s } else { w.s };
-            let node = stretch.ends[usize::from(w.forward)];
-            if left < 0.4
-                && network.next(w.goal, node).is_none()
-                && !network.exits.contains(&network.goals[w.goal])
-            {
+            let (left, node) = network.ahead(w);
+            if left < 0.4 && network.next(w.goal, node).is_none() && !leaves_at(w.goal) {
                 let goals: Vec<usize> =
                     (0..network.goals.len()).filter(|&g| network.next(g, node).is_some()).collect();
                 if !goals.is_empty() {

@@ -66,7 +66,6 @@ pub(super) fn street(light: bool) -> Layout {
     let signal =
         |lane: &str| SignalPlan { lane: lane.into(), stop_point: Vec2::zeros(), phases: phases.clone() };
     Layout {
-        kind: "street".into(),
         map: MapParts {
             lanes: vec![lane("east", -1.75, 60.0), lane("west", 1.75, -60.0)],
             ..MapParts::default()

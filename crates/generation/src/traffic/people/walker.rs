@@ -158,9 +158,10 @@ impl Walker {
         (if forward { 1.0 } else { -1.0 }) * (beside + wander).clamp(-half, left_most)
     }
 
-    /// Whether a companion has room next to the leading member.
-    pub(super) fn abreast(&self, half: f64) -> bool {
-        (self.side.abs() * half - self.rank as f64 * COMPANION_SPACING).abs() <= half
+    /// Returns the distance at which a companion without room next to the leading member follows, metres.
+    pub(super) fn lag(&self, half: f64) -> f64 {
+        let abreast = (self.side.abs() * half - self.rank as f64 * COMPANION_SPACING).abs() <= half;
+        if abreast { 0.0 } else { 1.15 * self.rank as f64 }
     }
 
     /// Advances the wander of desired speed and lateral position.

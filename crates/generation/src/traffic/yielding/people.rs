@@ -3,6 +3,7 @@
 use reactsim_geometry::{direction, left};
 
 use super::super::following::time_for;
+use super::super::people::{Crosser, Intent};
 use super::super::vehicle::Vehicle;
 use super::{GAP_ACCELERATION, Sight};
 
@@ -25,20 +26,21 @@ impl Sight<'_> {
     pub(super) fn people(&self, v: &Vehicle, index: usize, start: f64) -> Option<(f64, bool)> {
         let lane = &self.network.lanes[index];
         for &(footway, [from, to]) in &lane.crossings {
+            let people = self.encounters.people_on(footway);
             let distance = start + from - v.front() - STOP_CLEARANCE;
             if distance < -0.5 && start + to > v.front() {
                 // Already on the crossing: only people right ahead matter.
                 let (nose, along) = (lane.line.at(v.front() - start), direction(lane.line.heading_at(from)));
-                let ahead = |p: &&super::Walker| {
+                let ahead = |p: &Crosser| {
                     let to = p.position - nose;
                     let (before, beside) = (to.dot(&along), to.perp(&along).abs());
                     (0.0..3.0).contains(&before) && beside < 0.5 * v.body.width + 0.5
                 };
-                if self.walkers.iter().filter(|p| p.footway == footway).any(|p| ahead(&p)) {
+                if people.iter().any(ahead) {
                     return Some((0.3, true));
                 }
             }
-            if distance < -0.5 || !self.walkers.iter().any(|p| p.footway == footway) {
+            if distance < -0.5 || people.is_empty() {
                 continue;
             }
             let arrives = time_for(distance, v.speed, GAP_ACCELERATION, lane.limit);
@@ -52,13 +54,13 @@ impl Sight<'_> {
             let side = left(direction(lane.line.heading_at(from)));
             let near = 0.5 * v.body.width + SIDE_CLEARANCE;
             let mut meets = None;
-            for p in self.walkers.iter().filter(|p| p.footway == footway) {
+            for p in people {
                 let (at, speed) = ((p.position - point).dot(&side), p.velocity.dot(&side));
                 if at.abs() < near + 0.4 {
                     return Some((distance, true));
                 }
                 let hinders = || {
-                    if p.waits {
+                    if p.intent == Intent::Waiting {
                         // Polite drivers who can stop gently let waiting people cross.
                         return at.abs() < KERB_DISTANCE
                             && v.driver.politeness > MIN_POLITENESS
