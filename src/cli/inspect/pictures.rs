@@ -8,7 +8,7 @@ use super::recorded::{marks, rollout, with_entered};
 use super::{InspectArgs, live, write_result};
 use crate::evaluation::PlannedSimulator;
 use crate::report::animation::{Animation, Panel};
-use crate::report::birdseye::{self, Layout, Mark, View, marks_of};
+use crate::report::birdseye::{self, Mark, View, marks_of};
 use crate::scene::{Frame, Scenario};
 
 /// A rollout of one simulator, to be drawn.
@@ -97,7 +97,6 @@ fn stills(args: &InspectArgs, scenario: &Scenario, rollout: Option<&DrawnRollout
     let view = View {
         radius: args.radius.unwrap_or(View::default().radius),
         steps: args.steps.iter().map(|s| usize::from(*s)).collect(),
-        layout: Layout::Strip,
         title: rollout.map(|r| format!("{} · {} · rollout {}", scenario.id, r.simulator, args.index)),
         rollout: rollout.map(|r| &r.tracks[..]),
         marks: rollout.map(|r| r.marks.clone()).unwrap_or_default(),

@@ -15,39 +15,38 @@ const STRETCH_FRAMES: usize = 8;
 /// Distance in metres between realised and logged position above which the log is drawn as a ghost.
 const GHOST_DISTANCE: f64 = 0.5;
 
-/// Draws all agents at the given steps, most prominently at the last one.
-pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
-    let last = steps[steps.len() - 1];
+/// Draws all agents at a step.
+pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
-    for obstacle in scene.scenario.obstacles_at(scene.current + last) {
-        body(canvas, &obstacle, palette::of(AgentKind::Other), 1.0);
+    for obstacle in scene.scenario.obstacles_at(scene.current + step) {
+        body(canvas, &obstacle, palette::of(AgentKind::Other));
     }
     // The AV is drawn last, on top; what is on a higher level covers it.
     let mut order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
-    let frames = scene.current + last + 1;
+    let frames = scene.current + step + 1;
     let tracks = scene.tracks().iter().map(|track| &track[..frames.min(track.len())]);
     let heights = RoadHeights::default().at_end(&scene.scenario.start, &tracks.collect::<Vec<_>>());
     let level = |agent: usize| heights.get(agent).map_or(0, |height| (height / LEVEL_GAP).round() as i64);
     order.sort_by_key(|&agent| level(agent));
     for &agent in &order {
         if scene.view.rollout.is_some() {
-            ghost(canvas, scene, agent, last);
+            ghost(canvas, scene, agent, step);
         }
-        trail(canvas, scene, agent, last);
+        trail(canvas, scene, agent, step);
     }
     deviation(canvas, scene);
-    for (i, &step) in steps.iter().enumerate() {
-        let strength = (i + 1) as f64 / steps.len() as f64;
-        for &agent in &order {
-            if let Some(state) = scene.state(agent, step) {
-                figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), strength);
-            }
-        }
-    }
+    figures(canvas, scene, &order, step);
     canvas.raw("</g>");
-    marks(canvas, scene, last, true);
-    if scene.view.ids {
-        ids(canvas, scene, last);
+    marks(canvas, scene, step, true);
+    ids(canvas, scene, step);
+}
+
+/// Draws the bodies of agents that are present at a step, in this order.
+pub(super) fn figures(canvas: &mut Canvas, scene: &Scene<'_>, order: &[usize], step: usize) {
+    for &agent in order {
+        if let Some(state) = scene.state(agent, step) {
+            figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent));
+        }
     }
 }
 
@@ -162,10 +161,10 @@ fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
 }
 
 /// Draws an agent: pedestrians as discs with a tick, others as boxes with a pale wedge at the front.
-pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint, strength: f64) {
+fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint) {
     let shape = state.footprint(agent);
     if agent.kind != AgentKind::Pedestrian {
-        body(canvas, &shape, paint, strength);
+        body(canvas, &shape, paint);
         return;
     }
     let window = canvas.window();
@@ -176,7 +175,7 @@ pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, pai
     let radius = (shape.half_length.max(shape.half_width) * window.scale()).max(3.2);
     let tip = direction(state.heading) * (radius + 3.0);
     canvas.raw(&format!(
-        "<g stroke=\"{}\" opacity=\"{strength:.2}\">\
+        "<g stroke=\"{}\" opacity=\"1.00\">\
          <path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke-width=\"1.4\"/>\
          <circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius:.1}\" fill=\"{}\"/></g>",
         paint.line,
@@ -191,17 +190,12 @@ pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, pai
 }
 
 /// Draws a box with a pale wedge that points ahead.
-pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) {
+pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint) {
     let window = canvas.window();
     let mut outline = PathData::new(window);
     outline.ring(&shape.corners());
-    canvas.path(
-        &outline,
-        &format!(
-            "fill=\"{}\" stroke=\"{}\" stroke-width=\"1\" opacity=\"{strength:.2}\"",
-            paint.fill, paint.line
-        ),
-    );
+    let Paint { fill, line } = paint;
+    canvas.path(&outline, &format!("fill=\"{fill}\" stroke=\"{line}\" stroke-width=\"1\" opacity=\"1.00\""));
     let (ahead, aside) = (shape.axis * shape.half_length, shape.left() * (0.62 * shape.half_width));
     let mut wedge = PathData::new(window);
     wedge.ring(&[
@@ -209,7 +203,7 @@ pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, stre
         shape.center + ahead * 0.38 + aside,
         shape.center + ahead * 0.38 - aside,
     ]);
-    canvas.path(&wedge, &format!("fill=\"#ffffff\" fill-opacity=\"{:.2}\"", 0.85 * strength));
+    canvas.path(&wedge, "fill=\"#ffffff\" fill-opacity=\"0.85\"");
 }
 
 /// Draws the events up to a step at the agent's position at that time, optionally with their steps.

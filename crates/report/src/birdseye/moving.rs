@@ -7,7 +7,7 @@
 use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentKind, Frame, Scenario};
 
-use super::agents::{self, body, figure, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
+use super::agents::{self, body, figures, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
 use super::canvas::{Canvas, PathData, Window};
 use super::{Scene, View, ground, palette};
 
@@ -57,7 +57,7 @@ impl<'a> StepRenderer<'a> {
 fn av_paths(canvas: &mut Canvas, scene: &Scene<'_>) {
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
     for obstacle in &scene.scenario.start.obstacles {
-        body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
+        body(canvas, obstacle, palette::of(AgentKind::Other));
     }
     let (now, end) = (scene.current, scene.current + scene.last);
     if scene.view.rollout.is_some() && (0..=scene.last).any(|k| is_displaced(scene, 0, k)) {
@@ -89,11 +89,7 @@ fn draw_agents(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
         }
     }
     canvas.path(&ghosts, &ghost_style());
-    for &agent in &order {
-        if let Some(state) = scene.state(agent, step) {
-            figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), 1.0);
-        }
-    }
+    figures(canvas, scene, &order, step);
     canvas.raw("</g>");
     marks(canvas, scene, step, false);
 }
