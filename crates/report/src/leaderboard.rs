@@ -180,15 +180,14 @@ fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     let (columns, lines) = (columns(entries), Lines::of(entries));
     let mut head = ["Rank", "Entry", "Method", "Status"].map(str::to_owned).to_vec();
     head.extend(columns.iter().map(Column::head));
-    let mut rows = vec![head];
-    for line in &lines.shown {
+    let row = |line: &Line<'_>| {
         let name = escape(&line.entry.name);
         let mut row = vec![rank_text(line.rank), name, method(line.title, line.marks)];
         row.push(line.entry.status.name().to_owned());
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
-        rows.push(row);
-    }
-    write_aligned(out, &rows, 4)?;
+        row
+    };
+    write_aligned(out, &head, lines.shown.iter().map(row), 4)?;
     writeln!(out)?;
     legend(out, lines.shown.iter().map(|l| l.marks))?;
     for text in lines.legend() {

@@ -53,6 +53,20 @@ enum Title {
     Differences,
 }
 
+impl Title {
+    /// Returns the title, if there is one, with the heads of columns and the space before a unit of a format.
+    fn text(&self, head: fn(&Column) -> String, space: &str) -> Option<String> {
+        Some(match self {
+            Self::None => return None,
+            Self::ByInterval(column) => {
+                format!("{} by steps (of 0.1{space}s) between two plans", head(column))
+            }
+            Self::ByPlanner(column) => format!("{} by planner", head(column)),
+            Self::Differences => "Difference to the same simulator as it is".to_owned(),
+        })
+    }
+}
+
 /// The head of a column of numbers.
 enum Head {
     /// Number of steps between two plans.
