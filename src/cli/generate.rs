@@ -1,7 +1,6 @@
 //! `reactsim generate`: synthetic scenarios.
 
 mod bench;
-mod files;
 mod job;
 mod manifest;
 mod partition;
@@ -14,8 +13,7 @@ pub(super) use partition::merge;
 use std::ops::ControlFlow;
 
 use self::bench::bench;
-use self::files::GeneratedFiles;
-use self::job::{Job, finish};
+use self::job::{GeneratedFiles, Job, finish};
 use super::output::{ExitStatus, stop_on_interrupt};
 use super::progress::Progress;
 use crate::curation::driver::CurationObserver;
@@ -27,7 +25,8 @@ pub(super) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
     if let Some(partition) = args.partition.partition {
         return partition::generate(args, partition);
     }
-    let (out, wanted, settings, jobs) = (args.out.as_path(), args.count, &args.settings()?, args.jobs());
+    let (out, wanted, settings, jobs) =
+        (args.out.as_path(), args.count, &args.settings()?, args.jobs.count());
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     let job = Job { settings, wanted, jobs, out, progress: &progress, stop: &stop };

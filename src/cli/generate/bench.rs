@@ -4,8 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::files::GeneratedFiles;
-use super::job::Job;
+use super::job::{GeneratedFiles, Job};
 use crate::cli::output::say;
 use crate::curation::benchmark::{
     ANY_CATEGORY, ANY_DIFFICULTY, ANY_GROUP, MISSING, PATIENCE, Recipe, TriedScenario,

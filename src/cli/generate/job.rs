@@ -7,15 +7,14 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::files::GeneratedFiles;
 use super::manifest::Manifest;
 use crate::cli::output::{ExitStatus, count, say, say_part, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
+use crate::cli::subject::JobsArg;
 use crate::formats::FutureChoice;
 use crate::generation::{GenerationSettings, Preset};
 use crate::scene::Length;
-use crate::work::available_threads;
 
 const AFTER: &str = "\
 The preset train writes scenarios as they are generated. The preset sensed makes traffic with the \
@@ -36,7 +35,8 @@ The manifest entry of the files is printed to stdout (TOML): command, settings a
 #[command(after_help = AFTER)]
 pub(in crate::cli) struct GenerateArgs {
     /// Purpose: a benchmark with deviated AVs, or logs to train on
-    #[arg(long, value_name = "PRESET", value_parser = presets())]
+    #[arg(long, value_name = "PRESET",
+          value_parser = PossibleValuesParser::new(Preset::ALL.iter().map(|preset| preset.name())))]
     preset: String,
     /// Scenarios to write
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -61,15 +61,10 @@ pub(in crate::cli) struct GenerateArgs {
     /// time [default: 8s]
     #[arg(long, value_name = "TIME")]
     future: Option<FutureChoice>,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    pub(super) jobs: JobsArg,
     #[command(flatten)]
     pub(super) partition: PartitionArg,
-}
-
-fn presets() -> PossibleValuesParser {
-    PossibleValuesParser::new(Preset::ALL.iter().map(|p| p.name()))
 }
 
 impl GenerateArgs {
@@ -84,11 +79,6 @@ impl GenerateArgs {
         let (seed, maps, density) = (self.seed, self.maps.clone(), self.density);
         Ok(GenerationSettings { preset, seed, maps, density, length })
     }
-
-    /// Returns the number of threads.
-    pub(super) fn jobs(&self) -> usize {
-        self.jobs.map_or_else(available_threads, usize::from)
-    }
 }
 
 /// A generation in this process.
@@ -102,6 +92,20 @@ pub(super) struct Job<'a> {
     pub(super) out: &'a Path,
     pub(super) progress: &'a Progress,
     pub(super) stop: &'a AtomicBool,
+}
+
+/// Files of one generation and how it went.
+pub(super) struct GeneratedFiles {
+    /// Paths; the first one is `--out`, or the part of it that an interrupted command has finished.
+    pub(super) files: Vec<PathBuf>,
+    /// Number of scenarios in them.
+    pub(super) written: usize,
+    /// Number of scenarios that could not be generated.
+    pub(super) failed: usize,
+    /// Whether quotas of a benchmark could not be filled.
+    pub(super) unfilled: bool,
+    /// Whether the user interrupted the generation.
+    pub(super) interrupted: bool,
 }
 
 /// Prints the manifest entry of what was generated.

@@ -6,16 +6,16 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
-use super::bench::{bench, provenance};
-use super::files::GeneratedFiles;
-use super::job::{GenerateArgs, Job, finish};
+use super::bench::{bench, curation_settings, provenance};
+use super::job::{GenerateArgs, GeneratedFiles, Job, finish};
 use super::scenario_file::{ScenarioFile, read_scenarios};
-use super::tried::{Trial, TriedWriter, read_tried};
+use super::tried::{curated, read_tried};
 use crate::cli::output::{ExitStatus, stop_on_interrupt};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::curation::CurationProvenance;
 use crate::curation::driver::CurationObserver;
+use crate::curation::outcomes::OutcomeWriter;
 use crate::evaluation::program_version;
 use crate::formats::native::Writer;
 use crate::formats::{FormatError, Partition};
@@ -78,7 +78,7 @@ pub(super) fn generate(args: &GenerateArgs, partition: Partition) -> anyhow::Res
     let progress = Progress::new();
     let range = partition.of(numbers(settings, wanted));
     progress.set_total(Some(range.len()));
-    let job = Job { settings, wanted, jobs: args.jobs(), out, progress: &progress, stop: &stop };
+    let job = Job { settings, wanted, jobs: args.jobs.count(), out, progress: &progress, stop: &stop };
     let failed = match settings.preset {
         Preset::Train | Preset::Sensed => plain(job, &generator, &range),
         Preset::Bench => tried(job, &generator, &range),
@@ -93,44 +93,49 @@ pub(super) fn generate(args: &GenerateArgs, partition: Partition) -> anyhow::Res
 /// Writes scenarios as they are; returns the number of failures, or `None` if the work was interrupted.
 fn plain(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Option<usize>, FormatError> {
     let mut scenarios = ScenarioFile::new(job.out);
-    let (mut done, mut failed) = (0, 0);
-    let make = |_: &(), number| generator.scenario(range.start as u64 + number);
-    let ending = in_order(range.len() as u64, job.jobs, job.stop, &mut (), make, |(), _, scenario| {
-        done += 1;
-        match scenario {
-            Ok(scenario) => scenarios.write(&scenario)?,
-            Err(error) => {
-                job.progress.failed(&error.to_string());
-                failed += 1;
-            }
+    let make = |number| generator.scenario(number);
+    let failed = each(job, range, make, |_, scenario| match scenario {
+        Ok(scenario) => scenarios.write(&scenario).map(|()| false),
+        Err(error) => {
+            job.progress.failed(&error.to_string());
+            Ok(true)
         }
-        job.progress.set_done(done);
-        Ok::<_, FormatError>(ControlFlow::Continue(()))
     })?;
-    if ending == Ending::Stopped {
-        return Ok(None);
-    }
-    scenarios.finish()?;
-    Ok(Some(failed))
+    failed.map(|failed| scenarios.finish().map(|()| failed)).transpose()
 }
 
 /// Writes scenarios that are curated up to the choice; returns as [`plain`].
 fn tried(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Option<usize>, FormatError> {
-    let mut writer = TriedWriter::create(job.out)?;
-    let trial = Trial::new(job.settings);
+    let (mut scenarios, mut outcomes) = (ScenarioFile::new(job.out), OutcomeWriter::create(job.out)?);
+    let settings = curation_settings(job.settings);
+    let make = |number| curated(generator.scenario(number), &settings);
+    let failed = each(job, range, make, |index, (kept, outcome)| {
+        kept.iter().try_for_each(|scenario| scenarios.write(scenario))?;
+        outcomes.write((0, index), outcome)
+    })?;
+    let Some(failed) = failed else { return Ok(None) };
+    outcomes.finish()?;
+    scenarios.finish()?;
+    Ok(Some(failed))
+}
+
+/// Passes what is made of each number of a range, with its index, to `write`, which returns whether it is a
+/// failure; returns as [`plain`].
+fn each<T: Send>(
+    job: Job<'_>,
+    range: &Range<usize>,
+    make: impl Fn(u64) -> T + Sync,
+    mut write: impl FnMut(usize, T) -> Result<bool, FormatError>,
+) -> Result<Option<usize>, FormatError> {
     let (mut done, mut failed) = (0, 0);
-    let make = |_: &(), number| trial.of(generator.scenario(range.start as u64 + number));
-    let ending = in_order(range.len() as u64, job.jobs, job.stop, &mut (), make, |(), _, tried| {
-        failed += usize::from(writer.write(done, tried)?);
+    let make = |_: &(), number| make(range.start as u64 + number);
+    let ending = in_order(range.len() as u64, job.jobs, job.stop, &mut (), make, |(), _, made| {
+        failed += usize::from(write(done, made)?);
         done += 1;
         job.progress.set_done(done);
         Ok::<_, FormatError>(ControlFlow::Continue(()))
     })?;
-    if ending == Ending::Stopped {
-        return Ok(None);
-    }
-    writer.finish()?;
-    Ok(Some(failed))
+    Ok((ending != Ending::Stopped).then_some(failed))
 }
 
 /// Joins all partitions.
@@ -147,7 +152,7 @@ pub(in crate::cli) fn merge(
         Preset::Train | Preset::Sensed => merge_plain(partitions, out),
         Preset::Bench => {
             let tried = (numbers(settings, wanted) as u64, read_tried(&partitions.folders));
-            let (jobs, stop) = (args.jobs(), &AtomicBool::new(false));
+            let (jobs, stop) = (args.jobs.count(), &AtomicBool::new(false));
             bench(Job { settings, wanted, jobs, out, progress: &progress, stop }, tried)
         }
     };

@@ -12,7 +12,7 @@ use super::wosac::{
     check, describe_run, describe_submission, finish, is_run, observer, run_pairs, settings, submitted_pairs,
 };
 use crate::cli::inputs::recorded_logs;
-use crate::cli::output::{ExitStatus, lock_folder, write_file};
+use crate::cli::output::{ExitStatus, lock_folder, write_result};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::evaluation::realism::{LogSource, RealismScores, score_all};
@@ -87,8 +87,7 @@ pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyho
     };
     progress.end();
     let (file, text) = (out.join(SCORES), scores.to_text());
-    write_file(&file, |out| writeln!(out, "{text}"))
-        .with_context(|| format!("could not write {}", file.display()))?;
+    write_result(Some(&file), |out| writeln!(out, "{text}"))?;
     partition::finish(out, partition, scores.failures.len(), &subject)
 }
 

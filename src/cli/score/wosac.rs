@@ -4,14 +4,15 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::Args;
 
 use super::ScoreArgs;
 use crate::cli::inputs::recorded_logs;
-use crate::cli::output::{ExitStatus, count, lock_folder, note, nothing, say, write_file, write_result};
+use crate::cli::output::{ExitStatus, count, lock_folder, note, nothing, say, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
+use crate::cli::subject::JobsArg;
 use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
     LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RealismSettings, RunPairs,
@@ -20,7 +21,6 @@ use crate::evaluation::realism::{
 use crate::formats::wosac::SubmissionReader;
 use crate::metrics::wosac::Config;
 use crate::report::wosac_tables;
-use crate::work::available_threads;
 
 /// Number of missing scenarios that are named.
 const NAMED_MISSING: usize = 3;
@@ -44,9 +44,8 @@ pub(super) struct WosacArgs {
     /// Simulator, if the run has several
     #[arg(long, value_name = "ID")]
     pub(super) simulator: Option<String>,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    jobs: JobsArg,
     #[command(flatten)]
     pub(super) partition: PartitionArg,
 }
@@ -59,7 +58,7 @@ impl WosacArgs {
             ("--wosac-config", !only_2025),
             ("--partial", self.partial),
             ("--simulator", self.simulator.is_some()),
-            ("--jobs", self.jobs.is_some()),
+            ("--jobs", self.jobs.jobs.is_some()),
             ("--partition", self.partition.partition.is_some()),
         ] {
             if is_given {
@@ -100,7 +99,7 @@ pub(super) fn settings(args: &ScoreArgs) -> anyhow::Result<RealismSettings<'_>> 
     Ok(RealismSettings {
         configs: &args.wosac.configs,
         shares: matches!(Format::of(args.format.as_deref())?, Format::Json),
-        jobs: args.wosac.jobs.map_or_else(available_threads, usize::from),
+        jobs: args.wosac.jobs.count(),
     })
 }
 
@@ -237,9 +236,7 @@ pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result
     })?;
     if let Some(folder) = &args.out {
         let write = |name: &str, writer: TableWriter| {
-            let path = folder.join(name);
-            write_file(&path, |out: &mut dyn Write| writer(scores, out))
-                .with_context(|| format!("could not write {}", path.display()))
+            write_result(Some(&folder.join(name)), |out| writer(scores, out))
         };
         write(REALISM_ROWS, RealismScores::write_rows)?;
         write("wosac.md", wosac_tables::write_markdown)?;

@@ -96,10 +96,5 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
         say(format_args!("interrupted: the results cover the scenarios read so far"));
         return Ok(ExitStatus::Interrupted);
     }
-    if reader.failed > 0 {
-        let failed = count(reader.failed, "scenario");
-        say(format_args!("warning: {failed} failed; the results cover the others"));
-        return Ok(ExitStatus::SomeFailed);
-    }
-    Ok(ExitStatus::Done)
+    Ok(reader.status("the results cover the others"))
 }

@@ -1,25 +1,23 @@
 //! Training data of an adaptation: a part of the logs, their reactions and certificates, and a part to judge by.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use serde_json::json;
 
-use crate::cli::output::{count, nothing, say};
+use crate::cli::output::{count, nothing, say, write_result};
 use crate::cli::progress::Progress;
-use crate::cli::train::data::recording_of;
+use crate::cli::train::data::{recording_of, write_absent};
 use crate::cli::train::deviated::{Deviated, deviated, several, with_certificate, with_rollout};
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::reader::Reader;
-use crate::curation::driver::CurationObserver;
 use crate::evaluation::Registrar;
-use crate::files::{read_regular, replace};
+use crate::files::read_regular;
 use crate::formats::Input;
 use crate::formats::native::{ByNumber, Writer};
-use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
+use crate::generation::{GenerationSettings, Generator, Preset};
 use crate::rollout::Controller;
 use crate::scene::Scenario;
 use crate::training::{leading_bits, unit_interval};
@@ -133,7 +131,7 @@ pub(super) fn make(
     };
     let learned_from = learned.len().min(logs.most_deviated);
     let made = [&files.reactions, &files.certificates, &files.tuning];
-    if !derive(made, learned_from, logs, learn)? {
+    if !write_absent(made, learned_from, logs.jobs, logs.stop, learn)? {
         return Ok(None);
     }
     let judged = held_out.len().min(logs.most_judged);
@@ -152,8 +150,9 @@ pub(super) fn make(
         let scenario = generator.scenario(number).ok();
         Ok([scenario.map(|log| with_several(&log, logs.seed, AVS_OF_GENERATED)).unwrap_or_default()])
     };
-    let done = derive([&files.judged, &files.deviated], judged, logs, judge)?
-        && derive([&files.generated], GENERATED_PER_LOG * logs.most_generated, logs, generate)?;
+    let generated = GENERATED_PER_LOG * logs.most_generated;
+    let done = write_absent([&files.judged, &files.deviated], judged, logs.jobs, logs.stop, judge)?
+        && write_absent([&files.generated], generated, logs.jobs, logs.stop, generate)?;
     Ok(done.then_some(files))
 }
 
@@ -295,8 +294,7 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
     for writer in writers {
         writer.finish()?;
     }
-    replace(&files.recordings, |out| writeln!(out, "{:#}", json!(recordings)))
-        .with_context(|| format!("could not write {}", files.recordings.display()))?;
+    write_result(Some(&files.recordings), |out| writeln!(out, "{:#}", json!(recordings)))?;
     division.excluded = exclusion.report();
     Ok(Some(division))
 }
@@ -315,44 +313,6 @@ pub(super) fn place(name: &str, seed: u64) -> f64 {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"reactsim-adapt").update(&seed.to_le_bytes()).update(name.as_bytes());
     unit_interval(leading_bits(&hasher.finalize()))
-}
-
-/// Writes the scenarios that `make` returns for each number below `end`, unless they are there already.
-/// Returns whether the files are complete.
-fn derive<const N: usize>(
-    to: [&PathBuf; N],
-    end: usize,
-    logs: &Logs<'_>,
-    make: impl Fn(u64) -> anyhow::Result<[Vec<Scenario>; N]> + Sync,
-) -> anyhow::Result<bool> {
-    if to.iter().all(|path| path.exists()) {
-        return Ok(true);
-    }
-    let progress = Progress::new();
-    progress.set_total(Some(end));
-    let mut writers = to.iter().map(Writer::create).collect::<Result<Vec<_>, _>>()?;
-    let ending = in_order(
-        end as u64,
-        logs.jobs,
-        logs.stop,
-        &mut (),
-        |(), number| make(number),
-        |(), number, made| {
-            for (writer, scenarios) in writers.iter_mut().zip(made?) {
-                scenarios.iter().try_for_each(|scenario| writer.write(scenario))?;
-            }
-            progress.scenario_done(number as usize + 1);
-            Ok::<_, anyhow::Error>(ControlFlow::Continue(()))
-        },
-    );
-    progress.end();
-    if ending? == Ending::Stopped {
-        return Ok(false);
-    }
-    for writer in writers {
-        writer.finish()?;
-    }
-    Ok(true)
 }
 
 #[cfg(test)]
