@@ -1,7 +1,6 @@
 //! `reactsim inspect`: prints and draws a scenario.
 
 mod description;
-mod live;
 mod pictures;
 mod recorded;
 

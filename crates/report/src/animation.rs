@@ -153,12 +153,7 @@ impl<'a> Animation<'a> {
         let size = self.size.clamp(100, 1200);
         let mut views: Vec<View<'_>> = panels
             .iter()
-            .map(|p| View {
-                rollout: p.rollout,
-                marks: p.marks.clone(),
-                size: f64::from(size),
-                ..View::default()
-            })
+            .map(|p| View { rollout: p.rollout, marks: p.marks.clone(), ..View::default() })
             .collect();
         let camera = Camera::new(self, &views, f64::from(size));
         views.iter_mut().for_each(|v| v.radius = camera.radius);

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::manifest::Manifest;
+use super::manifest::manifest;
 use crate::cli::output::{ExitStatus, count, say, say_part, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
@@ -118,8 +118,7 @@ pub(super) fn finish(args: &GenerateArgs, generated: &GeneratedFiles) -> anyhow:
         say_part(files, &args.out, &count(*written, "scenario"));
         return Ok(ExitStatus::Interrupted);
     }
-    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    let entry = Manifest::new(&args.settings()?, args.count, &files)?.text()?;
+    let entry = manifest(&args.settings()?, args.count, files)?;
     write_result(None, |out| out.write_all(entry.as_bytes()))?;
     if *failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));
