@@ -9,7 +9,7 @@ mod agents;
 pub(crate) mod canvas;
 mod clip;
 mod ground;
-pub(super) mod moving;
+mod moving;
 pub(super) mod palette;
 
 use reactsim_geometry::Vec2;
@@ -101,7 +101,7 @@ const LEGEND_HEIGHT: f64 = 34.0;
 const PANEL_GAP: f64 = 12.0;
 
 /// Input of the drawing functions.
-struct Scene<'a> {
+pub(crate) struct Scene<'a> {
     scenario: &'a Scenario,
     view: &'a View<'a>,
     /// The logged frames of each agent.
@@ -109,11 +109,11 @@ struct Scene<'a> {
     /// The current frame.
     current: usize,
     /// The last step.
-    last: usize,
+    pub(crate) last: usize,
 }
 
 impl<'a> Scene<'a> {
-    fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
+    pub(crate) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
         let agents = scenario.start.agents.len();
         let length = scenario.length();
         Self {
@@ -131,7 +131,7 @@ impl<'a> Scene<'a> {
     }
 
     /// Returns a state of a drawn track; `None` if it is absent or the track is too short.
-    fn state(&self, agent: usize, step: usize) -> Frame {
+    pub(crate) fn state(&self, agent: usize, step: usize) -> Frame {
         let frame = self.tracks().get(agent)?.get(self.current + step).copied().flatten();
         frame.filter(|s| s.is_finite())
     }

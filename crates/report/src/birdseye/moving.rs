@@ -5,50 +5,31 @@
 //! deviate from the log have a ghost.
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentKind, Frame, Scenario};
+use reactsim_scene::AgentKind;
 
 use super::agents::{self, body, figures, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
 use super::canvas::{Canvas, PathData, Window};
-use super::{Scene, View, ground, palette};
+use super::{Scene, ground, palette};
 
 /// Number of frames per stretch of a tail.
 const TAIL_STRETCH_FRAMES: usize = 5;
 /// Number of stretches of a tail.
 const TAIL_STRETCHES: usize = 4;
 
-/// Renderer of single steps of a scenario or of a rollout of it.
-pub(crate) struct StepRenderer<'a> {
-    scene: Scene<'a>,
-}
-
-impl<'a> StepRenderer<'a> {
-    /// Creates a renderer; it uses the rollout and the marks of the view.
-    pub(crate) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
-        Self { scene: Scene::new(scenario, view) }
-    }
-
-    pub(crate) fn last(&self) -> usize {
-        self.scene.last
-    }
-
-    /// Returns the AV's state at a step.
-    pub(crate) fn av(&self, step: usize) -> Frame {
-        self.scene.state(0, step)
-    }
-
+impl Scene<'_> {
     /// Returns the positions of the marked events.
     pub(crate) fn mark_positions(&self) -> impl Iterator<Item = Vec2> {
-        self.scene.view.marks.iter().filter_map(|mark| agents::place(&self.scene, mark))
+        self.view.marks.iter().filter_map(|mark| agents::place(self, mark))
     }
 
-    /// Draws a step in a window of a picture: the map with its lights, the paths of the AV, the
-    /// agents, and the events so far.
-    pub(crate) fn draw(&self, canvas: &mut Canvas, step: usize, window: Window) {
+    /// Draws a step in a window of a picture, with the rollout and the marks of the view: the map with its lights,
+    /// the paths of the AV, the agents, and the events so far.
+    pub(crate) fn draw_step(&self, canvas: &mut Canvas, step: usize, window: Window) {
         canvas.open_window(window, 0);
-        let step = step.min(self.scene.last);
-        ground::draw(canvas, self.scene.scenario, self.scene.current + step);
-        av_paths(canvas, &self.scene);
-        draw_agents(canvas, &self.scene, step);
+        let step = step.min(self.last);
+        ground::draw(canvas, self.scenario, self.current + step);
+        av_paths(canvas, self);
+        draw_agents(canvas, self, step);
         canvas.close_window();
     }
 }

@@ -13,14 +13,14 @@ fn check_xml(text: &str) {
     assert!(!text.contains(|c: char| c < ' ' && c != '\n'), "a control character");
 }
 
-fn moving(id: &str, kind: AgentKind, from: Vec2, speed: f64) -> LoggedAgent {
+fn moving(id: &str, kind: AgentKind, from: Vec2, speed: f64, length: Length) -> LoggedAgent {
     let state = |k: usize| {
-        let x = from.x + speed * DT * (k as f64 - CURRENT as f64);
+        let x = from.x + speed * DT * (k as f64 - length.current() as f64);
         Some(AgentState { x, y: from.y, heading: 0.0, vx: speed, vy: 0.0 })
     };
     LoggedAgent {
         agent: Agent { id: id.into(), kind, length: 4.0, width: 2.0 },
-        track: (0..FRAMES).map(state).collect(),
+        track: (0..length.frames()).map(state).collect(),
         heights: Vec::new(),
     }
 }
@@ -31,12 +31,13 @@ fn tiny() -> ScenarioParts {
         points: vec![Vec2::new(-900.0, 0.0), Vec2::new(900.0, 0.0)],
         ..LaneParts::default()
     };
+    let agent = |id: &str, kind, from, speed| moving(id, kind, from, speed, Length::BENCHMARK);
     ScenarioParts {
         id: "tiny".into(),
         agents: vec![
-            moving("ego", AgentKind::Vehicle, Vec2::zeros(), 5.0),
-            moving("walker", AgentKind::Pedestrian, Vec2::new(8.0, 4.0), 1.0),
-            moving("far", AgentKind::Vehicle, Vec2::new(500.0, 0.0), 1.0),
+            agent("ego", AgentKind::Vehicle, Vec2::zeros(), 5.0),
+            agent("walker", AgentKind::Pedestrian, Vec2::new(8.0, 4.0), 1.0),
+            agent("far", AgentKind::Vehicle, Vec2::new(500.0, 0.0), 1.0),
         ],
         map: MapParts {
             lanes: vec![lane],
@@ -145,18 +146,11 @@ fn nothing_outside_the_view_is_written() {
 
 #[test]
 fn steps_of_any_length_are_drawn() {
-    let car = |length: Length| {
-        let state = |f: usize| {
-            let x = 0.5 * (f as f64 - length.current() as f64);
-            Some(AgentState { x, y: 0.0, heading: 0.0, vx: 5.0, vy: 0.0 })
-        };
-        let agent = Agent { id: "ego".into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 };
-        LoggedAgent { agent, track: (0..length.frames()).map(state).collect(), heights: Vec::new() }
-    };
     for (history, future) in [(2, 60), (11, 150), (21, 600)] {
         let length = Length { history, future };
         let parts = ScenarioParts { id: "long".into(), length, ..ScenarioParts::default() };
-        let scenario = Scenario::assemble(ScenarioParts { agents: vec![car(length)], ..parts }).unwrap();
+        let agents = vec![moving("ego", AgentKind::Vehicle, Vec2::zeros(), 5.0, length)];
+        let scenario = Scenario::assemble(ScenarioParts { agents, ..parts }).unwrap();
         let last = draw(&scenario, &View { steps: vec![future], ..view() });
         check_xml(&last);
         assert!(last.contains(&format!("step {future} ·")));
