@@ -46,7 +46,6 @@ use crate::evaluation::{
     RolloutCheck, RunObserver, RunParts, RunSpec, Selection, Summary,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator};
-use crate::formats::FormatError;
 use crate::metrics::{Metric, MetricError, Metrics, Options};
 use crate::models::nn::Backend;
 use crate::planning::planner::Planner;
@@ -92,10 +91,7 @@ enum Entry {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BenchmarkError {
-    /// A scenario file or a file of deviations cannot be read.
-    #[error(transparent)]
-    Format(#[from] FormatError),
-    /// A simulator is unknown or repeated, or the run folder cannot be written.
+    /// A file cannot be read, a simulator is unknown or repeated, or the run folder cannot be written.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
     /// The id of a metric is taken or malformed, or tables cannot print its title or unit.

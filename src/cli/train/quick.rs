@@ -62,7 +62,7 @@ pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
     session.scenarios = vec![logs.to_string(), format!("{reactions}={REACTIONS_PER_EPOCH}")];
 
     let task = task::find(TASK)?;
-    let recipe = RecipeArgs::named(RECIPE).read(task)?;
+    let recipe = RecipeArgs::of(RECIPE).read(task)?;
     let settings = learning_settings(&recipe, args.seed)?;
     let training = task::build(task, recipe, &[], None, session.backend)?;
     let trained = session.folder()?.join(WEIGHTS);

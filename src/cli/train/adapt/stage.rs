@@ -95,7 +95,7 @@ impl<'a> Stage<'a> {
         begun: Instant,
         stop: &AtomicBool,
     ) -> anyhow::Result<ExitStatus> {
-        let recipe = RecipeArgs::of_file(&self.recipe(args, session, begun)?).read(self.task)?;
+        let recipe = RecipeArgs::of(self.recipe(args, session, begun)?.display()).read(self.task)?;
         let settings = learning_settings(&recipe, args.seed)?;
         session::train(session, self.build(recipe)?.as_ref(), settings, None, stop)
     }
