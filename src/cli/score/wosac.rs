@@ -80,10 +80,7 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     let (settings, progress) = (settings(args)?, Progress::new());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
-        let mut pairs = run_pairs(args, path)?;
-        let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
-        describe_run(args, &mut scores, &pairs);
-        scores
+        score_run(args, run_pairs(args, path)?, &settings, &mut observe)
     } else {
         let mut pairs = submitted_pairs(args, path)?;
         let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
@@ -152,12 +149,19 @@ pub(super) fn run_pairs(args: &ScoreArgs, folder: &Path) -> anyhow::Result<RunPa
     Ok(RunPairs::open(folder, args.wosac.simulator.as_deref(), sources)?)
 }
 
-/// Adds what is known about the rollouts of a run.
-pub(super) fn describe_run(args: &ScoreArgs, scores: &mut RealismScores, pairs: &RunPairs) {
+/// Scores the rollouts of a run, and adds what is known about them.
+pub(super) fn score_run(
+    args: &ScoreArgs,
+    mut pairs: RunPairs,
+    settings: &RealismSettings<'_>,
+    observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
+) -> RealismScores {
+    let mut scores = score_all(pairs.by_ref(), settings, observe);
     pairs.simulator().clone_into(&mut scores.method);
     if !args.wosac.partial {
         scores.missing.extend_from_slice(pairs.missing());
     }
+    scores
 }
 
 /// Opens a submission with its logs.
