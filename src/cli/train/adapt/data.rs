@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::cli::output::{count, nothing, say, write_result};
 use crate::cli::progress::Progress;
 use crate::cli::train::data::{recording_of, write_absent};
-use crate::cli::train::deviated::{Deviated, deviated, several, with_certificate, with_rollout};
+use crate::cli::train::deviated::{deviated, several, with_certificate, with_rollout};
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::reader::Reader;
 use crate::evaluation::Registrar;
@@ -19,7 +19,7 @@ use crate::formats::Input;
 use crate::formats::native::{ByNumber, Writer};
 use crate::generation::{GenerationSettings, Generator, Preset};
 use crate::rollout::Controller;
-use crate::scene::Scenario;
+use crate::scene::{DeviatedTrack, Scenario};
 use crate::training::{leading_bits, unit_interval};
 
 /// Share of the recordings that the table is about, and nothing else.
@@ -123,11 +123,12 @@ pub(super) fn make(
     let (name, simulator) = reacting;
     let (learned, held_out) = (ByNumber::open(&files.logs)?, ByNumber::open(&files.held_out)?);
     let learn = |number: u64| -> anyhow::Result<[Vec<Scenario>; 3]> {
-        let scenario = learned.read(number as usize)?;
+        let mut scenario = learned.read(number as usize)?;
         let Some(chosen) = deviated(&scenario, logs.seed) else { return Ok(Default::default()) };
         let reactions = with_rollout(scenario.clone(), &chosen, name, simulator)?;
         let certificate = with_certificate(scenario.clone(), &chosen)?;
-        Ok([vec![reactions], certificate.into_iter().collect(), vec![chosen.put_into(scenario)]])
+        scenario.deviation = Some(chosen);
+        Ok([vec![reactions], certificate.into_iter().collect(), vec![scenario]])
     };
     let learned_from = learned.len().min(logs.most_deviated);
     let made = [&files.reactions, &files.certificates, &files.tuning];
@@ -164,8 +165,9 @@ fn avs_per_log(logs: f64, rollouts: usize) -> usize {
 
 /// Returns a scenario for each of up to `most` deviated AVs of a log.
 fn with_several(log: &Scenario, seed: u64, most: usize) -> Vec<Scenario> {
-    let with_av = |(number, chosen): (usize, Deviated)| {
-        let mut scenario = chosen.put_into(log.clone());
+    let with_av = |(number, chosen): (usize, DeviatedTrack)| {
+        let mut scenario = log.clone();
+        scenario.deviation = Some(chosen);
         if number > 1 {
             scenario.id = format!("{}{AV}{number}", log.id);
         }
@@ -339,7 +341,7 @@ mod tests {
         assert!(ids.iter().all(|id| log_of(id) == log.id));
         assert_eq!(["a+av", "a+avx", "a+idm", "a+av2+av10"].map(log_of), ["a+av", "a+avx", "a+idm", "a+av2"]);
         // The first one is that of the training, and no two are the same.
-        assert_eq!(made[0].deviation, deviated(&log, 0).unwrap().put_into(log.clone()).deviation);
+        assert_eq!(made[0].deviation, deviated(&log, 0));
         let track = |scenario: &Scenario| scenario.deviation.clone().unwrap().track;
         assert!(track(&made[0]) != track(&made[1]) && track(&made[1]) != track(&made[2]));
         assert!(track(&made[0]) != track(&made[2]));
