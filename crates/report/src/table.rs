@@ -40,11 +40,8 @@ pub const COLUMNS: &[Column] = &[
 /// The columns of the paper's main table.
 pub const MAIN_COLUMNS: &[Column] = COLUMNS.split_at(7).0;
 
-/// Test of the settings of a run.
-type SettingsTest = fn(&SettingsRecord) -> bool;
-
 /// Columns that apply only to runs with certain settings.
-const CONDITIONS: &[(&str, SettingsTest)] = &[
+const CONDITIONS: &[(&str, fn(&SettingsRecord) -> bool)] = &[
     // The likelihood of the log is a measure of realism (the paper's second table).
     ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
     ("min-ade", |settings| settings.rollouts != 1),

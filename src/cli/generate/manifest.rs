@@ -1,5 +1,6 @@
 //! Manifest entry of generated files: the command and inputs that reproduce them, and their digests.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -9,12 +10,6 @@ use crate::cli::output::quoted;
 use crate::evaluation::FileRecord;
 use crate::generation::{GenerationSettings, VERSION};
 use crate::scene::{FUTURE, HISTORY, Length};
-
-/// A manifest with one entry.
-#[derive(Serialize)]
-struct Manifest {
-    made: [ManifestEntry; 1],
-}
 
 /// One call of the program.
 #[derive(Serialize)]
@@ -87,5 +82,5 @@ pub(super) fn manifest(
         future,
         files: written,
     };
-    Ok(toml::to_string(&Manifest { made: [entry] })?)
+    Ok(toml::to_string(&BTreeMap::from([("made", [entry])]))?)
 }

@@ -224,9 +224,6 @@ impl Format {
     }
 }
 
-/// Writes scores in one form.
-type TableWriter = fn(&RealismScores, &mut dyn Write) -> io::Result<()>;
-
 /// Prints the result and writes the folder, which is locked.
 pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result<ExitStatus> {
     let format = Format::of(args.format.as_deref())?;
@@ -239,7 +236,7 @@ pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result
         Format::Csv => wosac_tables::write_csv(scores, out),
     })?;
     if let Some(folder) = &args.out {
-        let write = |name: &str, writer: TableWriter| {
+        let write = |name: &str, writer: fn(&RealismScores, &mut dyn Write) -> io::Result<()>| {
             write_result(Some(&folder.join(name)), |out| writer(scores, out))
         };
         write(REALISM_ROWS, RealismScores::write_rows)?;
