@@ -73,11 +73,12 @@ pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = TableMark
     for text in marks(of) {
         writeln!(out, "{text}.")?;
     }
-    writeln!(
-        out,
-        "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
-    )
+    writeln!(out, "{NUMBERS}.")
 }
+
+/// What the numbers of tables are.
+pub(super) const NUMBERS: &str =
+    "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is";
 
 /// Returns the marks of these simulators with their explanations.
 pub(super) fn marks(of: impl IntoIterator<Item = TableMarks>) -> Vec<String> {

@@ -84,8 +84,8 @@ pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result
     let method = if scores.method.is_empty() { "" } else { ", " };
     writeln!(
         out,
-        "\nMeans over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is.\n\
-         {}, {rollouts} rollouts each{method}{}.",
+        "\n{}.\n{}, {rollouts} rollouts each{method}{}.",
+        markdown::NUMBERS,
         count(scores.rows.len(), "scenario"),
         markdown::escape(&scores.method)
     )
