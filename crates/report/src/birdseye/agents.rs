@@ -70,26 +70,17 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let mut first = 0;
     while first < now {
         let end = (first + STRETCH_FRAMES).min(now);
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, first, end);
         let opacity = 0.15 + 0.6 * end as f64 / now as f64;
-        canvas.path(
-            &path,
-            &format!(
-                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""
-            ),
+        let stroke = format!(
+            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""
         );
+        canvas.draw(&stroke, |path| stretch(path, track, first, end));
         first = end;
     }
-    let mut path = PathData::new(canvas.window());
-    stretch(&mut path, track, now, scene.current + scene.last);
-    canvas.path(
-        &path,
-        &format!(
-            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-opacity=\"0.4\"",
-            0.55 * width
-        ),
-    );
+    let width = 0.55 * width;
+    let stroke =
+        format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\" stroke-opacity=\"0.4\"");
+    canvas.draw(&stroke, |path| stretch(path, track, now, scene.current + scene.last));
 }
 
 /// Adds the positions of the frames `first..=last` to a path; gaps break the line.
@@ -112,10 +103,10 @@ fn ghost(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     if !(0..=scene.last).any(|k| is_displaced(scene, agent, k)) {
         return;
     }
-    let mut path = PathData::new(canvas.window());
-    stretch(&mut path, &scene.logged[agent], scene.current, scene.current + scene.last);
-    ghost_box(&mut path, scene, agent, step);
-    canvas.path(&path, &ghost_style());
+    canvas.draw(&ghost_style(), |path| {
+        stretch(path, &scene.logged[agent], scene.current, scene.current + scene.last);
+        ghost_box(path, scene, agent, step);
+    });
 }
 
 /// Returns whether the position of an agent at a step differs from the log.
@@ -146,18 +137,14 @@ fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
     let (None, Some(deviation)) = (scene.view.rollout, &scene.scenario.deviation) else { return };
     let mut points = vec![scene.scenario.start.now(0).position()];
     points.extend(deviation.track.iter().filter(|s| s.is_finite()).map(AgentState::position));
-    let mut path = PathData::new(canvas.window());
-    path.line(&points);
-    if let Some(last) = deviation.track.last().filter(|s| s.is_finite()) {
-        path.ring(&last.footprint(&scene.scenario.start.agents[0]).corners());
-    }
-    canvas.path(
-        &path,
-        &format!(
-            "fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"",
-            palette::AV.line
-        ),
-    );
+    let colour = palette::AV.line;
+    let stroke = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"");
+    canvas.draw(&stroke, |path| {
+        path.line(&points);
+        if let Some(last) = deviation.track.last().filter(|s| s.is_finite()) {
+            path.ring(&last.footprint(&scene.scenario.start.agents[0]).corners());
+        }
+    });
 }
 
 /// Draws an agent: pedestrians as discs with a tick, others as boxes with a pale wedge at the front.
@@ -191,19 +178,16 @@ fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint)
 
 /// Draws a box with a pale wedge that points ahead.
 pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint) {
-    let window = canvas.window();
-    let mut outline = PathData::new(window);
-    outline.ring(&shape.corners());
     let Paint { fill, line } = paint;
-    canvas.path(&outline, &format!("fill=\"{fill}\" stroke=\"{line}\" stroke-width=\"1\" opacity=\"1.00\""));
+    canvas
+        .draw(&format!("fill=\"{fill}\" stroke=\"{line}\" stroke-width=\"1\" opacity=\"1.00\""), |outline| {
+            outline.ring(&shape.corners())
+        });
     let (ahead, aside) = (shape.axis * shape.half_length, shape.left() * (0.62 * shape.half_width));
-    let mut wedge = PathData::new(window);
-    wedge.ring(&[
-        shape.center + ahead * 0.88,
-        shape.center + ahead * 0.38 + aside,
-        shape.center + ahead * 0.38 - aside,
-    ]);
-    canvas.path(&wedge, "fill=\"#ffffff\" fill-opacity=\"0.85\"");
+    let (tip, base) = (shape.center + ahead * 0.88, shape.center + ahead * 0.38);
+    canvas.draw("fill=\"#ffffff\" fill-opacity=\"0.85\"", |wedge| {
+        wedge.ring(&[tip, base + aside, base - aside]);
+    });
 }
 
 /// Draws the events up to a step at the agent's position at that time, optionally with their steps.

@@ -42,18 +42,12 @@ fn av_paths(canvas: &mut Canvas, scene: &Scene<'_>) {
     }
     let (now, end) = (scene.current, scene.current + scene.last);
     if scene.view.rollout.is_some() && (0..=scene.last).any(|k| is_displaced(scene, 0, k)) {
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, &scene.logged[0], now, end);
-        canvas.path(&path, &ghost_style());
+        canvas.draw(&ghost_style(), |path| stretch(path, &scene.logged[0], now, end));
     }
     if let Some(track) = scene.tracks().first() {
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, now, end);
         let colour = palette::AV.line;
-        canvas.path(
-            &path,
-            &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-opacity=\"0.5\""),
-        );
+        let stroke = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-opacity=\"0.5\"");
+        canvas.draw(&stroke, |path| stretch(path, track, now, end));
     }
     canvas.raw("</g>");
 }
@@ -86,16 +80,13 @@ fn tail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let width = if agent == 0 { 2.4 } else { 1.6 };
     let last = now / TAIL_STRETCH_FRAMES;
     for k in last.saturating_sub(TAIL_STRETCHES - 1)..=last {
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, k * TAIL_STRETCH_FRAMES, now.min((k + 1) * TAIL_STRETCH_FRAMES));
         let opacity = 0.75 * (k + TAIL_STRETCHES - last) as f64 / TAIL_STRETCHES as f64;
         let colour = paint(scene, agent).line;
-        canvas.path(
-            &path,
-            &format!(
-                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
-                 stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
-            ),
+        let stroke = format!(
+            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+             stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
         );
+        let (first, end) = (k * TAIL_STRETCH_FRAMES, now.min((k + 1) * TAIL_STRETCH_FRAMES));
+        canvas.draw(&stroke, |path| stretch(path, track, first, end));
     }
 }
