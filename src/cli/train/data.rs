@@ -1,4 +1,4 @@
-//! Training scenarios, read by number from native files.
+//! Training scenarios, read by number from native files, and files of scenarios that are made for a training.
 
 use std::collections::BTreeSet;
 use std::fs;
